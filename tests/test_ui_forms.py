@@ -10,6 +10,7 @@ import pytest
 
 from workbench.analysis.commands import request_of
 from workbench.analysis.request import asked_options, command_line_of
+from workbench.ui.curves import _with_unit
 from workbench.ui.forms import MEASURED, FormError, form_of, request_of_form
 from workbench.ui.root import Root
 
@@ -43,11 +44,43 @@ def test_what_is_filled_in_is_what_a_command_line_gives(tmp_path: Path) -> None:
 
 def test_what_is_wrong_is_said_at_its_field(tmp_path: Path) -> None:
     with pytest.raises(FormError) as told:
-        request_of_form("nfr", {"input": "u", "output": "y", "amplitudes": "1", "max_periods": "2.5"}, Root(tmp_path))
-    assert told.value.fields == {"max_periods": "--max-periods: '2.5' is not a whole number"}
+        request_of_form(
+            "nfr", {"input": "u", "output": "y", "amplitudes": "1", "band": "1:2", "max_periods": "2.5"}, Root(tmp_path)
+        )
+    assert told.value.fields == {"max_periods": "'2.5' is not a whole number"}
     with pytest.raises(FormError) as told:
         request_of_form("nfr", {"input": "u", "output": "y"}, Root(tmp_path))
-    assert set(told.value.fields) == {"amplitudes"}
+    assert set(told.value.fields) == {"amplitudes", "frequencies"}
+
+
+def wrong(command: str, **given: str) -> dict[str, str]:
+    with pytest.raises(FormError) as told:
+        request_of_form(command, given, Root(Path()))
+    return told.value.fields
+
+
+@pytest.mark.parametrize("command", ["nfr", "branches"])
+def test_all_that_is_wrong_is_said_at_once_in_the_words_of_the_form(command: str) -> None:
+    fields = wrong(command, input="u", output="y", amplitudes="-1", band="0.4:0.1")
+    assert set(fields) == {"amplitudes", "band"}
+    assert fields["amplitudes"].startswith("-1 is not a positive number")
+    assert not any("--" in message for message in fields.values())
+
+
+def test_a_loop_needs_its_opening() -> None:
+    assert {f["name"]: f["required"] for f in form_of("loop")["fields"]}["open"]
+    assert wrong("loop") == {"open": "is needed"}
+
+
+def test_a_message_without_a_field_names_fields_too() -> None:
+    fields = wrong("lin", amplitude="1")
+    assert fields == {
+        "amplitude": "Amplitude belongs to the measurement that Compare makes; add Compare, or leave it out"
+    }
+
+
+def test_the_unit_1_is_not_shown() -> None:
+    assert [_with_unit(0.02, unit) for unit in ("1", "", None, "deg")] == ["0.02", "0.02", "0.02", "0.02 deg"]
 
 
 @pytest.mark.skipif(which("node") is None, reason="node is not installed; it runs the browser's numbers")

@@ -172,7 +172,7 @@ def test_fields_are_told_what_is_wrong(ui: Ui) -> None:
     answer = ui.ask("POST", "/api/works", {"command": "nfr", "subject": ["fmu:Rudder"], "values": values})
     assert answer.status == 422
     assert set(answer.json["fields"]) == {"output", "band", "amplitudes", "errcrit", "nonsense"}
-    assert answer.json["fields"]["band"] == "--band: '0.5' is not of the form LO:HI, as in 0.1:10 [Hz]"
+    assert answer.json["fields"]["band"] == "'0.5' is not of the form LO:HI, as in 0.1:10 [Hz]"
 
 
 @pytest.mark.parametrize("body", [b"", b"[", b"[1]", b"null", b"[" * 5000, b"{}" * 5, "ü".encode("latin-1")])
@@ -260,6 +260,19 @@ def test_a_session_is_a_study(ui: Ui, tmp_path: Path) -> None:
     file.write_text(text)
     study = read_study(file)
     assert {a.command.name for a in study.analyses.values()} >= {"nfr", "lin"}
+
+
+def test_a_session_without_analyses_is_no_study(tmp_path: Path) -> None:
+    with browser_workbench(tmp_path) as server:
+        asked = {"command": "check", "subject": ["fmu:FirstOrderLag"], "values": {}, "aside": True}  # as a card does
+        assert server.ended(server.ask("POST", "/api/works", asked).json["number"])["state"] == "done"
+        assert server.ask("GET", "/api/study.toml").body == b""
+
+
+def test_what_turns_out_to_be_wrong_is_said_of_its_field(ui: Ui) -> None:
+    failure = ui.ended(ui.begin("simulate", "fmu:FirstOrderLag", stop="-1"))["failure"]
+    assert failure["field"] == "stop", failure
+    assert "--" not in failure["message"]
 
 
 def test_a_loop_at_another_gain(ui: Ui) -> None:

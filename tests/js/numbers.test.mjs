@@ -1,7 +1,8 @@
 // Numbers of the browser's pictures against closed forms: node --test tests/js
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { between, bode, decibels, difference, extent, nearest, shown, ticks, unwrapped, wrapped } from "../../workbench/ui/static/numbers.js";
+import { between, bode, decibels, difference, extent, nearest, shown, ticks, unitShown, unwrapped, wrapped } from "../../workbench/ui/static/numbers.js";
+import { sourcesInLoops } from "../../workbench/ui/static/form.js";
 
 const lag = (f, order = 1) => { // (1 / (1 + j f)) ^ order
   let [re, im] = [1, 0];
@@ -99,4 +100,18 @@ test("what is shown", () => {
   assert.deepEqual([null, undefined, NaN, Infinity, true, 0.1 + 0.2, 123456.7].map((v) => shown(v)), ["–", "–", "–", "∞", "yes", "0.3", "123460"]);
   assert.deepEqual(extent([[1, null, 3], [], [-2, NaN]]), [-2, 3]);
   assert.equal(extent([[null]]), null);
+});
+
+test("units", () => {
+  assert.deepEqual(["1", "", null, "deg", "m/s2", "kg/m3", "kg.m2/s", "1/s2", "mmH2O"].map(unitShown), ["", "", "", "deg", "m/s²", "kg/m³", "kg.m²/s", "1/s²", "mmH2O"]);
+});
+
+test("a narrow band has more than two labels", () => {
+  assert.ok(ticks(0.1, 0.4, true).filter((t) => t.label).length >= 4);
+});
+
+test("where a loop can be opened", () => {
+  const wires = [["error.y", "gain.u"], ["plant.del", "error.u2"], ["gain.y", "plant.delC"], ["plant.load", "scope.u"], ["source.y", "error.u1"]];
+  assert.deepEqual(sourcesInLoops(wires.map(([source, destination]) => ({ source, destination }))), ["plant.del", "error.y", "gain.y"]);
+  assert.deepEqual(sourcesInLoops([]), []);
 });

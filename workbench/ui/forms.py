@@ -133,13 +133,12 @@ def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple
         except NotHereError as error:
             wrong[name] = str(error)
     # What does not go together is told beside what is wrong by itself; in the place of that stands what can be read.
-    stand_in = {name: _stand_in(options[name][0]) for name in wrong if name in options and options[name][0].required}
+    stand_in = {name: _stand_in(options[name][0]) for name in wrong if name in options}
     try:
         asked = request_from(request, {**stand_in, **values})
     except InputError as error:
         name, words = in_the_form(request, str(error))
-        wrong.setdefault(name, words)
-        raise FormError(wrong) from error
+        raise FormError({name: words, **wrong}) from None
     if wrong:
         raise FormError(wrong)
     return asked
@@ -149,7 +148,7 @@ def _stand_in(declared: Declared) -> Any:  # noqa: ANN401 - of a form
     """Return a value that an option can have; None: none is known."""
     for text in ("1", "1:2", "1=1", "1=1:2"):
         with suppress(InputError):
-            given = [text] if declared.form is not None and declared.form.repeated else text
+            given = _given(declared, [text])
             declared.read(given)
             return given
     return None

@@ -78,6 +78,13 @@ async function storePage(name, Bode) {
 export async function keepPage([name]) {
   if (name) return studyPage(name);
   const text = await get("/api/study.toml");
+  if (!text) {
+    return {
+      title: "Keep",
+      element: h("div", {}, h("h1", {}, "This session as a study"),
+        h("p", {}, "There is nothing to keep yet: a study needs at least one analysis. Open a model and run one under Measure; what is measured stands here then.")),
+    };
+  }
   const area = h("textarea", { rows: 18, value: text, "aria-label": "Study file", spellcheck: false });
   const file = h("input", { type: "text", value: "session.toml", "aria-label": "File name" });
   return {

@@ -19,7 +19,7 @@ const BLOCKS = {
   sum: (name) => `${name} = {sum = "+-"}`,
   "transfer function": (name) => `${name} = {numerator = [1.0], denominator = [0.1, 1.0]}`,
   integrator: (name) => `${name} = {numerator = [1.0], denominator = [1.0, 0.0]}`,
-  limit: (name) => `${name} = {model = "fmu:Saturation", set = {lower = -1.0, upper = 1.0}}`,
+  limit: (name) => `${name} = {model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0, lower = -1.0, upper = 1.0}}  # its dynamics cut off`,
   delay: (name) => `${name} = {numerator = [-0.05, 1.0], denominator = [0.05, 1.0]}  # Padé, 0.1 s`,
 };
 

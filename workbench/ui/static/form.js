@@ -3,7 +3,7 @@
 import { fill, h } from "./dom.js";
 
 const FIRST = 5; // fields that stand open; the others are under headings
-const NAMES = { at: "files", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured" };
+const NAMES = { at: "files", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured" };
 
 /**
  * The fields of a form, with values; `facts` (of `info`) gives names to choose from and units.
@@ -13,7 +13,7 @@ export class Form {
   constructor(form, facts, { values = {}, files = [] } = {}) {
     this.inputs = new Map();
     this.facts = facts;
-    this.names = { files, inputs: (facts?.inputs ?? []).map((v) => v.name), measured: [...(facts?.outputs ?? []), ...(facts?.states ?? [])].map((v) => v.name) };
+    this.names = { files, loops: sourcesInLoops(facts?.connections ?? []), inputs: (facts?.inputs ?? []).map((v) => v.name), measured: [...(facts?.outputs ?? []), ...(facts?.states ?? [])].map((v) => v.name) };
     const lists = Object.entries(this.names).map(([kind, names]) => h("datalist", { id: `names-${kind}` }, names.map((n) => h("option", { value: n }))));
     const groups = new Map();
     const first = form.fields.filter((f) => !f.group && f.kind !== "switch").slice(0, FIRST);
@@ -51,8 +51,8 @@ export class Form {
     }
     this.inputs.set(field.name, { field, input, wrong });
     const unit = h("span", { class: "unit" }, field.unit ? `[${field.unit}]` : "");
-    if (field.kind === "switch") return h("div", { class: "field switch" }, input, h("label", { for: id }, words(field.name)), help, wrong);
-    return h("div", { class: "field" }, h("label", { for: id }, `${words(field.name)}${field.required ? " *" : ""}`, unit), input, help, wrong);
+    if (field.kind === "switch") return h("div", { class: "field switch" }, input, h("label", { for: id }, field.label), help, wrong);
+    return h("div", { class: "field" }, h("label", { for: id }, `${field.label}${field.required ? " *" : ""}`, unit), input, help, wrong);
   }
 
   values() {
@@ -99,7 +99,20 @@ export class Form {
       first ??= entry.input;
     }
     first?.focus();
+    first?.scrollIntoView({ block: "center" });
   }
+}
+
+/** Sources of the connections [{source, destination}] that lie in a loop: where it can be opened; outputs of plants first. */
+export function sourcesInLoops(connections) {
+  const part = (name) => name.split(".")[0];
+  const reaches = (from, to, seen = new Set()) => from === to || connections.some(({ source, destination }) => {
+    if (part(source) !== from || seen.has(destination)) return false;
+    seen.add(destination);
+    return reaches(part(destination), to, seen);
+  });
+  const found = connections.filter(({ source, destination }) => reaches(part(destination), part(source))).map((c) => c.source);
+  return [...new Set(found)].sort((a, b) => Number(/\.y\d*$/.test(a)) - Number(/\.y\d*$/.test(b))); // blocks have y
 }
 
 /** A name of the code as a person says it. */

@@ -3,7 +3,7 @@
 import { begin, done, factsOf, get, lookAgain, onChange, post, server, whole } from "./api.js";
 import { code, fill, h, say, table, wrongs } from "./dom.js";
 import { Form, words } from "./form.js";
-import { shown } from "./numbers.js";
+import { shown, unitShown } from "./numbers.js";
 import { live } from "./work.js";
 
 
@@ -81,10 +81,11 @@ export function variableTable(all) {
   const count = h("span", { class: "dim", role: "status" }, "");
   const draw = () => {
     inner.style.height = `${rows.length * height}px`;
+    box.style.height = `${Math.min(420, Math.max(1, all.length) * height + 2)}px`;
     const first = Math.max(0, Math.floor(box.scrollTop / height) - 5);
     const seen = rows.slice(first, first + Math.ceil((box.clientHeight || 420) / height) + 10);
     fill(inner, seen.map((v, i) => h("div", { class: "line", style: `top: ${(first + i) * height}px` },
-      h("span", { title: v.name }, v.name), h("span", { class: "dim" }, v.kind), h("span", {}, shown(v.start)), h("span", { class: "dim" }, v.unit ?? ""), h("span", { class: "dim", title: v.description ?? "" }, v.description ?? ""))));
+      h("span", { title: v.name }, v.name), h("span", { class: "dim" }, v.kind), h("span", {}, shown(v.start)), h("span", { class: "dim" }, unitShown(v.unit)), h("span", { class: "dim", title: v.description ?? "" }, v.description ?? ""))));
   };
   const search = h("input", {
     type: "search", class: "wide", placeholder: "Search name, description, unit", "aria-label": "Search variables",
@@ -99,7 +100,7 @@ export function variableTable(all) {
   box.addEventListener("scroll", draw);
   draw();
   return h("div", {}, h("div", { class: "row" }, search, count),
-    h("div", { class: "window-head line dim", "aria-hidden": "true" }, ["name", "kind", "start value", "unit", "description"].map((t) => h("span", {}, t))), box);
+    h("div", { class: "window-head line", "aria-hidden": "true" }, ["name", "kind", "start value", "unit", "description"].map((t) => h("span", {}, t))), box);
 }
 
 // -- operating point --------------------------------------------------------------------------------------
@@ -163,7 +164,7 @@ function knob(variable, onvalue) {
     number.value = shown(Number(slider.value), 6);
     onvalue(Number(slider.value));
   };
-  return h("div", { class: "knob" }, h("label", { for: id, title: variable.description ?? "" }, variable.name), slider, number, h("span", { class: "dim", id: `${id}-help` }, variable.unit ?? ""));
+  return h("div", { class: "knob" }, h("label", { for: id, title: variable.description ?? "" }, variable.name), slider, number, h("span", { class: "dim", id: `${id}-help` }, unitShown(variable.unit)));
 }
 
 function showPoint(work, place, known) {
@@ -177,7 +178,7 @@ function showPoint(work, place, known) {
     h("p", { class: converged ? "good" : "bad" }, converged ? "At rest." : "No equilibrium was found; this is where the search ended."),
     (work.notes ?? []).map((n) => h("p", { class: "dim" }, n)),
     valuesOf(at),
-    table(["equation", "residual", "unit"], work.record.residual.slice(0, 60).map((r) => [r.name, shown(r.value, 3), r.unit ?? ""]), { caption: "Residuals" }),
+    table(["equation", "residual", "unit"], work.record.residual.slice(0, 60).map((r) => [r.name, shown(r.value, 3), unitShown(r.unit)]), { caption: "Residuals" }),
     h("div", { class: "row" }, label, h("button", {
       type: "button", onclick: async () => {
         try {
@@ -196,7 +197,7 @@ function showPoint(work, place, known) {
 
 /** States, inputs and outputs of an operating point. */
 function valuesOf(at) {
-  const rows = (values) => Object.entries(values).map(([n, v]) => [n, shown(v), at.units[n] ?? ""]);
+  const rows = (values) => Object.entries(values).map(([n, v]) => [n, shown(v), unitShown(at.units[n])]);
   return h("div", { class: "cards" }, table(["state", "value", "unit"], rows(at.x), { caption: "States" }),
     table(["signal", "value", "unit"], [...rows(at.u), ...rows(at.y)], { caption: "Inputs and outputs" }));
 }
@@ -244,8 +245,13 @@ async function measure(name, known, content, [command = "nfr"]) {
   const line = h("div");
   let shownWork = null;
   const run = h("button", { type: "submit" }, `Run ${command}`);
+  let end = null;
   const watch = (number) => {
     shownWork?.leave();
+    end?.();
+    end = onChange((work, event) => { // what turns out to be wrong when the model is open
+      if (work.number === number && event.event === "state" && work.failure?.field) fields.wrong({ [work.failure.field]: work.failure.message });
+    });
     shownWork = live(number, { onband: (lo, hi) => (fields.set("band", `${shown(lo, 4)}:${shown(hi, 4)}`), say(`Band ${shown(lo, 4)} … ${shown(hi, 4)} Hz; run to measure it.`)), onagain: again });
     fill(place, shownWork.element);
   };
@@ -266,6 +272,8 @@ async function measure(name, known, content, [command = "nfr"]) {
       const work = await begin(command, name, values);
       fill(line, code(work.line, "The same in a terminal"));
       watch(work.number);
+      place.scrollIntoView({ block: "nearest" }); // "More" may have moved it out of sight
+      if (place.getBoundingClientRect().top < 0) place.scrollIntoView({ block: "start" });
     } catch (error) {
       if (error.fields) fields.wrong(error.fields);
       else fields.wrong({ "": error.message });
@@ -282,5 +290,5 @@ async function measure(name, known, content, [command = "nfr"]) {
     place));
   if (last) watch(last.number);
   else fill(place, h("p", { class: "dim" }, `${words(form.counts)} appear here while they are measured. Fields with * are needed.`));
-  return { leave: () => shownWork?.leave() };
+  return { leave: () => { shownWork?.leave(); end?.(); } };
 }

@@ -116,7 +116,7 @@ function logarithmic(low, high) {
     for (let m = 1; m < 10; m += 1) {
       const value = m * 10 ** d;
       if (value < low * (1 - 1e-9) || value > high * (1 + 1e-9)) continue;
-      const named = m === 1 ? d % every === 0 : decades < 2.2 && (m === 2 || m === 5);
+      const named = m === 1 ? d % every === 0 : decades < 1 || (decades < 2.2 && (m === 2 || m === 5));
       found.push({ value, label: named ? brief(value, value) : "", minor: m !== 1 });
     }
   }
@@ -130,6 +130,11 @@ export function brief(value, step) {
   if (size >= 1e5 || size < 1e-3) return value.toExponential(3).replace(/\.?0+e/, "e").replace("e+", "e");
   const places = Math.max(0, Math.min(8, -Math.floor(Math.log10(step) + 1e-9)));
   return String(Number(value.toFixed(places)));
+}
+
+/** A unit as it is shown: 1 is none, and powers are raised ("m/s2": m/s²). */
+export function unitShown(unit) {
+  return !unit || unit === "1" ? "" : unit.replace(/(?<=[A-Za-z])[234](?![\w])/g, (d) => "²³⁴"[d - 2]);
 }
 
 /** A number for a table or a cursor. */

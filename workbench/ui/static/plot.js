@@ -230,7 +230,9 @@ export class Plot {
     pen.text(this.x.label, (LEFT + right) / 2, this.height - 9, { colour: ink });
     pen.text(this.y.label, 14, (TOP + bottom) / 2, { colour: ink, turned: true });
     pen.clip(LEFT, TOP, right - LEFT, bottom - TOP, () => {
-      for (const curve of this.curves) this.curve(pen, curve, scale);
+      for (const under of [true, false]) { // pinned curves do not hide the others
+        for (const curve of this.curves) if (Boolean(curve.removable) === under) this.curve(pen, curve, scale);
+      }
       if (live && this.band) {
         const [a, b] = this.band;
         pen.path([["M", a, TOP], ["L", b, TOP], ["L", b, bottom], ["L", a, bottom], ["Z"]], { fill: this.ink("--band") });

@@ -2,7 +2,7 @@
 
 import { done, factsOf, get, onChange, server, stop, whole } from "./api.js";
 import { code, fill, h, save, say, table, wrongs } from "./dom.js";
-import { bode, decibels, extent, shown, wrapped } from "./numbers.js";
+import { bode, decibels, extent, shown, unitShown, wrapped } from "./numbers.js";
 import { Plot, colour, legend } from "./plot.js";
 import { pin, pinned } from "./compare.js";
 
@@ -73,7 +73,7 @@ export function live(number, { onband = null, onagain = null }) {
 function ofPoints(points, units) {
   const curves = new Map();
   for (const p of points) {
-    const label = `${shown(p.amplitude, 6)} ${units.input}`.trim();
+    const label = `${shown(p.amplitude, 6)} ${unitShown(units.input)}`.trim();
     if (!curves.has(label)) curves.set(label, { label, kind: "measured", input_unit: units.input, output_unit: units.output, amplitude: p.amplitude, frequency_hz: [], re: [], im: [], error: [], status: [], stable: [], points: [] });
     const c = curves.get(label);
     c.frequency_hz.push(p.frequency);
@@ -107,27 +107,27 @@ export class Bode {
     }
     this.names = h("div");
     this.asked = h("section", { "aria-label": "The point", "aria-live": "polite" });
-    const toggle = (label, name) => h("button", {
-      type: "button", class: "quiet", "aria-pressed": "false", onclick: (event) => {
+    const toggle = (label, name, title) => h("button", {
+      type: "button", title, class: "quiet", "aria-pressed": "false", onclick: (event) => {
         this.settings[name] = !this.settings[name];
         event.currentTarget.setAttribute("aria-pressed", String(this.settings[name]));
         this.gain.view = this.phase.view = null;
         this.redraw();
       },
     }, label);
-    const unwrap = toggle("Unwrap", "unwrap");
+    const unwrap = toggle("Unwrap", "unwrap", "Draw the phase without jumps of 360 degrees");
     unwrap.setAttribute("aria-pressed", "true");
     const asked = number === null ? null : server.works.get(number);
     this.extras = [];
     this.tools = h("div", { class: "row", role: "toolbar", "aria-label": "Picture" },
-      unwrap, toggle("Linear gain", "linear"), toggle("rad/s", "radians"),
-      onband ? h("button", { type: "button", class: "quiet", "aria-pressed": "false", onclick: (event) => this.banding(event.currentTarget) }, "Draw a band") : null,
-      asked?.command === "nfr" || asked?.command === "branches" ? h("button", { type: "button", class: "quiet", onclick: (event) => this.linear(asked, event.currentTarget) }, "Linear model") : null,
-      h("button", { type: "button", class: "quiet", onclick: () => [this.gain, this.phase].forEach((p) => p.whole()) }, "Whole"),
-      h("button", { type: "button", class: "quiet", onclick: () => this.keep() }, "Pin"),
-      h("button", { type: "button", class: "quiet", onclick: () => this.saveSvg() }, "SVG"),
-      h("button", { type: "button", class: "quiet", onclick: async () => save(await this.gain.png(), "gain.png") }, "PNG"),
-      h("button", { type: "button", class: "quiet", onclick: () => save(csv(this.own), "curves.csv", "text/csv") }, "CSV"));
+      unwrap, toggle("Linear gain", "linear", "Show the gain as a ratio in place of decibels"), toggle("rad/s", "radians", "Show rad/s in place of Hz"),
+      onband ? h("button", { type: "button", class: "quiet", "aria-pressed": "false", title: "Drag over the picture to choose the band that is measured next", onclick: (event) => this.banding(event.currentTarget) }, "Draw a band") : null,
+      asked?.command === "nfr" || asked?.command === "branches" ? h("button", { type: "button", class: "quiet", title: "Lay the linearisation at the same operating point over the picture", onclick: (event) => this.linear(asked, event.currentTarget) }, "Linear model") : null,
+      h("button", { type: "button", class: "quiet", title: "Show all of the curves again, after moving or zooming", onclick: () => [this.gain, this.phase].forEach((p) => p.whole()) }, "Whole"),
+      h("button", { type: "button", class: "quiet", title: "Keep these curves in every picture, and under Compare", onclick: () => this.keep() }, "Pin"),
+      h("button", { type: "button", class: "quiet", title: "Save gain and phase as a drawing", onclick: () => this.saveSvg() }, "SVG"),
+      h("button", { type: "button", class: "quiet", title: "Save the gain as an image", onclick: async () => save(await this.gain.png(), "gain.png") }, "PNG"),
+      h("button", { type: "button", class: "quiet", title: "Save the points as a table", onclick: () => save(csv(this.own), "curves.csv", "text/csv") }, "CSV"));
     this.element = h("div", {}, this.tools, this.names, this.gain.element, this.phase.element, this.asked);
   }
 
@@ -156,8 +156,8 @@ export class Bode {
       const marks = curve.status ? b.index.map((k) => MARKS[curve.status[k]] ?? "") : null;
       const dashed = curve.kind === "branch" ? b.index.map((k) => curve.stable[k] === false || curve.stable[k] === 0) : null;
       const common = {
-        label: curve.label, colour: colour(i), x: b.x, marks, dashed, width: curve.kind === "linear" ? 1.2 : 1.8, removable: curve.removable,
-        dash: curve.kind === "linear" ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
+        label: curve.label, colour: colour(i), x: b.x, marks, dashed, width: curve.kind === "linear" || curve.removable ? 1.2 : 1.8, removable: curve.removable,
+        dash: curve.removable ? [8, 4] : curve.kind === "linear" ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
         says: curve.status ? b.index.map((k) => curve.status[k]) : null,
       };
       gains.push({ ...common, y: b.gain, low: b.low, high: b.high });
