@@ -114,7 +114,9 @@ def test_a_sweep_keeps_what_was_measured(tmp_path: Path, number: signal.Signals)
     code, err = found.end(number)
     assert code == 128 + number
     by = "" if number == signal.SIGINT else f" by {number.name}"
-    assert [line for line in err if "interrupted" in line] == [f"note: interrupted{by} after 1 of 2 points"]
+    assert [line for line in err if "interrupted" in line] == [
+        f"note: interrupted{by} after 1 of 2 points; the same command continues"
+    ]
     assert all(line.startswith("note: ") for line in err), err
     result = json.loads(out.read_text(encoding="utf-8"))
     (gain,) = result["gain"]
@@ -132,7 +134,7 @@ def test_a_signal_that_comes_twice_at_once_is_one(tmp_path: Path) -> None:
     os.kill(found.process.pid, signal.SIGTERM)
     code, err = found.end(signal.SIGTERM)
     assert code == 128 + signal.SIGTERM
-    assert err[-1] == "note: interrupted by SIGTERM after 1 of 2 points"
+    assert err[-1] == "note: interrupted by SIGTERM after 1 of 2 points; the same command continues"
     assert json.loads(out.read_text(encoding="utf-8"))["gain"][0][1] > 0.0
 
 

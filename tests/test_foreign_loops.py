@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq, minimize_scalar
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.limit_cycle.free_run import oscillation_history
@@ -91,7 +93,7 @@ def test_van_der_pol_and_its_growth_from_a_push(tmp_path: Path) -> None:
 
 
 def test_a_relay_with_a_third_order_lag_and_the_fold_over_its_dead_zone(tmp_path: Path) -> None:
-    """N = (4/πA)√(1 − (δ/A)²) is largest, 2/πδ, at A = δ√2; the loop needs N = 8, so that δ = 1/4π is a fold."""
+    """The describing function (4/πA)√(1 − (δ/A)²) must be 8, so that A = 1/2π; the cycle itself is known exactly."""
     (tmp_path / "Relay.mo").write_text(MODELICA, encoding="utf-8")
     build_fmu([tmp_path / "Relay.mo"], out=tmp_path / "Relay.fmu", platforms=[host_only()[0].name])
     found = limit_cycle(tmp_path, RELAY, "--block", "relay", "--method", "describing function", "--method", "shooting")
@@ -100,14 +102,34 @@ def test_a_relay_with_a_third_order_lag_and_the_fold_over_its_dead_zone(tmp_path
     # Tsypkin's exact frequency of this textbook loop; test_limit_cycle.py has the closed form.
     assert methods["shooting"]["frequency_hz"] == pytest.approx(0.271758, rel=1e-5)
     found = limit_cycle(
-        tmp_path, RELAY, "--block", "relay", "--harmonics", "1", "--set", "relay.deadZone=0.076",
-        "--vary", "relay.deadZone=0.075:0.1", "--method", "describing function", "--method", "harmonic balance",
+        tmp_path, RELAY, "--block", "relay", "--set", "relay.deadZone=0.076",
+        "--vary", "relay.deadZone=0.075:0.1", "--method", "shooting",
     )  # fmt: skip
     branch = found["branches"][0]
     (fold,) = branch["folds"]
-    assert fold["value"] == pytest.approx(0.25 / math.pi, rel=1e-4)
-    assert fold["fundamental"] == pytest.approx(math.sqrt(2.0) * 0.25 / math.pi, rel=0.01)
+    on = minimize_scalar(
+        lambda on: -exact_dead_zone(on)[0], bounds=(0.6, 1.2), method="bounded", options=dict(xatol=1e-9)
+    )
+    dead_zone, frequency = exact_dead_zone(float(on.x))
+    assert fold["value"] == pytest.approx(dead_zone, rel=1e-5)
+    assert fold["frequency_hz"] == pytest.approx(frequency, rel=1e-4)
     assert [branch["points"][k]["value"] for k in (0, -1)] == pytest.approx([0.075, 0.075])
+
+
+def exact_dead_zone(on: float) -> tuple[float, float]:
+    """Return the dead zone at which the relay is on for `on` in each half period, and the cycle's frequency [Hz].
+
+    With e = −y: x(h) = −x(0) gives x(0) in closed form; e(0) = e(on) is the dead zone [Tsypkin 1984, Section 4].
+    """
+    a, b, c = np.array([[-3.0, -3.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.eye(3)[0], np.eye(3)[2]
+    pushed = np.linalg.solve(a, (expm(a * on) - np.eye(3)) @ b)
+
+    def inputs(half: float) -> tuple[float, float]:
+        start = -np.linalg.solve(np.eye(3) + expm(a * half), expm(a * (half - on)) @ pushed)
+        return float(-c @ start), float(-c @ (expm(a * on) @ start + pushed))
+
+    half = float(brentq(lambda h: inputs(h)[0] - inputs(h)[1], on + 0.05, 6.0))
+    return inputs(half)[0], 0.5 / half
 
 
 @needs_gemseo

@@ -228,7 +228,7 @@ def test_a_second_stable_response_is_told_and_no_linear_one_is_suspected() -> No
         calm = wb.nfr(model, "u", "y", amplitudes=[0.01], band=(0.1, 0.4), **HERE)
     (words,) = found.warnings
     assert "another stable response, gain 10.05 besides 1.461" in words or "gain 1.461 besides 10.05" in words
-    assert calm.warnings == ()
+    assert not any("stable response" in words for words in calm.warnings)
 
 
 SPRING = """parameter Real d = 0.1; parameter Real c = 0; Real x(start = 0, fixed = true);
@@ -257,7 +257,7 @@ def test_a_second_response_at_a_peak_that_the_sweep_steps_over_is_told(
 
 def test_a_jump_is_guessed_only_where_nobody_looked(monkeypatch: pytest.MonkeyPatch) -> None:
     """A narrow resonance between two frequencies looks like a jump."""
-    monkeypatch.setattr("workbench.analysis.nfr.run.jumps", lambda _: ["it may jump"])
+    monkeypatch.setattr("workbench.analysis.nfr.run.jumps", lambda _, carried: ["it may jump"])
     found = {}
     for method in ("auto", "settle"):
         with wb.load("fmu:Duffing") as model:

@@ -102,7 +102,7 @@ def test_wrong_input_is_refused() -> None:
         simulate(model, stop=1.0, inputs={"v": Constant(1.0)})
     with pytest.raises(InputError, match="has no variable 'yy'; did you mean y"):
         simulate(model, stop=1.0, outputs=["yy"])
-    with pytest.raises(InputError, match="stop must be after"):
+    with pytest.raises(InputError, match="stop: must be after the start"):
         simulate(model, stop=-1.0)
     with pytest.raises(InputError, match="interval must be positive"):
         simulate(model, stop=1.0, interval=0.0)
