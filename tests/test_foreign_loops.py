@@ -108,7 +108,7 @@ def test_a_relay_with_a_third_order_lag_and_the_fold_over_its_dead_zone(tmp_path
     branch = found["branches"][0]
     (fold,) = branch["folds"]
     on = minimize_scalar(
-        lambda on: -exact_dead_zone(on)[0], bounds=(0.6, 1.2), method="bounded", options=dict(xatol=1e-9)
+        lambda on: -exact_dead_zone(on)[0], bounds=(0.6, 1.2), method="bounded", options={"xatol": 1e-9}
     )
     dead_zone, frequency = exact_dead_zone(float(on.x))
     assert fold["value"] == pytest.approx(dead_zone, rel=1e-5)
