@@ -12,8 +12,10 @@ import pytest
 
 from tests.hostile_fmus import build_hostile
 from workbench.cli.app import run
+from workbench.core.where import Workers
 from workbench.fmi.bundled import bundled_path
 from workbench.study.plan import Outcome
+from workbench.study.run import StudyRun
 
 GRID = """
 name = "lags"
@@ -342,3 +344,12 @@ def test_what_cannot_be_done_at_any_point_is_bad_input(tmp_path: Path, capsys: p
     assert run(["run", path]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"workbench: {path}: [analyses.a]: ")
+
+
+def test_a_signal_before_the_store_is_open_ends_the_study(tmp_path: Path) -> None:
+    """It came while the first file was read, and was forgotten."""
+    shutil.copy(bundled_path("fmu:FirstOrderLag"), tmp_path / "lag.fmu")
+    prepared = StudyRun(study(tmp_path, GRID), store=tmp_path / "store")
+    prepared.stop()
+    result = prepared.run(lambda: Workers(jobs=1))
+    assert (result.measured, result.missing) == (0, 8)

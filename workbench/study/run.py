@@ -52,6 +52,7 @@ class StudyRun:
         with place(str(self.study.path)):
             self.plan: Plan = make_plan(self.study)
         self._execution: Execution | None = None
+        self._stopped = False
 
     @property
     def total(self) -> int:
@@ -80,7 +81,8 @@ class StudyRun:
         return checked
 
     def stop(self) -> None:
-        """Let `run` end soon; a signal handler may call it."""
+        """Let `run` end soon, also one that has not begun; a signal handler may call it."""
+        self._stopped = True
         if self._execution is not None:
             self._execution.stop()
 
@@ -104,6 +106,8 @@ class StudyRun:
         """
         with Finished(self._store, fresh=self._fresh) as finished, place(str(self.study.path)):
             self._execution = execution = Execution(self.plan, finished=finished, folder=self.study.folder)
+            if self._stopped:
+                execution.stop()
             reused = len(execution.outcomes)
             if execution.missing:
                 self._check(execution.missing)
