@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import copy
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from workbench.core.closable import Closable
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Model"]
 
 
-class Model(ABC):
+class Model(Closable):
     """Inputs, outputs, states, parameters, and sessions: all that an analysis sees.
 
     Obligations of a subclass:
@@ -176,14 +176,3 @@ class Model(ABC):
     @abstractmethod
     def close(self) -> None:
         """Close the open sessions and remove what the model owns. Any number of times."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

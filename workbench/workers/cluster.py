@@ -19,9 +19,9 @@ from dataclasses import replace
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
+from workbench.core.closable import Closable
 from workbench.core.where import Limits, Scheduler, Workers
 from workbench.errors import InputError, LostError, WorkbenchError, one_line
 from workbench.model.recipe import Recipe
@@ -58,7 +58,7 @@ _NO_SCHEDULER = "something else than a Dask scheduler listens there; is the addr
 _DISTRIBUTION = "fmi-workbench"
 
 
-class Cluster(Scheduler):
+class Cluster(Scheduler, Closable):
     """A Dask cluster that stays connected for several analyses.
 
     Wherever `Workers(scheduler=…)` takes an address it takes a cluster. Its workers need the same workbench and no
@@ -185,11 +185,6 @@ class Cluster(Scheduler):
             self._compare(self.client.run(proof, on_error="return"))
             self._closing = undo.pop_all()
         return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Let go of it; any number of times."""

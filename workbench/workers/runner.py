@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
+from workbench.core.closable import Closable
 from workbench.errors import LostError
 from workbench.workers.child import Task
 
@@ -54,7 +54,7 @@ class Lost:
         return self.error.kind
 
 
-class Runner(ABC):
+class Runner(Closable):
     """Runs one function on a model for many arguments.
 
     Obligations of a subclass:
@@ -91,21 +91,6 @@ class Runner(ABC):
     def end_soon(self) -> None:
         """Let the jobs under way end with what they have, where they can, then `run`; a signal handler may call it."""
         self.stop()
-
-    @abstractmethod
-    def close(self) -> None:
-        """End what runs."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 class InProcess(Runner):
