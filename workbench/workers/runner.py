@@ -1,8 +1,8 @@
-"""What runs tasks on a model, here or elsewhere."""
+"""Pieces of work on a model, and what runs them, here or elsewhere."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,27 @@ from workbench.workers.child import Task
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["InProcess", "Lost", "Reply", "Runner"]
+__all__ = ["InProcess", "Job", "Lost", "Remark", "Reply", "Runner", "perform"]
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something found out on the way that the user should know."""
+
+    text: str
+
+
+class Job(ABC):
+    """A piece of work on a model that knows how to be done; picklable, as are its results."""
+
+    @abstractmethod
+    def run(self, model: Model) -> Iterator[Any]:
+        """Yield the results as they are finished."""
+
+
+def perform(model: Model, job: Job) -> Iterator[Any]:
+    """Do a job: the task that is handed to a `Runner` with a queue of jobs."""
+    return job.run(model)
 
 
 @dataclass(frozen=True)
