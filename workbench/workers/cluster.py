@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -112,7 +113,7 @@ class Cluster(Scheduler, Closable):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process connects by itself."""
-        return _again, (self.address, self.tls, self.patience)
+        return partial(Cluster, tls=self.tls, patience=self.patience), (self.address,)
 
     def __repr__(self) -> str:
         return f"Cluster({self.address!r})"
@@ -255,10 +256,6 @@ def reached(workers: Workers) -> Iterator[tuple[Workers, str]]:
         return
     with cluster:
         yield replace(workers, scheduler=cluster, tls=None), cluster.words
-
-
-def _again(scheduler: str, tls: tuple[str, ...] | None, patience: float) -> Cluster:
-    return Cluster(scheduler, tls=tls, patience=patience)
 
 
 def _connected(address: str, tls: Sequence[str] | None) -> Any:  # noqa: ANN401 - distributed is untyped
