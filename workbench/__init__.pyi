@@ -286,4 +286,5 @@ from workbench.to_fmu.request import export as export
 from workbench.workers import Workers as Workers
 from workbench.workers.cluster import Cluster as Cluster
 
+__all__: list[str]  # noqa: PYI035 - the names above
 __version__: str

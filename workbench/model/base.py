@@ -155,10 +155,6 @@ class Model(Closable):
         """
         raise InputError(f"{self.name}: this kind of model provides no derivatives; use method response")
 
-    def replay_note(self) -> str:
-        """Return a remark if snapshots had to fall back to replay though the FMU claims to save its state, else ""."""
-        return ""
-
     def closed_loops(self, signals: Sequence[str], *, until: float) -> tuple[ClosedLoop, ...]:
         """Return the closed loops that are known to be inside, with what signals have to do with them: of systems.
 
