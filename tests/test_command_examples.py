@@ -14,7 +14,7 @@ import pytest
 
 from docs.tools.command_pages import command_names, command_page
 from docs.tools.examples import blocks_of, run_page
-from workbench.cli.program import Lazily
+from workbench.cli.program import command_of
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 SERVE = {"ui"}  # until they are ended
@@ -52,7 +52,7 @@ def test_every_command_has_an_example() -> None:
 @pytest.mark.parametrize("line", [*EXAMPLES, *LINES])
 def test_what_is_copied_is_a_command_line(line: str) -> None:
     _, name, *words = shlex.split(line, comments=True)
-    command = Lazily()[name]
+    command = command_of(name)
     with command.make_context(name, words) as context:
         sources = [context.get_parameter_source(p.name) for p in command.params]
     assert any(s is not None and s.name == "COMMANDLINE" for s in sources)

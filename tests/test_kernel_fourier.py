@@ -7,7 +7,7 @@ import ctypes
 import numpy as np
 import pytest
 
-from workbench.analysis.harmonics import measure_period
+from tests.oracle.fourier import period_by_numpy
 from workbench.errors import InputError
 from workbench.kernel.library import kernel
 from workbench.kernel.native_record import NativeFourier
@@ -30,7 +30,7 @@ def random_rows(mean: float) -> Recorded:
 @pytest.mark.parametrize("orders", [1, 5, 10])
 def test_equal_to_numpy(mean: float, orders: int) -> None:
     record = random_rows(mean)
-    period = measure_period(record, input="u", output="y", begin=3.0, frequency=2.0, orders=orders)
+    period = period_by_numpy(record, u="u", y="y", begin=3.0, frequency=2.0, orders=orders)
     rows = np.column_stack([record.time, record.inputs["u"], record.values["y"]])
     sums = NativeFourier(kernel(), [1, 2], begin=3.0, frequency=2.0, orders=orders)
     u, y = sums.of_rows(rows)
@@ -58,7 +58,7 @@ def test_a_session_sums_what_it_would_record(name: str, interface: str, u: str, 
             assert session.time == 0.2
             later = session.advance(0.25, signals={u: sine}, record=[y])
     nodes = points if interface == "me" else None
-    period = measure_period(record, input=u, output=y, begin=0.0, frequency=5.0, orders=10, points=nodes)
+    period = period_by_numpy(record, u=u, y=y, begin=0.0, frequency=5.0, orders=10, points=nodes)
     assert found.values[y] == pytest.approx(period.harmonics, abs=1e-13)
     assert complex(found.inputs[u][1], found.inputs[u][2]) == pytest.approx(period.drive, abs=1e-13)
     assert found.largest[y] == period.size
@@ -74,7 +74,7 @@ def test_an_even_grid_with_jumps_is_summed_as_by_numpy() -> None:
     y = 5.0 + np.sin(4.0 * np.pi * time) + 0.3 * random.standard_normal(time.size)
     y[np.flatnonzero(time == 3.4)] = 1.0
     record = Recorded(time=time, values={"y": y}, inputs={"u": np.sin(4.0 * np.pi * (time - 3.0))})
-    period = measure_period(record, input="u", output="y", begin=3.0, frequency=2.0, orders=4, points=points)
+    period = period_by_numpy(record, u="u", y="y", begin=3.0, frequency=2.0, orders=4, points=points)
     sums = NativeFourier(kernel(), [1, 2], begin=3.0, frequency=2.0, orders=4)
     sums.aim(begin=3.0, frequency=2.0, known=(points, None), grid=True)
     u, found = sums.of_rows(np.column_stack([time, record.inputs["u"], y]))

@@ -10,14 +10,13 @@ from workbench.analysis.experiment.experiment import make_experiment
 from workbench.analysis.preprocess import (
     cut_settling,
     detrend,
-    find_outliers,
-    find_saturation,
     remove_offset,
     remove_outliers,
     resample,
     scale,
     settling_samples,
 )
+from workbench.analysis.preprocess.flat import flat_extremes
 from workbench.errors import InputError
 
 
@@ -98,7 +97,7 @@ def test_settling_can_be_told() -> None:
 def test_outliers_are_found_alone_and_repaired(level: float, hold: int) -> None:
     u = prbs(1500, hold=hold)
     clean = with_noise(response(u), level)
-    assert find_outliers(data(u, clean))["y"] == ()
+    assert remove_outliers(data(u, clean)).samples["y"] == ()
     at = (200, 433, 434, 900)
     spoilt = clean.copy()
     spoilt[list(at)] += np.array([3.0, -4.0, 5.0, 2.5]) * np.std(clean)
@@ -123,8 +122,8 @@ def test_flat_extremes_are_found() -> None:
     u = white(2000)
     y = response(u)
     limit = 1.3 * np.std(y)
-    assert "y" not in find_saturation(data(u, y))
-    found = find_saturation(data(u, np.clip(y, None, limit)))["y"]
+    assert not flat_extremes(y)
+    found = flat_extremes(np.clip(y, None, limit))
     assert [f.upper for f in found] == [True]
     assert found[0].value == pytest.approx(limit)
     assert set(found[0].samples) <= set(np.flatnonzero(y >= limit).tolist())
@@ -174,7 +173,7 @@ def test_wrong_options_are_refused_in_one_line() -> None:
     with pytest.raises(InputError, match="must be positive"):
         scale(experiment, by={"u": 0.0})
     with pytest.raises(InputError, match="must be positive"):
-        find_outliers(experiment, threshold=0.0)
+        remove_outliers(experiment, threshold=0.0)
     with pytest.raises(InputError, match="multiple of the sampling"):
         resample(experiment, dt=1.5 * DT, antialias=False)
 

@@ -14,7 +14,8 @@ from tests.command_lines import LAG_FMU, LINES, LOOP, write_files
 from tests.report_pages import PageReader, check_page_file, data_of, facts_of_page
 from workbench.build.fmu import BuildResult
 from workbench.cli.app import run
-from workbench.cli.program import Lazily
+from workbench.cli.program import COMMANDS as EVERY
+from workbench.cli.program import command_of
 from workbench.fmi.archive import locate
 from workbench.report.build import build_page
 from workbench.report.page import write_page
@@ -77,8 +78,7 @@ def test_every_command_writes_a_page(name: str, capsys: pytest.CaptureFixture[st
 
 
 def test_every_command_has_the_option() -> None:
-    commands = Lazily()
-    without = [n for n, c in commands.items() if not any("--report" in p.opts for p in c.params)]
+    without = [n for n in EVERY if not any("--report" in p.opts for p in command_of(n).params)]
     assert without == ["ui"]  # which shows them
 
 

@@ -181,7 +181,7 @@ def test_stop_ends_a_worker_in_the_middle_of_its_job(model: wb.DescribedModel) -
     pool = Pool(model.recipe, jobs=1, limits=Limits())
     events = pool.run(obey, deque([("sleep", 0.0, 100.0)]))
     assert next(events) == Reply(("sleep", 0.0, 100.0), 0.0)
-    pids = pool.pids
+    pids = [w.pid for w in pool._workers]
     pool.stop()
     with pytest.raises(KeyboardInterrupt):
         next(events)
@@ -257,11 +257,11 @@ def test_a_worker_that_died_while_it_waited_costs_nothing(model: wb.DescribedMod
     with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
         for _ in range(2):  # in a pool that is still open, and the second time after a kept one
             assert list(pool.run(obey, deque([("say", 1)]))) == [Reply(("say", 1), 1)]
-            (pid,) = pool.pids
+            (pid,) = (w.pid for w in pool._workers)
             os.kill(pid, signal.SIGKILL)
             assert ended(pid)
         assert list(pool.run(obey, deque([("say", 2)]))) == [Reply(("say", 2), 2)]
-        (pid,) = pool.pids
+        (pid,) = (w.pid for w in pool._workers)
     os.kill(pid, signal.SIGKILL)
     assert do(model, ("say", 3), workers=1) == {("say", 3): [3]}
 
@@ -271,7 +271,7 @@ def test_a_worker_that_an_earlier_request_broke_costs_the_next_one_nothing(model
     """It dies as soon as it is asked: it cannot be seen before."""
     with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
         list(pool.run(obey, deque([("say", 1)])))
-        (pid,) = pool.pids
+        (pid,) = (w.pid for w in pool._workers)
         os.kill(pid, signal.SIGSTOP)
         events = pool.run(obey, deque([("name",)]))
         threading.Timer(0.3, os.kill, (pid, signal.SIGKILL)).start()

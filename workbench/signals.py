@@ -19,6 +19,7 @@ from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from workbench.core.csv_file import is_number
 from workbench.core.forms import Form, pairs, table
 from workbench.errors import InputError, shortened, suggest
 
@@ -367,20 +368,12 @@ def read_table(path: str | Path) -> Table:
         rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
     except csv.Error as error:
         raise InputError(f"{path}: is not a table of time and value: {error}") from None
-    if rows and not _is_number(rows[0][0]):
+    if rows and not is_number(rows[0][0]):
         rows = rows[1:]
     try:
         return Table([float(r[0]) for r in rows], [float(r[1]) for r in rows])
     except (ValueError, IndexError):
         raise InputError(f"{path}: needs two columns of numbers, time [s] and value") from None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 _KEYS: Mapping[str, tuple[str, ...]] = {
@@ -457,7 +450,7 @@ def _key_values(kind: str, text: str) -> dict[str, float]:
         key, equals, value = (p.strip() for p in part.partition("="))
         if key not in _KEYS[kind]:
             raise InputError(f"{kind}: unknown option '{key}'; {suggest(key, _KEYS[kind])}")
-        if not equals or not _is_number(value):
+        if not equals or not is_number(value):
             raise InputError(f"{kind}: {key} needs a number, as in {key}=1.0, not '{value}'")
         values[key] = float(value)
     return values
@@ -480,7 +473,7 @@ def parse_signal(text: str) -> Signal:
         Sine(amplitude=2.0, frequency=0.5, phase=0.0, offset=0.0, start=0.0)
     """
     text = text.strip()
-    if _is_number(text):
+    if is_number(text):
         return Constant(float(text))
     kind, colon, rest = text.partition(":")
     if colon and kind == _TABLE:
@@ -527,7 +520,7 @@ def _table(text: str) -> Table:
     """Read TIME=VALUE,.. and hold=1 for a staircase."""
     items = [(key.strip(), value.strip()) for key, _, value in (part.partition("=") for part in text.split(","))]
     points = [(key, value) for key, value in items if key != _HOLD]
-    if not all(map(_is_number, chain(*points))):
+    if not all(map(is_number, chain(*points))):
         raise InputError(f"{_TABLE}: '{text}' is not of the form TIME=VALUE,.., as in table:0=0,1=2")
     held = len(points) < len(items)
     return Table([float(t) for t, _ in points], [float(x) for _, x in points], "hold" if held else "linear")

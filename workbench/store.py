@@ -10,9 +10,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from workbench.core.closable import Closable
 from workbench.core.parsing import from_json
 from workbench.errors import InputError, WorkbenchError
 
@@ -66,7 +66,7 @@ class StoredMeasurement:
     effort: dict[str, Any]
 
 
-class Store:
+class Store(Closable):
     """The finished measurements of one subject, in a folder that many subjects and processes share.
 
     Obligations:
@@ -189,17 +189,6 @@ class Store:
     def close(self) -> None:
         """Close the file. Any number of times."""
         self._database.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _first_line(error: Exception) -> str:

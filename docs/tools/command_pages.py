@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from workbench.cli.program import Lazily
+from workbench.cli.program import COMMANDS, command_of
 
 __all__ = ["command_names", "command_page"]
 
@@ -18,7 +18,7 @@ _EXTRA = re.compile(r"\s*\[(?:required|default: [^\]]*|[^\]]*;\s*(?:required|def
 
 def command_names() -> list[str]:
     """Return the names of all commands, in the order of `workbench --help`."""
-    return list(Lazily())
+    return list(COMMANDS)
 
 
 def command_page(name: str) -> str:
@@ -27,7 +27,7 @@ def command_page(name: str) -> str:
     Args:
         name: of the command.
     """
-    command = Lazily()[name]
+    command = command_of(name)
     context = typer.Context(command, info_name=name)
     usage = " ".join(["workbench", name, *command.collect_usage_pieces(context)])
     head = [f"# {name}", "", *_help(command.help or ""), "```bash", usage, "```", ""]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 import workbench as wb
+from workbench.core.lazily import homes_in
 
 __all__ = ["grouped_names", "python_page", "python_pages"]
 
@@ -39,18 +37,12 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
 )  # fmt: skip
 
 
-def _home(name: str) -> str:
-    """Return the module in which the package says that a public name lives, without `workbench.`."""
-    text = Path(wb.__file__).read_text(encoding="utf-8")
-    found = re.search(rf"^    from workbench\.(\S+) import (?:\((?:[^)]*\s)?|.*\b){name}\b", text, re.MULTILINE)
-    return found.group(1) if found else ""
-
-
 def grouped_names() -> dict[tuple[str, str], list[str]]:
     """Return (page, title) → the public names on it, functions before classes; every name once."""
     pages: dict[tuple[str, str], list[str]] = {(page, title): [] for page, title, _ in _GROUPS}
-    for name in sorted(wb.__all__, key=lambda n: (n[0].isupper(), n)):
-        home = _home(name)
+    homes = homes_in(f"{wb.__file__}i")
+    for name in sorted(homes, key=lambda n: (n[0].isupper(), n)):
+        home = homes[name].removeprefix("workbench.")
         key = next(((p, t) for p, t, prefixes in _GROUPS if home.startswith(prefixes)), None)
         if key is None:
             raise ValueError(f"docs/tools/python_pages.py: _GROUPS has no page for {name}; add '{home}' to one")

@@ -57,10 +57,6 @@ class Scope:
     values: dict[int, Array] = field(default_factory=dict)
 
 
-def _nest(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
-    return product(*(range(n) for n in shape))
-
-
 class Translator:
     """Turns node numbers of a :class:`Dae` into :class:`Array` of graph expressions.
 

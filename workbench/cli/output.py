@@ -62,6 +62,7 @@ class Output:
         self.command = command
         self.json_path, self.csv_path = json, csv
         self.plot, self.report = (None if path is None else Path(path) for path in (plot, report))
+        self._quiet = "-" in {json, csv}
         self._begin = time.monotonic()
         self._has_json = False
         if json == csv == "-":
@@ -106,9 +107,7 @@ class Output:
             def render_str(self, text: str, **how: Any) -> Text:  # noqa: ANN401
                 return super().render_str(visible(text), **how)
 
-        quiet = "-" in {self.json_path, self.csv_path}
-        width = None if sys.stdout.isatty() else 110
-        return Shown(quiet=quiet, width=width, highlight=False)
+        return Shown(quiet=self._quiet, width=None if sys.stdout.isatty() else 110, highlight=False)
 
     def say(self, text: Callable[[int | None], str]) -> None:
         """Print a text, unless standard output belongs to JSON or CSV.
@@ -116,10 +115,9 @@ class Output:
         Args:
             text: returns it for the width of a terminal [characters], None: of a pipe.
         """
-        if "-" in {self.json_path, self.csv_path}:
-            return
-        sys.stdout.write(visible(text(shutil.get_terminal_size().columns if sys.stdout.isatty() else None)))
-        sys.stdout.flush()  # see `cli.streams` for what may go wrong
+        if not self._quiet:
+            sys.stdout.write(visible(text(shutil.get_terminal_size().columns if sys.stdout.isatty() else None)))
+            sys.stdout.flush()  # see `cli.streams` for what may go wrong
 
     def unsaid(self, record: object) -> list[str]:
         """Return what has to be told on standard error, where standard output belongs to JSON or CSV.
@@ -127,9 +125,9 @@ class Output:
         Args:
             record: that is written; its `warnings` stand on its page, its `not_in_stream` only files hold.
         """
-        quiet = "-" in {self.json_path, self.csv_path}
         missing = getattr(record, "not_in_stream", "") if self.csv_path == "-" else ""
-        return [*(getattr(record, "warnings", ()) if quiet else ()), *([f"--csv -: {missing}"] if missing else [])]
+        told = getattr(record, "warnings", ()) if self._quiet else ()
+        return [*told, *([f"--csv -: {missing}"] if missing else [])]
 
     def write(
         self,
@@ -158,40 +156,28 @@ class Output:
         from workbench.cli.interrupt import OnInterrupt, interrupted
 
         with OnInterrupt(lambda: None) as wish:
-            self._write(result, csv=csv, plot=plot, report=report, page=page, origin=origin)
+            point = getattr(report, "operating_point", None)
+            if point is not None and was_given("--at"):
+                self.say(lambda _: f"at {point.words()}\n")
+            wanted = self.json_path is not None or self.report is not None
+            full = self._full(result) if wanted else {}
+            written: Iterable[Path] = ()
+            if self.csv_path is not None and csv is not None:
+                written = csv(sys.stdout if self.csv_path == "-" else self.csv_path) or ()
+            if written:
+                full["files"] = [str(path) for path in written]
+            if self.json_path is not None:
+                self._write_json(full)
+            if self.plot is not None and plot is not None:
+                plot(self.plot)
+            if self.report is not None:
+                self._write_report(page() if page is not None else report, origin or origin_of(report), full)
+            files = (self.json_path, self.csv_path, self.plot, self.report, *written)
+            for path in dict.fromkeys(str(p) for p in files if p is not None and p != "-"):
+                self.wrote(path)
         if wish.came:
             note(f"{interrupted()}: the result is written")
             raise KeyboardInterrupt
-
-    def _write(
-        self,
-        result: Mapping[str, Any],
-        *,
-        csv: Callable[[str | TextIO], Iterable[Path] | None] | None,
-        plot: Callable[[Path], object] | None,
-        report: object,
-        page: Callable[[], Page] | None,
-        origin: Origin | None,
-    ) -> None:
-        point = getattr(report, "operating_point", None)
-        if point is not None and was_given("--at"):
-            self.say(lambda _: f"at {point.words()}\n")
-        wanted = self.json_path is not None or self.report is not None
-        full = self._full(result) if wanted else {}
-        written: Iterable[Path] = ()
-        if self.csv_path is not None and csv is not None:
-            written = csv(sys.stdout if self.csv_path == "-" else self.csv_path) or ()
-        if written:
-            full["files"] = [str(path) for path in written]
-        if self.json_path is not None:
-            self._write_json(full)
-        if self.plot is not None and plot is not None:
-            plot(self.plot)
-        if self.report is not None:
-            self._write_report(page() if page is not None else report, origin or origin_of(report), full)
-        files = (self.json_path, self.csv_path, self.plot, self.report, *written)
-        for path in dict.fromkeys(str(p) for p in files if p is not None and p != "-"):
-            self.wrote(path)
 
     def wrote(self, path: object) -> None:
         """Tell that a file was written.

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
+from functools import cache
 from typing import Annotated, Any
 
 import typer
@@ -18,7 +19,7 @@ from workbench.analysis.commands import REQUESTS, request_of
 from workbench.core.named import named
 from workbench.errors import one_line
 
-__all__ = ["COMMANDS", "Lazily", "function_of", "options_of", "program", "said"]
+__all__ = ["COMMANDS", "command_of", "function_of", "options_of", "program", "said"]
 
 _FUNCTIONS = {"run": "cli.run:run", "ui": "cli.ui:ui"}
 # Of requests, and of functions that typer calls.
@@ -133,21 +134,11 @@ def said(error: typer.TyperException) -> str:
     return re.sub(_NO_PARTS, r"\1: this command has no parts that could run on a cluster; leave it out", text)
 
 
-class Lazily(Mapping[str, Any]):
-    """Name → command, in their order."""
+@cache
+def command_of(name: str) -> Any:  # noqa: ANN401 - typer's own class of a command is not public
+    """Return a command as it parses its words.
 
-    def __init__(self) -> None:
-        self._built: dict[str, Any] = {}
-
-    def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - typer's own class of a command is not public
-        if name not in COMMANDS:
-            raise KeyError(name)
-        if name not in self._built:
-            self._built[name] = program(name).commands[name]
-        return self._built[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(COMMANDS)
-
-    def __len__(self) -> int:
-        return len(COMMANDS)
+    Args:
+        name: one of `COMMANDS`.
+    """
+    return program(name).commands[name]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from workbench.core.closable import Closable
 from workbench.core.where import DEFAULT_TIMEOUT, Workers
 from workbench.endings import INTERRUPTED
 from workbench.errors import InputError, unbroken
@@ -148,7 +148,7 @@ def _run(prepared: StudyRun, workers: Workers) -> StudyResult:
     return result
 
 
-class _Progress:
+class _Progress(Closable):
     """A bar that is loaded when there is something to tell: a study in its store is quick.
 
     Args:
@@ -168,15 +168,7 @@ class _Progress:
             self._bar = self._stack.enter_context(Bar(self._total))
         self._bar.update(done, label)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         self._stack.close()
 
 

@@ -10,7 +10,7 @@ from typing import Any, TextIO
 from workbench.core.files import replacing
 from workbench.errors import visible
 
-__all__ = ["write_csv"]
+__all__ = ["is_number", "write_csv"]
 
 _FORMULA = ("=", "@", "+", "-", "\t", "\r")  # begins one in a spreadsheet
 
@@ -47,10 +47,11 @@ def _cell(cell: Any) -> Any:  # noqa: ANN401 - anything that a cell can be
     """Return a cell that no spreadsheet takes for a formula, and no terminal for a command."""
     if not isinstance(cell, str):
         return cell
-    return f"'{visible(cell)}" if cell.startswith(_FORMULA) and not _is_number(cell) else visible(cell)
+    return f"'{visible(cell)}" if cell.startswith(_FORMULA) and not is_number(cell) else visible(cell)
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Return whether a text is a number."""
     try:
         float(text)
     except ValueError:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import sys
 import time
 from importlib.util import find_spec
-from types import TracebackType
-from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from workbench.core.closable import Closable
 from workbench.errors import one_line, shortened
 
 __all__ = ["Bar", "in_notebook"]
@@ -25,7 +24,7 @@ def in_notebook() -> bool:
     return python is not None and hasattr(python.get_ipython(), "kernel") and find_spec("ipywidgets") is not None
 
 
-class Bar:
+class Bar(Closable):
     """Shows how far the work is, once it has taken a second, and only on a terminal or in a notebook.
 
     Args:
@@ -58,14 +57,6 @@ class Bar:
     def _words(text: str) -> str:
         return shortened(one_line(text), _WORD, _LINE)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
         if self._progress is not None:
             self._progress.stop()

@@ -11,9 +11,8 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
-from types import TracebackType
-from typing import Self
 
+from workbench.core.closable import Closable
 from workbench.core.files import named_path
 from workbench.core.scratch import remove, scratch_folder
 from workbench.errors import FmuError, InputError
@@ -32,7 +31,7 @@ _SMALL = 64 << 20
 _SKIPPED = ("sources", "documentation")  # never needed to run the FMU
 
 
-class Unpacked:
+class Unpacked(Closable):
     """An FMU as a folder.
 
     Obligations:
@@ -57,17 +56,6 @@ class Unpacked:
         """Remove the folder if it was made here. Any number of times."""
         if self._remove is not None:
             self._remove()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def locate(model: str | Path) -> Path:

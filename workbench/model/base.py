@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import copy
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from workbench.core.closable import Closable
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Model"]
 
 
-class Model(ABC):
+class Model(Closable):
     """Inputs, outputs, states, parameters, and sessions: all that an analysis sees.
 
     Obligations of a subclass:
@@ -155,10 +155,6 @@ class Model(ABC):
         """
         raise InputError(f"{self.name}: this kind of model provides no derivatives; use method response")
 
-    def replay_note(self) -> str:
-        """Return a remark if snapshots had to fall back to replay though the FMU claims to save its state, else ""."""
-        return ""
-
     def closed_loops(self, signals: Sequence[str], *, until: float) -> tuple[ClosedLoop, ...]:
         """Return the closed loops that are known to be inside, with what signals have to do with them: of systems.
 
@@ -176,14 +172,3 @@ class Model(ABC):
     @abstractmethod
     def close(self) -> None:
         """Close the open sessions and remove what the model owns. Any number of times."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -321,6 +321,7 @@ class DescribedModel(Model):
         return "state" if self._state_works() else "replay"
 
     def replay_note(self) -> str:
+        """Return a remark if snapshots had to fall back to replay though the FMU claims to save its state, else ""."""
         if not self._why_replay or not self.description.interfaces[self.interface].state:
             return ""
         why = self._why_replay

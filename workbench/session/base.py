@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.closable import Closable
 from workbench.signals import Signal
 
 __all__ = ["Floats", "Recorded", "Session", "Snapshot"]
@@ -57,7 +56,7 @@ class Snapshot:
     time: float
 
 
-class Session(ABC):
+class Session(Closable):
     """One initialised run that can be continued, saved and taken back.
 
     Obligations of a subclass:
@@ -116,18 +115,3 @@ class Session(ABC):
     @abstractmethod
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to `snapshot`, which this session made."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Free everything the session owns."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -118,7 +118,7 @@ class CompiledSession(FmuSession):
     ) -> Harmonics:
         """Advance as `advance` does, over whole periods; keep no rows, only their Fourier coefficients.
 
-        The integrals are those of `workbench.analysis.harmonics.measure_period`, to rounding.
+        The integrals are those of `workbench.analysis.harmonics.measure_period`.
 
         Args:
             until: see `advance`, as for the next three.

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
+from workbench.core.closable import Closable
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.base import Floats
@@ -40,7 +40,7 @@ class Evaluation:
     latched: bool = False
 
 
-class Point(ABC):
+class Point(Closable):
     """Evaluates dx/dt and y at any (x, u) near a base point; time and discrete states stay as they are there.
 
     Obligations of a subclass:
@@ -111,21 +111,6 @@ class Point(ABC):
     @abstractmethod
     def why_not_exact(self) -> str:
         """Return why `jacobian` cannot be used; empty if it can."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Free everything. Any number of times."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 class FmuPoint(Point):

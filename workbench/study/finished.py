@@ -9,12 +9,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from pydantic import TypeAdapter
 
 from workbench import __version__
+from workbench.core.closable import Closable
 from workbench.core.parsing import from_json
 from workbench.core.scratch import remove, scratch_folder
 from workbench.errors import InputError
@@ -53,7 +53,7 @@ def _name_of(questions: Sequence[Checked]) -> str:
     return f"findings {hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()}"
 
 
-class Finished:
+class Finished(Closable):
     """The store of a study.
 
     Obligations:
@@ -157,14 +157,3 @@ class Finished:
             self._opened = None
         if self._temporary is not None:
             remove(self._temporary)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

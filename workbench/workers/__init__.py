@@ -6,8 +6,7 @@ jobs to a `Runner`; which runner that is, this process, worker processes or any 
 
 from workbench.core.where import DEFAULT_TIMEOUT, Limits, Workers
 from workbench.workers.choose import choose
-from workbench.workers.job import Job, Remark, perform
-from workbench.workers.runner import InProcess, Lost, Reply, Runner
+from workbench.workers.runner import InProcess, Job, Lost, Remark, Reply, Runner, perform
 
 __all__ = [
     "DEFAULT_TIMEOUT",

@@ -16,12 +16,13 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
+from workbench.core.closable import Closable
 from workbench.core.where import Limits, Scheduler, Workers
 from workbench.errors import InputError, LostError, WorkbenchError, one_line
 from workbench.model.recipe import Recipe
@@ -58,7 +59,7 @@ _NO_SCHEDULER = "something else than a Dask scheduler listens there; is the addr
 _DISTRIBUTION = "fmi-workbench"
 
 
-class Cluster(Scheduler):
+class Cluster(Scheduler, Closable):
     """A Dask cluster that stays connected for several analyses.
 
     Wherever `Workers(scheduler=…)` takes an address it takes a cluster. Its workers need the same workbench and no
@@ -112,7 +113,7 @@ class Cluster(Scheduler):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process connects by itself."""
-        return _again, (self.address, self.tls, self.patience)
+        return partial(Cluster, tls=self.tls, patience=self.patience), (self.address,)
 
     def __repr__(self) -> str:
         return f"Cluster({self.address!r})"
@@ -186,11 +187,6 @@ class Cluster(Scheduler):
             self._closing = undo.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def close(self) -> None:
         """Let go of it; any number of times."""
         self._closing.close()
@@ -260,10 +256,6 @@ def reached(workers: Workers) -> Iterator[tuple[Workers, str]]:
         return
     with cluster:
         yield replace(workers, scheduler=cluster, tls=None), cluster.words
-
-
-def _again(scheduler: str, tls: tuple[str, ...] | None, patience: float) -> Cluster:
-    return Cluster(scheduler, tls=tls, patience=patience)
 
 
 def _connected(address: str, tls: Sequence[str] | None) -> Any:  # noqa: ANN401 - distributed is untyped

@@ -7,9 +7,9 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Any
 
+from workbench.core.closable import Closable
 from workbench.errors import InputError
 
 __all__ = ["LocalCluster", "distributed", "security", "serve", "started"]
@@ -84,7 +84,7 @@ def serve(workers: int, until: IO[str]) -> None:
         until.read()
 
 
-class LocalCluster:
+class LocalCluster(Closable):
     """A scheduler and workers that answer to this machine alone.
 
     Args:
@@ -128,11 +128,3 @@ class LocalCluster:
             self._process.communicate(timeout=_ENDING)
         self._process.kill()
         self._process.wait()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

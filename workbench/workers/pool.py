@@ -89,11 +89,6 @@ class Pool(Runner):
         stray = [f"the FMU wrote {self._stray} bytes into a file that is not its own"] if self._stray else []
         return [*dict.fromkeys(self.afterwards), *stray, *(many + line for line in lines[-1:])]
 
-    @property
-    def pids(self) -> list[int]:
-        """Process numbers of the workers."""
-        return [w.pid for w in self._workers]
-
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
         try:
             while jobs or self._again or any(worker.index is not None for worker in self._workers):

@@ -1,4 +1,4 @@
-"""What runs tasks on a model, here or elsewhere."""
+"""Pieces of work on a model, and what runs them, here or elsewhere."""
 
 from __future__ import annotations
 
@@ -6,16 +6,36 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
+from workbench.core.closable import Closable
 from workbench.errors import LostError
 from workbench.workers.child import Task
 
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["InProcess", "Lost", "Reply", "Runner"]
+__all__ = ["InProcess", "Job", "Lost", "Remark", "Reply", "Runner", "perform"]
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something found out on the way that the user should know."""
+
+    text: str
+
+
+class Job(ABC):
+    """A piece of work on a model that knows how to be done; picklable, as are its results."""
+
+    @abstractmethod
+    def run(self, model: Model) -> Iterator[Any]:
+        """Yield the results as they are finished."""
+
+
+def perform(model: Model, job: Job) -> Iterator[Any]:
+    """Do a job: the task that is handed to a `Runner` with a queue of jobs."""
+    return job.run(model)
 
 
 @dataclass(frozen=True)
@@ -54,7 +74,7 @@ class Lost:
         return self.error.kind
 
 
-class Runner(ABC):
+class Runner(Closable):
     """Runs one function on a model for many arguments.
 
     Obligations of a subclass:
@@ -91,21 +111,6 @@ class Runner(ABC):
     def end_soon(self) -> None:
         """Let the jobs under way end with what they have, where they can, then `run`; a signal handler may call it."""
         self.stop()
-
-    @abstractmethod
-    def close(self) -> None:
-        """End what runs."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 class InProcess(Runner):

@@ -21,7 +21,7 @@ __all__ = [
 
 
 def judge_outliers(study: DataStudy) -> Finding:
-    """Judge by `preprocess.find_outliers`; the other questions are asked about repaired data."""
+    """Judge by `preprocess.remove_outliers`; the other questions are asked about repaired data."""
     found = study.outliers
     values = {name: len(at) for name, at in found.items()}
     if not found:

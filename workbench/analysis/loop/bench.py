@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
 from workbench.analysis.nfr.job import PointsJob
 from workbench.analysis.nfr.point import NfrPoint, PointTask, failed_point
+from workbench.core.closable import Closable
 from workbench.model import Model
 from workbench.workers import Lost, Workers, choose, perform
 
 __all__ = ["Bench"]
 
 
-class Bench:
+class Bench(Closable):
     """Measures points of one model, round by round, in the same workers.
 
     Args:
@@ -43,11 +42,6 @@ class Bench:
             found[id(event.job)] = point
         return [found[id(job)] for job in jobs]
 
-    def __enter__(self) -> Self:
-        self._runner.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._runner.__exit__(kind, error, trace)
+    def close(self) -> None:
+        """End the workers."""
+        self._runner.close()

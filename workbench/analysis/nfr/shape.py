@@ -52,8 +52,8 @@ class Peak:
     between: tuple[float, float] | None
 
 
-def fall_of(frequency: Floats, gain_db: Floats, error: Floats, drop_db: float = DROP_DB) -> Fall | None:
-    """Return where the gain has first fallen below that of the first point by so much; None: nowhere for sure.
+def fall_of(frequency: Floats, gain_db: Floats, error: Floats) -> Fall | None:
+    """Return where the gain has first fallen below that of the first point by 3 dB; None: nowhere for sure.
 
     What a point's error leaves open counts on neither side; a straight line between the points would be more exact than
     they are.
@@ -62,13 +62,12 @@ def fall_of(frequency: Floats, gain_db: Floats, error: Floats, drop_db: float = 
         frequency: rising, shape (k,) [Hz].
         gain_db: finite, shape (k,) [dB].
         error: relative, shape (k,); NaN where it is not known.
-        drop_db: [dB].
     """
     if len(frequency) < 2:
         return None
     left = np.where(np.isfinite(error), error, 1.0)
     open_db = np.where(left < 1.0, -decibels(np.maximum(1.0 - left, 1e-9)), np.inf)
-    above, margin = gain_db - gain_db[0] + drop_db, open_db + open_db[0]
+    above, margin = gain_db - gain_db[0] + DROP_DB, open_db + open_db[0]
     below = np.flatnonzero(above < -margin)
     if not below.size:
         return None

@@ -1,8 +1,8 @@
 """Pre-processing of recorded data: each step returns new data and says what was done."""
 
 from workbench.analysis.preprocess.detrend import Detrended, detrend, remove_offset
-from workbench.analysis.preprocess.flat import Flat, find_saturation
-from workbench.analysis.preprocess.outliers import OutliersRemoved, find_outliers, remove_outliers
+from workbench.analysis.preprocess.flat import Flat
+from workbench.analysis.preprocess.outliers import OutliersRemoved, remove_outliers
 from workbench.analysis.preprocess.prepared import Prepared
 from workbench.analysis.preprocess.resample import Resampled, resample
 from workbench.analysis.preprocess.scale import Scaled, scale
@@ -18,8 +18,6 @@ __all__ = [
     "WithoutStart",
     "cut_settling",
     "detrend",
-    "find_outliers",
-    "find_saturation",
     "remove_offset",
     "remove_outliers",
     "resample",

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.analysis.experiment.experiment import Experiment
 from workbench.session.base import Floats
 
-__all__ = ["Flat", "find_saturation", "flat_extremes"]
+__all__ = ["Flat", "flat_extremes"]
 
 _STILL = 1e-6  # of the range
 _LONG = 3  # samples in a row
@@ -47,7 +46,9 @@ class Flat:
 def flat_extremes(x: Floats, *, still: float = _STILL) -> list[Flat]:
     """Return the highest and the lowest level if the signal rests there.
 
-    Noise behind a limit hides it from this test: `still` must then be larger than the noise.
+    Noise behind a limit hides it from this test: `still` must then be larger than the noise. A signal with few levels,
+    as a PRBS, rests there by its nature, and so does a response that has settled; `advise` tells these from limits as
+    far as data can.
 
     Args:
         x: shape (n,).
@@ -58,21 +59,6 @@ def flat_extremes(x: Floats, *, still: float = _STILL) -> list[Flat]:
         return []
     found = [_at(x, float(level), still * span, upper) for level, upper in ((x.max(), True), (x.min(), False))]
     return [f for f in found if len(f.samples) >= _FEW and f.share >= _SHARE]
-
-
-def find_saturation(experiment: Experiment, *, still: float = _STILL) -> dict[str, list[Flat]]:
-    """Return by column where it rests at its highest or lowest value.
-
-    A signal with few levels, as a PRBS, rests there by its nature, and so does a response that has settled;
-    `advise` tells these from limits as far as data can.
-
-    Args:
-        experiment: recorded data.
-        still: how much a signal may move while it rests, of its range.
-    """
-    names = (*experiment.input_names, *experiment.output_names)
-    columns = np.hstack([experiment.u, experiment.y]).T
-    return {n: found for n, x in zip(names, columns, strict=True) if (found := flat_extremes(x, still=still))}
 
 
 def _at(x: Floats, level: float, tolerance: float, upper: bool) -> Flat:  # noqa: FBT001  one of two sides

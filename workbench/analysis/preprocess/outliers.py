@@ -15,7 +15,7 @@ from workbench.analysis.preprocess.prepared import Prepared, check_columns
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["OutliersRemoved", "find_outliers", "remove_outliers"]
+__all__ = ["OutliersRemoved", "remove_outliers"]
 
 THRESHOLD = 6.5  # robust standard deviations: once in 10¹⁰ normal samples
 _NEIGHBOURS = 6
@@ -38,8 +38,10 @@ class OutliersRemoved(Prepared):
     samples: dict[str, tuple[int, ...]]
 
 
-def find_outliers(experiment: Experiment, *, threshold: float = THRESHOLD) -> dict[str, tuple[int, ...]]:
-    """Return by output the samples that stand out.
+def remove_outliers(
+    experiment: Experiment, *, columns: Sequence[str] | None = None, threshold: float = THRESHOLD
+) -> OutliersRemoved:
+    """Replace outliers of the outputs by what their neighbours and the inputs say.
 
     Each output is interpolated linearly from its neighbours on both sides and from the inputs around; a sample
     stands out if its error exceeds `threshold` robust standard deviations (median absolute deviation) and 2 % of
@@ -51,27 +53,8 @@ def find_outliers(experiment: Experiment, *, threshold: float = THRESHOLD) -> di
 
     Args:
         experiment: recorded data.
-        threshold: [robust standard deviations].
-
-    Raises:
-        InputError: a threshold that is not positive.
-    """
-    if not threshold > 0.0:
-        raise InputError(f"threshold must be positive, not {threshold:g} standard deviations")
-    return {
-        name: _search(experiment.y[:, i], experiment.u, threshold)[0] for i, name in enumerate(experiment.output_names)
-    }
-
-
-def remove_outliers(
-    experiment: Experiment, *, columns: Sequence[str] | None = None, threshold: float = THRESHOLD
-) -> OutliersRemoved:
-    """Replace outliers of the outputs by what their neighbours and the inputs say.
-
-    Args:
-        experiment: recorded data.
         columns: outputs; None: all.
-        threshold: as in `find_outliers`.
+        threshold: [robust standard deviations].
 
     Raises:
         InputError: unknown column, or a threshold that is not positive.

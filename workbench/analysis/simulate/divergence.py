@@ -102,9 +102,7 @@ class DivergenceError(SimulationError):
         return made
 
 
-def divergence(
-    time: Floats, values: Floats, *, variable: str = "x", unit: str | None = None, floor: float = 0.0
-) -> Divergence | None:
+def divergence(time: Floats, values: Floats, *, variable: str = "x", unit: str | None = None) -> Divergence | None:
     """Judge how a magnitude grows; None: it does not, or not for long enough to tell.
 
     The running maximum of |x| is followed through its doublings from 16 times its early size on. In exponential
@@ -120,9 +118,8 @@ def divergence(
         values: shape (n,).
         variable: its name, for the answer.
         unit: unit of the variable.
-        floor: magnitudes below this say nothing.
     """
-    passed = _doublings(np.asarray(time, dtype=np.float64), np.abs(np.asarray(values, dtype=np.float64)), floor)
+    passed = _doublings(np.asarray(time, dtype=np.float64), np.abs(np.asarray(values, dtype=np.float64)))
     if len(passed) < _LEAST + 1:
         return None
     gaps = np.diff(passed)
@@ -145,17 +142,17 @@ def divergence(
     )
 
 
-def _doublings(time: Floats, size: Floats, floor: float) -> Floats:
+def _doublings(time: Floats, size: Floats) -> Floats:
     """Return the times at which the running maximum passes 2^k of its early size, rising steadily to the end."""
     usable = np.isfinite(size)
     time, size = time[usable], size[usable]
-    if len(size) < 2 or not np.any(size > floor):
+    if len(size) < 2 or not np.any(size > 0.0):
         return np.zeros(0)
     # A rise from exactly zero passes infinitely many doublings at once; they are not growth that was seen.
     seen = size[size > 0.0]
     early = max(float(np.max(size[: max(1, len(size) // 20)])), float(seen[0]))
     top = np.maximum.accumulate(size)
-    begin = _BEGIN * max(early, floor)
+    begin = _BEGIN * early
     if not top[-1] > begin:
         return np.zeros(0)
     levels = begin * 2.0 ** np.arange(math.floor(math.log2(float(top[-1]) / begin)) + 1)

@@ -29,7 +29,6 @@ class Halving:
         name: of the output.
         span: largest minus smallest value.
         change: largest change when the step is halved.
-        next_change: when it is halved once more.
         order: observed; None where nothing changes, or it does so unevenly.
         error: estimated largest error at the step; with no order the change is taken twice, as for order 1.
     """
@@ -37,7 +36,6 @@ class Halving:
     name: str
     span: float
     change: float
-    next_change: float
     order: float | None
     error: float
 
@@ -58,4 +56,4 @@ def halving(name: str, coarse: Floats, half: Floats, quarter: Floats) -> Halving
     if order is not None and not _EVEN[0] <= order <= _EVEN[1]:
         order = None
     error = 2.0 * change if order is None else change / (1.0 - 2.0**-order)
-    return Halving(name, float(np.ptp(quarter)), change, after, order, error)
+    return Halving(name, float(np.ptp(quarter)), change, order, error)
