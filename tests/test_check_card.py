@@ -207,6 +207,10 @@ def test_a_hang_is_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     card = wb.check(build_hostile(tmp_path, "hang"), interface="cs", only=["runs", "reset"], workers=limits)
     assert card.line("runs", "cs").evidence.startswith("time limit: not finished after 200 s")
     assert "--timeout" in card.line("runs", "cs").consequence
+    # A later check may only be slow; but nobody knows, so that the card is not passed.
+    other = wb.check(build_hostile(tmp_path, "hang"), interface="cs", only=["determinism"], workers=limits)
+    assert (other.worst, other.passed, other.checks[0].finished) == ("watch", False, False)
+    assert "--skip determinism" in other.checks[0].consequence
 
 
 @posix_signals

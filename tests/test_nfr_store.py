@@ -6,6 +6,7 @@ import json
 import signal
 import sqlite3
 import subprocess
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,26 @@ def test_finished_points_are_not_measured_again(tmp_path: Path) -> None:
         assert seen == [3.0]
         np.testing.assert_array_equal(first.response[0], second.response[0, :2])
         assert first.certificates[0] == second.certificates[0][:2]
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ("$.point.frequency", "'frequency' must be a number"),
+        ("$.point", "not an object with keys"),
+        ("$.point.response", "neither a response nor a reason"),
+        ("$.point.certificate.max_periods", "must be a whole number"),
+    ],
+)
+def test_what_somebody_has_changed_in_a_store_is_told_with_its_file(changed: str, why: str, tmp_path: Path) -> None:
+    with wb.load("fmu:FirstOrderLag") as model:
+        nfr(model, "u", "y", [1.0], 1.0, store=tmp_path)
+        value = None if changed == "$.point.response" else "x"
+        with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database, database:
+            points = "UPDATE measurements SET value = json_set(value, ?, ?) WHERE point LIKE '(%'"
+            database.execute(points, (changed, value))
+        with pytest.raises(wb.InputError, match=f"{FILE_NAME}: is damaged or no store .*{why}"):
+            nfr(model, "u", "y", [1.0], 1.0, store=tmp_path)
 
 
 def test_a_changed_setting_never_mixes_results(tmp_path: Path) -> None:

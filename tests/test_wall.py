@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,39 @@ def test_what_an_fmu_answers_out_of_the_standard_is_one_line(
         told = [line for line in capsys.readouterr().err.splitlines() if line.startswith("workbench: ")]
         assert len(told) == 1
         assert words in told[0]
+
+
+def _lying(folder: Path, said: str, instead: str) -> Path:
+    """Write an FMU that would run, if its description did not say something else."""
+    honest, lying = build_misbehaving(folder, "nothing", "nowhere"), folder / "lying.fmu"
+    with zipfile.ZipFile(honest) as there, zipfile.ZipFile(lying, "w") as here:
+        for name in there.namelist():
+            here.writestr(name, there.read(name).replace(said.encode(), instead.encode()))
+    return lying
+
+
+@pytest.mark.parametrize("count", ["-1", "2000000000", "99999999999999999999"])
+def test_numbers_of_event_indicators_that_nobody_has_are_refused(
+    count: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The kernel's arrays have this length."""
+    lying = _lying(tmp_path, 'Indicators="1"', f'Indicators="{count}"')
+    assert run(["simulate", str(lying), "--interface", "me", "--stop", "1"]) == 2
+    assert f"and {count} event indicators; only 0 to" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["../x", "/usr/x", "a/b", "..\\x", "."])
+def test_a_library_outside_of_the_fmu_is_refused_with_the_reason(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lying = _lying(tmp_path, 'Identifier="misbehaving"', f'Identifier="{name}"')
+    told = f"modelIdentifier '{name}' does not name a file in the FMU; refused"
+    assert run(["simulate", str(lying), "--stop", "1"]) == 2
+    assert told in capsys.readouterr().err
+    assert run(["info", str(lying)]) == 0  # what is written there can be read nevertheless
+    shown = capsys.readouterr()
+    assert "does not run here" in shown.out
+    assert told in shown.err
 
 
 _CHANGES = (

@@ -240,13 +240,14 @@ def test_a_model_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
         (3, "win32", "exit code 3"),
         (-9, "linux", "killed (SIGKILL)"),
         (-8, "linux", "arithmetic"),
+        *((-n, "linux", "was my.fmu changed or removed while it ran") for n in [getattr(signal, "SIGBUS", None)] if n),
         (-60, "linux", "signal"),
         (0, "linux", "exit code 0"),
         (None, "linux", "closed the connection"),
     ],
 )
 def test_reasons_name_what_happened(code: int | None, platform: str, text: str) -> None:
-    assert text in str(died(code, Limits(), platform=platform))
+    assert text in str(died(code, Limits(), source="my.fmu", platform=platform))
 
 
 # -- what goes wrong between requests, or in odd ways -----------------------------------------

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from workbench.core.csv_file import is_number
+from workbench.core.files import content_of
 from workbench.core.forms import Form, pairs, table
 from workbench.errors import InputError, shortened, suggest
 
@@ -360,9 +361,11 @@ def read_table(path: str | Path) -> Table:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a table of time and value: {error}") from None
+        text = content_of(path).decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
     delimiter = next((d for d in ";\t" if d in text), ",")
     try:
         rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]

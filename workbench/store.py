@@ -181,10 +181,23 @@ class Store(Closable):
         except sqlite3.OperationalError as error:
             raise kind(f"{self.path}: cannot be used: {error}") from None
         except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
-            raise kind(
-                f"{self.path}: is damaged or no store of the workbench ({_first_line(error)}); move it away or name "
-                "another folder"
-            ) from None
+            raise kind(f"{self.path}: {self._damaged(error)}") from None
+
+    @contextmanager
+    def taken_apart(self) -> Iterator[None]:
+        """Name the file in the error of whoever makes records of its values, which somebody may have changed there.
+
+        Raises:
+            InputError: a value is not what it should be.
+        """
+        try:
+            yield
+        except (WorkbenchError, AttributeError, KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{self.path}: {self._damaged(error)}") from None
+
+    @staticmethod
+    def _damaged(error: Exception) -> str:
+        return f"is damaged or no store of the workbench ({_first_line(error)}); move it away or name another folder"
 
     def close(self) -> None:
         """Close the file. Any number of times."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.build.ir import Dae
+from workbench.core.files import content_of
 from workbench.errors import BuildError
 
 REQUIRED_VERSION = "0.10.2"
@@ -53,7 +54,7 @@ def check(file: Path, model: str) -> Checked:
     rumoca = _front_end()
     if not file.is_file():
         raise BuildError(f"{file}: no such file; give a Modelica file (.mo)")
-    text = file.read_text(encoding="utf-8")
+    text = _text(file)
     try:
         package = _package_folder(file, text)
         if package is None:
@@ -113,12 +114,21 @@ def _package_folder(file: Path, text: str) -> Path | None:
     return file.resolve().parents[depth - 1] if depth else None
 
 
+def _text(file: Path) -> str:
+    try:
+        return content_of(file).decode("utf-8")
+    except OSError as error:
+        raise BuildError(f"{file}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise BuildError(f"{file}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+
+
 def models_in(file: Path) -> list[str]:
     """Return the names of the models and blocks that stand at the top of `file`.
 
     A package's models come as ``Package.Model``. A light scan: the front end checks the rest.
     """
-    text = _without_comments(file.read_text(encoding="utf-8"))
+    text = _without_comments(_text(file))
     outer = ".".join(_within(text))
     names: list[str] = []
     scopes: list[str] = []

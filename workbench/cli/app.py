@@ -43,6 +43,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return _complain(message) if message else BAD_INPUT
     except WorkbenchError as error:
         return _complain(asked.complaint(str(error)))
+    except MemoryError:
+        return _complain("out of memory: more was asked for, or a file is larger, than this process may hold")
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED  # the version of typer decides whether it is raised or returned
     except Exception:

@@ -65,6 +65,7 @@ class Output:
         self._quiet = "-" in {json, csv}
         self._begin = time.monotonic()
         self._has_json = False
+        self._unwritten: dict[str, InputError] = {}
         if json == csv == "-":
             raise InputError("--json and --csv cannot both go to standard output; give one of them a file")
         for option, path in (("--json", json), ("--csv", csv), ("--plot", plot), ("--report", report)):
@@ -161,23 +162,38 @@ class Output:
                 self.say(lambda _: f"at {point.words()}\n")
             wanted = self.json_path is not None or self.report is not None
             full = self._full(result) if wanted else {}
-            written: Iterable[Path] = ()
+            written: list[Path] = []
             if self.csv_path is not None and csv is not None:
-                written = csv(sys.stdout if self.csv_path == "-" else self.csv_path) or ()
+                with self._writing(self.csv_path):
+                    written += csv(sys.stdout if self.csv_path == "-" else self.csv_path) or ()
             if written:
                 full["files"] = [str(path) for path in written]
-            if self.json_path is not None:
-                self._write_json(full)
-            if self.plot is not None and plot is not None:
-                plot(self.plot)
-            if self.report is not None:
-                self._write_report(page() if page is not None else report, origin or origin_of(report), full)
+            known = origin or origin_of(report)
+            for path, make in (
+                (self.json_path, lambda _: self._write_json(full)),
+                (self.plot, plot),
+                (self.report, lambda _: self._write_report(page() if page is not None else report, known, full)),
+            ):
+                if path is not None and make is not None:
+                    with self._writing(path):
+                        make(Path(path))
             files = (self.json_path, self.csv_path, self.plot, self.report, *written)
             for path in dict.fromkeys(str(p) for p in files if p is not None and p != "-"):
-                self.wrote(path)
+                if path not in self._unwritten:
+                    self.wrote(path)
+            if self._unwritten:
+                raise InputError("; ".join(map(str, self._unwritten.values())))
         if wish.came:
             note(f"{interrupted()}: the result is written")
             raise KeyboardInterrupt
+
+    @contextmanager
+    def _writing(self, path: object) -> Iterator[None]:
+        """Note that a file cannot be written: that is no reason to lose the others."""
+        try:
+            yield
+        except InputError as error:
+            self._unwritten[str(path)] = error
 
     def wrote(self, path: object) -> None:
         """Tell that a file was written.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
+import stat
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -11,7 +13,7 @@ from pathlib import Path
 
 from workbench.errors import InputError, one_line
 
-__all__ = ["file_to_write", "named_path", "pack", "replacing"]
+__all__ = ["content_of", "file_to_write", "named_path", "pack", "replacing"]
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows
 _UNIX = 3
@@ -38,6 +40,24 @@ def named_path(path: str | Path) -> Path:
         shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
         raise InputError(f"'{one_line(shown)}': no file can have this name: {why}") from None
     return found
+
+
+def content_of(path: Path) -> bytes:
+    """Return what is in a file that somebody has named, or comes out of a pipe.
+
+    A device, such as /dev/zero, is not read: it may have no end.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        OSError: it cannot be read; `strerror` says why.
+    """
+    with path.open("rb") as file:
+        kind = os.fstat(file.fileno()).st_mode
+        if stat.S_ISCHR(kind) or stat.S_ISBLK(kind):
+            raise OSError(errno.EINVAL, "it is a device, not a file")
+        return file.read()
 
 
 def file_to_write(path: str | Path, suffix: str = "", *, option: str = "") -> Path:

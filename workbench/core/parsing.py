@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 __all__ = ["from_json", "from_toml"]
@@ -22,10 +25,8 @@ def from_json(text: str) -> Any:  # noqa: ANN401 - whatever JSON holds
     Raises:
         ValueError: it is not JSON, nested too deeply, or has a number beyond all that can be calculated with.
     """
-    try:
+    with _told():
         return _sound(json.loads(text))
-    except RecursionError:
-        raise ValueError(_TOO_DEEP) from None
 
 
 def from_toml(text: str) -> dict[str, Any]:
@@ -37,14 +38,31 @@ def from_toml(text: str) -> dict[str, Any]:
     Raises:
         ValueError: it is not TOML, nested too deeply, or has a number beyond all that can be calculated with.
     """
-    try:
+    if _MANY_DOTS.search(text):  # reading these takes time with the square of their number
+        raise ValueError(_TOO_DEEP)
+    with _told():
         found: dict[str, Any] = _sound(tomllib.loads(text))
-    except RecursionError:
-        raise ValueError(_TOO_DEEP) from None
     return found
 
 
 _TOO_DEEP = f"it is nested more than {_DEEPEST} deep"
+
+# A key of more parts, in a table's heading or before a value.
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+"""
+_MANY_DOTS = re.compile(rf"(?<![\w.-]){_PART}(?:\.[ \t]*+{_PART}){{{_DEEPEST}}}")
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Say in our words what Python's readers cannot take."""
+    try:
+        yield
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    except ValueError as error:
+        if "int_max_str_digits" in str(error):  # there is no other sign of it
+            raise ValueError(f"a number has more than {sys.get_int_max_str_digits()} digits") from None
+        raise
 
 
 def _sound(whole: Any) -> Any:  # noqa: ANN401

@@ -25,6 +25,7 @@ from typing import (
 )
 
 from workbench.core.csv_file import write_csv
+from workbench.core.files import content_of
 from workbench.core.named import named
 from workbench.core.parsing import from_json, from_toml
 from workbench.errors import InputError, suggest
@@ -333,7 +334,7 @@ def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
         InputError: no such file, or not JSON.
     """
     try:
-        return from_json(Path(path).read_text(encoding="utf-8"))
+        return from_json(content_of(Path(path)).decode("utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     except ValueError as error:
@@ -351,7 +352,7 @@ def read_toml_table(path: Path, *, twice: str = "") -> dict[str, Any]:
         InputError: no such file, or not TOML.
     """
     try:
-        return from_toml(path.read_bytes().decode("utf-8-sig"))
+        return from_toml(content_of(path).decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError as error:

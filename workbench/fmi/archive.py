@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import lzma
 import shutil
 import stat
@@ -124,6 +125,8 @@ def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool]
     Raises:
         FmuError: damaged, or an entry that would leave the folder, is a link, or is absurdly large.
     """
+    if not path.is_file():  # a pipe cannot be read twice, and /dev/zero has no end
+        raise FmuError(f"{path}: is not a file; an archive is needed")
     try:
         with zipfile.ZipFile(path) as archive:
             entries = [e for e in archive.infolist() if not e.is_dir()]
@@ -135,7 +138,11 @@ def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool]
             return [name for name in names if not wanted(name)]
     except DAMAGED:
         raise FmuError(f"{path}: not a zip archive or damaged; copy or export it again") from None
-    except (OSError, RuntimeError, NotImplementedError) as error:
+    except OSError as error:
+        hint = "; make room there, or set TMPDIR to another folder" if error.errno == errno.ENOSPC else ""
+        why = error.strerror or error
+        raise FmuError(f"{path}: cannot be unpacked into {folder.parent}: {why}{hint}") from None
+    except (RuntimeError, NotImplementedError) as error:
         raise FmuError(f"{path}: cannot be unpacked: {error}") from None
 
 

@@ -222,9 +222,9 @@ class Instance(ABC):
         self._size_buffers(description.state_count, description.indicator_count)
 
     def _size_buffers(self, nx: int, nz: int) -> None:
-        if max(nx, nz) > MOST_VALUES:
+        if min(nx, nz) < 0 or max(nx, nz) > MOST_VALUES:
             counts = f"{nx} continuous states and {nz} event indicators"
-            raise FmuError(f"{self.description.model_name}: claims {counts}; more than {MOST_VALUES} are refused")
+            raise FmuError(f"{self.description.model_name}: claims {counts}; only 0 to {MOST_VALUES} are possible")
         self.nx, self.nz = nx, nz
         self._xbuf, self.x = _buffer(nx)
         self._dxbuf, self.dx = _buffer(nx)

@@ -16,7 +16,8 @@ _INTERFACES = {"file": "The file", "me": "Model exchange", "cs": "Co-simulation"
 
 def check_page(card: HealthCard) -> Page:
     """Return the page of a health card: what is broken first, then every line, interface by interface."""
-    words = {True: "keeps its promises", False: "does not keep its promises"}[card.passed]
+    kept = "does not keep its promises" if card.worst == "broken" else "keeps its promises, as far as they were checked"
+    words = "keeps its promises" if card.passed else kept
     concerns = [Verdict(c.verdict, _line(c)) for c in card.concerns]
     return Page(
         title=f"Health card of {card.model}",

@@ -84,7 +84,7 @@ class Finished(Closable):
         if not self.folder.is_dir():
             return None  # a study that was never run leaves no folder behind when something in it is wrong
         found = self._results().get(_name(run))
-        with self._results().told_in_one_line():
+        with self._results().taken_apart():
             return None if found is None else Outcome.from_store(found)
 
     def save(self, run: Run, outcome: Outcome) -> None:
@@ -104,7 +104,7 @@ class Finished(Closable):
         if self._fresh or not self._keeps or not self.folder.is_dir():
             return None
         found = self._results().get(_name_of(questions))
-        with self._results().told_in_one_line():
+        with self._results().taken_apart():
             return None if found is None else TypeAdapter(list[Compliance]).validate_python(found["findings"])
 
     def save_findings(self, checked: Sequence[Checked]) -> None:

@@ -87,6 +87,8 @@ def locate_study(name: str | Path) -> Path:
         return path
     if path.is_dir():
         raise InputError(f"{name}: is a folder; name the study in it")
+    if path.exists():
+        raise InputError(f"{name}: is a device or a pipe; a study is a .toml file, or study:NAME")
     if str(name) in bundled_studies():
         raise InputError(f"{name}: no such file; did you mean {_PREFIX}{name}?")
     near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from workbench.core.files import content_of
 from workbench.core.parsing import from_json
 from workbench.core.scratch import scratch_folder
 from workbench.errors import InputError, WorkbenchError, suggest
@@ -263,7 +264,7 @@ def _optional(element: Element | None, attribute: str) -> float | None:
 
 def _block(name: str, path: Path) -> Component:
     try:
-        data = from_json(path.read_text(encoding="utf-8"))
+        data = from_json(content_of(path).decode("utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"component '{name}': {path.name} is not JSON: {error}") from None
     return read_component(name, data, path.parent)

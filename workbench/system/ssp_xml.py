@@ -10,6 +10,7 @@ from urllib.parse import unquote, urlsplit
 
 from lxml import etree
 
+from workbench.core.files import content_of
 from workbench.errors import InputError
 
 __all__ = [
@@ -48,7 +49,7 @@ def parse(path: Path, expected: str) -> Element:
         InputError: no such file, not well-formed, a document type, another root.
     """
     try:
-        data = path.read_bytes()
+        data = content_of(path)
     except OSError as error:
         raise InputError(f"{path.name}: cannot be read: {error.strerror or error}") from None
     if len(data) > MAX_XML_BYTES:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import tf2ss
 
-from workbench.core.files import named_path
+from workbench.core.files import content_of, named_path
 from workbench.core.parsing import from_json
 from workbench.errors import InputError, close_names, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
@@ -134,7 +134,7 @@ def _linear_file(name: str, given: Mapping[str, Any], place: _Context) -> Linear
     table = read_table(LinearFileTable, given, place.where)
     path = (place.folder / Path(table.linear).expanduser()).resolve()
     try:
-        data = from_json(path.read_text(encoding="utf-8"))
+        data = from_json(content_of(path).decode("utf-8"))
     except OSError as error:
         near = [p.name for p in path.parent.glob("*.json")] if path.parent.is_dir() else []
         hint = suggest(path.name, near) + ("" if near else " in that folder")

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import os
 import re
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from workbench.bundled import bundled_files, find_bundled
+from workbench.core.parsing import from_toml
 from workbench.errors import InputError, WorkbenchError
 from workbench.store import FILE_NAME
 
@@ -82,9 +81,11 @@ class Root:
         bundled = bool(stem) and kind in _TEXTS
         path = find_bundled(name, bundled_files(_TEXTS[kind]), kind) if bundled else self.path(name)
         try:
-            return path.read_text(encoding="utf-8")
+            if path.is_file():  # opening a pipe would wait for who writes
+                return path.read_text(encoding="utf-8")
         except (OSError, ValueError):
-            raise InputError(f"{name}: cannot be read as text") from None
+            pass
+        raise InputError(f"{name}: cannot be read as text")
 
     def name_of(self, path: Path) -> str:
         """Return the path of a file relative to the folder, links resolved."""
@@ -115,7 +116,8 @@ class Root:
                 yield here.relative_to(self.folder).as_posix(), "fmu"
                 continue
             for file in sorted(files):
-                if kind := _kind(here / file):
+                # Opening a pipe would wait for who writes.
+                if (here / file).is_file() and (kind := _kind(here / file)):
                     count += 1
                     yield (here / file if kind != "store" else here).relative_to(self.folder).as_posix(), kind
             if count > _MOST:
@@ -145,8 +147,7 @@ def _kind(file: Path) -> str:
     if suffix != ".toml":
         return ""
     try:
-        with file.open("rb") as stream:
-            keys: dict[str, Any] = tomllib.load(stream)
-    except (OSError, ValueError, RecursionError):
+        keys = from_toml(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
         return ""
     return "study" if "analyses" in keys else "system" if "components" in keys else ""

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from workbench.core.closable import Closable
+from workbench.core.files import content_of
 from workbench.core.where import Limits, Scheduler, Workers
 from workbench.errors import InputError, LostError, WorkbenchError, one_line
 from workbench.model.recipe import Recipe
@@ -284,7 +285,7 @@ def _told_in(file: str) -> str:
         InputError: it is not there, or is not such a file.
     """
     try:
-        return str(json.loads(Path(file).read_text(encoding="utf-8"))["address"])
+        return str(json.loads(content_of(Path(file)))["address"])
     except FileNotFoundError:
         raise InputError(
             f"scheduler {file}: no such file; dask scheduler --scheduler-file {file} writes it, where all can read it"

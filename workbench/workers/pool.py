@@ -25,7 +25,7 @@ from workbench.errors import (
     TimedOutError,
     WorkbenchError,
 )
-from workbench.model.recipe import Recipe
+from workbench.model.recipe import LoadRecipe, Recipe
 from workbench.workers.child import BEGUN, BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
 from workbench.workers.process import AFTERWARDS, WorkerProcess, keep, kept
 from workbench.workers.runner import Lost, Reply, Runner
@@ -80,6 +80,11 @@ class Pool(Runner):
         self._patient_until: float | None = None  # after it
         self.afterwards: list[str] = []
         self._stray = 0  # [byte]
+
+    @property
+    def _source(self) -> str:
+        """What the user named as the model."""
+        return self._recipe.source if isinstance(self._recipe, LoadRecipe) else "the FMU"
 
     def remarks(self) -> list[str]:
         """Return what the FMU printed, in a line, and what went wrong when all was told."""
@@ -187,7 +192,7 @@ class Pool(Runner):
                     self._in_work.pop(worker.index)
                 )  # what it did before ended it: that is another's crash
                 return
-            why = out_of_memory(self._limits) if hungry else died(code, self._limits)
+            why = out_of_memory(self._limits) if hungry else died(code, self._limits, source=self._source)
             yield from self._lose(worker, why, last)
 
     def _take(self, worker: WorkerProcess, kind: str, content: Any) -> Iterator[Reply | Lost]:  # noqa: ANN401
@@ -271,7 +276,10 @@ class Pool(Runner):
 
 _SIGNALS = {
     "SIGSEGV": "the FMU crashed: segmentation fault (SIGSEGV)",
-    "SIGBUS": "the FMU crashed: bus error (SIGBUS)",
+    "SIGBUS": (
+        "the FMU crashed: bus error (SIGBUS), as when part of a file that is mapped is gone: was {source} changed or "
+        "removed while it ran, or is the disk of the temporary folder full?"
+    ),
     "SIGILL": "the FMU crashed: illegal instruction (SIGILL)",
     "SIGFPE": "the FMU crashed: arithmetic exception (SIGFPE)",
     "SIGABRT": "the FMU aborted its process (SIGABRT)",
@@ -291,12 +299,13 @@ _WINDOWS = {
 }
 
 
-def died(code: int | None, limits: Limits, *, platform: str = sys.platform) -> LostError:
+def died(code: int | None, limits: Limits, *, source: str = "the FMU", platform: str = sys.platform) -> LostError:
     """Return why a worker ended by itself.
 
     Args:
         code: its exit code, −n for signal n; None: it went on, or had to be ended, without a connection.
         limits: what it was allowed.
+        source: what the user named as the model.
         platform: as in `sys.platform`.
     """
     if code is None:
@@ -305,7 +314,7 @@ def died(code: int | None, limits: Limits, *, platform: str = sys.platform) -> L
         text = _WINDOWS[code & 0xFFFFFFFF]
     elif code < 0:
         name = _signal(-code)
-        text = _SIGNALS.get(name, f"the FMU's process was ended by a signal ({name})")
+        text = _SIGNALS.get(name, f"the FMU's process was ended by a signal ({name})").format(source=source)
     else:
         return ExitedError(f"the FMU ended its process (exit code {code})")
     # An allocation that was refused seldom ends otherwise, but nobody can tell afterwards.

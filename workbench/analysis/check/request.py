@@ -82,7 +82,7 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
         return self._place(_Patient)
 
     def went_well(self, record: HealthCard) -> bool:
-        """Return whether no promise is broken.
+        """Return whether no promise is broken, and every check came to its end.
 
         Args:
             record: of this request.

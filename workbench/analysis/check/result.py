@@ -25,12 +25,14 @@ class Answer:
         evidence: what was found, with numbers, in one line.
         consequence: what it means for the analyses here, in one line; empty: nothing.
         numbers: what was measured, by name, for programs.
+        finished: whether the check came to its end; not where a crash or the time limit cut it off.
     """
 
     verdict: str
     evidence: str
     consequence: str = ""
     numbers: dict[str, Any] = field(default_factory=dict)
+    finished: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +43,7 @@ class HealthLine(Part):
         component: name in the system; empty where the card is of one FMU.
         interface: "me" or "cs"; "file": the description, without running it.
         name: name of the check, a key of `CHECKS`.
-        verdict, evidence, consequence, numbers: see `Answer`.
+        verdict, evidence, consequence, numbers, finished: see `Answer`.
         seconds: how long it took.
     """
 
@@ -52,6 +54,7 @@ class HealthLine(Part):
     evidence: str
     consequence: str = ""
     numbers: dict[str, Any] = field(default_factory=dict)
+    finished: bool = True
     seconds: float = 0.0
 
     def __str__(self) -> str:
@@ -92,8 +95,13 @@ class HealthCard(Record):
 
     @property
     def passed(self) -> bool:
-        """Whether no promise is broken."""
-        return self.worst != "broken"
+        """Whether no promise is broken and every check came to its end: what was not seen is not kept."""
+        return self.worst != "broken" and self.finished
+
+    @property
+    def finished(self) -> bool:
+        """Whether every check came to its end."""
+        return all(c.finished for c in self.checks)
 
     @property
     def concerns(self) -> tuple[HealthLine, ...]:

@@ -35,6 +35,7 @@ __all__ = ["run", "structured_name", "validation"]
 _V = TypeVar("_V")
 
 _HANG = "such points are lost after --timeout; simulate also shows chattering or a solver in trouble"
+_SLOW = "not checked, so that the card is not passed: give it longer (--timeout), or leave it out (--skip {name})"
 _CRASH = "it ends its process: keep the worker processes (never --in-process); such points are lost"
 
 
@@ -175,7 +176,9 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
                     yield from _lost(event, open_names[of.interface], jobs)
         except WorkbenchError as error:
             for interface, names in open_names.items():
-                yield from (_line(interface, Done(n, Answer("broken", str(error), _CRASH), 0.0)) for n in names)
+                yield from (
+                    _line(interface, Done(n, Answer("broken", str(error), _CRASH, finished=False), 0.0)) for n in names
+                )
 
 
 def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[HealthLine]:
@@ -191,14 +194,16 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
         return
     reason = f"stopped after {again.crashes} crashes or hangs"
     while names:
-        yield _line(job.interface, Done(names.pop(0), Answer("not applicable", reason), 0.0))
+        yield _line(job.interface, Done(names.pop(0), Answer("not applicable", reason, finished=False), 0.0))
 
 
 def _loss(name: str, lost: Lost) -> Answer:
     """Return what is said of a check in which the worker was lost; one that takes too long after `runs` may be slow."""
     if not isinstance(lost.error, TimedOutError):
-        return Answer("broken", lost.reason, _CRASH)
-    return Answer("broken" if name == "runs" else "watch", lost.reason, _HANG)
+        return Answer("broken", lost.reason, _CRASH, finished=False)
+    if name == "runs":
+        return Answer("broken", lost.reason, _HANG, finished=False)
+    return Answer("watch", lost.reason, _SLOW.format(name=name), finished=False)
 
 
 # -- all of them --------------------------------------------------------------------------------

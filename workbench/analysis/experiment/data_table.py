@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.core.files import content_of
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -79,7 +80,7 @@ def read_table(path: str | Path) -> DataTable:
 
 def _text(path: Path) -> tuple[str, list[str]]:
     try:
-        raw = path.read_bytes()
+        raw = content_of(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     if b"\0" in raw[:4096]:

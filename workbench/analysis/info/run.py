@@ -40,7 +40,8 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
     source = locate(path)
     with unpack(source) as unpacked:
         found = read_description(unpacked.folder, source=str(source))
-        runs = [i for i, c in found.interfaces.items() if _runs(unpacked.folder, c.identifier)]
+        reasons = {i: _why_not(unpacked.folder, c.identifier, source) for i, c in found.interfaces.items()}
+        runs = [i for i, reason in reasons.items() if not reason]
         snapshots = _snapshots(unpacked, found, runs) if probe and runs else {}
 
     def having(causality: str) -> tuple[VariableFacts, ...]:
@@ -61,7 +62,7 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
         parameters=having("parameter"),
         capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in found.interfaces.items()},
         experiment=found.experiment,
-        notes=tuple(found.notes),
+        notes=(*found.notes, *dict.fromkeys(filter(None, reasons.values()))),
     )
     facts = ModelFacts(name=found.model_name, fmus=(fmu_facts(source, found, ""),))  # no interface was chosen
     remember(record, Origin(models=(facts,)))
@@ -72,12 +73,13 @@ def _facts(variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
     return tuple(VariableFacts(v.name, v.type, v.unit, v.start, v.description) for v in variables)
 
 
-def _runs(folder: Path, identifier: str) -> bool:
+def _why_not(folder: Path, identifier: str, source: Path) -> str:
+    """Return why an interface does not run here; empty: it does."""
     try:
-        binary_path(folder, identifier, source="")
-    except FmuError:
-        return False
-    return True
+        binary_path(folder, identifier, source=str(source))
+    except FmuError as error:
+        return str(error)
+    return ""
 
 
 def _snapshots(unpacked: Unpacked, description: Description, interfaces: Sequence[str]) -> dict[str, Snapshots]:

@@ -179,8 +179,8 @@ def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | Non
     """Yield every point: those on disk, then those that are made now, each on disk before the next."""
     done = kept.load() if kept is not None else {}
     for one in todo:
-        if _label(one.varied) in done:
-            yield LinPoint(one.varied, LinResult.from_dict(done[_label(one.varied)]))
+        if kept is not None and _label(one.varied) in done:
+            yield LinPoint(one.varied, _kept(kept, done[_label(one.varied)]))
     queue = deque(j for j in todo if _label(j.varied) not in done)
     runner, notes = choose(model, workers)
     job.notes += notes
@@ -190,6 +190,11 @@ def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | Non
             if kept is not None and point.result is not None:
                 kept.save(str(point), point.result.to_dict())
             yield point
+
+
+def _kept(kept: Store, value: Any) -> LinResult:  # noqa: ANN401 - whatever stands there
+    with kept.taken_apart():
+        return LinResult.from_dict(value)
 
 
 def _point(answer: Reply | Lost) -> LinPoint:

@@ -90,9 +90,9 @@ class NfrStore:
                 counts, whatever its effort was; without, only those made with the present effort.
         """
         found = self.store.load() if not redo else {k: m.value for k, m in self.store.latest().items()}
-        with self.store.told_in_one_line():
+        with self.store.taken_apart():
             values = [v for k, v in found.items() if _is_point(k) and self._counts(v)]
-            points = [NfrPoint.from_dict(v["point"]) for v in values]
+            points = [_whole(NfrPoint.from_dict(v["point"])) for v in values]
         return {(p.amplitude, p.frequency): p for p in points if p.status not in redo}
 
     def _counts(self, value: Mapping[str, Any]) -> bool:
@@ -101,7 +101,8 @@ class NfrStore:
     def zero_input(self) -> ZeroInput | None:
         """Return how the model moves by itself, if that was watched already."""
         found = self.store.load().get(_ZERO_INPUT)
-        return None if found is None else ZeroInput.from_dict(found)
+        with self.store.taken_apart():
+            return None if found is None else ZeroInput.from_dict(found)
 
     def save(self, point: NfrPoint, *, lost: bool = False) -> None:
         """Keep a point; it is on disk when this returns.
@@ -120,7 +121,8 @@ class NfrStore:
     def standing(self) -> OperatingPoint | None:
         """Return where the model stood, if that was looked at already."""
         found = self.store.load().get(_STANDING)
-        return None if found is None else OperatingPoint.from_dict(found)
+        with self.store.taken_apart():
+            return None if found is None else OperatingPoint.from_dict(found)
 
     def save_standing(self, found: OperatingPoint) -> None:
         """Keep where the model stood."""
@@ -132,8 +134,9 @@ class NfrStore:
         Args:
             frequencies: of the sweep.
         """
-        with self.store.told_in_one_line():
-            rows = [v for k, v in self.store.load().items() if k.startswith(_SECOND)]
+        found = self.store.load()
+        with self.store.taken_apart():
+            rows = [v for k, v in found.items() if k.startswith(_SECOND)]
             return {
                 row["amplitude"]: tuple(map(NfrPoint.from_dict, row["points"]))
                 for row in rows
@@ -154,6 +157,13 @@ class NfrStore:
     def close(self) -> None:
         """Close the file."""
         self.store.close()
+
+
+def _whole(point: NfrPoint) -> NfrPoint:
+    """Refuse a point that has neither a response nor the reason why there is none."""
+    if point.reason is None and (point.response is None or not np.isfinite(point.response)):
+        raise InputError(f"a point at {point.frequency:g} Hz has neither a response nor a reason")
+    return point
 
 
 def _is_point(key: str) -> bool:
