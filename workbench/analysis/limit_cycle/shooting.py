@@ -189,7 +189,7 @@ class Orbits(Family):
 
     def _period(self, model: DescribedModel, x: Floats, period: float, intervals: int) -> Lap:
         with self._session(model, x) as session:
-            lap = PeriodMap(session, self.watch).lap(1.0 / period, intervals=intervals)
+            lap = PeriodMap(session, self.watch, derived=False).lap(1.0 / period, intervals=intervals)
         order = self._order(model)
         sizes = np.array([self.sizes[n] for n in self.names])
         least = np.maximum(sizes, 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))
