@@ -276,8 +276,15 @@ def follow_orbits(
         begun: is given what returns the branch as far as it goes.
         noted: is told what could not be located.
     """
+    measured: dict[bytes, BranchPoint] = {}
 
     def point(place: Place) -> BranchPoint:
+        key = np.append(place.x, place.p).tobytes()  # a place that is turned is another object
+        if key not in measured:
+            measured[key] = measure(place)
+        return measured[key]
+
+    def measure(place: Place) -> BranchPoint:
         p = min(max(place.p, 0.0), 1.0)
         found = orbits.orbit(place, p)
         return BranchPoint(

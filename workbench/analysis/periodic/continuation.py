@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -19,6 +20,9 @@ _EASY = 3
 
 # Strides along the branch, in units of the motion of the states and of the span of the parameter.
 _FIRST, _LONGEST, _SHORTEST = 0.02, 0.08, 1e-6
+
+# So few states may all change by the longest stride.
+_FEW = 3
 
 # Multipliers that are worse than this, relative to the largest, ask for better derivatives.
 _DOUBTED = 0.05
@@ -170,8 +174,19 @@ def _next(family: Family, here: Place, stride: float) -> tuple[Place, float] | s
         if straight < _STRAIGHT and stride > 16.0 * _SHORTEST:
             stride *= 0.5
             continue
-        return place, min(_LONGEST, stride * (1.6 if place.periods <= _EASY and straight > 0.98 else 1.0))
+        return place, min(_longest(place), stride * (1.6 if place.periods <= _EASY and straight > 0.98 else 1.0))
     return f"no place further on: {why}"
+
+
+def _longest(here: Place) -> float:
+    """Return how long a stride from a place may be.
+
+    Where all of n states change by the same part of their motion, the stride is √n times that. So that a branch of many
+    states takes no more places than one of few, it is what the states change by on average that is limited, and the
+    parameter by itself.
+    """
+    many = math.sqrt(max(len(here.x) / _FEW, 1.0))
+    return _LONGEST * min(many, 1.0 / max(abs(float(here.direction[-1])), 1e-300))
 
 
 def _missed(here: Place, there: Place, stride: float) -> float:
