@@ -18,10 +18,11 @@ from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.floquet import multipliers
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.request import limit_cycle
+from workbench.analysis.limit_cycle.result import LimitCycleResult
 from workbench.analysis.periodic.place import Place
 from workbench.analysis.periodic.special import Missed
 from workbench.core.linear import LinearPart
-from workbench.errors import InputError
+from workbench.errors import InputError, StoppedError
 from workbench.model.described import DescribedModel
 from workbench.system.connect import connect
 
@@ -229,3 +230,41 @@ def test_shooting_follows_a_cycle_to_its_hopf_point() -> None:
     assert branch.ends[0] == "the cycle shrinks to a point"
     assert branch.points[-1].value == pytest.approx(0.72)
     assert all(p.stable for p in branch.points)
+
+
+@pytest.mark.parametrize("after", [2, 9], ids=["on the way up", "on the way down"])
+def test_what_was_followed_is_kept_when_it_is_stopped(after: int) -> None:
+    told: list[str] = []
+
+    def stop_later(what: object, _: int, __: int) -> None:
+        told.append(str(what))
+        if sum(w.startswith("block.D = ") for w in told) > after:
+            raise KeyboardInterrupt
+
+    with chain() as system, pytest.raises(StoppedError) as stopped:
+        limit_cycle(
+            system, block="block", methods=("shooting",), vary={"block.D": (0.9, 1.2)}, progress=stop_later,
+            in_process=True,
+        )  # fmt: skip
+    result = stopped.value.before
+    assert isinstance(result, LimitCycleResult)
+    (branch,) = result.branches
+    assert branch.truncated
+    assert "stopped; not followed further" in branch.ends
+    values = [p.value for p in branch.points]
+    assert values == sorted(values)
+    assert 1.0 in values
+    assert (max(values) == 1.2) == (branch.ends[1] == "the parameter's bound") == (min(values) < 1.0)
+    assert result.operating_point is not None
+
+
+def test_stopped_before_a_cycle_is_followed_what_is_known_is_kept() -> None:
+    def stop(what: object, _: int, __: int) -> None:
+        if what == "crossings":
+            raise KeyboardInterrupt
+
+    with chain() as system, pytest.raises(StoppedError) as stopped:
+        limit_cycle(system, block="block", vary={"block.D": (0.9, 1.2)}, progress=stop, in_process=True)
+    result = stopped.value.before
+    assert isinstance(result, LimitCycleResult)
+    assert result.crossings

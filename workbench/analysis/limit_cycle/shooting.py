@@ -303,8 +303,7 @@ def follow_orbits(
 
     def branch(track: Track) -> Branch:
         points = tuple(map(point, track.places))
-        ends = ("it closes", "it closes") if track.closed else track.ends
-        outwards = [points[::step] for why, step in zip(ends, (1, -1), strict=True) if why == VANISHES]
+        outwards = [points[::step] for why, step in zip(track.ends, (1, -1), strict=True) if why == VANISHES]
         return Branch(
             parameter=parameter,
             points=points,
@@ -313,11 +312,11 @@ def follow_orbits(
                 Bifurcation(**vars(turning(s.place)), kind=s.kind) for s in track.special if s.kind != "fold"
             ),
             hopf=tuple(h for way in outwards for h in _vanished(way)),
-            ends=ends,
+            ends=track.ends,
             start=begin,
         )
 
-    manner = replace(manner, most=_MOST_ORBITS, begun=lambda track: begun(lambda: branch(track)))
+    manner = replace(manner, most=_MOST_ORBITS, begun=lambda so_far: begun(lambda: branch(so_far())))
     track = both_ways(orbits, first, manner)
     for missed in track.missed:
         low, high = (limits[0] + (limits[1] - limits[0]) * p for p in sorted(missed.p))

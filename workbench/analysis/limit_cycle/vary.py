@@ -108,7 +108,7 @@ def follow_cycles(
         orbits: (p → the system there, a cycle) → its family.
         stopped: asked between places; true ends it by KeyboardInterrupt.
         told: called with the part of the work that is done, and the value.
-        begun: is given what returns a branch as far as it goes.
+        begun: is given what returns the branch being followed, as far as it goes.
         ended: is given each branch when it is complete.
     """
     branches: list[Branch] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -52,7 +52,7 @@ class Track:
     special: list[Special] = field(default_factory=list)
     missed: list[Missed] = field(default_factory=list)
     closed: bool = False
-    ends: tuple[str, str] = ("", "")
+    ends: tuple[str, str] = ("stopped; not followed further", "stopped; not followed further")
 
     def passed(self, family: Family, a: Place, b: Place) -> None:
         """Keep what lies between two neighbouring places.
@@ -76,14 +76,14 @@ class Manner:
     Attributes:
         stopped: asked between places; true ends it by KeyboardInterrupt.
         told: called with each place.
-        begun: called with the branch, which fills up while it is followed.
+        begun: is given what returns the branch as far as it goes.
         most: number of places.
         marks: parameters at which there is to be a place.
     """
 
     stopped: Callable[[], bool] = lambda: False
     told: Callable[[Place], None] = lambda _: None
-    begun: Callable[[Track], None] = lambda _: None
+    begun: Callable[[Callable[[], Track]], None] = lambda _: None
     most: int = _MOST_PLACES
     marks: Sequence[float] = ()
 
@@ -108,7 +108,7 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
     """
     here = first if way == 0.0 or first.direction[-1] * way > 0.0 else turned(first)
     track, stride = Track([here]), _FIRST
-    manner.begun(track)
+    manner.begun(lambda: track)
     family.moved_on(here)  # a walk the other way may have been elsewhere before
     while True:
         if manner.stopped():
@@ -148,7 +148,7 @@ def _marked(family: Family, here: Place, there: Place, marks: Sequence[float]) -
 
 
 def _ended(track: Track, why: str) -> Track:
-    track.ends = (track.ends[0], why)
+    track.ends = (why if track.closed else track.ends[0], why)
     return track
 
 
@@ -233,7 +233,12 @@ def both_ways(family: Family, first: Place, manner: Manner) -> Track:
     up = follow(family, first, manner, way=1.0)
     if up.closed:
         return up
-    down = follow(family, first, manner, way=-1.0)
+    whole = replace(manner, begun=lambda so_far: manner.begun(lambda: _joined(so_far(), up)))
+    return _joined(follow(family, first, whole, way=-1.0), up)
+
+
+def _joined(down: Track, up: Track) -> Track:
+    """Return the branch that two tracks from one place are, from the end of the first to that of the second."""
     before = [turned(p) for p in reversed(down.places)]
     special = [*reversed(down.special), *up.special]
     return Track(before[:-1] + up.places, special, [*down.missed, *up.missed], ends=(down.ends[1], up.ends[1]))
