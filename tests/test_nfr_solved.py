@@ -228,7 +228,7 @@ def test_a_second_stable_response_is_told_and_no_linear_one_is_suspected() -> No
         calm = wb.nfr(model, "u", "y", amplitudes=[0.01], band=(0.1, 0.4), **HERE)
     (words,) = found.warnings
     assert "another stable response, gain 10.05 besides 1.461" in words or "gain 1.461 besides 10.05" in words
-    # It has one response everywhere, and a resonance between two points of the sweep: one harmonic has gain 18.06 there.
+    # One response everywhere, and a resonance between two points: one harmonic has gain 18.06 there.
     (peak,) = calm.warnings
     assert peak.startswith("between 0.144 and 0.1728 Hz, amplitude 0.01, the gain peaks: 17.99 at 0.1592 Hz")
 
@@ -259,7 +259,7 @@ def test_a_second_response_at_a_peak_that_the_sweep_steps_over_is_told(
 
 def test_a_jump_is_guessed_only_where_nobody_looked(monkeypatch: pytest.MonkeyPatch) -> None:
     """A narrow resonance between two frequencies looks like a jump."""
-    monkeypatch.setattr("workbench.analysis.nfr.run.jumps", lambda _: ["it may jump"])
+    monkeypatch.setattr("workbench.analysis.nfr.run.jumps", lambda _, **__: ["it may jump"])
     found = {}
     for method in ("auto", "settle"):
         with wb.load("fmu:Duffing") as model:
