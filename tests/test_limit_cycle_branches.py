@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+import workbench as wb
 from tests.limit_cycle_loops import LAG, chain
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.floquet import multipliers
@@ -268,3 +269,21 @@ def test_stopped_before_a_cycle_is_followed_what_is_known_is_kept() -> None:
     result = stopped.value.before
     assert isinstance(result, LimitCycleResult)
     assert result.crossings
+
+
+def test_the_cycle_of_the_failed_aileron_over_its_damper() -> None:
+    """71 states, and a damper with the moment alpha2·w·|w|: the cycle keeps its form, and alpha2 times its amplitude."""
+    begin = 7000.0
+    with wb.load("system:failed_aileron") as system:
+        result = limit_cycle(
+            system, block="damper", methods=("describing function", "shooting"), band=(2.6, 2.7),
+            vary={"damper.alpha2": (6500.0, 7500.0)},
+        )  # fmt: skip
+    (cycle,) = (c for c in result.limit_cycles if c.method == "shooting")
+    (branch,) = result.branches
+    assert branch.ends == ("the parameter's bound", "the parameter's bound")
+    for p in branch.points:
+        assert p.amplitude * p.value == pytest.approx(cycle.amplitude * begin, rel=1e-4)
+        assert p.frequency_hz == pytest.approx(cycle.frequency_hz, rel=1e-6)
+        assert p.stable
+    assert len(branch.points) < 30  # a branch of many states takes no more places than one of few
