@@ -272,7 +272,7 @@ def test_stopped_before_a_cycle_is_followed_what_is_known_is_kept() -> None:
 
 
 def test_the_cycle_of_the_failed_aileron_over_its_damper() -> None:
-    """71 states, and a damper with the moment alpha2·w·|w|: the cycle keeps its form, and alpha2 times its amplitude."""
+    """71 states, and a damper with the moment alpha2·w·|w|: the cycle keeps its form and alpha2 times its amplitude."""
     begin = 7000.0
     with wb.load("system:failed_aileron") as system:
         result = limit_cycle(
