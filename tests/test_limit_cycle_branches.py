@@ -13,15 +13,17 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+import workbench as wb
 from tests.limit_cycle_loops import LAG, chain
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.limit_cycle.floquet import multipliers
 from workbench.analysis.limit_cycle.harmonic_balance import balance
 from workbench.analysis.limit_cycle.request import limit_cycle
+from workbench.analysis.limit_cycle.result import LimitCycleResult
 from workbench.analysis.periodic.place import Place
 from workbench.analysis.periodic.special import Missed
 from workbench.core.linear import LinearPart
-from workbench.errors import InputError
+from workbench.errors import InputError, StoppedError
 from workbench.model.described import DescribedModel
 from workbench.system.connect import connect
 
@@ -229,3 +231,59 @@ def test_shooting_follows_a_cycle_to_its_hopf_point() -> None:
     assert branch.ends[0] == "the cycle shrinks to a point"
     assert branch.points[-1].value == pytest.approx(0.72)
     assert all(p.stable for p in branch.points)
+
+
+@pytest.mark.parametrize("after", [2, 9], ids=["on the way up", "on the way down"])
+def test_what_was_followed_is_kept_when_it_is_stopped(after: int) -> None:
+    told: list[str] = []
+
+    def stop_later(what: object, _: int, __: int) -> None:
+        told.append(str(what))
+        if sum(w.startswith("block.D = ") for w in told) > after:
+            raise KeyboardInterrupt
+
+    with chain() as system, pytest.raises(StoppedError) as stopped:
+        limit_cycle(
+            system, block="block", methods=("shooting",), vary={"block.D": (0.9, 1.2)}, progress=stop_later,
+            in_process=True,
+        )  # fmt: skip
+    result = stopped.value.before
+    assert isinstance(result, LimitCycleResult)
+    (branch,) = result.branches
+    assert branch.truncated
+    assert "stopped; not followed further" in branch.ends
+    values = [p.value for p in branch.points]
+    assert values == sorted(values)
+    assert 1.0 in values
+    assert (max(values) == 1.2) == (branch.ends[1] == "the parameter's bound") == (min(values) < 1.0)
+    assert result.operating_point is not None
+
+
+def test_stopped_before_a_cycle_is_followed_what_is_known_is_kept() -> None:
+    def stop(what: object, _: int, __: int) -> None:
+        if what == "crossings":
+            raise KeyboardInterrupt
+
+    with chain() as system, pytest.raises(StoppedError) as stopped:
+        limit_cycle(system, block="block", vary={"block.D": (0.9, 1.2)}, progress=stop, in_process=True)
+    result = stopped.value.before
+    assert isinstance(result, LimitCycleResult)
+    assert result.crossings
+
+
+def test_the_cycle_of_the_failed_aileron_over_its_damper() -> None:
+    """71 states, and a damper with the moment alpha2·w·|w|: the cycle keeps its form and alpha2 times its amplitude."""
+    begin = 7000.0
+    with wb.load("system:failed_aileron") as system:
+        result = limit_cycle(
+            system, block="damper", methods=("describing function", "shooting"), band=(2.6, 2.7),
+            vary={"damper.alpha2": (6500.0, 7500.0)},
+        )  # fmt: skip
+    (cycle,) = (c for c in result.limit_cycles if c.method == "shooting")
+    (branch,) = result.branches
+    assert branch.ends == ("the parameter's bound", "the parameter's bound")
+    for p in branch.points:
+        assert p.amplitude * p.value == pytest.approx(cycle.amplitude * begin, rel=1e-4)
+        assert p.frequency_hz == pytest.approx(cycle.frequency_hz, rel=1e-6)
+        assert p.stable
+    assert len(branch.points) < 30  # a branch of many states takes no more places than one of few

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import workbench as wb
@@ -24,3 +25,21 @@ def test_a_notebook_shows_a_bar(monkeypatch: pytest.MonkeyPatch, shell: str, wid
     with wb.load("fmu:FirstOrderLag") as model:
         wb.lin_over(model, {"tau": [0.1, 0.2]})
     assert bool(told) == shown
+
+
+def test_in_a_file_there_is_a_line_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = 0.0
+    monkeypatch.setattr("workbench.core.progress.time.monotonic", lambda: now)
+    with progress.Bar(200.0) as bar:
+        for second in range(0, 200, 2):
+            now = float(second)
+            bar.update(now, f"gain = {second}\n")
+    lines = capsys.readouterr().err.splitlines()  # a name breaks no line
+    times = [float(line.partition("gain = ")[2]) for line in lines]
+    assert [line.partition("%")[0].strip() for line in lines] == [f"{time / 2.0:.0f}" for time in times]
+    assert 10.0 < times[0] < 14.0  # what is quick says nothing
+    gaps = np.diff(times).tolist()
+    assert gaps == sorted(gaps)
+    assert 40.0 < gaps[-1] < 64.0

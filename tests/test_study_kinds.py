@@ -155,6 +155,20 @@ def test_bandwidth_by_gain_and_by_phase() -> None:
     assert by_phase.value == pytest.approx(math.tan(math.radians(30.0)), rel=1.1 * off)
 
 
+def test_a_bandwidth_says_between_which_points_it_is_interpolated() -> None:
+    coarse = nfr({1.0: [1.0, 0.9, 0.3]}, [1.0, 2.0, 4.0])
+    found = find("bandwidth", coarse, min=2.0)
+    assert found.where == "between 2 and 4 Hz"
+    assert 2.0 < float(found.value or 0.0) < 4.0
+    at_a_point = nfr({1.0: [1.0, 10.0 ** (-3.0 / 20.0), 0.3]}, [1.0, 2.0, 4.0])
+    assert find("bandwidth", at_a_point, min=1.5, drop=3.0).where in {"", "between 2 and 4 Hz"}
+    # A point that failed inside of the bracket leaves the crossing open.
+    failed = [{"frequency_hz": 3.0, "amplitude": 1.0, "reason": "the pump ran dry"}]
+    broken = nfr({1.0: [1.0, 0.9, 0.1, 0.3]}, [1.0, 2.0, 3.0, 4.0], failed=failed)
+    with pytest.raises(NotMeasured, match="the pump ran dry"):
+        find("bandwidth", broken, min=1.0)
+
+
 def test_a_bandwidth_beyond_the_measurement_proves_a_smallest_one_only() -> None:
     flat = nfr({1.0: [1.0, 1.0]}, [1.0, 10.0])
     found = find("bandwidth", flat, min=5)

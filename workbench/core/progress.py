@@ -1,4 +1,4 @@
-"""A progress bar on standard error or in a notebook, for people who wait longer than a second."""
+"""How far work is, on standard error or in a notebook: a bar for those who wait, lines for those who read it later."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from workbench.errors import one_line, shortened
 
 __all__ = ["Bar", "in_notebook"]
 
-_PATIENCE = 1.0
+# A bar is shown after so long [s]; in a file or a pipe a line, the next when twice the time has gone, or so often.
+_PATIENCE, _FIRST_LINE, _OFTEN = 1.0, 10.0, 60.0
 _WORD, _LINE = 60, 200  # longest word and text beside the bar [characters]
 
 
@@ -25,7 +26,7 @@ def in_notebook() -> bool:
 
 
 class Bar(Closable):
-    """Shows how far the work is, once it has taken a second, and only on a terminal or in a notebook.
+    """Shows how far the work is, once it has taken a second; where there is no terminal, a line now and then.
 
     Args:
         total: amount of work.
@@ -37,6 +38,7 @@ class Bar(Closable):
         self._console = Console(stderr=True)
         self._progress: Progress | None = None
         self._task = TaskID(0)
+        self._line = self._begin + _FIRST_LINE
 
     def update(self, done: float, text: str) -> None:
         """Tell what was done.
@@ -45,7 +47,13 @@ class Bar(Closable):
             done: so much of the total.
             text: what is being worked on.
         """
-        if self._progress is None and self._console.is_terminal and time.monotonic() - self._begin > _PATIENCE:
+        now = time.monotonic()
+        if not (self._console.is_terminal or self._console.is_jupyter):
+            if now > self._line:
+                self._line = now + min(now - self._begin, _OFTEN)
+                sys.stderr.write(f"{done / self._total:.0%} {self._words(text)}\n")
+            return
+        if self._progress is None and now - self._begin > _PATIENCE:
             columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
             self._progress = Progress(*columns, console=self._console, transient=True)
             self._progress.start()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import weakref
 from abc import abstractmethod
@@ -14,7 +15,7 @@ from workbench.core.operating_point import At
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import Value, Variable
 from workbench.kernel.library import kernel
 from workbench.model.base import Model
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
@@ -138,6 +139,19 @@ class DescribedModel(Model):
         twin.recipe = dataclasses.replace(self.recipe, at=twin.at)
         if self.recipe.start is not None:
             twin.start_time = self.start_time
+        return twin
+
+    def starting_with(self, values: Mapping[str, Value]) -> Self:
+        """Return the model with other start values, here and in every worker; it is closed with this one.
+
+        Args:
+            values: in their variables' types; `set_to` checks them.
+        """
+        twin = copy.copy(self)
+        twin.recipe = dataclasses.replace(self.recipe, start_values={**self.recipe.start_values, **values})
+        twin._setup = dataclasses.replace(  # noqa: SLF001 - its own
+            self._setup, start_values={**self._setup.start_values, **values}
+        )
         return twin
 
     def open_on(self, instance: Instance, *, start_time: float, step: float | None = None) -> FmuSession:

@@ -4,35 +4,40 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
+from workbench.model.load import check_starts
 
-__all__ = ["Varied", "opened_with", "with_parameters"]
+__all__ = ["Varied", "set_to", "with_parameters"]
 
 _KEPT = 4  # opened models
 
 
-def with_parameters(model: Model, parameters: Mapping[str, Value]) -> AbstractContextManager[Model]:
-    """Return the model with other parameters, a new one if there are any.
+def with_parameters(model: Model, parameters: Mapping[str, Value]) -> Model:
+    """Return the model with other parameters; it is closed with this one.
 
     Raises:
-        InputError: the model is not a file.
+        InputError: see `set_to`; or the model is not a file.
     """
     if not parameters:
-        return nullcontext(model)
+        return model
     if not isinstance(model, DescribedModel):
         raise InputError(f"{model.name}: its parameters cannot be set, for it is not a file")
-    return opened_with(model, parameters)
+    return set_to(model, parameters)
 
 
-def opened_with(model: DescribedModel, parameters: Mapping[str, Value]) -> DescribedModel:
-    """Return a model with other parameters, newly opened; the caller closes it."""
-    return replace(model.recipe, start_values={**model.recipe.start_values, **parameters}).open()
+def set_to(model: DescribedModel, values: Mapping[str, Value]) -> DescribedModel:
+    """Return a model with other parameters or start values, here and in every worker; it is closed with this one.
+
+    Nothing is opened again: a session is told them before it is initialised.
+
+    Raises:
+        InputError: no such variable, it cannot be set, or the value is not of its type.
+    """
+    return model.starting_with(check_starts(values, {v.name: v for v in model.description.variables}))
 
 
 class Varied:

@@ -34,7 +34,7 @@ _MARKS = {"describing function": "o", "harmonic balance": "s", "shooting": "D", 
 _SIZES = {"describing function": 11.0, "harmonic balance": 8.5, "shooting": 6.0, "simulation": 5.0}
 _BIFURCATIONS = {
     "period doubling": ("s", "period doubling"),
-    "Neimark-Sacker": ("D", "Neimark–Sacker: a second frequency sets in"),
+    "Neimark-Sacker": ("D", "Neimark–Sacker"),
     "branch point": ("P", "branch point"),
 }
 _CONSTANT = 1e-6  # a frequency that varies by no more, relative, is drawn as constant
@@ -188,7 +188,7 @@ def _outputs(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
 
 
 def plot_branch(branch: Branch) -> Figure:
-    """Draw amplitude and frequency over the parameter; unstable parts dashed, folds marked.
+    """Draw amplitude and frequency over the parameter; unstable parts dashed, folds and Hopf points marked.
 
     Args:
         branch: what was followed.
@@ -222,6 +222,9 @@ def draw_branch(ax: Axes, branch: Branch, of: Callable[[BranchPoint], float]) ->
             ax.plot(x, np.where(shown, y, np.nan), style, color=COLOURS[0 if stable else 1], linewidth=1.4, label=words)
     if branch.folds:
         ax.plot([p.value for p in branch.folds], [of(p) for p in branch.folds], "o", color="#444444", label="fold")
+    if branch.hopf:
+        hopf = [p.value for p in branch.hopf], [of(p) for p in branch.hopf]
+        ax.plot(*hopf, "^", color="#444444", markerfacecolor="white", label="Hopf point")
     for kind, (mark, words) in _BIFURCATIONS.items():
         there = [p for p in branch.bifurcations if p.kind == kind]
         if there:

@@ -204,16 +204,16 @@ def _branch(branch: Branch, unit: str | None = None, input_unit: str | None = No
     rows = sampled_rows([_branch_point(p) for p in branch.points], _MOST_ROWS)
     sizes = (bracketed(n, input_unit) for n in ("amplitude", "fundamental", "mean"))
     headings = (bracketed(branch.parameter, unit), "frequency [Hz]", *sizes, "cycle")
-    folds = [_branch_point(p)[:-1] for p in branch.folds]
+    folds, hopf = ([_branch_point(p)[:-1] for p in found] for found in (branch.folds, branch.hopf))
     others = [(*_branch_point(p)[:-1], _KINDS.get(p.kind, p.kind)) for p in branch.bifurcations]
     shown = f"{len(rows)} of {len(branch.points)} points; JSON and CSV hold all."
     return Section(
         f"O{_followed(branch)[1:]}",
-        figures=[(branch.plot, "Amplitude and frequency; unstable parts dashed; folds and bifurcations marked.")],
+        figures=[(branch.plot, "Amplitude and frequency; unstable parts dashed; where something begins is marked.")],
         items=[f"begins: {branch.ends[0]}", f"ends: {branch.ends[1]}"],
         tables=[
             Table((*headings[:-1], "what begins")[: len(table[0])], table, title=title, right=range(5))
-            for title, table in (("Folds", folds), ("Bifurcations", others))
+            for title, table in (("Folds", folds), ("Hopf points: the cycle is gone", hopf), ("Bifurcations", others))
             if table
         ],
         parts=[Section("Points", paragraphs=[shown], tables=[Table(headings, rows, right=range(5))], folded=True)],

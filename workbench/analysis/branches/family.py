@@ -133,9 +133,7 @@ class Forced(Family):
         value = None if self.is_logarithmic else self.value(p)
         if self._map is None or value != self._value:
             self._open.close()
-            model = self.model
-            if value is not None:
-                model = self._open.enter_context(with_parameters(model, {self.vary: value}))
+            model = self.model if value is None else with_parameters(self.model, {self.vary: value})
             session = self._open.enter_context(model.open_session())
             if not isinstance(session, CompiledMeSession):
                 raise InputError("branches: the states of co-simulation cannot be set while it runs; use interface me")

@@ -64,7 +64,7 @@ class _Search:
         most: places on a branch.
         marks: parameters at which there is to be a place.
         tracks: what was found, with the family of each.
-        unfinished: what is being followed, likewise.
+        unfinished: returns what is being followed, as far as it goes; None: nothing is.
         families: all of them, to be closed.
     """
 
@@ -73,7 +73,7 @@ class _Search:
     most: int
     marks: Sequence[float] = ()
     tracks: list[tuple[Forced, Track]] = field(default_factory=list)
-    unfinished: list[tuple[Forced, Track]] = field(default_factory=list)
+    unfinished: tuple[Forced, Callable[[], Track]] | None = None
     families: list[Forced] = field(default_factory=list)
     _left: int = 0
 
@@ -147,7 +147,7 @@ class _Search:
             return
         if near(place.x, crossing.x, crossing.lap.unit) > 0.1 * abs(aside) and not self._is_known(family, place):
             track = follow(family, place, self._manner(family), way=0.0)
-            self.unfinished.clear()
+            self.unfinished = None
             track.ends = ("it leaves another branch", track.ends[1])
             if not self._is_known(family, track.places[len(track.places) // 2]):
                 self.tracks.append((family, track))
@@ -198,19 +198,25 @@ class _Search:
         if self._is_known(family, place):
             return
         track = both_ways(family, place, self._manner(family))
-        self.unfinished.clear()
+        self.unfinished = None
         # Where it meets the branch of half its period it crosses itself: that is told there, as a period doubling.
         own = [s for s in track.special if family.order == 1 or not self._repeats_earlier(s.place, family.order)]
         self.tracks.append((family, replace(track, special=own)))
 
     def _manner(self, family: Forced) -> Manner:
         """Return how a branch is followed, so that what is there is kept if it is stopped."""
-        return Manner(
-            told=self.told,
-            begun=lambda track: self.unfinished.append((family, track)),
-            most=self.most,
-            marks=self.marks,
-        )
+
+        def begun(so_far: Callable[[], Track]) -> None:
+            self.unfinished = family, so_far
+
+        return Manner(told=self.told, begun=begun, most=self.most, marks=self.marks)
+
+    def so_far(self) -> list[tuple[Forced, Track]]:
+        """Return the branches that were followed, the last one as far as it goes."""
+        if self.unfinished is None:
+            return self.tracks
+        family, track = self.unfinished
+        return [*self.tracks, (family, track())]
 
 
 def explore(
@@ -270,7 +276,7 @@ def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
     units = {v.name: v.unit for v in (*model.parameters, *model.inputs, *model.outputs, *model.states)}
 
     def result() -> BranchesResult:
-        now = [t for search in at_work for t in (*search.tracks, *search.unfinished)]
+        now = [t for search in at_work for t in search.so_far()]
         every = [*found, *((None if vary == "amplitude" else f.amplitude, f, t) for f, t in now)]
         branches = tuple(_branch(family, track, amplitude) for amplitude, family, track in every)
         return BranchesResult(
@@ -292,7 +298,7 @@ def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
             operating_point=point,
         )
 
-    job.partial = lambda: result() if found or any(s.tracks or s.unfinished for s in at_work) else None
+    job.partial = lambda: result() if found or any(s.so_far() for s in at_work) else None
     job.notes = notes
     frequency = several(asked.frequencies or (1.0,))[0]
     with job.ended_by(lambda: None):  # it ends before the next period

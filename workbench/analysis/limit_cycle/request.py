@@ -64,6 +64,10 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
     command = "limit-cycle"
     algorithm = "workbench.analysis.limit_cycle.run:run"
     example = "workbench limit-cycle system:failed_aileron --block damper --output z_wing_tip --plot cycle.png"
+    details = (
+        "Several blocks, one with states, in connections that close at 140 s: `workbench limit-cycle "
+        "system:failed_aileron_feedforward --block damper --block actuator --amplitude 0.01:1 --time 150 --band 1:10`"
+    )
     counts = "steps"
     subject = replace(
         Analysis.subject,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -68,26 +68,20 @@ def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult
     with ExitStack() as keep, one_thread():
         loop = cut(system, *asked.block, at=system.at, time=time, keep=keep)
         predicted = predict(system, loop, asked)
-        job.done("crossings", _PARTS, _PARTS * steps)
         work = _Work(system, loop, predicted, names, asked, time, keep, job)
-        result = work.run()
-        job.partial = lambda: replace(result, branches=work.followed_so_far())
+        work.notes += remarks
+        job.partial, work.stage = work.result, (_PARTS, _PARTS * steps)
+        job.done("crossings", *work.stage)
+        work.run()
         job.done("limit cycles", 2 * _PARTS, _PARTS * steps)
         for count, (name, limits) in enumerate(asked.vary.items(), start=2):
             work.stage = count * _PARTS, _PARTS * steps
             work.follow(name, limits)
             job.done(f"cycles over {name}", (count + 1) * _PARTS, _PARTS * steps)
-        units = {v.name: v.unit for v in system.description.variables if v.name in asked.vary}
-        run_freely = None if asked.run_until is None else work.run_freely(asked.run_until, signals_of(asked.inputs))
+        if asked.run_until is not None:
+            work.run_freely(asked.run_until, signals_of(asked.inputs))
         job.done("run from rest", _PARTS * steps, _PARTS * steps)
-        return replace(
-            result,
-            branches=tuple(work.branches),
-            free_run=run_freely,
-            units=units,
-            notes=tuple(dict.fromkeys([*remarks, *work.notes])),
-            operating_point=named(system, loop.point),
-        )
+        return work.result()
 
 
 def _outputs(system: DescribedModel, outputs: Sequence[str] | None) -> tuple[str, ...]:
@@ -113,22 +107,26 @@ class _Work:
     answering: tuple[Block, ...] = ()
     observed: list[Observation] = field(default_factory=list)
     branches: list[Branch] = field(default_factory=list)
-    following: list[Callable[[], Branch]] = field(default_factory=list)
+    following: Callable[[], Branch] | None = None
+    run_from_rest: FreeRun | None = None
     stage: tuple[int, int] = (0, 1)
 
-    def followed_so_far(self) -> tuple[Branch, ...]:
-        """Return the branches that were followed, the last as far as it goes."""
-        return (*self.branches, *(branch() for branch in self.following))
-
-    def run(self) -> LimitCycleResult:
+    def run(self) -> None:
+        """Refine each predicted cycle; where none is predicted, look for one."""
         self.notes += [*self.loop.notes, *self.predicted.notes]
-        for number, crossing in enumerate(self.predicted.curve.crossings):
+        crossings, (done, total) = self.predicted.curve.crossings, self.stage
+        for number, crossing in enumerate(crossings):
             if crossing.amplitude is not None:
                 self._refine(number, crossing, crossing.amplitude)
+            far = (number + 1) / (len(crossings) + 1)
+            self.job.done(f"cycles of crossing {number + 1}", done + int(_PARTS * far), total)
         if not self.found and SIMULATION in self.asked.methods:
             self._observe()
+
+    def result(self) -> LimitCycleResult:
+        """Return what is found so far; of a branch that is being followed, what there is of it."""
         shown = tuple(sorted((c for c in self.found if c.method in self.asked.methods), key=_place))
-        self.notes += contradictions(shown, self.loop.ports.v)
+        notes = [*self.notes, *contradictions(shown, self.loop.ports.v)]
         model, ports = self.system, self.loop.ports
         return LimitCycleResult(
             model=model.name,
@@ -143,7 +141,11 @@ class _Work:
             limit_cycles=shown,
             simulated=self.simulated,
             observed=tuple(self.observed),
-            notes=tuple(dict.fromkeys(self.notes)),
+            branches=(*self.branches, *([] if self.following is None else [self.following()])),
+            free_run=self.run_from_rest,
+            units={v.name: v.unit for v in model.description.variables if v.name in self.asked.vary},
+            notes=tuple(dict.fromkeys(notes)),
+            operating_point=named(model, self.loop.point),
         )
 
     def _refine(self, number: int, c: Crossing, amplitude: float) -> None:
@@ -242,11 +244,12 @@ class _Work:
         self.keep.callback(driven.close)
         return driven
 
-    def run_freely(self, stop: float, inputs: Mapping[str, Signal]) -> FreeRun:
-        """Return the run from rest."""
+    def run_freely(self, stop: float, inputs: Mapping[str, Signal]) -> None:
+        """Run from rest."""
         found = [c.frequency_hz for c in self.predicted.curve.crossings if c.amplitude is not None]
         fastest = max(found) if found else _FASTEST
-        return free_run(self.system, self.loop.ports.v, stop=stop, inputs=inputs, fastest=fastest, start_time=self.time)
+        v, begin = self.loop.ports.v, self.time
+        self.run_from_rest = free_run(self.system, v, stop=stop, inputs=inputs, fastest=fastest, start_time=begin)
 
     def follow(self, name: str, limits: tuple[float, float]) -> None:
         """Follow the closed orbits that shooting found over a parameter, each branch once.
@@ -269,7 +272,10 @@ class _Work:
 
         def ended(branch: Branch) -> None:
             self.branches.append(branch)
-            self.following.clear()
+            self.following = None
+
+        def begun(so_far: Callable[[], Branch]) -> None:
+            self.following = so_far
 
         self.notes += follow_cycles(
             cycles,
@@ -277,7 +283,7 @@ class _Work:
             orbits,
             stopped=lambda: self.job.stopped,
             told=lambda part, value: self.job.done(f"{name} = {value:.6g}", done + int(_PARTS * part), total),
-            begun=self.following.append,
+            begun=begun,
             ended=ended,
         )
 

@@ -189,7 +189,7 @@ class Orbits(Family):
 
     def _period(self, model: DescribedModel, x: Floats, period: float, intervals: int) -> Lap:
         with self._session(model, x) as session:
-            lap = PeriodMap(session, self.watch).lap(1.0 / period, intervals=intervals)
+            lap = PeriodMap(session, self.watch, derived=False).lap(1.0 / period, intervals=intervals)
         order = self._order(model)
         sizes = np.array([self.sizes[n] for n in self.names])
         least = np.maximum(sizes, 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300))
@@ -276,8 +276,15 @@ def follow_orbits(
         begun: is given what returns the branch as far as it goes.
         noted: is told what could not be located.
     """
+    measured: dict[bytes, BranchPoint] = {}
 
     def point(place: Place) -> BranchPoint:
+        key = np.append(place.x, place.p).tobytes()  # a place that is turned is another object
+        if key not in measured:
+            measured[key] = measure(place)
+        return measured[key]
+
+    def measure(place: Place) -> BranchPoint:
         p = min(max(place.p, 0.0), 1.0)
         found = orbits.orbit(place, p)
         return BranchPoint(
@@ -296,8 +303,7 @@ def follow_orbits(
 
     def branch(track: Track) -> Branch:
         points = tuple(map(point, track.places))
-        ends = ("it closes", "it closes") if track.closed else track.ends
-        outwards = [points[::step] for why, step in zip(ends, (1, -1), strict=True) if why == VANISHES]
+        outwards = [points[::step] for why, step in zip(track.ends, (1, -1), strict=True) if why == VANISHES]
         return Branch(
             parameter=parameter,
             points=points,
@@ -306,11 +312,11 @@ def follow_orbits(
                 Bifurcation(**vars(turning(s.place)), kind=s.kind) for s in track.special if s.kind != "fold"
             ),
             hopf=tuple(h for way in outwards for h in _vanished(way)),
-            ends=ends,
+            ends=track.ends,
             start=begin,
         )
 
-    manner = replace(manner, most=_MOST_ORBITS, begun=lambda track: begun(lambda: branch(track)))
+    manner = replace(manner, most=_MOST_ORBITS, begun=lambda so_far: begun(lambda: branch(so_far())))
     track = both_ways(orbits, first, manner)
     for missed in track.missed:
         low, high = (limits[0] + (limits[1] - limits[0]) * p for p in sorted(missed.p))

@@ -14,7 +14,7 @@ from workbench.analysis.periodic.continuation import Manner
 from workbench.analysis.periodic.place import Place
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
-from workbench.model.varied import Varied, opened_with
+from workbench.model.varied import Varied, set_to
 
 __all__ = ["GAIN", "Range", "follow_cycles", "range_of"]
 
@@ -31,14 +31,16 @@ class Range:
         name: of the parameter, or "gain".
         low, high: its bounds.
         start: its value in the system as it is.
-        opened: its value → the system there; the caller closes it.
+        at: its value → the system there; it stays open.
+        close: closes what was opened for that.
     """
 
     name: str
     low: float
     high: float
     start: float
-    opened: Callable[[float], DescribedModel]
+    at: Callable[[float], DescribedModel]
+    close: Callable[[], None]
 
     def value(self, p: float) -> float:
         """Return the value at p in 0 … 1."""
@@ -71,11 +73,12 @@ def range_of(model: DescribedModel, name: str, limits: tuple[float, float], *, p
     low, high = limits
     if not low <= start <= high or not low < high:
         raise InputError(f"{name}: its value {start:g} must lie between the limits {low:g} and {high:g}")
+    kept = Varied(lambda value: _amplified(model, ports, value))
 
-    def opened(value: float) -> DescribedModel:
-        return _amplified(model, ports, value) if name == GAIN else opened_with(model, {name: value})
+    def at(value: float) -> DescribedModel:
+        return kept.at(value) if name == GAIN else set_to(model, {name: value})
 
-    return Range(name, low, high, start, opened)
+    return Range(name, low, high, start, at, kept.close)
 
 
 def _amplified(model: DescribedModel, ports: Ports, factor: float) -> DescribedModel:
@@ -105,17 +108,16 @@ def follow_cycles(
         orbits: (p → the system there, a cycle) → its family.
         stopped: asked between places; true ends it by KeyboardInterrupt.
         told: called with the part of the work that is done, and the value.
-        begun: is given what returns a branch as far as it goes.
+        begun: is given what returns the branch being followed, as far as it goes.
         ended: is given each branch when it is complete.
     """
     branches: list[Branch] = []
     notes: list[str] = []
-    varied = Varied(over.opened)
     try:
         for number, cycle in enumerate(cycles):
             if any(_passes(b, over.start, cycle) for b in branches):
                 continue
-            family = orbits(lambda p: varied.at(over.value(p)), cycle)
+            family = orbits(lambda p: over.at(over.value(p)), cycle)
             try:
                 first = family.arrive(cycle.states or {}, cycle.frequency_hz, over.begin)
             except SimulationError as error:
@@ -135,7 +137,7 @@ def follow_cycles(
             )
             ended(branches[-1])
     finally:
-        varied.close()
+        over.close()
     return notes
 
 

@@ -206,11 +206,11 @@ def _point(answer: Reply | Lost) -> LinPoint:
 
 def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
     """Linearise one point of a grid; what a worker process runs."""
-    with with_parameters(model, job.parameters) as varied:
-        try:
-            yield LinPoint(job.varied, run(make_task(varied, job.asked), job.asked.method))
-        except SimulationError as error:
-            yield LinPoint(job.varied, None, str(error), error.kind)
+    varied = with_parameters(model, job.parameters)
+    try:
+        yield LinPoint(job.varied, run(make_task(varied, job.asked), job.asked.method))
+    except SimulationError as error:
+        yield LinPoint(job.varied, None, str(error), error.kind)
 
 
 def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | nullcontext[None]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,21 +51,18 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     width = _TOLERANCE * (grid[-1] - grid[0]) if asked.tolerance is None else asked.tolerance
     found, common, moving = [], dict(asked.set or {}), list[str]()
     first: OperatingPoint | None = None
-    with ExitStack() as stack:
-        configured = [
-            stack.enter_context(with_parameters(model, {**common, **settings})) for settings in ({}, *against)
-        ]
-        for number, (settings, opened) in enumerate(zip(({}, *against), configured, strict=True), 1):
-            job.stage(number, len(configured))
-            label = _label(settings or _own(model, common, against))
-            source = ModelSource(opened, vary, how, trimmed=asked.trimmed)
-            source.prepare(grid, asked.place.apart, job, label=label or vary)
-            _check_enough(source, grid, vary)
-            found.append(_one_set(source, grid, label, dict(settings), width))
-            moving += _moving(source, label)
-            first = first or next(
-                (r.operating_point for v in grid if (r := source.results.get(float(v))) is not None), None
-            )
+    configured = [with_parameters(model, {**common, **settings}) for settings in ({}, *against)]
+    for place, (settings, opened) in enumerate(zip(({}, *against), configured, strict=True), 1):
+        job.stage(place, len(configured))
+        label = _label(settings or _own(model, common, against))
+        source = ModelSource(opened, vary, how, trimmed=asked.trimmed)
+        source.prepare(grid, asked.place.apart, job, label=label or vary)
+        _check_enough(source, grid, vary)
+        found.append(_one_set(source, grid, label, dict(settings), width))
+        moving += _moving(source, label)
+        first = first or next(
+            (r.operating_point for v in grid if (r := source.results.get(float(v))) is not None), None
+        )
     unit = next((v.unit for v in model.description.variables if v.name == vary), None)
     return ModesResult(
         model=model.name,

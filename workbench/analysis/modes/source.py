@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 
 from workbench.analysis.lin.linearise import run
@@ -93,7 +93,8 @@ def _linearised(model: Model, job: _Single) -> Iterator[LinPoint]:
 def _set(model: Model, job: _Single) -> AbstractContextManager[Model]:
     if job.vary in _gains(model):
         return _with_gain(model, job.vary, job.value)
-    return with_parameters(model, {job.vary: job.value} if job.vary in {v.name for v in model.parameters} else {})
+    varied = {job.vary: job.value} if job.vary in {v.name for v in model.parameters} else {}
+    return nullcontext(with_parameters(model, varied))
 
 
 def _trimmed(model: Model, job: _Single) -> OperatingPoint:

@@ -16,10 +16,10 @@ __all__ = ["another", "disagreements", "jumps", "may_jump", "solved", "stepped_o
 # A change between neighbouring frequencies this large, and this many times the changes beside it, is a jump.
 _LARGE, _STEEPER = 0.5, 4.0
 
-_AFRESH = "on one side there are probably two stable responses; --branches shows all"
-_CARRIED = (
-    "the one that the sweep followed ends there; points in between were measured on the way; --branches shows all"
-)
+_AFRESH = "on one side there are probably two stable responses"
+_CARRIED = "the one that the sweep followed ends there; points in between were measured on the way"
+# Interface → what shows the others.
+_OTHERS = {"me": "--branches shows all", "cs": "sweeps with --carry, one rising and one falling, show both"}
 
 # A linear response does not jump; one this much distorted may.
 _DISTORTED = 0.005
@@ -33,7 +33,7 @@ _BENT, _BENDS = 0.03, 3e-4
 _MEMORY = 0.5
 
 
-def jumps(row: Sequence[NfrPoint], *, carried: bool = False) -> list[str]:
+def jumps(row: Sequence[NfrPoint], *, carried: bool = False, interface: str = "me") -> list[str]:
     """Return a line for each place where the response jumps from one frequency to the next.
 
     A branch of periodic responses that folds back ends there, and the model goes to another branch, which must have
@@ -43,6 +43,7 @@ def jumps(row: Sequence[NfrPoint], *, carried: bool = False) -> list[str]:
         row: points of one amplitude, rising in frequency.
         carried: whether the state was kept from one to the next; then those that have not settled count, too, as far
             as their errors allow: while it jumps, and beside that, hardly any settles.
+        interface: of the model.
     """
     good = [p for p in row if p.response and (p.status == "settled" or (carried and _is_known(p)))]
     changes = [_apart(a, b) for a, b in pairwise(good)]
@@ -57,7 +58,8 @@ def jumps(row: Sequence[NfrPoint], *, carried: bool = False) -> list[str]:
         if max(_distortion(low), _distortion(high)) >= _DISTORTED:
             where = f"between {low.frequency:.6g} and {high.frequency:.6g} Hz, amplitude {low.amplitude:g}"
             gains = f"from gain {abs(low.response or 0.0):.4g} to {abs(high.response or 0.0):.4g}"
-            found.append(f"{where}, the response jumps {gains}: {_CARRIED if carried else _AFRESH}")
+            why = _CARRIED if carried else _AFRESH
+            found.append(f"{where}, the response jumps {gains}: {why}; {_OTHERS[interface]}")
     return found
 
 

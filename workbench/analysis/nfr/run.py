@@ -367,9 +367,13 @@ class Sweep:
         points = list(self._points.values())
         warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._asked.output)
         looked = {*self._second, *(b.amplitude for found in self._followed for b in found.branches)}
-        carried = self._asked.carry
+        seen = [
+            jumps(self._row(a), carried=self._asked.carry, interface=self._model.interface)
+            for a in self._amplitudes
+            if a not in looked
+        ]
         warnings = [
-            *(words for a in self._amplitudes if a not in looked for words in jumps(self._row(a), carried=carried)),
+            *chain.from_iterable(seen),
             *(words for a in self._amplitudes for words in stepped_over(self._row(a), self._second.get(a, ()))),
             *disagreements(self._points, self._before), *self._told_of,
             *(w for found in self._second.values() for w in another(self._points, found, self._asked.output)),

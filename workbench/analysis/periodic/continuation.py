@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +20,9 @@ _EASY = 3
 
 # Strides along the branch, in units of the motion of the states and of the span of the parameter.
 _FIRST, _LONGEST, _SHORTEST = 0.02, 0.08, 1e-6
+
+# So few states may all change by the longest stride.
+_FEW = 3
 
 # Multipliers that are worse than this, relative to the largest, ask for better derivatives.
 _DOUBTED = 0.05
@@ -48,7 +52,7 @@ class Track:
     special: list[Special] = field(default_factory=list)
     missed: list[Missed] = field(default_factory=list)
     closed: bool = False
-    ends: tuple[str, str] = ("", "")
+    ends: tuple[str, str] = ("stopped; not followed further", "stopped; not followed further")
 
     def passed(self, family: Family, a: Place, b: Place) -> None:
         """Keep what lies between two neighbouring places.
@@ -72,14 +76,14 @@ class Manner:
     Attributes:
         stopped: asked between places; true ends it by KeyboardInterrupt.
         told: called with each place.
-        begun: called with the branch, which fills up while it is followed.
+        begun: is given what returns the branch as far as it goes.
         most: number of places.
         marks: parameters at which there is to be a place.
     """
 
     stopped: Callable[[], bool] = lambda: False
     told: Callable[[Place], None] = lambda _: None
-    begun: Callable[[Track], None] = lambda _: None
+    begun: Callable[[Callable[[], Track]], None] = lambda _: None
     most: int = _MOST_PLACES
     marks: Sequence[float] = ()
 
@@ -104,7 +108,7 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
     """
     here = first if way == 0.0 or first.direction[-1] * way > 0.0 else turned(first)
     track, stride = Track([here]), _FIRST
-    manner.begun(track)
+    manner.begun(lambda: track)
     family.moved_on(here)  # a walk the other way may have been elsewhere before
     while True:
         if manner.stopped():
@@ -144,7 +148,7 @@ def _marked(family: Family, here: Place, there: Place, marks: Sequence[float]) -
 
 
 def _ended(track: Track, why: str) -> Track:
-    track.ends = (track.ends[0], why)
+    track.ends = (why if track.closed else track.ends[0], why)
     return track
 
 
@@ -170,8 +174,19 @@ def _next(family: Family, here: Place, stride: float) -> tuple[Place, float] | s
         if straight < _STRAIGHT and stride > 16.0 * _SHORTEST:
             stride *= 0.5
             continue
-        return place, min(_LONGEST, stride * (1.6 if place.periods <= _EASY and straight > 0.98 else 1.0))
+        return place, min(_longest(place), stride * (1.6 if place.periods <= _EASY and straight > 0.98 else 1.0))
     return f"no place further on: {why}"
+
+
+def _longest(here: Place) -> float:
+    """Return how long a stride from a place may be.
+
+    Where all of n states change by the same part of their motion, the stride is √n times that. So that a branch of many
+    states takes no more places than one of few, it is what the states change by on average that is limited, and the
+    parameter by itself.
+    """
+    many = math.sqrt(max(len(here.x) / _FEW, 1.0))
+    return _LONGEST * min(many, 1.0 / max(abs(float(here.direction[-1])), 1e-300))
 
 
 def _missed(here: Place, there: Place, stride: float) -> float:
@@ -218,7 +233,12 @@ def both_ways(family: Family, first: Place, manner: Manner) -> Track:
     up = follow(family, first, manner, way=1.0)
     if up.closed:
         return up
-    down = follow(family, first, manner, way=-1.0)
+    whole = replace(manner, begun=lambda so_far: manner.begun(lambda: _joined(so_far(), up)))
+    return _joined(follow(family, first, whole, way=-1.0), up)
+
+
+def _joined(down: Track, up: Track) -> Track:
+    """Return the branch that two tracks from one place are, from the end of the first to that of the second."""
     before = [turned(p) for p in reversed(down.places)]
     special = [*reversed(down.special), *up.special]
     return Track(before[:-1] + up.places, special, [*down.missed, *up.missed], ends=(down.ends[1], up.ends[1]))

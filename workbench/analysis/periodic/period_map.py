@@ -138,6 +138,7 @@ class PeriodMap:
         centre: about which the forcing moves.
         rows: per period.
         order: how many periods of the forcing the motion takes, more than 1 for a subharmonic.
+        derived: whether the derivative of what the output does is wanted, too.
     """
 
     session: CompiledMeSession
@@ -146,6 +147,7 @@ class PeriodMap:
     centre: float = 0.0
     rows: int = ROWS
     order: int = 1
+    derived: bool = True
 
     def lap(self, frequency: float, amplitude: float = 0.0, x: Floats | None = None, *, intervals: int = 0) -> Lap:
         """Run one period.
@@ -181,7 +183,8 @@ class PeriodMap:
         if slopes is None or not slopes.complete or not np.isfinite(slopes.A).all():
             return lap
         unit = _motion(np.vstack([slopes.x, x0, lap.x1]))
-        return replace(lap, unit=unit, tangent=tangent(slopes, length, unit, self.order), flow=slopes.dx[0])
+        found = tangent(slopes, length, unit, self.order, rows=self.derived)
+        return replace(lap, unit=unit, tangent=found, flow=slopes.dx[0])
 
     def by_differences(self, lap: Lap, frequency: float, amplitude: float = 0.0) -> Lap:
         """Return a lap with the derivative of the map by differences of whole periods: right with jumps of the flow.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -13,8 +14,8 @@ from workbench.errors import SimulationError
 
 __all__ = ["Missed", "Special", "between"]
 
-# A special point is located to this part of a stride.
-_LOCATED, _CROSSING = 1e-7, 1e-3
+# A special point is located to this part of a stride. At a fold the parameter changes with the square of what is left.
+_LOCATED, _CROSSING, _FLAT = 1e-6, 1e-3, 1e-3
 
 # So many strides before or after where it was noticed.
 _STRIDES = 6
@@ -92,13 +93,15 @@ def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
     from scipy.optimize import brentq  # noqa: PLC0415 - slow to import, and every sweep imports this module
 
     far = float(np.append((b.x - a.x) / a.lap.unit, b.p - a.p) @ a.direction)
+    largest = max(abs(_tests(a)[kind]), abs(_tests(b)[kind]))
     tried: list[tuple[float, Place]] = []
 
+    @cache
     def value(s: float) -> float:
         place = stride_from(family, a, s, exact=True)
         found = _tests(place)[kind]
         tried.append((abs(found), place))
-        return found
+        return 0.0 if kind == "fold" and abs(found) < _FLAT * largest else found
 
     # Where branches cross, Newton's method has no direction: there the nearest place that was reached counts.
     crossing = kind == "branch point"
@@ -108,7 +111,6 @@ def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
     if not tried:
         return None
     least, place = min(tried, key=lambda one: one[0])
-    largest = max(abs(_tests(a)[kind]), abs(_tests(b)[kind]))
     passed = least < (0.1 if crossing else 0.01) * largest
     return place if passed else None
 
@@ -141,7 +143,7 @@ def _bracket(value: Callable[[float], float], far: float) -> tuple[float, float]
     low, high = 0.0, far
     at_low, at_high = value(low), value(high)
     for _ in range(_STRIDES):
-        if at_low * at_high < 0.0:
+        if at_low * at_high <= 0.0:
             break
         if abs(at_low) < abs(at_high):
             low, high, at_high = 2.0 * low - high, low, at_low

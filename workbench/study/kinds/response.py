@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
@@ -107,6 +108,9 @@ class Offset(_AtFrequency):
 class Bandwidth(OfResponse, Limited):
     """The frequency at which the gain has fallen by 3 dB, or the phase to −90° [Hz].
 
+    It is interpolated in dB (or deg) over log frequency between two points, which are told: a limit between them is
+    met or not by that straight line alone; a smaller ratio of frequencies brings them closer.
+
     Attributes:
         criterion: "gain" or "phase".
         drop: how far the gain falls [dB].
@@ -128,9 +132,9 @@ class Bandwidth(OfResponse, Limited):
         values = curve.values(self.criterion)
         level = self.angle if self.criterion == "phase" else self._level(values)
         crossed = _falls_below(curve.frequency, values, level)
-        curve.check_failed(0.0, crossed or math.inf)
+        curve.check_failed(0.0, math.inf if crossed is None else crossed.high)
         if crossed is not None:
-            return Value(value=crossed, where=curve.label, unit="Hz")
+            return Value(value=crossed.value, where=", ".join(filter(None, [crossed.words, curve.label])), unit="Hz")
         last = curve.frequency[-1]
         # Enough for a smallest bandwidth; for a largest one nothing is known beyond.
         if self.max is not None or self.equal is not None or (self.min or 0.0) > last:
@@ -141,14 +145,33 @@ class Bandwidth(OfResponse, Limited):
         return (values[0] if self.reference is None else self.reference) - self.drop
 
 
-def _falls_below(frequencies: Sequence[float], values: Sequence[float], level: float) -> float | None:
-    """Return the first frequency at which the values fall to a level; None: they do not."""
+@dataclass(frozen=True)
+class _Crossed:
+    """Where values fall to a level.
+
+    Attributes:
+        value: by a straight line [Hz].
+        low, high: the points before and after it [Hz].
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def words(self) -> str:
+        """Between which points; empty: it is one of them."""
+        return f"between {self.low:.4g} and {self.high:.4g} Hz" if self.low < self.value < self.high else ""
+
+
+def _falls_below(frequencies: Sequence[float], values: Sequence[float], level: float) -> _Crossed | None:
+    """Return where the values first fall to a level; None: they do not."""
     if values[0] <= level:
-        return frequencies[0]
+        return _Crossed(frequencies[0], frequencies[0], frequencies[0])
     for k in range(1, len(values)):
         if values[k] <= level:
-            part = (values[k - 1] - level) / (values[k - 1] - values[k])
-            return frequencies[k - 1] * math.exp(part * math.log(frequencies[k] / frequencies[k - 1]))
+            part, (low, high) = (values[k - 1] - level) / (values[k - 1] - values[k]), frequencies[k - 1 : k + 1]
+            return _Crossed(low * (high / low) ** part, low, high)
     return None
 
 
