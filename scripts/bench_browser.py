@@ -30,7 +30,7 @@ import workbench as wb  # noqa: E402
 from tests.ui_server import Ui, browser_workbench  # noqa: E402
 
 POINTS = 5000
-NEEDED = ("starlette", "uvicorn", "h11", "click", "anyio", "idna")
+NEEDED = ("starlette", "uvicorn", "h11", "click", "anyio", "idna", "tomlkit")
 
 # Each picture begins with an empty canvas.
 WATCH = """

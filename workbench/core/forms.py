@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FILE",
+    "MODEL",
     "TEXTS",
     "VARIED",
     "Band",
@@ -51,6 +52,7 @@ class Form:
         write: the value → texts, one for each time the option has to be given.
         take: what Python or a TOML file holds → the value; raises ValueError with what is wrong.
         repeated: whether the option can be given several times.
+        files: the texts → those files and models that they name, for whoever opens only some.
     """
 
     metavar: str
@@ -58,6 +60,7 @@ class Form:
     write: Callable[[Any], list[str]]
     take: Callable[[Any], Any]
     repeated: bool = False
+    files: Callable[[Sequence[str]], Sequence[str]] = lambda _: ()
 
 
 def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOML file holds
@@ -356,6 +359,12 @@ FILE = Form(
     read=lambda texts: Path(texts[-1]),
     write=lambda value: [str(value)],
     take=lambda value: value,
+    files=lambda texts: texts,
+)
+
+# An FMU or a system beside the one that is analysed.
+MODEL = Form(
+    metavar="MODEL", read=lambda texts: texts[-1], write=lambda value: [value], take=str, files=lambda texts: texts
 )
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 from workbench.analysis.commands import REQUESTS, request_of
 from workbench.analysis.request import Request, asked_options, request_from
-from workbench.core.forms import FILE
 from workbench.core.loading import Loading
 from workbench.core.option import Declared
 from workbench.errors import InputError
@@ -122,8 +121,7 @@ def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple
         try:
             value = _given(declared, given.get(name))
             if value is not None:
-                if declared.form is FILE:
-                    value = root.name_of(root.path(value, new=name == _STORE))
+                _check_files(declared, value, root, new=name == _STORE)
                 declared.read(value)
                 values[name] = value
             elif declared.required or name in request.needs:
@@ -142,6 +140,18 @@ def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple
     if wrong:
         raise FormError(wrong)
     return asked
+
+
+def _check_files(declared: Declared, value: Any, root: Root, *, new: bool) -> None:  # noqa: ANN401 - of a form
+    """Refuse files that are not in the folder.
+
+    Raises:
+        NotHereError: what is told of the first one.
+    """
+    if declared.form is None:
+        return
+    for file in declared.form.files(value if isinstance(value, list) else [value]):
+        root.find(file, new=new)
 
 
 def _stand_in(declared: Declared) -> Any:  # noqa: ANN401 - of a form
