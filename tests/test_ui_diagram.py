@@ -157,3 +157,23 @@ def test_what_is_wrong_with_a_part_is_said_and_the_others_are_drawn(tmp_path: Pa
     for wrong in ("x", "[components]\na = 1\n[connections]\n1", "components = 1"):
         with pytest.raises(InputError):
             drawn(wrong, Root(tmp_path), "loop.toml")
+
+
+@pytest.mark.parametrize(
+    ("entry", "label"),
+    [
+        ("2", "× 2"),
+        ("{gain = -0.5}", "× -0.5"),
+        ('{sum = "+-"}', "+ −"),
+        ("{sum = [1.0, -2.0]}", "1.0 −2.0"),
+        ("{numerator = [1.0], denominator = [0.1, 1.0]}", "(1) / (0.1 s + 1)"),
+        ("{numerator = [-0.05, 1.0], denominator = [1.0, 0.0, -2.0]}", "(−0.05 s + 1) / (s² − 2)"),
+        ("{numerator = [2.0], denominator = [1.0, -0.5], dt = 0.1}", "(2) / (z − 0.5)"),
+        ("{A = [[0.0, 1.0], [0.0, 0.0]], B = [[0.0], [1.0]], C = [[1.0, 0.0]]}", "2 states"),
+        ('"fmu:Rudder"', "fmu:Rudder"),
+    ],
+)
+def test_a_box_says_what_is_in_it(tmp_path: Path, entry: str, label: str) -> None:
+    found = drawn(f"[components]\npart = {entry}\n", Root(tmp_path), "loop.toml")
+    assert found["wrong"] == []
+    assert parts(found)["part"]["label"] == label

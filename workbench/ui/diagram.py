@@ -36,9 +36,9 @@ _Table = MutableMapping[str, Any]
 def drawn(text: str, root: Root, name: str) -> dict[str, Any]:
     """Return what a system file says, ready for JSON.
 
-    `components` have `name`, `what` (as it is written), `model` (as the browser names it; empty: a block), `inputs` and
-    `outputs` (of a block); `connections` have `from`, `to` and `more` (gain, unit, …); `inputs` and `outputs` are lists
-    of [name, variable of a component]; `wrong` says what cannot be used.
+    `components` have `name`, `label` (what stands in the box), `what` (as it is written), `model` (as the browser
+    names it; empty: a block), `inputs` and `outputs` (of a block); `connections` have `from`, `to` and `more` (gain,
+    unit, …); `inputs` and `outputs` are lists of [name, variable of a component]; `wrong` says what cannot be used.
 
     Args:
         text: of the file.
@@ -79,8 +79,10 @@ def _component(name: str, given: object, root: Root, folder: Path, wrong: list[s
     from workbench.system.description import FmuComponent  # noqa: PLC0415
     from workbench.system.toml_components import read_component  # noqa: PLC0415
 
-    found: dict[str, Any] = {"name": name, "what": _written(given), "model": "", "inputs": [], "outputs": []}
-    table = given if isinstance(given, dict) else {"model": given}
+    table = given if isinstance(given, dict) else {"gain" if isinstance(given, int | float) else "model": given}
+    found: dict[str, Any] = {
+        "name": name, "label": "", "what": _written(given), "model": "", "inputs": [], "outputs": [],
+    }  # fmt: skip
     try:
         for key in ("model", "linear"):
             file = table.get(key)
@@ -93,9 +95,42 @@ def _component(name: str, given: object, root: Root, folder: Path, wrong: list[s
             if not isinstance(block, FmuComponent):
                 inputs, outputs, _ = block_ports(block)
                 found |= {"inputs": list(inputs), "outputs": list(outputs)}
+        found["label"] = next(label(table) for key, label in _LABELS.items() if key in table)
     except (InputError, NotHereError) as error:
         wrong.append(str(error))
     return found
+
+
+def _polynomial(coefficients: object, symbol: str) -> str:
+    """Return a polynomial as it is written by hand, highest power first: 0.1 s + 1."""
+    given = coefficients if isinstance(coefficients, list) else []
+    text = ""
+    for power, factor in zip(range(len(given) - 1, -1, -1), given, strict=True):
+        if factor:
+            size = f"{abs(factor):g}" if power == 0 or abs(factor) != 1 else ""
+            raised = "" if power == 0 else symbol + ("" if power == 1 else str(power).translate(_RAISED))
+            sign = "−" if factor < 0 else "+" if text else ""
+            text += f" {sign} " if text else sign
+            text += " ".join(filter(None, [size, raised]))
+    return text or "0"
+
+
+def _fraction(table: Mapping[str, Any]) -> str:
+    symbol = "z" if table.get("dt") else "s"
+    return " / ".join(f"({_polynomial(table.get(key), symbol)})" for key in ("numerator", "denominator"))
+
+
+_RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+# The key that tells what a component is → what stands in its box.
+_LABELS: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
+    "model": lambda table: str(table["model"]),
+    "gain": lambda table: f"× {table['gain']}",
+    "sum": lambda table: " ".join(map(str, table["sum"])).replace("-", "−"),
+    "A": lambda table: f"{len(table['A'])} states",
+    "linear": lambda table: str(table["linear"]),
+    "numerator": _fraction,
+}
 
 
 def _connection(to: str, given: object) -> dict[str, Any]:

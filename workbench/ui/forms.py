@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
 from workbench.analysis.commands import REQUESTS, request_of
 from workbench.analysis.request import Request, asked_options, request_from
 from workbench.core.loading import Loading
-from workbench.core.option import Declared
+from workbench.core.option import Declared, Option
 from workbench.errors import InputError
 from workbench.ui.root import NotHereError, Root
 
@@ -54,8 +54,6 @@ def form_of(command: str) -> dict[str, Any]:
     return {
         "command": command,
         "help": " ".join(first.split()),
-        "details": request.details,
-        "example": request.example,
         "counts": request.counts,
         "fields": [
             _field(name, d, group, needed=name in request.needs) for name, (d, group) in _options(request).items()
@@ -85,15 +83,24 @@ def _field(name: str, declared: Declared, group: str, *, needed: bool) -> dict[s
         "label": _label(name),
         "flag": declared.flag,
         "kind": _kind(declared),
-        "help": option.help,
+        "help": " ".join([option.help, *_range(option)]),
         "unit": option.unit,
         "metavar": option.metavar or (declared.form.metavar if declared.form is not None else ""),
         "choices": list(option.choices),
         "group": group,
         "required": needed,
         "default": declared.default if declared.type is bool else ", ".join(t.partition("=")[2] for t in default),
-        "least": 0.0 if option.positive else option.least,
     }
+
+
+def _range(option: Option) -> Iterator[str]:
+    """Yield what values an option takes, a sentence each."""
+    if option.positive:
+        yield "Positive."
+    elif option.least is not None:
+        yield f"At least {option.least:g}."
+    if option.below is not None:
+        yield f"Less than {option.below:g}."
 
 
 def _kind(declared: Declared) -> str:

@@ -13,8 +13,11 @@ function s(tag, properties, ...children) {
   return element;
 }
 
+const drafts = new Map(); // page → text that was not written yet
+
 export async function diagramPage([name, plant]) {
-  const text = name === "new" ? await fresh(plant) : (await get(`/api/text?name=${encodeURIComponent(name)}`)).text;
+  const key = `${name} ${plant ?? ""}`;
+  const text = drafts.get(key) ?? (name === "new" ? await fresh(plant) : (await get(`/api/text?name=${encodeURIComponent(name)}`)).text);
   const area = h("textarea", { id: "toml", rows: 22, value: text, spellcheck: false, "aria-describedby": "toml-help toml-wrong", oninput: () => draw() });
   const file = h("input", { type: "text", id: "file", value: name === "new" || name.includes(":") ? "loop.toml" : name, spellcheck: false });
   const place = h("div");
@@ -35,6 +38,7 @@ export async function diagramPage([name, plant]) {
           system = await post("/api/diagram", { name: name.includes(":") ? name : file.value, text: sent, change });
         } while (change.length && area.value !== sent);
         if (change.length) area.value = system.text;
+        drafts.set(key, area.value);
         fill(wrong, system.wrong.join("; "));
         show(system);
       } catch (error) {
@@ -63,6 +67,7 @@ export async function diagramPage([name, plant]) {
   const add = server.blocks.map((kind) => h("button", { type: "button", class: "quiet", onclick: () => draw("add", kind) }, `+ ${kind}`));
   const keep = async () => {
     if (!(await write(file.value, area.value))) return;
+    drafts.delete(key);
     forget(file.value);
     try {
       await factsOf(file.value);
@@ -132,12 +137,14 @@ function ports(system, known) {
   return found;
 }
 
+const MOST = 28; // letters of a name that is drawn
 const FEW = 8; // ports of a model that are drawn unconnected
 const GAP = 90, ROW = 22, SIDE = 120;
 
 function picture(system, known, onconnect) {
   const all = ports(system, known);
   const names = Object.keys(all);
+  const labels = Object.fromEntries(system.components.map(({ name, label }) => [name, brief(label)]));
   const level = levels(names, system);
   const columns = [];
   for (const name of names) (columns[level[name]] ??= []).push(name);
@@ -145,10 +152,10 @@ function picture(system, known, onconnect) {
   let height = 0;
   let x = SIDE;
   columns.forEach((column) => {
-    const wide = Math.max(...(column ?? []).map((name) => width(name, all[name])), 0);
+    const wide = Math.max(...(column ?? []).map((name) => width([name, labels[name]], all[name])), 0);
     let y = 30;
     for (const name of column ?? []) {
-      const size = 34 + ROW * Math.max(all[name].in.size, all[name].out.size, 1) + (all[name].more.length ? ROW : 0);
+      const size = 50 + ROW * Math.max(all[name].in.size, all[name].out.size, 1) + (all[name].more.length ? ROW : 0);
       at[name] = { x, y, w: wide, h: size };
       y += size + 26;
     }
@@ -160,7 +167,7 @@ function picture(system, known, onconnect) {
     const box = at[name];
     if (!box) return null;
     const k = [...all[name][way]].indexOf(rest.join("."));
-    return { x: box.x + (way === "out" ? box.w : 0), y: box.y + 40 + ROW * k };
+    return { x: box.x + (way === "out" ? box.w : 0), y: box.y + 56 + ROW * k };
   };
   const whole = x - GAP + SIDE;
   const back = height + 10;
@@ -179,7 +186,7 @@ function picture(system, known, onconnect) {
   const svg = s("svg", { class: "diagram", viewBox: `0 0 ${Math.max(whole, 400)} ${back + 8 * system.connections.length + 16}`, role: "group", "aria-label": "Diagram of the system" }, ...paths, ...notes);
   for (const { name, what } of system.components) {
     const box = at[name];
-    const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: box.w, height: box.h }), s("text", { x: box.x + box.w / 2, y: box.y + 18, "text-anchor": "middle" }, name));
+    const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: box.w, height: box.h }), s("text", { x: box.x + box.w / 2, y: box.y + 18, "text-anchor": "middle" }, name), s("text", { class: "dim", x: box.x + box.w / 2, y: box.y + 34, "text-anchor": "middle" }, labels[name]));
     group.firstChild.append(s("title", {}, `${name} = ${what}`));
     if (all[name].more.length) group.append(s("text", { class: "dim", x: box.x + box.w / 2, y: box.y + box.h - 8, "text-anchor": "middle" }, all[name].more.join(", ")));
     for (const way of ["in", "out"]) {
@@ -213,13 +220,13 @@ function picture(system, known, onconnect) {
 }
 
 function brief(port) {
-  return port.length > 24 ? `${port.slice(0, 23)}…` : port;
+  return port.length > MOST ? `${port.slice(0, MOST - 1)}…` : port;
 }
 
 /** How wide a box is, so that the names at its two sides do not meet. */
-function width(name, ports) {
+function width(words, ports) {
   const longest = (names) => Math.max(0, ...[...names].map((n) => brief(n).length));
-  return Math.max(130, 50 + 7.4 * (longest(ports.in) + longest(ports.out)), 20 + 7.4 * name.length, 20 + 7.4 * ports.more.join(", ").length);
+  return Math.max(130, 50 + 7.4 * (longest(ports.in) + longest(ports.out)), ...words.map((w) => 20 + 7.4 * w.length), 20 + 7.4 * ports.more.join(", ").length);
 }
 
 /** Columns: a component stands to the right of those that feed it, but for the wires that close a loop. */

@@ -5,6 +5,7 @@ import { fill, h, say } from "./dom.js";
 import { comparePage, keepPage } from "./compare.js";
 import { diagramPage } from "./diagram.js";
 import { modelPage } from "./model.js";
+import { recolour } from "./plot.js";
 import { workPage } from "./work.js";
 
 const main = document.getElementById("main");
@@ -49,7 +50,8 @@ function welcome() {
       h("h1", {}, "How does this FMU behave?"),
       h("p", {}, "Open a model at the left: its card says what it is, then find an operating point, measure responses at real amplitudes, look for limit cycles, and close loops around it."),
       h("p", {}, local.length ? `${local.length} models, systems, studies and stores in the folder ${server.folder}.` : `There is nothing to open in the folder ${server.folder}; the bundled models are at the left. Start workbench ui in the folder of your FMU.`),
-      h("p", {}, h("a", { class: "button", href: "#/open/fmu:Rudder/measure/nfr" }, "Try it: measure the bundled rudder"))),
+      h("p", {}, h("a", { class: "button", href: "#/open/fmu:Rudder/measure/nfr" }, "Try it: measure the bundled rudder")),
+      h("p", { class: "dim" }, `FMI workbench ${server.version}`)),
   };
 }
 
@@ -103,23 +105,28 @@ function mark() {
 function theme(name) {
   document.documentElement.dataset.theme = name;
   document.getElementById("theme").textContent = name === "dark" ? "Light" : "Dark";
+  recolour(); // and nothing else: what is filled in stays
+}
+
+/** The theme that was chosen earlier, or the system's. */
+function chosen() {
   try {
-    localStorage.setItem("theme", name);
-  } catch { /* where nothing may be kept, the choice ends with the page */ }
-  window.dispatchEvent(new Event("resize"));
-  show();
+    const name = localStorage.getItem("theme");
+    if (name) return name;
+  } catch { /* where nothing may be kept */ }
+  return matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
 }
 
 async function begin() {
   // The token has become a cookie; the address need not keep it.
   if (location.search) history.replaceState(null, "", `/${location.hash}`);
-  let chosen = null;
-  try {
-    chosen = localStorage.getItem("theme");
-  } catch { /* as above */ }
-  document.documentElement.dataset.theme = chosen ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-  document.getElementById("theme").textContent = document.documentElement.dataset.theme === "dark" ? "Light" : "Dark";
-  document.getElementById("theme").onclick = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  theme(chosen());
+  document.getElementById("theme").onclick = () => {
+    theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+    try {
+      localStorage.setItem("theme", document.documentElement.dataset.theme);
+    } catch { /* the choice ends with the page */ }
+  };
   document.getElementById("menu").onclick = (event) => {
     event.currentTarget.setAttribute("aria-expanded", String(side.classList.toggle("open")));
   };

@@ -6,7 +6,6 @@ import { Form, words } from "./form.js";
 import { shown, unitShown } from "./numbers.js";
 import { live } from "./work.js";
 
-
 const TABS = [["card", "Card"], ["point", "Operating point"], ["measure", "Measure"]];
 
 export async function modelPage([name, tab = "card", ...rest]) {
@@ -257,6 +256,7 @@ async function measure(name, known, content, [command = "nfr"]) {
   };
   function again(values, now = true) {
     for (const [n, v] of Object.entries(values)) fields.set(n, v);
+    asking.set(key, fields.values());
     if (now) submit();
     else {
       fields.open();
@@ -284,7 +284,7 @@ async function measure(name, known, content, [command = "nfr"]) {
   const choose = h("select", { id: "command", onchange: () => { location.hash = `#/open/${encodeURIComponent(name)}/measure/${choose.value}`; } },
     Object.keys(server.forms).map((c) => h("option", { value: c, selected: c === command }, c)));
   fill(content, h("div", { class: "columns" },
-    h("form", { onsubmit: (event) => { event.preventDefault(); submit(); }, noValidate: true },
+    h("form", { onsubmit: (event) => { event.preventDefault(); submit(); }, oninput: () => asking.set(key, fields.values()), noValidate: true },
       h("div", { class: "field" }, h("label", { for: "command" }, "Analysis"), choose, h("p", { class: "help" }, form.help)),
       fields.element, h("div", { class: "row" }, run), line),
     place));

@@ -23,6 +23,7 @@ export function live(number, { onband = null, onagain = null }) {
   const body = h("div");
   const tail = h("div");
   let picture = null;
+  let knob = null;
   let waits = 0;
   let units = {}; // of inputs and outputs by name, as far as they are known
   const subject = server.works.get(number)?.subject ?? [];
@@ -53,8 +54,11 @@ export function live(number, { onband = null, onagain = null }) {
     const full = await whole(number);
     if (full.curves.length) {
       picture ??= new Bode({ onband, number, onagain });
-      if (!picture.element.isConnected) fill(body, picture.element);
       picture.show(full.curves, full);
+      if (full.command === "loop" && full.record.linear) {
+        knob ??= gainKnob(full, picture);
+        fill(body, knob);
+      } else if (!picture.element.isConnected) fill(body, picture.element);
     } else if (full.signals) {
       fill(body, histories(full.signals));
     }
@@ -324,19 +328,14 @@ async function lastPeriod(number, amplitude, f, ran, place) {
 
 /** Signals over time, one picture for each unit. */
 export function histories({ time, signals, units }) {
-  const groups = Map.groupBy ? Map.groupBy(Object.keys(signals), (n) => units[n] ?? "") : grouped(Object.keys(signals), (n) => units[n] ?? "");
+  const groups = new Map();
+  for (const n of Object.keys(signals)) groups.set(units[n] ?? "", [...(groups.get(units[n] ?? "") ?? []), n]);
   return h("div", {}, [...groups].slice(0, 8).map(([unit, names]) => {
     const plot = new Plot({ x: { label: "time [s]", log: false }, y: { label: `${names.length === 1 ? names[0] : "signals"} [${unit || "–"}]`, log: false }, label: `${names.join(", ")} over time`, height: 240 });
     const curves = names.slice(0, 12).map((n, i) => ({ label: n, colour: colour(i), x: time, y: signals[n] }));
     plot.set(curves);
     return h("div", {}, legend(curves), plot.element);
   }));
-}
-
-function grouped(items, key) {
-  const found = new Map();
-  for (const item of items) found.set(key(item), [...(found.get(key(item)) ?? []), item]);
-  return found;
 }
 
 /** Curves as a table: one line a point. */
@@ -364,7 +363,6 @@ function afterwards(full) {
   const remarks = [...(full.record?.warnings ?? []), ...full.notes];
   return [
     remarks.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, remarks.map((n) => h("li", {}, n)))) : null,
-    full.command === "loop" && full.record?.linear ? gainKnob(full) : null,
     full.has_record ? h("div", { class: "row" },
       h("button", { type: "button", onclick: () => fill(report, reported()) }, "Report"),
       h("a", { class: "button", href: `${at}/report.html`, download: `${full.command}-${full.number}.html` }, "Save the report"),
@@ -379,7 +377,8 @@ function afterwards(full) {
 
 const NEAR = 8; // times the crossover are the poles away that the root locus shows
 
-function gainKnob(full) {
+/** The loop at another gain, in the pictures; `bodes` shows what was measured, too. */
+function gainKnob(full, bodes) {
   const number = h("input", { type: "text", inputMode: "decimal", value: "1", "aria-label": "factor of the loop gain" });
   const slider = h("input", { type: "range", min: -40, max: 40, step: 0.25, value: 0, "aria-label": "loop gain, slider in dB" });
   const facts = h("div", { role: "status" });
@@ -387,7 +386,7 @@ function gainKnob(full) {
   const nichols = new Plot({ x: { label: "phase of L [deg]", log: false }, y: { label: "gain of L [dB]", log: false }, label: "Nichols picture", height: 300 });
   const locus = new Plot({ x: { label: "Re of the poles [rad/s]", log: false }, y: { label: "Im [rad/s]", log: false }, label: "Root locus: poles of the closed loop", height: 300 });
   const step = new Plot({ x: { label: "time [s]", log: false }, y: { label: "step response of T", log: false }, label: "Step response of the closed loop", height: 260 });
-  const bodes = new Bode({ title: "Loop" });
+  const measured = full.curves.filter((c) => c.kind === "measured");
   const trace = { x: [], y: [] };
   let asked = 0;
   const update = async () => {
@@ -413,7 +412,7 @@ function gainKnob(full) {
     trace.y.push(...found.poles.im);
     locus.set([{ label: "earlier gains", colour: colour(2), x: trace.x, y: trace.y, line: false, marks: trace.x.map(() => "dot") }, { label: "poles", colour: colour(1), x: found.poles.re, y: found.poles.im, line: false, marks: found.poles.re.map(() => "square") }], { lines: [{ axis: "x", value: 0 }] });
     step.set([{ label: "T", colour: colour(0), x: found.step.time, y: found.step.value }], { lines: [{ axis: "y", value: 1 }] });
-    bodes.show([found.open, found.closed]);
+    bodes.show([found.open, found.closed, ...measured], full);
   };
   slider.oninput = () => {
     number.value = shown(10 ** (Number(slider.value) / 20), 5);
@@ -425,7 +424,7 @@ function gainKnob(full) {
     update();
   };
   update();
-  return h("section", {}, h("h2", {}, "Drag the gain"), h("div", { class: "knob" }, h("span", {}, "Loop gain ×"), slider, number, h("span", { class: "dim" }, "")),
+  return h("section", {}, h("h2", {}, "Margins at another gain"), h("div", { class: "knob" }, h("span", {}, "Loop gain ×"), slider, number, h("span", { class: "dim" }, "")),
     facts, bodes.element, h("h3", {}, "Nyquist"), unit.element, h("h3", {}, "Nichols"), nichols.element, h("h3", {}, "Root locus"), locus.element, h("h3", {}, "Step"), step.element);
 }
 
