@@ -358,6 +358,20 @@ def test_a_loop_at_another_gain(ui: Ui) -> None:
     assert ui.get(f"/api/works/{full['number']}/loop?gain={0.99 * critical}")["stable"]
     assert not ui.get(f"/api/works/{full['number']}/loop?gain={1.01 * critical}")["stable"]
     assert ui.ask("GET", f"/api/works/{full['number']}/loop?gain=x").status == 422
+    assert "locus" not in more
+
+
+def test_a_root_locus_begins_at_the_poles_of_the_open_loop_and_passes_those_of_the_closed_one(ui: Ui) -> None:
+    full = ui.ended(ui.begin("loop", "system:rudder_loop", open="plant.del"))
+    found = ui.get(f"/api/works/{full['number']}/loop?gain=1&locus=1")
+    (begin, now, all_of_it) = (
+        [complex(re, im) for re, im in zip(found[key]["re"], found[key]["im"], strict=True)]
+        for key in ("open_poles", "poles", "locus")
+    )
+    for pole in begin:
+        assert min(abs(pole - p) for p in all_of_it[: len(begin)]) < 0.05 * abs(pole) + 1e-6
+    for pole in now:
+        assert min(abs(pole - p) for p in all_of_it) < 0.05 * abs(pole) + 1e-6
 
 
 # -- beginning and ending -----------------------------------------------------------------------------

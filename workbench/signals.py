@@ -568,6 +568,7 @@ def _signal(name: str, value: Signal | float | str) -> Signal:
 
 _SIGNALS = Form(
     metavar="NAME=SIGNAL",
+    example="u=step:time=1,value=2",
     read=lambda texts: signals_of(pairs(texts)),
     write=lambda value: [f"{name}={signal_text(signal)}" for name, signal in value.items()],
     take=lambda value: signals_of(table(value)),

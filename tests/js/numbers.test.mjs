@@ -98,6 +98,7 @@ test("ticks lie inside and are round", () => {
 
 test("what is shown", () => {
   assert.deepEqual([null, undefined, NaN, Infinity, true, 0.1 + 0.2, 123456.7].map((v) => shown(v)), ["–", "–", "–", "∞", "yes", "0.3", "123460"]);
+  assert.deepEqual([2.06e7, -1e6, 999999, 5.4545e-7, 0.00522, 0].map((v) => shown(v, 6)), ["2.06e7", "-1e6", "999999", "5.4545e-7", "0.00522", "0"]);
   assert.deepEqual(extent([[1, null, 3], [], [-2, NaN]]), [-2, 3]);
   assert.equal(extent([[null]]), null);
 });

@@ -52,6 +52,7 @@ class Form:
         write: the value → texts, one for each time the option has to be given.
         take: what Python or a TOML file holds → the value; raises ValueError with what is wrong.
         repeated: whether the option can be given several times.
+        example: what stands in an empty field in place of the metavar, where that says too little.
         files: the texts → those files and models that they name, for whoever opens only some.
     """
 
@@ -60,6 +61,7 @@ class Form:
     write: Callable[[Any], list[str]]
     take: Callable[[Any], Any]
     repeated: bool = False
+    example: str = ""
     files: Callable[[Sequence[str]], Sequence[str]] = lambda _: ()
 
 
@@ -145,6 +147,7 @@ def several(value: Numbers) -> tuple[float, ...]:
 
 _NUMBERS = Form(
     metavar="A,..",
+    example="1,2,5",
     read=_read_numbers,
     write=lambda value: [",".join(map(_short, value))],
     take=several,
@@ -160,6 +163,7 @@ def _read_band(texts: Sequence[str]) -> tuple[float, float]:
 
 _BAND = Form(
     metavar="LO:HI",
+    example="0.1:10",
     read=_read_band,
     write=lambda value: [":".join(map(_short, value))],
     take=two_numbers,

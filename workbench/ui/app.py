@@ -170,7 +170,7 @@ class _Server:
             gain = float(request.query_params.get("gain", "1"))
         except ValueError:
             raise InputError("gain: not a number") from None
-        found = loop_at(record, gain)
+        found = loop_at(record, gain, locus="locus" in request.query_params)
         if found is None:
             raise HTTPException(404, "there is no linear loop")
         return JSONResponse(found)

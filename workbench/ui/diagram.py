@@ -117,7 +117,8 @@ def _polynomial(coefficients: object, symbol: str) -> str:
 
 def _fraction(table: Mapping[str, Any]) -> str:
     symbol = "z" if table.get("dt") else "s"
-    return " / ".join(f"({_polynomial(table.get(key), symbol)})" for key in ("numerator", "denominator"))
+    parts = [_polynomial(table.get(key), symbol) for key in ("numerator", "denominator")]
+    return " / ".join(f"({part})" if " + " in part or " − " in part else part for part in parts)
 
 
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -85,12 +85,20 @@ def _field(name: str, declared: Declared, group: str, *, needed: bool) -> dict[s
         "kind": _kind(declared),
         "help": " ".join([option.help, *_range(option)]),
         "unit": option.unit,
-        "metavar": option.metavar or (declared.form.metavar if declared.form is not None else ""),
+        "sample": _sample(declared),
         "choices": list(option.choices),
         "group": group,
         "required": needed,
         "default": declared.default if declared.type is bool else ", ".join(t.partition("=")[2] for t in default),
     }
+
+
+def _sample(declared: Declared) -> str:
+    """Return what stands in a field that is empty and has no default."""
+    form, own = declared.form, declared.option.metavar
+    if form is not None and form.example and (not own or form.metavar.count(":") == own.count(":")):
+        return f"e.g. {form.example}"
+    return own or ("" if form is None else form.metavar)
 
 
 def _range(option: Option) -> Iterator[str]:

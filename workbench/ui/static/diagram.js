@@ -83,7 +83,7 @@ export async function diagramPage([name, plant]) {
     element: h("div", {}, h("h1", {}, name === "new" ? `A loop around ${plant}` : name),
       h("p", { class: "dim" }, "Click an output, then an input, to connect them. The file at the bottom is the system; the picture shows it."),
       h("div", { class: "row", role: "toolbar", "aria-label": "Blocks" }, add), place, parts,
-      h("label", { for: "toml" }, h("h2", {}, "System file")), h("p", { id: "toml-help", class: "help dim" }, "Components, connections, inputs and outputs; see the page on system files."), area, wrong,
+      h("label", { for: "toml" }, h("h2", {}, "System file")), h("p", { id: "toml-help", class: "help dim" }, "This is all of the system; paths are relative to the file. The page on system files in the documentation lists every key."), area, wrong,
       h("div", { class: "row" }, h("label", { for: "file" }, "File"), file, h("button", { type: "button", onclick: keep }, "Write and measure the loop"))),
   };
 }

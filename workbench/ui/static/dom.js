@@ -64,7 +64,7 @@ function copying(text) {
 
 /** Code that can be copied. */
 export function code(text, title) {
-  return h("div", { class: "code" }, h("span", { class: "dim" }, title), h("pre", { tabIndex: 0, "aria-label": title }, h("code", {}, text)), copying(text));
+  return h("div", { class: "code" }, h("span", { class: "dim" }, title), h("pre", { tabIndex: 0, "aria-label": title }, h("code", {}, text.includes("\n") ? text : text.split(" ").flatMap((word) => [h("span", { class: "word" }, word), " "]))), copying(text));
 }
 
 /** Let a browser save a text or a blob under a name. */

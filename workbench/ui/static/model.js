@@ -99,7 +99,7 @@ export function variableTable(all) {
   box.addEventListener("scroll", draw);
   draw();
   return h("div", {}, h("div", { class: "row" }, search, count),
-    h("div", { class: "window-head line", "aria-hidden": "true" }, ["name", "kind", "start value", "unit", "description"].map((t) => h("span", {}, t))), box);
+    h("div", { class: "window-head line", "aria-hidden": "true" }, ["name", "kind", "start", "unit", "description"].map((t) => h("span", {}, t))), box);
 }
 
 // -- operating point --------------------------------------------------------------------------------------
@@ -176,8 +176,6 @@ function showPoint(work, place, known) {
   fill(place,
     h("p", { class: converged ? "good" : "bad" }, converged ? "At rest." : "No equilibrium was found; this is where the search ended."),
     (work.notes ?? []).map((n) => h("p", { class: "dim" }, n)),
-    valuesOf(at),
-    table(["equation", "residual", "unit"], work.record.residual.slice(0, 60).map((r) => [r.name, shown(r.value, 3), unitShown(r.unit)]), { caption: "Residuals" }),
     h("div", { class: "row" }, label, h("button", {
       type: "button", onclick: async () => {
         try {
@@ -191,6 +189,8 @@ function showPoint(work, place, known) {
         }
       },
     }, "Keep this point")),
+    valuesOf(at),
+    table(["equation", "residual", "unit"], work.record.residual.slice(0, 60).map((r) => [r.name, shown(r.value, 3), unitShown(r.unit)]), { caption: "Residuals" }),
     code(work.line, "The same in a terminal"), work.call ? code(work.call, "in Python") : null);
 }
 

@@ -95,8 +95,8 @@ const MARKS = { settled: "dot", averaged: "triangle", failed: "cross" };
 
 /** Gain and phase over frequency, with a cursor through both, and all that can be asked of them. */
 export class Bode {
-  constructor({ onband = null, number = null, onagain = null, title = "" }) {
-    Object.assign(this, { onband, number, onagain, own: [], settings: { unwrap: true, linear: false, radians: false } });
+  constructor({ onband = null, number = null, onagain = null, onpinned = null, title = "" }) {
+    Object.assign(this, { onband, number, onagain, onpinned, own: [], settings: { unwrap: true, linear: false, radians: false } });
     const x = { label: "frequency [Hz]", log: true };
     const common = {
       x, onpick: (point, where) => this.pick(point, where), onband: (lo, hi) => this.banded(lo, hi),
@@ -128,7 +128,7 @@ export class Bode {
       onband ? h("button", { type: "button", class: "quiet", "aria-pressed": "false", title: "Drag over the picture to choose the band that is measured next", onclick: (event) => this.banding(event.currentTarget) }, "Draw a band") : null,
       asked?.command === "nfr" || asked?.command === "branches" ? h("button", { type: "button", class: "quiet", title: "Lay the linearisation at the same operating point over the picture", onclick: (event) => this.linear(asked, event.currentTarget) }, "Linear model") : null,
       h("button", { type: "button", class: "quiet", title: "Show all of the curves again, after moving or zooming", onclick: () => [this.gain, this.phase].forEach((p) => p.whole()) }, "Whole"),
-      h("button", { type: "button", class: "quiet", title: "Keep these curves in every picture, and under Compare", onclick: () => this.keep() }, "Pin"),
+      onpinned ? null : h("button", { type: "button", class: "quiet", title: "Keep these curves in every picture, and under Compare", onclick: () => this.keep() }, "Pin"),
       h("button", { type: "button", class: "quiet", title: "Save gain and phase as a drawing", onclick: () => this.saveSvg() }, "SVG"),
       h("button", { type: "button", class: "quiet", title: "Save the gain as an image", onclick: async () => save(await this.gain.png(), "gain.png") }, "PNG"),
       h("button", { type: "button", class: "quiet", title: "Save the points as a table", onclick: () => save(csv(this.own), "curves.csv", "text/csv") }, "CSV"));
@@ -160,8 +160,8 @@ export class Bode {
       const marks = curve.status ? b.index.map((k) => MARKS[curve.status[k]] ?? "") : null;
       const dashed = curve.kind === "branch" ? b.index.map((k) => curve.stable[k] === false || curve.stable[k] === 0) : null;
       const common = {
-        label: curve.label, colour: colour(i), x: b.x, marks, dashed, width: curve.kind === "linear" || curve.removable ? 1.2 : 1.8, removable: curve.removable,
-        dash: curve.removable ? [8, 4] : curve.kind === "linear" ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
+        label: curve.label, colour: curve.colour ?? colour(i), x: b.x, marks, dashed, width: curve.kind === "linear" || curve.removable ? 1.2 : 1.8, removable: curve.removable,
+        dash: curve.removable && this.own.length ? [8, 4] : curve.kind === "linear" ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
         says: curve.status ? b.index.map((k) => curve.status[k]) : null,
       };
       gains.push({ ...common, y: b.gain, low: b.low, high: b.high });
@@ -169,7 +169,7 @@ export class Bode {
     });
     this.gain.set(gains);
     this.phase.set(phases, { lines: [{ axis: "y", value: -180 }] });
-    fill(this.names, legend(gains, { onremove: (c) => { pinned.remove(c.label); this.redraw(); } }));
+    fill(this.names, legend(gains, { onremove: (c) => { pinned.remove(c.label); this.redraw(); this.onpinned?.(); } }));
   }
 
   /** Lay the linear model at the same point over the picture. */
@@ -181,7 +181,7 @@ export class Bode {
       if (!full.curves.length) throw new Error(full.failure?.message ?? "there is no linear model");
       const seen = this.own.flatMap((c) => c.frequency_hz);
       const [low, high] = [Math.min(...seen), Math.max(...seen)];
-      this.extras = full.curves.map((c) => cut(c, low, high));
+      this.extras = full.curves.map((c) => ({ ...cut(c, low, high), colour: "--ink" }));
       this.redraw();
     } catch (error) {
       say(wrongs(error), true);
@@ -262,13 +262,15 @@ function pointOf({ curve, index }, picture) {
   const f = curve.frequency_hz[index];
   const [re, im] = [curve.re[index], curve.im[index]];
   const told = curve.points?.[index];
+  const unit = unitShown(curve.output_unit);
+  const ratio = curve.output_unit && curve.input_unit && curve.output_unit !== curve.input_unit ? ` ${unit}/${unitShown(curve.input_unit)}` : "";
   const rows = [
-    ["frequency", `${shown(f)} Hz`], ["curve", curve.label], ["gain", re === null ? "–" : `${shown(decibels(re, im))} dB, ${shown(Math.hypot(re, im))}`],
+    ["frequency", `${shown(f)} Hz`], ["curve", curve.label], ["gain", re === null ? "–" : `${shown(decibels(re, im))} dB, ${shown(Math.hypot(re, im))}${ratio}`],
     ["phase", re === null ? "–" : `${shown(wrapped([{ re, im }])[0])} deg`], ["error, 95 %", curve.error?.[index] === undefined ? null : curve.error[index] === null ? "not known" : `${shown(100 * curve.error[index], 3)} %`],
     ["stable", curve.stable ? shown(curve.stable[index] === null ? null : Boolean(curve.stable[index])) : null], ["status", curve.status?.[index]],
   ];
   const certificate = told?.certificate;
-  if (told) rows.push(["periods run", shown(told.periods)], ["offset", shown(told.offset)], ["why it failed", told.reason], ["remark", told.warning]);
+  if (told) rows.push(["periods run", shown(told.periods)], ["offset", `${shown(told.offset)} ${unit}`], ["why it failed", told.reason], ["remark", told.warning]);
   if (certificate) rows.push(["method", certificate.method], ["total harmonic distortion", certificate.thd === null ? null : `${shown(100 * certificate.thd, 3)} %`], ["distance to a fold", certificate.fold_distance === null ? null : shown(certificate.fold_distance, 3)], ["why it did not settle", certificate.why]);
   const beside = neighbours(curve, index);
   const run = h("div");
@@ -311,9 +313,10 @@ async function lastPeriod(number, amplitude, f, ran, place) {
     const kept = Object.fromEntries(["interface", "solver", "tolerance", "at", "start_values"].filter((n) => asked[n] !== undefined).map((n) => [n, asked[n]]));
     const bias = [asked.bias ?? []].flat().filter((b) => !b.startsWith(`${input}=`)); // its own is in `held`
     const periods = Math.max(PERIODS, Math.ceil(ran ?? 0));
+    const rounded = (value) => Number(value.toPrecision(10));
     const full = await done("simulate", subject, {
-      ...kept, bias, inputs: [`${input}=sine:amplitude=${amplitude},frequency=${f},offset=${held}`], outputs: [input, output],
-      stop: periods / f, step: 1 / (200 * f),
+      ...kept, bias, inputs: [`${input}=sine:amplitude=${amplitude},frequency=${rounded(f)},offset=${held}`], outputs: [input, output],
+      stop: rounded(periods / f), step: rounded(1 / (200 * f)),
     }, { aside: true });
     if (!full.signals) throw new Error(full.failure?.message ?? "there is no time history");
     const { time, signals, units } = full.signals;
@@ -375,7 +378,7 @@ function afterwards(full) {
 
 // -- a loop whose gain is dragged ---------------------------------------------------------------------------
 
-const NEAR = 8; // times the crossover are the poles away that the root locus shows
+const NEAR = 4; // times the crossover are the poles away that the root locus shows
 
 /** The loop at another gain, in the pictures; `bodes` shows what was measured, too. */
 function gainKnob(full, bodes) {
@@ -386,31 +389,34 @@ function gainKnob(full, bodes) {
   const nichols = new Plot({ x: { label: "phase of L [deg]", log: false }, y: { label: "gain of L [dB]", log: false }, label: "Nichols picture", height: 300 });
   const locus = new Plot({ x: { label: "Re of the poles [rad/s]", log: false }, y: { label: "Im [rad/s]", log: false }, label: "Root locus: poles of the closed loop", height: 300 });
   const step = new Plot({ x: { label: "time [s]", log: false }, y: { label: "step response of T", log: false }, label: "Step response of the closed loop", height: 260 });
-  const measured = full.curves.filter((c) => c.kind === "measured");
-  const trace = { x: [], y: [] };
+  const measured = full.curves.filter((c) => c.kind === "measured").map((c) => ({ ...c, label: `${c.label}, × 1` }));
+  const locusNames = h("div");
+  let locusOf = { re: [], im: [] };
   let asked = 0;
   const update = async () => {
     const gain = Number(number.value);
     if (!Number.isFinite(gain)) return;
     const mine = (asked += 1);
-    const found = await get(`/api/works/${full.number}/loop?gain=${gain}`);
+    const found = await get(`/api/works/${full.number}/loop?gain=${gain}${locusOf.re.length ? "" : "&locus=1"}`);
     if (mine !== asked) return;
+    locusOf = found.locus ?? locusOf;
     const m = found.margins;
     fill(facts, h("p", { class: found.stable ? "good" : "bad" }, found.stable ? "The closed loop is stable." : "The closed loop is unstable."),
-      h("p", {}, `Gain margin ${shown(m.gain_margin_db, 4)} dB, phase margin ${shown(m.phase_margin_deg, 4)} deg, delay margin ${m.delay_margin_s === null ? "–" : `${shown(1e3 * m.delay_margin_s, 4)} ms`}; crossover at ${shown(m.gain_crossover_hz, 4)} Hz.`));
+      h("p", {}, `Gain margin ${shown(m.gain_margin_db, 4)} dB, phase margin ${shown(m.phase_margin_deg, 4)} deg, delay margin ${m.delay_margin_s === null ? "–" : `${shown(1e3 * m.delay_margin_s, 4)} ms`}; ${m.gain_crossover_hz === null ? "no crossover: the gain stays below 0 dB" : `crossover at ${shown(m.gain_crossover_hz, 4)} Hz`}.`));
     const open = bode(found.open);
-    unit.set([{ label: "L", colour: colour(0), x: found.open.re, y: found.open.im }, { label: "−1", colour: colour(1), x: [-1], y: [0], marks: ["cross"], line: false }, circle()]);
+    const at = (hz) => `at ${shown(hz, 4)} Hz`;
+    unit.set([{ label: "L", colour: colour(0), x: found.open.re, y: found.open.im, says: found.open.frequency_hz.map(at) }, { label: "−1", colour: colour(1), x: [-1], y: [0], marks: ["cross"], line: false }, circle()]);
     const top = Math.max(...open.gain.filter((g) => g !== null));
-    const seen = open.gain.map((g, i) => [g, open.phase[i]]).filter(([g]) => g !== null && g >= top + 20 * Math.log10(DEPTH));
-    nichols.set([{ label: "L", colour: colour(0), x: seen.map(([, p]) => p), y: seen.map(([g]) => g) }, { label: "−1", colour: colour(1), x: [-180], y: [0], marks: ["cross"], line: false }]);
+    const seen = open.gain.map((g, i) => [g, open.phase[i], at(open.x[i])]).filter(([g]) => g !== null && g >= top + 20 * Math.log10(DEPTH));
+    nichols.set([{ label: "L", colour: colour(0), x: seen.map(([, p]) => p), y: seen.map(([g]) => g), says: seen.map(([, , where]) => where) }, { label: "−1", colour: colour(1), x: [-180], y: [0], marks: ["cross"], line: false }]);
     const crossing = m.gain_crossover_hz ?? m.phase_crossover_hz;
     if (crossing && !locus.x.range) { // the poles that matter for it
       const size = NEAR * 2 * Math.PI * crossing;
       [locus.x.range, locus.y.range] = [[-size, size / 4], [-size, size]];
     }
-    trace.x.push(...found.poles.re);
-    trace.y.push(...found.poles.im);
-    locus.set([{ label: "earlier gains", colour: colour(2), x: trace.x, y: trace.y, line: false, marks: trace.x.map(() => "dot") }, { label: "poles", colour: colour(1), x: found.poles.re, y: found.poles.im, line: false, marks: found.poles.re.map(() => "square") }], { lines: [{ axis: "x", value: 0 }] });
+    const poles = (label, { re, im }, number, mark) => ({ label, colour: colour(number), x: re, y: im, line: false, marks: re.map(() => mark) });
+    locus.set([poles("locus", locusOf, 2, "dot"), poles("open loop", found.open_poles, 0, "cross"), poles("closed loop", found.poles, 1, "square")], { lines: [{ axis: "x", value: 0 }] });
+    fill(locusNames, legend(locus.curves));
     step.set([{ label: "T", colour: colour(0), x: found.step.time, y: found.step.value }], { lines: [{ axis: "y", value: 1 }] });
     bodes.show([found.open, found.closed, ...measured], full);
   };
@@ -425,7 +431,7 @@ function gainKnob(full, bodes) {
   };
   update();
   return h("section", {}, h("h2", {}, "Margins at another gain"), h("div", { class: "knob" }, h("span", {}, "Loop gain ×"), slider, number, h("span", { class: "dim" }, "")),
-    facts, bodes.element, h("h3", {}, "Nyquist"), unit.element, h("h3", {}, "Nichols"), nichols.element, h("h3", {}, "Root locus"), locus.element, h("h3", {}, "Step"), step.element);
+    facts, bodes.element, h("h3", {}, "Nyquist"), unit.element, h("h3", {}, "Nichols"), nichols.element, h("h3", {}, "Root locus"), locusNames, locus.element, h("h3", {}, "Step"), step.element);
 }
 
 function circle() {
