@@ -15,7 +15,7 @@ from workbench.core.option import Declared, Option
 from workbench.errors import InputError
 from workbench.ui.root import NotHereError, Root
 
-__all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "request_of_form"]
+__all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "request_of_form", "without_flags"]
 
 # Commands that a model's page offers, in their order; the others take files of data, or write FMUs.
 MEASURED = tuple(
@@ -56,7 +56,8 @@ def form_of(command: str) -> dict[str, Any]:
         "help": " ".join(first.split()),
         "counts": request.counts,
         "fields": [
-            _field(name, d, group, needed=name in request.needs) for name, (d, group) in _options(request).items()
+            _field(name, d, without_flags(request, group), needed=name in request.needs)
+            for name, (d, group) in _options(request).items()
         ],
     }
 
@@ -190,12 +191,19 @@ def in_the_form(request: type[Request[Any, Any]], message: str) -> tuple[str, st
     """
     options = _options(request)
     name = _named(message, options)
-    for flag, label in sorted(((d.flag, _label(n)) for n, (d, _) in options.items()), key=lambda f: -len(f[0])):
-        message = re.sub(rf"{re.escape(flag)}(?![\w-])", label, message)
+    message = without_flags(request, message)
     if name:
         own = {_label(name), *_spoken(options[name][0])}
         message = re.sub(rf"^({'|'.join(map(re.escape, sorted(own, key=len, reverse=True)))}): +", "", message)
     return name, message
+
+
+def without_flags(request: type[Request[Any, Any]], message: str) -> str:
+    """Return a message with the names of fields in place of the command line's options."""
+    options = _options(request).items()
+    for flag, label in sorted(((d.flag, _label(name)) for name, (d, _) in options), key=lambda f: -len(f[0])):
+        message = re.sub(rf"{re.escape(flag)}(?![\w-])", label, message)
+    return message
 
 
 def _spoken(declared: Declared) -> set[str]:

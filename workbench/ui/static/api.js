@@ -127,8 +127,6 @@ function heard(event) {
   } else if (event.event === "progress") {
     [work.done, work.total, work.words] = [event.done, event.total, event.words];
     if (event.point) work.points[event.index] = event.point;
-  } else if (event.event === "note") {
-    work.notes = [...(work.notes ?? []), event.text];
   }
   for (const listener of [...listeners]) listener(work, event);
 }

@@ -213,7 +213,8 @@ function picture(system, known, onconnect) {
     for (const [label, full] of system[kind]) {
       const p = where(full, way);
       const same = full.endsWith(`.${label}`);
-      if (p) svg.append(s("text", { class: "edge", x: p.x + (way === "in" ? -12 : 10), y: way === "in" ? p.y + 4 : p.y - 8, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${label} →` : `→ ${label}`));
+      const wired = way === "out" && system.connections.some(({ from }) => from === full);
+      if (p) svg.append(s("text", { class: "edge", x: p.x + (way === "in" ? -30 : 10), y: wired ? p.y - 8 : p.y + 4, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${label} →` : `→ ${label}`));
     }
   }
   return svg;

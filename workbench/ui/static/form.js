@@ -3,6 +3,7 @@
 import { fill, h } from "./dom.js";
 import { unitShown } from "./numbers.js";
 
+const CHOICES = 8; // names that are offered as buttons
 const FIRST = 5; // fields that stand open; the others are under headings
 const NAMES = { at: "files", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured", source: "measured", target: "inputs", block: "components" };
 const FILLED = ["open", "input", "output", "inputs", "outputs"]; // with the first name that there is, where one is needed
@@ -67,7 +68,17 @@ export class Form {
     const unit = h("span", { class: "unit" }, field.unit ? `[${unitShown(field.unit)}]` : "");
     this.inputs.set(field.name, { field, input, wrong, unit });
     if (field.kind === "switch") return h("div", { class: "field switch" }, input, h("label", { for: id }, field.label), help, wrong);
-    return h("div", { class: "field" }, h("label", { for: id }, `${field.label}${field.required ? " *" : ""}`, unit), input, help, wrong);
+    const names = field.kind === "list" ? this.names[NAMES[field.name]] ?? [] : []; // other fields have their list
+    const choose = names.slice(0, CHOICES).map((name) => h("button", {
+      type: "button", class: "quiet", "aria-label": `add ${name}`, onclick: () => {
+        const line = field.sample.includes("=") ? `${name}=` : name;
+        input.value = [...new Set([...input.value.split("\n").filter(Boolean), line])].join("\n");
+        input.focus();
+        input.dispatchEvent(new Event("input", { bubbles: true }));
+      },
+    }, `+ ${name}`));
+    return h("div", { class: "field" }, h("label", { for: id }, `${field.label}${field.required ? " *" : ""}`, unit), input,
+      choose.length ? h("div", { class: "row" }, choose) : null, help, wrong);
   }
 
   values() {
@@ -130,10 +141,4 @@ export function sourcesInLoops(connections) {
   });
   const found = connections.filter(({ source, destination }) => reaches(part(destination), part(source))).map((c) => c.source);
   return [...new Set(found)].sort((a, b) => Number(/\.y\d*$/.test(a)) - Number(/\.y\d*$/.test(b))); // blocks have y
-}
-
-/** A name of the code as a person says it. */
-export function words(name) {
-  const text = name.replaceAll("_", " ");
-  return text[0].toUpperCase() + text.slice(1);
 }

@@ -11,6 +11,7 @@ import { workPage } from "./work.js";
 const main = document.getElementById("main");
 const side = document.getElementById("side");
 let leave = null;
+const PATIENCE = 300; // so long the page before is shown [ms]
 
 /** Address → page; a page is a function of the rest of the address that returns {element, title, leave?}. */
 const PAGES = { open: modelPage, work: workPage, compare: comparePage, keep: keepPage, system: diagramPage };
@@ -22,6 +23,7 @@ async function show() {
   side.classList.remove("open");
   document.getElementById("menu").setAttribute("aria-expanded", "false");
   const asked = location.hash;
+  const waits = setTimeout(() => fill(main, h("p", { class: "dim", role: "status" }, "Opening …")), PATIENCE);
   try {
     const kind = name === "open" ? server.files.find((f) => f.name === rest[0])?.kind : null;
     const make = { store: comparePage, study: keepPage }[kind] ?? PAGES[name];
@@ -38,9 +40,13 @@ async function show() {
     if (location.hash !== asked) return;
     fill(main, h("h1", {}, "This cannot be shown"), h("p", { class: "bad" }, error.message));
     main.dataset.shown = asked;
+  } finally {
+    clearTimeout(waits);
   }
   mark();
 }
+
+const SHOWN = 12; // files on the first page
 
 function welcome() {
   const local = server.files.filter((f) => f.kind !== "point" && !f.name.includes(":"));
@@ -48,8 +54,9 @@ function welcome() {
     title: server.folder,
     element: h("div", {},
       h("h1", {}, "How does this FMU behave?"),
-      h("p", {}, "Open a model at the left: its card says what it is, then find an operating point, measure responses at real amplitudes, look for limit cycles, and close loops around it."),
-      h("p", {}, local.length ? `${local.length} models, systems, studies and stores in the folder ${server.folder}.` : `There is nothing to open in the folder ${server.folder}; the bundled models are at the left. Start workbench ui in the folder of your FMU.`),
+      h("p", {}, "Open a model: its card says what it is. Then find an operating point, measure responses at real amplitudes, look for limit cycles, and close loops around it."),
+      h("p", {}, local.length ? `In the folder ${server.folder}:` : `There is nothing to open in the folder ${server.folder}. Start workbench ui in the folder of your FMU, or try a bundled model.`),
+      local.length ? h("div", { class: "row" }, local.slice(0, SHOWN).map((f) => h("a", { class: "button", href: address(f) }, f.name)), local.length > SHOWN ? `and ${local.length - SHOWN} more under Files` : null) : null,
       h("p", {}, h("a", { class: "button", href: "#/open/fmu:Rudder/measure/nfr" }, "Try it: measure the bundled rudder")),
       h("p", { class: "dim" }, `FMI workbench ${server.version}`)),
   };

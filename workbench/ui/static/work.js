@@ -48,7 +48,8 @@ export function live(number, { onband = null, onagain = null }) {
       if (!picture.element.isConnected) fill(body, picture.element);
       if (running) picture.show(ofPoints(work.points.filter(Boolean), { input: units[work.asked.input] ?? "", output: units[work.asked.output] ?? "" }));
     }
-    if (!running) await finished();
+    if (running) fill(tail, code(work.line, "The same in a terminal"));
+    else await finished();
   };
   const finished = async () => {
     const full = await whole(number);
@@ -164,6 +165,7 @@ export class Bode {
         dash: curve.removable && this.own.length ? [8, 4] : curve.kind === "linear" ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
         says: curve.status ? b.index.map((k) => curve.status[k]) : null,
       };
+      if (b.gain.every((g) => g === null || (linear && g === 0)) && !marks) common.label = `${curve.label} (zero)`;
       gains.push({ ...common, y: b.gain, low: b.low, high: b.high });
       phases.push({ ...common, y: b.phase, low: b.phase.map((p, k) => (p === null || b.swing[k] === null ? null : p - b.swing[k])), high: b.phase.map((p, k) => (p === null || b.swing[k] === null ? null : p + b.swing[k])) });
     });
@@ -355,6 +357,8 @@ function csv(curves) {
   return `${lines.join("\n")}\n`;
 }
 
+const PICTURED = new Set(["nfr", "branches", "loop", "simulate"]); // whose pictures say it; of others the report does
+
 /** What a work that has ended gives: remarks, files, report, the command and the Python. */
 function afterwards(full) {
   const at = `/api/works/${full.number}`;
@@ -362,10 +366,9 @@ function afterwards(full) {
     const waits = h("p", { class: "dim" }, "The report is being written …");
     return [waits, h("iframe", { src: `${at}/report.html`, title: "Report", onload: () => waits.remove() })];
   };
-  const report = h("div", {}, full.has_record && !full.curves.length && !full.signals ? reported() : null);
-  const remarks = [...(full.record?.warnings ?? []), ...full.notes];
+  const report = h("div", {}, full.has_record && !PICTURED.has(full.command) ? reported() : null);
   return [
-    remarks.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, remarks.map((n) => h("li", {}, n)))) : null,
+    full.remarks.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, full.remarks.map((n) => h("li", {}, n)))) : null,
     full.has_record ? h("div", { class: "row" },
       h("button", { type: "button", onclick: () => fill(report, reported()) }, "Report"),
       h("a", { class: "button", href: `${at}/report.html`, download: `${full.command}-${full.number}.html` }, "Save the report"),
@@ -383,7 +386,7 @@ const NEAR = 4; // times the crossover are the poles away that the root locus sh
 /** The loop at another gain, in the pictures; `bodes` shows what was measured, too. */
 function gainKnob(full, bodes) {
   const number = h("input", { type: "text", inputMode: "decimal", value: "1", "aria-label": "factor of the loop gain" });
-  const slider = h("input", { type: "range", min: -40, max: 40, step: 0.25, value: 0, "aria-label": "loop gain, slider in dB" });
+  const slider = h("input", { type: "range", min: -60, max: 60, step: 0.25, value: 0, "aria-label": "loop gain, slider in dB" });
   const facts = h("div", { role: "status" });
   const unit = new Plot({ x: { label: "Re L", log: false, range: [-3, 2] }, y: { label: "Im L", log: false, range: [-2, 2] }, label: "Nyquist picture", height: 300, equal: true });
   const nichols = new Plot({ x: { label: "phase of L [deg]", log: false }, y: { label: "gain of L [dB]", log: false }, label: "Nichols picture", height: 300 });
@@ -402,7 +405,7 @@ function gainKnob(full, bodes) {
     locusOf = found.locus ?? locusOf;
     const m = found.margins;
     fill(facts, h("p", { class: found.stable ? "good" : "bad" }, found.stable ? "The closed loop is stable." : "The closed loop is unstable."),
-      h("p", {}, `Gain margin ${shown(m.gain_margin_db, 4)} dB, phase margin ${shown(m.phase_margin_deg, 4)} deg, delay margin ${m.delay_margin_s === null ? "–" : `${shown(1e3 * m.delay_margin_s, 4)} ms`}; ${m.gain_crossover_hz === null ? "no crossover: the gain stays below 0 dB" : `crossover at ${shown(m.gain_crossover_hz, 4)} Hz`}.`));
+      h("p", {}, `Gain margin ${margin(m.gain_margin_db, "dB")}, phase margin ${margin(m.phase_margin_deg, "deg")}, delay margin ${margin(m.delay_margin_s === null ? null : 1e3 * m.delay_margin_s, "ms")}; ${m.gain_crossover_hz === null ? "no crossover of 0 dB" : `crossover at ${shown(m.gain_crossover_hz, 4)} Hz`}.`));
     const open = bode(found.open);
     const at = (hz) => `at ${shown(hz, 4)} Hz`;
     unit.set([{ label: "L", colour: colour(0), x: found.open.re, y: found.open.im, says: found.open.frequency_hz.map(at) }, { label: "−1", colour: colour(1), x: [-1], y: [0], marks: ["cross"], line: false }, circle()]);
@@ -410,8 +413,8 @@ function gainKnob(full, bodes) {
     const seen = open.gain.map((g, i) => [g, open.phase[i], at(open.x[i])]).filter(([g]) => g !== null && g >= top + 20 * Math.log10(DEPTH));
     nichols.set([{ label: "L", colour: colour(0), x: seen.map(([, p]) => p), y: seen.map(([g]) => g), says: seen.map(([, , where]) => where) }, { label: "−1", colour: colour(1), x: [-180], y: [0], marks: ["cross"], line: false }]);
     const crossing = m.gain_crossover_hz ?? m.phase_crossover_hz;
-    if (crossing && !locus.x.range) { // the poles that matter for it
-      const size = NEAR * 2 * Math.PI * crossing;
+    if (!locus.x.range) { // the poles that matter for the crossover
+      const size = crossing ? NEAR * 2 * Math.PI * crossing : 1.5 * Math.max(1e-6, ...found.poles.re.map((re, i) => Math.hypot(re, found.poles.im[i])));
       [locus.x.range, locus.y.range] = [[-size, size / 4], [-size, size]];
     }
     const poles = (label, { re, im }, number, mark) => ({ label, colour: colour(number), x: re, y: im, line: false, marks: re.map(() => mark) });
@@ -432,6 +435,11 @@ function gainKnob(full, bodes) {
   update();
   return h("section", {}, h("h2", {}, "Margins at another gain"), h("div", { class: "knob" }, h("span", {}, "Loop gain ×"), slider, number, h("span", { class: "dim" }, "")),
     facts, bodes.element, h("h3", {}, "Nyquist"), unit.element, h("h3", {}, "Nichols"), nichols.element, h("h3", {}, "Root locus"), locusNames, locus.element, h("h3", {}, "Step"), step.element);
+}
+
+/** A margin in words; null: nothing brings the loop to its limit. */
+function margin(value, unit) {
+  return value === null ? "infinite" : `${shown(value, 4)} ${unit}`;
 }
 
 function circle() {
