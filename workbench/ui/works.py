@@ -70,7 +70,6 @@ class Work:
         self._job = Job(self._told)
         self._job.say = lambda text: self._tell("note", text=text)
         self._tell: Callable[..., None] = lambda *_, **__: None
-        self._thread: int | None = None
 
     @property
     def command(self) -> str:

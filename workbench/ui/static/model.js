@@ -72,7 +72,7 @@ async function healthOf(number, place) {
 }
 
 /** Variables that can be searched; only those in sight are elements, so that thousands scroll smoothly. */
-export function variableTable(all) {
+function variableTable(all) {
   const height = 26;
   let rows = all;
   const inner = h("div", { class: "inner" });

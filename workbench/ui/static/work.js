@@ -332,7 +332,7 @@ async function lastPeriod(number, amplitude, f, ran, place) {
 }
 
 /** Signals over time, one picture for each unit. */
-export function histories({ time, signals, units }) {
+function histories({ time, signals, units }) {
   const groups = new Map();
   for (const n of Object.keys(signals)) groups.set(units[n] ?? "", [...(groups.get(units[n] ?? "") ?? []), n]);
   return h("div", {}, [...groups].slice(0, 8).map(([unit, names]) => {
