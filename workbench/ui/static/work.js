@@ -322,7 +322,7 @@ async function lastPeriod(number, amplitude, f, ran, place) {
     }, { aside: true });
     if (!full.signals) throw new Error(full.failure?.message ?? "there is no time history");
     const { time, signals, units } = full.signals;
-    const last = time.findIndex((t) => t >= (periods - 1) / f - 1e-12);
+    const last = time.findIndex((t) => t >= (periods - 1.0025) / f); // half a step early, as what was asked is rounded
     const cut = { time: time.slice(last), units, signals: Object.fromEntries(Object.entries(signals).map(([n, v]) => [n, v.slice(last)])) };
     fill(place, h("p", { class: "dim" }, `The last of ${periods} periods of a run from the operating point.`), histories(cut),
       code(full.line, "The same run in a terminal"));
