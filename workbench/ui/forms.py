@@ -99,7 +99,9 @@ def _sample(declared: Declared) -> str:
     form, own = declared.form, declared.option.metavar
     if form is not None and form.example and (not own or form.metavar.count(":") == own.count(":")):
         return f"e.g. {form.example}"
-    return own or ("" if form is None else form.metavar)
+    if form is None:  # a letter says nothing of a number
+        return own if declared.type is str else ""
+    return own or form.metavar
 
 
 def _range(option: Option) -> Iterator[str]:

@@ -127,6 +127,8 @@ function heard(event) {
   } else if (event.event === "progress") {
     [work.done, work.total, work.words] = [event.done, event.total, event.words];
     if (event.point) work.points[event.index] = event.point;
+  } else if (event.event === "note") {
+    work.words = event.text;
   }
   for (const listener of [...listeners]) listener(work, event);
 }

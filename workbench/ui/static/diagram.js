@@ -20,7 +20,7 @@ export async function diagramPage([name, plant]) {
   const text = drafts.get(key) ?? (name === "new" ? await fresh(plant) : (await get(`/api/text?name=${encodeURIComponent(name)}`)).text);
   const area = h("textarea", { id: "toml", rows: 22, value: text, spellcheck: false, "aria-describedby": "toml-help toml-wrong", oninput: () => draw() });
   const file = h("input", { type: "text", id: "file", value: name === "new" || name.includes(":") ? "loop.toml" : name, spellcheck: false });
-  const place = h("div");
+  const place = h("div", { class: "drawing", tabIndex: 0, role: "region", "aria-label": "Diagram" });
   const parts = h("div");
   const wrong = h("p", { id: "toml-wrong", class: "bad", role: "status" });
   const known = new Map(); // model → what `info` says of it
@@ -138,6 +138,7 @@ function ports(system, known) {
 }
 
 const MOST = 28; // letters of a name that is drawn
+const LEAST = 0.7; // of its size, below which the picture scrolls
 const FEW = 8; // ports of a model that are drawn unconnected
 const GAP = 90, ROW = 22, SIDE = 120;
 
@@ -184,6 +185,7 @@ function picture(system, known, onconnect) {
   }).filter(Boolean);
   let chosen = null;
   const svg = s("svg", { class: "diagram", viewBox: `0 0 ${Math.max(whole, 400)} ${back + 8 * system.connections.length + 16}`, role: "group", "aria-label": "Diagram of the system" }, ...paths, ...notes);
+  [svg.style.minWidth, svg.style.maxWidth] = [`${LEAST * whole}px`, `${whole}px`]; // smaller it cannot be read
   for (const { name, what } of system.components) {
     const box = at[name];
     const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: box.w, height: box.h }), s("text", { x: box.x + box.w / 2, y: box.y + 18, "text-anchor": "middle" }, name), s("text", { class: "dim", x: box.x + box.w / 2, y: box.y + 34, "text-anchor": "middle" }, labels[name]));

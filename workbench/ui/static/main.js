@@ -20,8 +20,6 @@ async function show() {
   const [name, ...rest] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
   leave?.();
   leave = null;
-  side.classList.remove("open");
-  document.getElementById("menu").setAttribute("aria-expanded", "false");
   const asked = location.hash;
   const waits = setTimeout(() => fill(main, h("p", { class: "dim", role: "status" }, "Opening …")), PATIENCE);
   try {
@@ -158,6 +156,8 @@ async function begin() {
     });
   });
   window.addEventListener("hashchange", () => {
+    side.classList.remove("open");
+    document.getElementById("menu").setAttribute("aria-expanded", "false");
     show();
     main.focus({ preventScroll: true });
   });

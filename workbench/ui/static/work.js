@@ -38,7 +38,7 @@ export function live(number, { onband = null, onagain = null }) {
     const running = work.state === "running" || work.state === "waiting";
     fill(head, h("div", { class: "row" },
       h("strong", { class: { failed: "bad", stopped: "watch" }[work.state] ?? "" }, work.state === "done" && !work.well ? "done, not all well" : work.state),
-      h("span", {}, running && work.total ? `${work.done} of ${work.total} ${work.words ?? ""}` : work.seconds ? `${shown(work.seconds, 3)} s` : ""),
+      h("span", {}, running ? [work.total ? `${work.done} of ${work.total}` : "", work.words ?? ""].join(" ") : work.seconds ? `${shown(work.seconds, 3)} s` : ""),
       running ? h("button", { type: "button", class: "quiet", onclick: () => stop(number) }, "Stop") : null,
       !running && onagain === null ? null : work.state === "stopped" && onagain ? h("button", { type: "button", class: "quiet", onclick: () => onagain({}) }, "Go on") : null),
       running ? h("progress", { max: work.total || 1, value: work.total ? work.done : null, "aria-label": work.command }) : null,
@@ -418,7 +418,7 @@ function gainKnob(full, bodes) {
       [locus.x.range, locus.y.range] = [[-size, size / 4], [-size, size]];
     }
     const poles = (label, { re, im }, number, mark) => ({ label, colour: colour(number), x: re, y: im, line: false, marks: re.map(() => mark) });
-    locus.set([poles("locus", locusOf, 2, "dot"), poles("open loop", found.open_poles, 0, "cross"), poles("closed loop", found.poles, 1, "square")], { lines: [{ axis: "x", value: 0 }] });
+    locus.set([poles("at other gains", locusOf, 2, "dot"), poles("open loop (×)", found.open_poles, 0, "cross"), poles("closed loop (□)", found.poles, 1, "square")], { lines: [{ axis: "x", value: 0 }] });
     fill(locusNames, legend(locus.curves));
     step.set([{ label: "T", colour: colour(0), x: found.step.time, y: found.step.value }], { lines: [{ axis: "y", value: 1 }] });
     bodes.show([found.open, found.closed, ...measured], full);
