@@ -111,6 +111,13 @@ test("a narrow band has more than two labels", () => {
   assert.ok(ticks(0.1, 0.4, true).filter((t) => t.label).length >= 4);
 });
 
+test("labels keep their distance", () => {
+  for (const [low, high] of [[0.05, 0.4], [0.1, 0.9], [0.5, 20], [1e-3, 1e4]]) {
+    const at = ticks(low, high, true).filter((t) => t.label).map((t) => Math.log(t.value / low) / Math.log(high / low));
+    for (let k = 1; k < at.length; k += 1) assert.ok(at[k] - at[k - 1] > 0.06, `${low} ${high}: ${at}`);
+  }
+});
+
 test("where a loop can be opened", () => {
   const wires = [["error.y", "gain.u"], ["plant.del", "error.u2"], ["gain.y", "plant.delC"], ["plant.load", "scope.u"], ["source.y", "error.u1"]];
   assert.deepEqual(sourcesInLoops(wires.map(([source, destination]) => ({ source, destination }))), ["plant.del", "error.y", "gain.y"]);

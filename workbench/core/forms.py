@@ -366,9 +366,20 @@ FILE = Form(
     files=lambda texts: texts,
 )
 
-# An FMU or a system beside the one that is analysed.
+
+def _take_model(value: Any) -> str:  # noqa: ANN401
+    if not isinstance(value, str | Path):
+        raise ValueError(f"'{value}' is not the file of an FMU, or fmu:NAME")
+    return str(value)
+
+
+# An FMU beside the model that is analysed.
 MODEL = Form(
-    metavar="MODEL", read=lambda texts: texts[-1], write=lambda value: [value], take=str, files=lambda texts: texts
+    metavar="MODEL",
+    read=lambda texts: texts[-1],
+    write=lambda value: [value],
+    take=_take_model,
+    files=lambda texts: texts,
 )
 
 
