@@ -30,7 +30,7 @@ import workbench as wb  # noqa: E402
 from tests.ui_server import Ui, browser_workbench  # noqa: E402
 
 POINTS = 5000
-NEEDED = ("starlette", "uvicorn", "h11", "click", "anyio", "idna")
+NEEDED = ("starlette", "uvicorn", "h11", "click", "anyio", "idna", "tomlkit")
 
 # Each picture begins with an empty canvas.
 WATCH = """
@@ -114,6 +114,19 @@ def frames(page: Page, ui: Ui) -> float:
     return float(1e3 * (len(seen) - 1) / (seen[-1] - seen[0]))
 
 
+# The nearest point is looked for at each movement of the mouse.
+NEAREST = """() => {
+    const canvas = document.querySelector('main canvas');
+    const box = canvas.getBoundingClientRect();
+    const begin = performance.now();
+    for (let k = 0; k < 100; k += 1) {
+        const place = { clientX: box.x + box.width * (0.2 + 0.006 * k), clientY: box.y + 100, bubbles: true };
+        canvas.dispatchEvent(new PointerEvent('pointermove', place));
+    }
+    return (performance.now() - begin) / 100;
+}"""
+
+
 def weight() -> tuple[float, float]:
     """Return what the page and the packages that it needs take on disk [kB]."""
     page = sum(f.stat().st_size for f in (ROOT / "workbench" / "ui").rglob("*") if f.suffix in {".js", ".css", ".html"})
@@ -141,6 +154,7 @@ def main() -> None:
                 f"point to drawn: median {statistics.median(late):.0f} ms, largest {max(late):.0f} ms, {count} points"
             )
             print(f"{POINTS} points moved: {frames(page, ui):.0f} frames/s")
+            print(f"nearest of {POINTS} points: {page.evaluate(NEAREST):.2f} ms")
         browser.close()
     page_size, packages = weight()
     print(f"page {page_size:.0f} kB, packages {packages:.0f} kB")

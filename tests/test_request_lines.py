@@ -61,6 +61,7 @@ VALUES: dict[str, Callable[[random.Random], Any]] = {
     "BEGIN:END": lambda c: [(0.0, number(c)), rising(c)],
     "TEXT": lambda c: c.sample(["one, two", *NAMES], 2),
     "PATH": lambda _: "some folder/file.json",
+    "MODEL": lambda c: c.choice(["fmu:LimitedActuator", "some folder/actuator.fmu"]),
     "auto|N|ask": lambda c: c.choice(["auto", 4]),
     "auto|N,..": lambda c: c.choice(["auto", 2, [1, 2]]),
     "PLANT.Y": lambda c: c.choice(["plant.y", "plant.y -> controller.u"]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import shutil
@@ -17,7 +18,7 @@ from tests.hostile_fmus import build_hostile
 from tests.ui_server import Ui, browser_workbench
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Page, Route
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 if CHROMIUM is None:
@@ -189,9 +190,10 @@ def test_a_loop_is_closed_and_its_gain_dragged(page: Page, ui: Ui) -> None:
     api.expect(page.locator("svg.diagram g")).to_have_count(4)
     page.locator("[aria-label='output gain.y']").click()
     page.locator("[aria-label='input gain2.u']").click()
-    assert '"gain2.u" = "gain.y"' in page.input_value("#toml")
+    api.expect(page.locator("#toml")).to_have_value(re.compile('"gain2.u" = "gain.y"'))
     page.locator("[aria-label='output gain2.y']").click()
     page.locator("[aria-label='input plant.delC']").click()
+    api.expect(page.locator("#toml")).to_have_value(re.compile('"plant.delC" = "gain2.y"'))
     text = page.input_value("#toml").replace("gain2 = 1.0", 'gain2 = {gain = 1.0, units = {u = "deg", y = "deg"}}')
     page.fill("#toml", text)
     picture(page, "diagram")
@@ -233,6 +235,74 @@ def test_a_store_appears_at_once(page: Page, ui: Ui) -> None:
     api.expect(page.locator("h1")).to_have_text("Store runs")
     api.expect(page.locator(".legend li")).to_have_count(2)
     picture(page, "store")
+
+
+MANY = 5000
+LEFT, RIGHT = 68, 14  # beside the axes of a picture [pixel]
+
+
+def test_the_nearest_of_many_points_is_found(page: Page, ui: Ui) -> None:
+    low, high = 0.1, 1000.0
+    frequency = [low * (high / low) ** (k / (MANY - 1)) for k in range(MANY)]
+    curve = {
+        "label": "many", "kind": "measured", "input_unit": "", "output_unit": "", "frequency_hz": frequency,
+        "re": [1.0] * MANY, "im": [0.0] * MANY, "status": ["settled"] * MANY, "settings": {},
+    }  # fmt: skip
+
+    def with_a_store(route: Route) -> None:
+        answer = route.fetch()
+        start = answer.json()
+        start["files"].append({"name": "many", "kind": "store"})
+        route.fulfill(response=answer, json=start)
+
+    page.route("**/api/start", with_a_store)
+    page.route("**/api/store?name=many", lambda route: route.fulfill(json={"name": "many", "curves": [curve]}))
+    page.goto(f"{ui.base}/#/open/many")
+    page.reload()
+    api.expect(page.locator("h1")).to_have_text("Store many")
+    canvas = page.locator("main canvas").first
+    box = canvas.bounding_box()
+    assert box is not None
+    margin = (high / low) ** 0.03
+    ends, wide = (low / margin, high * margin), box["width"] - LEFT - RIGHT
+    for share in (0.1, 0.37, 0.5, 0.93):
+        there = ends[0] * (ends[1] / ends[0]) ** share
+        canvas.hover(position={"x": LEFT + share * wide, "y": 120})  # the curve is some way below or above
+        api.expect(page.locator(".readout").first).to_contain_text("many: frequency")
+        read = float(page.locator(".readout").first.inner_text().split("frequency ")[1].split(" Hz")[0])
+        assert abs(math.log(read / there)) < 1.5 * math.log(ends[1] / ends[0]) / wide  # a pixel and a half
+        canvas.click(position={"x": LEFT + share * wide, "y": 125})
+        api.expect(page.locator("[aria-label='The point'] h2")).to_contain_text("Point at")
+        asked = float(page.locator("[aria-label='The point'] h2").inner_text().split()[2])
+        assert asked == pytest.approx(read, rel=1e-3)
+
+
+def test_what_is_filled_in_stays(page: Page, ui: Ui) -> None:
+    look(page, ui, "open/fmu:Rudder/measure/nfr")
+    page.fill("#field-amplitudes", "3,5")
+    page.click("#theme")
+    api.expect(page.locator("#field-amplitudes")).to_have_value("3,5")
+    look(page, ui, "open/fmu:Rudder/measure/trim")
+    look(page, ui, "open/fmu:Rudder/measure/nfr")
+    api.expect(page.locator("#field-amplitudes")).to_have_value("3,5")
+    look(page, ui, "system/new/fmu:Rudder")
+    page.click("text=+ gain")
+    api.expect(page.locator("#toml")).to_have_value(re.compile("gain2 = 1.0"))
+    page.click("#theme")
+    look(page, ui, "compare")
+    look(page, ui, "system/new/fmu:Rudder")
+    api.expect(page.locator("#toml")).to_have_value(re.compile("gain2 = 1.0"))
+
+
+def test_a_component_is_taken_away_in_the_diagram(page: Page, ui: Ui) -> None:
+    look(page, ui, "system/new/fmu:FirstOrderLag")
+    page.locator("main summary").click()
+    page.get_by_role("button", name="remove gain and its wires").click()
+    api.expect(page.locator("svg.diagram g")).to_have_count(2)
+    assert "gain" not in page.input_value("#toml")
+    page.locator("#toml").press_sequentially("\nx")
+    api.expect(page.locator("#toml-wrong")).to_contain_text("not TOML yet")
+    api.expect(page.locator("svg.diagram g")).to_have_count(2)  # the picture stays
 
 
 def test_a_session_is_kept_as_a_study(page: Page, ui: Ui) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import signal
@@ -66,6 +67,22 @@ def test_a_page_from_elsewhere_cannot_begin_work(ui: Ui) -> None:
         assert ui.ask("GET", wrong, Cookie="").status == 403
 
 
+@pytest.mark.parametrize("path", ["/api/works", "/api/works/1/stop", "/api/works/1/keep", "/api/text", "/api/diagram"])
+def test_what_changes_something_is_taken_from_this_page_only(ui: Ui, path: str) -> None:
+    assert ui.ask("POST", path, {}, Origin="").status == 403
+    assert ui.ask("POST", path, {}, Origin=f"http://{ui.host}.evil.example").status == 403
+    assert ui.ask("POST", path, {}, Cookie="").status == 403
+    if path != "/api/text":  # which is read, too
+        assert ui.ask("GET", path).status == 405
+
+
+def test_the_token_counts_in_the_address_alone(ui: Ui) -> None:
+    token = ui.address.partition("token=")[2].partition("#")[0]
+    for headers in ({"Referer": ui.address}, {"Authorization": f"Bearer {token}"}, {"X_Token": token}):
+        assert ui.ask("GET", "/api/start", Cookie="", **headers).status == 403
+    assert ui.ask("POST", "/api/text", {"token": token, "name": "x.toml", "text": ""}, Cookie="").status == 403
+
+
 def test_every_answer_says_what_a_page_may_load(ui: Ui) -> None:
     for path in ("/", "/static/main.js", "/api/start", "/nothing"):
         headers = ui.ask("GET", path).headers
@@ -110,6 +127,59 @@ def test_a_file_option_stays_inside_too(ui: Ui) -> None:
         answer = ui.ask("POST", "/api/works", asked)
         assert answer.status == 422
         assert "not in this folder" in answer.json["fields"][option]
+
+
+def test_a_file_that_an_option_names_stays_inside(ui: Ui) -> None:
+    (ui.folder.parent / "outside.csv").write_text("0,0\n1,1\n")
+    (ui.folder / "inside.csv").write_text("0,0\n1,1\n")
+    table = {"stop": "1", "inputs": ["delC=../outside.csv"]}
+    answer = ui.ask("POST", "/api/works", {"command": "simulate", "subject": ["Rudder.fmu"], "values": table})
+    assert answer.json["fields"] == {"inputs": "../outside.csv: not in this folder"}
+    full = ui.ended(ui.begin("simulate", "Rudder.fmu", stop="1", inputs=["delC=inside.csv"]))
+    assert full["state"] == "done", full["failure"]
+    design = {"block": "damper", "target": "aircraft.inner_aileron", "orders": "36,29", "actuator": "../outside.fmu"}
+    asked = {"command": "feed-forward", "subject": ["system:failed_aileron"], "values": design}
+    assert ui.ask("POST", "/api/works", asked).json["fields"] == {"actuator": "../outside.fmu: not in this folder"}
+
+
+@pytest.mark.parametrize("part", ['"../outside.fmu"', '"link.fmu"', '{linear = "../outside.json"}'])
+def test_a_system_has_no_parts_outside_of_the_folder(ui: Ui, part: str) -> None:
+    matrices = {"A": [[-1.0]], "B": [[1.0]], "C": [[1.0]], "D": [[0.0]]}
+    (ui.folder.parent / "outside.json").write_text(json.dumps(matrices))
+    (ui.folder / "leads_out.toml").write_text(f"[components]\nplant = {part}\n")
+    (ui.folder / "nested.toml").write_text('[components]\ninner = "leads_out.toml"\n')
+    for system in ("leads_out.toml", "nested.toml"):
+        for command in ("info", "loop"):
+            asked = {"command": command, "subject": [system], "values": {"open": "plant.y"}}
+            answer = ui.ask("POST", "/api/works", asked)
+            assert answer.status == 404
+            assert "plant is not in this folder" in answer.json["message"]
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../app.py", "/static/%2e%2e/app.py", "/static/..%2fapp.py", "/static/%2e%2e%2f%2e%2e%2f__init__.py",
+        "/static/..%5capp.py", "/static/%252e%252e/app.py", "/static//etc/passwd", "/static/%2fetc%2fpasswd",
+        "/static/%00", "/static/main.js%00.css", "/static/", "//etc/passwd", "/..", "/%00",
+        "/api/text?name=%2e%2e%2foutside.fmu", "/api/text?name=..%2foutside.fmu", "/api/text?name=%2fetc%2fpasswd",
+        "/api/text?name=x%00.toml", "/api/text?name=link.fmu", "/api/text?name=system:..%2f..%2fpyproject",
+        "/api/store?name=%2e%2e", "/api/store?name=%00", "/api/works/1%2f..%2f2",
+    ],
+)  # fmt: skip
+def test_a_path_cannot_lead_out_of_the_folder(ui: Ui, path: str) -> None:
+    answer = ui.ask("GET", path)
+    assert answer.status in {404, 422}, answer.body
+    assert b"root:" not in answer.body
+    assert b"app_of" not in answer.body
+
+
+def test_a_diagram_reads_nothing_outside_of_the_folder(ui: Ui) -> None:
+    for part in ('"../outside.fmu"', '{linear = "../outside.fmu"}', '"link.fmu"', '{linear = "/etc/passwd"}'):
+        answer = ui.ask("POST", "/api/diagram", {"name": "x.toml", "text": f"[components]\nplant = {part}\n"})
+        assert answer.status == 200
+        assert "not in this folder" in answer.json["wrong"][0]
+    assert ui.ask("POST", "/api/diagram", {"name": "../x.toml", "text": "[components]"}).status == 404
 
 
 @pytest.mark.parametrize("name", ["../x.toml", "/x.toml", "x.txt", "x.fmu", "", "\0.toml"])
@@ -288,6 +358,20 @@ def test_a_loop_at_another_gain(ui: Ui) -> None:
     assert ui.get(f"/api/works/{full['number']}/loop?gain={0.99 * critical}")["stable"]
     assert not ui.get(f"/api/works/{full['number']}/loop?gain={1.01 * critical}")["stable"]
     assert ui.ask("GET", f"/api/works/{full['number']}/loop?gain=x").status == 422
+    assert "locus" not in more
+
+
+def test_a_root_locus_begins_at_the_poles_of_the_open_loop_and_passes_those_of_the_closed_one(ui: Ui) -> None:
+    full = ui.ended(ui.begin("loop", "system:rudder_loop", open="plant.del"))
+    found = ui.get(f"/api/works/{full['number']}/loop?gain=1&locus=1")
+    (begin, now, all_of_it) = (
+        [complex(re, im) for re, im in zip(found[key]["re"], found[key]["im"], strict=True)]
+        for key in ("open_poles", "poles", "locus")
+    )
+    for pole in begin:
+        assert min(abs(pole - p) for p in all_of_it[: len(begin)]) < 0.05 * abs(pole) + 1e-6
+    for pole in now:
+        assert min(abs(pole - p) for p in all_of_it) < 0.05 * abs(pole) + 1e-6
 
 
 # -- beginning and ending -----------------------------------------------------------------------------

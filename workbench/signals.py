@@ -483,12 +483,16 @@ def parse_signal(text: str) -> Signal:
         return _table(rest)
     if colon and kind in _MAKERS:
         return _MAKERS[kind](_key_values(kind, rest))
-    if text.lower().endswith((".csv", ".txt")):
+    if _is_file(text):
         return read_table(text)
     raise InputError(
         f"'{text}' is not a signal; write a number, a .csv file, or one of "
         + ", ".join([*(f"{k}:{_KEYS[k][0]}=…" for k in _MAKERS), f"{_TABLE}:TIME=VALUE,…"])
     )
+
+
+def _is_file(text: str) -> bool:
+    return text.strip().lower().endswith((".csv", ".txt"))
 
 
 # -- several of them ---------------------------------------------------------------------------
@@ -560,10 +564,12 @@ def _signal(name: str, value: Signal | float | str) -> Signal:
 
 _SIGNALS = Form(
     metavar="NAME=SIGNAL",
+    example="u=step:time=1,value=2",
     read=lambda texts: signals_of(pairs(texts)),
     write=lambda value: [f"{name}={signal_text(signal)}" for name, signal in value.items()],
     take=lambda value: signals_of(table(value)),
     repeated=True,
+    files=lambda texts: [value for _, _, value in (text.partition("=") for text in texts) if _is_file(value)],
 )
 
 if TYPE_CHECKING:

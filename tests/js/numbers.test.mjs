@@ -98,6 +98,7 @@ test("ticks lie inside and are round", () => {
 
 test("what is shown", () => {
   assert.deepEqual([null, undefined, NaN, Infinity, true, 0.1 + 0.2, 123456.7].map((v) => shown(v)), ["–", "–", "–", "∞", "yes", "0.3", "123460"]);
+  assert.deepEqual([2.06e7, -1e6, 999999, 5.4545e-7, 0.00522, 0].map((v) => shown(v, 6)), ["2.06e7", "-1e6", "999999", "5.4545e-7", "0.00522", "0"]);
   assert.deepEqual(extent([[1, null, 3], [], [-2, NaN]]), [-2, 3]);
   assert.equal(extent([[null]]), null);
 });
@@ -108,6 +109,13 @@ test("units", () => {
 
 test("a narrow band has more than two labels", () => {
   assert.ok(ticks(0.1, 0.4, true).filter((t) => t.label).length >= 4);
+});
+
+test("labels keep their distance", () => {
+  for (const [low, high] of [[0.05, 0.4], [0.1, 0.9], [0.5, 20], [1e-3, 1e4]]) {
+    const at = ticks(low, high, true).filter((t) => t.label).map((t) => Math.log(t.value / low) / Math.log(high / low));
+    for (let k = 1; k < at.length; k += 1) assert.ok(at[k] - at[k - 1] > 0.06, `${low} ${high}: ${at}`);
+  }
 });
 
 test("where a loop can be opened", () => {

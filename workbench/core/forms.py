@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FILE",
+    "MODEL",
     "TEXTS",
     "VARIED",
     "Band",
@@ -51,6 +52,8 @@ class Form:
         write: the value → texts, one for each time the option has to be given.
         take: what Python or a TOML file holds → the value; raises ValueError with what is wrong.
         repeated: whether the option can be given several times.
+        example: what stands in an empty field in place of the metavar, where that says too little.
+        files: the texts → those files and models that they name, for whoever opens only some.
     """
 
     metavar: str
@@ -58,6 +61,8 @@ class Form:
     write: Callable[[Any], list[str]]
     take: Callable[[Any], Any]
     repeated: bool = False
+    example: str = ""
+    files: Callable[[Sequence[str]], Sequence[str]] = lambda _: ()
 
 
 def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOML file holds
@@ -142,6 +147,7 @@ def several(value: Numbers) -> tuple[float, ...]:
 
 _NUMBERS = Form(
     metavar="A,..",
+    example="1,2,5",
     read=_read_numbers,
     write=lambda value: [",".join(map(_short, value))],
     take=several,
@@ -157,6 +163,7 @@ def _read_band(texts: Sequence[str]) -> tuple[float, float]:
 
 _BAND = Form(
     metavar="LO:HI",
+    example="0.1:10",
     read=_read_band,
     write=lambda value: [":".join(map(_short, value))],
     take=two_numbers,
@@ -356,6 +363,23 @@ FILE = Form(
     read=lambda texts: Path(texts[-1]),
     write=lambda value: [str(value)],
     take=lambda value: value,
+    files=lambda texts: texts,
+)
+
+
+def _take_model(value: Any) -> str:  # noqa: ANN401
+    if not isinstance(value, str | Path):
+        raise ValueError(f"'{value}' is not the file of an FMU, or fmu:NAME")
+    return str(value)
+
+
+# An FMU beside the model that is analysed.
+MODEL = Form(
+    metavar="MODEL",
+    read=lambda texts: texts[-1],
+    write=lambda value: [value],
+    take=_take_model,
+    files=lambda texts: texts,
 )
 
 

@@ -31,7 +31,7 @@ from workbench.system.description import (
     SumComponent,
 )
 
-__all__ = ["BlockComponent", "BlockInstance", "block_description"]
+__all__ = ["BlockComponent", "BlockInstance", "block_description", "block_ports"]
 
 Floats = NDArray[np.float64]
 BlockComponent = LinearComponent | GainComponent | SumComponent | FunctionComponent
@@ -247,14 +247,17 @@ def _linear(component: BlockComponent) -> LinearComponent:
     """Return gains and sums as what they are: linear systems without states; functions with no matrices."""
     if isinstance(component, LinearComponent):
         return component
-    inputs, outputs, gains = _ports(component)
+    inputs, outputs, gains = block_ports(component)
     return LinearComponent(
         name=component.name, A=np.zeros((0, 0)), B=np.zeros((0, len(inputs))), C=np.zeros((len(outputs), 0)), D=gains,
         dt=0.0, input_names=inputs, output_names=outputs, state_names=(), x0=np.zeros(0),
     )  # fmt: skip
 
 
-def _ports(component: BlockComponent) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
+def block_ports(component: BlockComponent) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
+    """Return the names of a block's m inputs and p outputs, and its direct gains, shape (p, m)."""
+    if isinstance(component, LinearComponent):
+        return component.input_names, component.output_names, component.D
     if isinstance(component, GainComponent):
         return ("u",), ("y",), np.array([[component.gain]])
     if isinstance(component, SumComponent):

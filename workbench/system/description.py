@@ -63,11 +63,13 @@ class LinearComponent(Linear):
         name: name of the component.
         x0: shape (n,), where the state starts.
         units: input or output → unit; those left out have none.
+        file: absolute path of the file that holds the matrices; empty: they stand in the system's own.
     """
 
     name: str
     x0: Floats
     units: Mapping[str, str] = field(default_factory=dict)
+    file: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -151,7 +151,8 @@ def _linear_file(name: str, given: Mapping[str, Any], place: _Context) -> Linear
         )
     named = {"input_names": "inputs", "output_names": "outputs", "state_names": "states"}
     kept = {named.get(k, str(k)): v for k, v in data.items() if k in {"A", "B", "C", "D", "dt", *named}}
-    return _state_space(name, {**kept, "units": {**(data.get("units") or {}), **table.units}}, place)
+    linear = _state_space(name, {**kept, "units": {**(data.get("units") or {}), **table.units}}, place)
+    return replace(linear, file=str(path))
 
 
 def _nonzero(value: object) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from workbench.core.record import read_toml_table
 from workbench.errors import InputError
@@ -15,7 +15,7 @@ from workbench.system.read import is_system_file, read_system
 from workbench.system.toml_components import read_component
 from workbench.system.toml_schema import ExperimentTable, SystemTable, read_record, read_table
 
-__all__ = ["read_toml"]
+__all__ = ["connections_in", "read_toml"]
 
 
 def read_toml(path: Path, parents: tuple[Path, ...] = ()) -> SystemDescription:
@@ -43,7 +43,7 @@ def _description(path: Path, data: Mapping[str, Any], parents: tuple[Path, ...])
     outer = SystemDescription(
         name=table.name or path.stem,
         components=(),
-        connections=tuple(_connection(name, given) for name, given in _connections(table.connections)),
+        connections=tuple(_connection(name, holder[key]) for name, holder, key in connections_in(table.connections)),
         inputs={name: (given,) if isinstance(given, str) else tuple(given) for name, given in table.inputs.items()},
         outputs=dict(table.outputs),
         default_experiment=DefaultExperiment(experiment.start, experiment.stop, experiment.tolerance, experiment.step),
@@ -65,14 +65,24 @@ def _part(component: Component, parents: tuple[Path, ...]) -> Component | Inner:
     return Inner(component.name, system)
 
 
-def _connections(given: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Yield destination and source. TOML reads an unquoted a.u as table a with key u: both ways are taken."""
+_Holder = TypeVar("_Holder", bound=Mapping[str, Any])
+
+
+def connections_in(given: _Holder, prefix: str = "") -> Iterator[tuple[str, _Holder, str]]:
+    """Yield each destination with the table and the key in it that hold its source.
+
+    TOML reads an unquoted a.u as table a with key u: both ways are taken.
+
+    Args:
+        given: the table of connections.
+        prefix: before the keys, of a table inside it.
+    """
     for key, value in given.items():
         name = f"{prefix}{key}"
         if isinstance(value, dict) and not _is_connection(name, value):
-            yield from _connections(value, f"{name}.")
+            yield from connections_in(cast("_Holder", value), f"{name}.")
         else:
-            yield name, value
+            yield name, given, key
 
 
 def _is_connection(name: str, value: Mapping[str, Any]) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
@@ -23,6 +24,7 @@ from workbench.core.scratch import scratch
 from workbench.errors import InputError, WorkbenchError
 from workbench.report.results import picture_of, write_report
 from workbench.ui.curves import curves_of, loop_at, signals_of, stored_curves
+from workbench.ui.diagram import BLOCKS, drawn, edited
 from workbench.ui.forms import MEASURED, FormError, form_of
 from workbench.ui.root import NotHereError
 from workbench.ui.study import study_of
@@ -61,6 +63,7 @@ class _Server:
                 "folder": root.folder.name or str(root.folder),
                 "files": root.listing(),
                 "forms": [form_of(command) for command in MEASURED],
+                "blocks": list(BLOCKS),
                 "works": [work.to_dict() for work in list(self.desk.works.values())],
                 "last": self.desk.last,
             }
@@ -75,9 +78,9 @@ class _Server:
     async def begin(self, request: Request) -> Response:
         asked = await _sent(request)
         try:
-            work = self.desk.begin(
-                str(asked.get("command")), list(asked.get("subject") or []), dict(asked.get("values") or {}),
-                aside=bool(asked.get("aside")),
+            work = await run_in_threadpool(
+                self.desk.begin, str(asked.get("command")), list(asked.get("subject") or []),
+                dict(asked.get("values") or {}), aside=bool(asked.get("aside")),
             )  # fmt: skip
         except FormError as error:
             return JSONResponse({"fields": error.fields}, 422)
@@ -167,7 +170,7 @@ class _Server:
             gain = float(request.query_params.get("gain", "1"))
         except ValueError:
             raise InputError("gain: not a number") from None
-        found = loop_at(record, gain)
+        found = loop_at(record, gain, locus="locus" in request.query_params)
         if found is None:
             raise HTTPException(404, "there is no linear loop")
         return JSONResponse(found)
@@ -183,6 +186,14 @@ class _Server:
         """Answer with the text of a system or a study."""
         name = request.query_params.get("name", "")
         return JSONResponse({"name": name, "text": self.desk.root.text_of(name)})
+
+    async def diagram(self, request: Request) -> Response:
+        """Answer with what the text of a system says, after a change if one is asked for."""
+        sent = await _sent(request)
+        name, text, change = str(sent.get("name", "")), str(sent.get("text", "")), sent.get("change")
+        if isinstance(change, list) and change:
+            text = edited(text, *map(str, change))
+        return JSONResponse({"text": text, **await run_in_threadpool(drawn, text, self.desk.root, name)})
 
     async def keep(self, request: Request) -> Response:
         """Write the text of a system or a study into the folder."""
@@ -240,7 +251,7 @@ async def _sent(request: Request) -> Mapping[str, Any]:
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):
-        raise InputError("what was sent is no JSON object")
+        raise InputError("what was sent is not a JSON object")
     return found
 
 
@@ -276,6 +287,7 @@ def app_of(desk: Desk) -> Starlette:
         Route("/api/store", server.store),
         Route("/api/text", server.text),
         Route("/api/text", server.keep, methods=["POST"]),
+        Route("/api/diagram", server.diagram, methods=["POST"]),
         Route("/api/study.toml", server.study),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]

@@ -21,11 +21,12 @@ if TYPE_CHECKING:
     from workbench.analysis.lin.sweep import LinGrid
     from workbench.analysis.loop.result import LoopResult
     from workbench.analysis.nfr.result import NfrResult
-    from workbench.core.linear import Linear
+    from workbench.core.linear import Linear, LinearPart
 
 __all__ = ["curves_of", "loop_at", "signals_of", "stored_curves"]
 
 _MANY = 400  # frequencies of a linear model's curve
+_GAINS = 240  # of a root locus
 _CURVES = 24  # of a linear model: inputs times outputs
 _DECADES = 3.0  # around what is to be seen
 
@@ -175,12 +176,13 @@ def signals_of(record: object) -> dict[str, Any] | None:
     return found
 
 
-def loop_at(record: object, gain: float) -> dict[str, Any] | None:
+def loop_at(record: object, gain: float, *, locus: bool = False) -> dict[str, Any] | None:
     """Return what becomes of a linear loop when its gain is multiplied, ready for JSON; None: the record has no loop.
 
     Args:
         record: any.
         gain: by which the loop transfer is multiplied.
+        locus: whether to add the poles of the closed loop at many gains.
     """
     from workbench.analysis.loop.result import LoopResult  # noqa: PLC0415 - as above
 
@@ -190,20 +192,34 @@ def loop_at(record: object, gain: float) -> dict[str, Any] | None:
     band = record.frequencies(_MANY)
     open_loop = Response(band, transfer.response(band))
     closed = transfer.complementary()
-    poles = closed.poles
     time, step = _step(closed)
     found: dict[str, Any] = plain(
         {
             "gain": gain,
             "margins": open_loop.margins().to_dict(),
-            "stable": bool(np.all(poles.real < 0.0)) if transfer.dt == 0.0 else bool(np.all(np.abs(poles) < 1.0)),
-            "poles": {"re": poles.real, "im": poles.imag},
+            "stable": closed.is_stable,
+            "poles": _poles(closed),
+            "open_poles": _poles(transfer),
+            **({"locus": _locus(record.linear.transfer)} if locus else {}),
             "open": _of_response(open_loop, f"loop × {gain:.4g}", "linear"),
             "closed": _of_response(Response(band, closed.response(band)), f"closed loop × {gain:.4g}", "linear"),
             "step": {"time": time, "value": step},
         }
     )
     return found
+
+
+def _poles(model: Linear) -> dict[str, Any]:
+    """Return poles [1/s], of a discrete model those of the continuous motion that its samples show."""
+    poles = model.continuous_poles
+    return {"re": poles.real, "im": poles.imag}
+
+
+def _locus(transfer: LinearPart) -> dict[str, Any]:
+    """Return the poles of the closed loop at gains around one."""
+    gains = np.geomspace(10.0**-_DECADES, 10.0**_DECADES, _GAINS).tolist()
+    loops = [_poles(transfer.scaled(gain).complementary()) for gain in gains if transfer.solvable(-gain)]
+    return {part: np.concatenate([poles[part] for poles in loops]) for part in ("re", "im")}
 
 
 def _step(closed: Linear) -> tuple[Any, Any]:

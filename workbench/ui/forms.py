@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
 from workbench.analysis.commands import REQUESTS, request_of
 from workbench.analysis.request import Request, asked_options, request_from
-from workbench.core.forms import FILE
 from workbench.core.loading import Loading
-from workbench.core.option import Declared
+from workbench.core.option import Declared, Option
 from workbench.errors import InputError
 from workbench.ui.root import NotHereError, Root
 
-__all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "request_of_form"]
+__all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "request_of_form", "without_flags"]
 
 # Commands that a model's page offers, in their order; the others take files of data, or write FMUs.
 MEASURED = tuple(
@@ -55,11 +54,10 @@ def form_of(command: str) -> dict[str, Any]:
     return {
         "command": command,
         "help": " ".join(first.split()),
-        "details": request.details,
-        "example": request.example,
         "counts": request.counts,
         "fields": [
-            _field(name, d, group, needed=name in request.needs) for name, (d, group) in _options(request).items()
+            _field(name, d, without_flags(request, group), needed=name in request.needs)
+            for name, (d, group) in _options(request).items()
         ],
     }
 
@@ -86,15 +84,34 @@ def _field(name: str, declared: Declared, group: str, *, needed: bool) -> dict[s
         "label": _label(name),
         "flag": declared.flag,
         "kind": _kind(declared),
-        "help": option.help,
+        "help": " ".join([option.help, *_range(option)]),
         "unit": option.unit,
-        "metavar": option.metavar or (declared.form.metavar if declared.form is not None else ""),
+        "sample": _sample(declared),
         "choices": list(option.choices),
         "group": group,
         "required": needed,
         "default": declared.default if declared.type is bool else ", ".join(t.partition("=")[2] for t in default),
-        "least": 0.0 if option.positive else option.least,
     }
+
+
+def _sample(declared: Declared) -> str:
+    """Return what stands in a field that is empty and has no default."""
+    form, own = declared.form, declared.option.metavar
+    if form is not None and form.example and (not own or form.metavar.count(":") == own.count(":")):
+        return f"e.g. {form.example}"
+    if form is None:  # a letter says nothing of a number
+        return own if declared.type is str else ""
+    return own or form.metavar
+
+
+def _range(option: Option) -> Iterator[str]:
+    """Yield what values an option takes, a sentence each."""
+    if option.positive:
+        yield "Positive."
+    elif option.least is not None:
+        yield f"At least {option.least:g}."
+    if option.below is not None:
+        yield f"Less than {option.below:g}."
 
 
 def _kind(declared: Declared) -> str:
@@ -122,8 +139,7 @@ def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple
         try:
             value = _given(declared, given.get(name))
             if value is not None:
-                if declared.form is FILE:
-                    value = root.name_of(root.path(value, new=name == _STORE))
+                _check_files(declared, value, root, new=name == _STORE)
                 declared.read(value)
                 values[name] = value
             elif declared.required or name in request.needs:
@@ -142,6 +158,18 @@ def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple
     if wrong:
         raise FormError(wrong)
     return asked
+
+
+def _check_files(declared: Declared, value: Any, root: Root, *, new: bool) -> None:  # noqa: ANN401 - of a form
+    """Refuse files that are not in the folder.
+
+    Raises:
+        NotHereError: what is told of the first one.
+    """
+    if declared.form is None:
+        return
+    for file in declared.form.files(value if isinstance(value, list) else [value]):
+        root.find(file, new=new)
 
 
 def _stand_in(declared: Declared) -> Any:  # noqa: ANN401 - of a form
@@ -165,12 +193,19 @@ def in_the_form(request: type[Request[Any, Any]], message: str) -> tuple[str, st
     """
     options = _options(request)
     name = _named(message, options)
-    for flag, label in sorted(((d.flag, _label(n)) for n, (d, _) in options.items()), key=lambda f: -len(f[0])):
-        message = re.sub(rf"{re.escape(flag)}(?![\w-])", label, message)
+    message = without_flags(request, message)
     if name:
         own = {_label(name), *_spoken(options[name][0])}
         message = re.sub(rf"^({'|'.join(map(re.escape, sorted(own, key=len, reverse=True)))}): +", "", message)
     return name, message
+
+
+def without_flags(request: type[Request[Any, Any]], message: str) -> str:
+    """Return a message with the names of fields in place of the command line's options."""
+    options = _options(request).items()
+    for flag, label in sorted(((d.flag, _label(name)) for name, (d, _) in options), key=lambda f: -len(f[0])):
+        message = re.sub(rf"{re.escape(flag)}(?![\w-])", label, message)
+    return message
 
 
 def _spoken(declared: Declared) -> set[str]:

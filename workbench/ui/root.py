@@ -11,6 +11,7 @@ from pathlib import Path
 from workbench.bundled import bundled_files, find_bundled
 from workbench.core.parsing import from_toml
 from workbench.errors import InputError, WorkbenchError
+from workbench.fmi.bundled import is_bundled
 from workbench.store import FILE_NAME
 
 __all__ = ["NotHereError", "Root"]
@@ -23,6 +24,7 @@ _TEXTS = {"system": "systems", "study": "studies"}
 _BEGINNING = 4096  # of a record's file, where its command and its model stand [byte]
 _TRIM = re.compile(r'^\s*\{\s*"command": "trim"')
 _MODEL = re.compile(r'"model": ("(?:[^"\\\x00-\x1f]|\\["\\/bfnrt])*")')
+_SYSTEMS = {".toml", ".ssp", ".ssd"}
 _PREFIXES = ("fmu:", "system:", "study:")
 
 
@@ -40,16 +42,39 @@ class Root:
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
 
-    def find(self, text: str) -> str:
+    def find(self, text: str, *, new: bool = False) -> str:
         """Return what a command in the folder would be given for what the browser names: a bundled name, or a path.
 
         Args:
             text: "fmu:NAME", "system:NAME", "study:NAME", or a path relative to the folder.
+            new: whether it need not exist.
 
         Raises:
-            NotHereError: it is not in the folder.
+            NotHereError: it is not in the folder, or a system that has parts which are not.
         """
-        return text if text.startswith(_PREFIXES) else self.name_of(self.path(text))
+        if text.startswith(_PREFIXES):
+            return text
+        path = self.path(text, new=new)
+        if path.suffix.lower() in _SYSTEMS or path.is_dir():
+            self._check_parts(text, path)
+        return self.name_of(path)
+
+    def _check_parts(self, text: str, path: Path) -> None:
+        from workbench.system.read import read_system  # noqa: PLC0415 - needs what the first page does not
+
+        try:
+            system = read_system(path)
+        except WorkbenchError:
+            return  # what is wrong with it is told by whoever runs it
+        here = [self.folder, *([] if system.folder is None else [system.folder.folder.resolve()])]
+        for part in system.components:
+            file = getattr(part, "file", "")
+            if not file or is_bundled(file):
+                continue
+            if not any(Path(file).resolve().is_relative_to(folder) for folder in here):
+                raise NotHereError(
+                    f"{text}: its {part.name} is not in this folder; start workbench ui in one that holds both"
+                )
 
     def path(self, text: str, *, new: bool = False) -> Path:
         """Return the path of a file in the folder, links resolved.

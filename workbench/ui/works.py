@@ -18,7 +18,7 @@ from workbench.core.option import asked_in_json, options_of, values_of
 from workbench.core.record import plain
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.origin import Origin
-from workbench.ui.forms import OFFERED, in_the_form, request_of_form
+from workbench.ui.forms import OFFERED, in_the_form, request_of_form, without_flags
 from workbench.ui.root import Root
 
 __all__ = ["Desk", "Work"]
@@ -70,7 +70,6 @@ class Work:
         self._job = Job(self._told)
         self._job.say = lambda text: self._tell("note", text=text)
         self._tell: Callable[..., None] = lambda *_, **__: None
-        self._thread: int | None = None
 
     @property
     def command(self) -> str:
@@ -81,6 +80,12 @@ class Work:
     def open(self) -> bool:
         """Whether it has not ended."""
         return self.state in {WAITING, RUNNING}
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is to be said beside the record, in the words of the form."""
+        said = [*(getattr(self.record, "warnings", None) or ()), *self.notes]
+        return [without_flags(type(self.asked), text) for text in dict.fromkeys(map(str, said))]
 
     def listen(self, tell: Callable[..., None]) -> None:
         """Let a function hear what happens: a kind of event, and its facts by name."""
@@ -170,7 +175,7 @@ class Work:
             "done": self.done,
             "total": self.total,
             "counts": self.asked.counts,
-            "notes": list(dict.fromkeys(self.notes)),
+            "remarks": self.remarks,
             "failure": self.failure,
             "well": self.well,
             "has_record": self.record is not None,

@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated
 
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import Band, Form, Names, number, two_numbers
+from workbench.core.forms import MODEL, Band, Form, Names, number, two_numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.errors import InputError
@@ -176,7 +176,7 @@ class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
     )
     actuator: str | None = option(
         "Actuator model with limits in front of the control input, with one input and one output: .fmu, fmu:NAME.",
-        metavar="MODEL",
+        form=MODEL,
         group=_TRIALS,
         default=None,
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from workbench.analysis.lin.request import METHOD_NAMES
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import Form, Names, Numbers, two_numbers
+from workbench.core.forms import MODEL, Form, Names, Numbers, two_numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.core.where import InParts
@@ -236,7 +236,11 @@ class Feedback(AtPoint, InParts, Analysis["FeedbackResult"]):
         default=None,
     )
     actuator: str | None = option(
-        "FMU with one input and one output, instead of the limits.", metavar="FMU", group=_ACTUATOR, default=None
+        "FMU with one input and one output, instead of the limits.",
+        metavar="FMU",
+        form=MODEL,
+        group=_ACTUATOR,
+        default=None,
     )
     band: Range | None = option(
         "Lowest and highest frequency of the search for limit cycles; by default 0.01 to 1000.",

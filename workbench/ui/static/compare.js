@@ -25,14 +25,13 @@ export function pin(curve) {
 export async function comparePage([store]) {
   const { Bode } = await import("./work.js");
   if (store) return storePage(store, Bode);
-  const bode = new Bode({ title: "Pinned curves." });
+  const bode = new Bode({ title: "Pinned curves.", onpinned: choices });
   const place = h("div");
-  const options = () => kept.map((c, i) => h("option", { value: i }, c.label));
   const [first, second] = [h("select", { id: "first", onchange: differ }), h("select", { id: "second", onchange: differ })];
   function differ() {
     const [a, b] = [kept[Number(first.value)], kept[Number(second.value)]];
     if (!a || !b || a === b) {
-      fill(place, h("p", { class: "dim" }, "Choose two different curves."));
+      fill(place, h("p", { class: "dim" }, kept.length > 1 ? "Choose two different curves." : "Pin another curve to see the difference."));
       return;
     }
     const found = difference(a, b);
@@ -46,14 +45,16 @@ export async function comparePage([store]) {
       plot.set([{ label, colour: colour(0), x: found.map((d) => d.f), y: found.map((d) => d[k]), marks: found.map(() => "dot") }], { lines: [{ axis: "y", value: 0 }] });
       return plot.element;
     });
-    fill(place, h("p", {}, `${b.label} over ${a.label}: at most ${shown(worst("db").db, 3)} dB at ${shown(worst("db").f, 4)} Hz, ${shown(worst("deg").deg, 3)} deg at ${shown(worst("deg").f, 4)} Hz.`), plots,
+    fill(place, h("p", {}, `${b.label} compared with ${a.label}: at most ${shown(worst("db").db, 3)} dB at ${shown(worst("db").f, 4)} Hz and ${shown(worst("deg").deg, 3)} deg at ${shown(worst("deg").f, 4)} Hz.`), plots,
       table(["frequency [Hz]", "gain [dB]", "phase [deg]"], found.map((d) => [shown(d.f), shown(d.db, 4), shown(d.deg, 4)]), { caption: "Difference" }));
   }
-  fill(first, options());
-  fill(second, options());
-  if (kept.length > 1) second.value = "1";
+  function choices() {
+    for (const select of [first, second]) fill(select, kept.map((c, i) => h("option", { value: i }, c.label)));
+    if (kept.length > 1) second.value = "1";
+    differ();
+  }
   bode.show([]);
-  if (kept.length) differ();
+  choices();
   return {
     title: "Compare",
     element: h("div", {}, h("h1", {}, "Compare"),

@@ -1,6 +1,6 @@
 // A system as boxes and wires, from and to its file: what is drawn is what the file says, nothing is hidden.
 
-import { factsOf, forget, get } from "./api.js";
+import { factsOf, forget, get, post, server } from "./api.js";
 import { fill, h, say } from "./dom.js";
 import { write } from "./compare.js";
 
@@ -13,70 +13,77 @@ function s(tag, properties, ...children) {
   return element;
 }
 
-/** Blocks that can be added: name → line of the file, ports. */
-const BLOCKS = {
-  gain: (name) => `${name} = 1.0`,
-  sum: (name) => `${name} = {sum = "+-"}`,
-  "transfer function": (name) => `${name} = {numerator = [1.0], denominator = [0.1, 1.0]}`,
-  integrator: (name) => `${name} = {numerator = [1.0], denominator = [1.0, 0.0]}`,
-  limit: (name) => `${name} = {model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0, lower = -1.0, upper = 1.0}}  # its dynamics cut off`,
-  delay: (name) => `${name} = {numerator = [-0.05, 1.0], denominator = [0.05, 1.0]}  # Padé, 0.1 s`,
-};
+const drafts = new Map(); // page → text that was not written yet
 
 export async function diagramPage([name, plant]) {
-  const text = name === "new" ? await fresh(plant) : (await get(`/api/text?name=${encodeURIComponent(name)}`)).text;
-  const area = h("textarea", { id: "toml", rows: 22, value: text, spellcheck: false, "aria-describedby": "toml-help" });
+  const key = `${name} ${plant ?? ""}`;
+  const text = drafts.get(key) ?? (name === "new" ? await fresh(plant) : (await get(`/api/text?name=${encodeURIComponent(name)}`)).text);
+  const area = h("textarea", { id: "toml", rows: 22, value: text, spellcheck: false, "aria-describedby": "toml-help toml-wrong", oninput: () => draw() });
   const file = h("input", { type: "text", id: "file", value: name === "new" || name.includes(":") ? "loop.toml" : name, spellcheck: false });
-  const place = h("div");
-  const where = h("div");
-  const known = new Map(); // component's model → what `info` says of it
-  const draw = () => {
-    const system = read(area.value);
-    for (const what of Object.values(system.components)) {
-      const model = modelOf(what, name.includes(":") ? "" : file.value);
+  const place = h("div", { class: "drawing", tabIndex: 0, role: "region", "aria-label": "Diagram" });
+  const parts = h("div");
+  const wrong = h("p", { id: "toml-wrong", class: "bad", role: "status" });
+  const known = new Map(); // model → what `info` says of it
+  let asked = 0;
+  let before = Promise.resolve();
+  /** Let the server read the text, changed if a change is asked for, and show what it says: one after the other. */
+  function draw(...change) {
+    const mine = (asked += 1);
+    before = before.then(async () => {
+      if (!change.length && mine !== asked) return; // what was typed is older than what is typed now
+      try {
+        let [sent, system] = [];
+        do { // what is typed meanwhile stays
+          sent = area.value;
+          system = await post("/api/diagram", { name: name.includes(":") ? name : file.value, text: sent, change });
+        } while (change.length && area.value !== sent);
+        if (change.length) area.value = system.text;
+        drafts.set(key, area.value);
+        fill(wrong, system.wrong.join("; "));
+        show(system);
+      } catch (error) {
+        fill(wrong, error.message); // the picture stays as it was
+      }
+    });
+    return before;
+  }
+  function show(system) {
+    const mine = asked;
+    for (const { model } of system.components) {
       if (!model || known.has(model)) continue;
       known.set(model, null);
       factsOf(model).then((facts) => { // what cannot be opened is told when the file is written
         known.set(model, facts);
-        draw();
+        if (mine === asked) show(system);
       }, () => {});
     }
-    system.facts = Object.fromEntries(Object.entries(system.components).map(([n, what]) => [n, known.get(modelOf(what, name.includes(":") ? "" : file.value))]));
-    fill(place, picture(system, (from, to) => connect(area, from, to, draw)));
-    fill(where, wires(system, (wire) => {
-      area.value = area.value.split("\n").filter((l) => !l.includes(wire.line)).join("\n");
-      draw();
+    fill(place, picture(system, known, (from, to) => {
+      say(`${from} → ${to}`);
+      draw("connect", from, to);
     }));
-  };
-  area.addEventListener("input", draw);
-  const add = Object.keys(BLOCKS).map((kind) => h("button", {
-    type: "button", class: "quiet", onclick: () => {
-      const names = Object.keys(read(area.value).components);
-      const stem = kind.split(" ")[0];
-      let own = stem;
-      for (let k = 2; names.includes(own); k += 1) own = `${stem}${k}`;
-      area.value = area.value.replace(/\[components\]\n/, (all) => `${all}${BLOCKS[kind](own)}\n`);
-      draw();
-    },
-  }, `+ ${kind}`));
+    const open = parts.querySelector("details")?.open ?? false;
+    fill(parts, partsOf(system, draw, open));
+  }
+  const add = server.blocks.map((kind) => h("button", { type: "button", class: "quiet", onclick: () => draw("add", kind) }, `+ ${kind}`));
   const keep = async () => {
     if (!(await write(file.value, area.value))) return;
+    drafts.delete(key);
     forget(file.value);
     try {
       await factsOf(file.value);
       location.hash = `#/open/${encodeURIComponent(file.value)}/measure/loop`;
     } catch (error) {
       say(error.message, true);
-      fill(document.getElementById("toml-help"), h("span", { class: "bad" }, error.message));
+      fill(wrong, error.message);
     }
   };
-  draw();
+  await draw();
   return {
     title: name === "new" ? "New system" : name,
     element: h("div", {}, h("h1", {}, name === "new" ? `A loop around ${plant}` : name),
       h("p", { class: "dim" }, "Click an output, then an input, to connect them. The file at the bottom is the system; the picture shows it."),
-      h("div", { class: "row", role: "toolbar", "aria-label": "Blocks" }, add), place, where,
-      h("label", { for: "toml" }, h("h2", {}, "System file")), h("p", { id: "toml-help", class: "help dim" }, "Components, connections, inputs and outputs; see the page on system files."), area,
+      h("div", { class: "row", role: "toolbar", "aria-label": "Blocks" }, add), place, parts,
+      h("label", { for: "toml" }, h("h2", {}, "System file")), h("p", { id: "toml-help", class: "help dim" }, "This is all of the system; paths are relative to the file. The page on system files in the documentation lists every key."), area, wrong,
       h("div", { class: "row" }, h("label", { for: "file" }, "File"), file, h("button", { type: "button", onclick: keep }, "Write and measure the loop"))),
   };
 }
@@ -107,49 +114,9 @@ ${/^[A-Za-z0-9_-]+$/.test(y.name) ? y.name : JSON.stringify(y.name)} = "plant.${
 `;
 }
 
-// -- reading as much of the file as the picture needs; the server reads all of it ----------------------------------
-
-/** Components, connections, inputs and outputs of a system file, as far as they stand one a line. */
-export function read(text) {
-  const system = { components: {}, connections: [], inputs: {}, outputs: {} };
-  let section = "";
-  for (const line of text.split("\n")) {
-    const clean = line.replace(/#(?=(?:[^"]*"[^"]*")*[^"]*$).*/, "").trim();
-    const heading = clean.match(/^\[+([^\]]+)\]+$/);
-    if (heading) {
-      section = heading[1].replaceAll('"', "");
-      if (section.startsWith("components.")) system.components[section.slice(11)] = "…";
-      continue;
-    }
-    const pair = clean.match(/^("[^"]*"|[\w.\-[\]]+)\s*=\s*(.+)$/);
-    if (!pair) continue;
-    const [key, value] = [pair[1].replaceAll('"', ""), pair[2]];
-    if (section === "components") system.components[key] = value;
-    else if (section === "connections") {
-      const source = value.match(/^"([^"]+)"|from\s*=\s*"([^"]+)"/);
-      const more = value.startsWith("{") ? value.replace(/^\{|\}$/g, "").replace(/from\s*=\s*"[^"]*"\s*,?/, "").replace(/,\s*$/, "").trim() : "";
-      if (source) system.connections.push({ to: key, from: source[1] ?? source[2], more, line: pair[0] });
-    } else if (section === "inputs" || section === "outputs") {
-      for (const name of value.matchAll(/"([^"]+)"/g)) system[section][key] = [...(system[section][key] ?? []), name[1]];
-    }
-  }
-  return system;
-}
-
-/** The model of a component as the server names it, relative to the system's file; empty: a block. */
-function modelOf(what, file) {
-  const model = what.match(/^"([^"]+)"|model\s*=\s*"([^"]+)"/);
-  const name = model?.[1] ?? model?.[2] ?? "";
-  return !name || name.includes(":") ? name : [...file.split("/").slice(0, -1), name].join("/");
-}
-
-/** Ports of each component: those that wires, inputs and outputs name, those of blocks, and of models that have few. */
-function ports(system) {
-  const found = Object.fromEntries(Object.entries(system.components).map(([name, what]) => {
-    const sum = what.match(/sum\s*=\s*"([^"]*)"/);
-    const own = sum ? { in: [...sum[1]].map((_, i) => `u${i + 1}`), out: ["y"] } : /^[\d.+-]|gain\s*=|numerator|fmu:Saturation/.test(what) ? { in: ["u"], out: ["y"] } : { in: [], out: [] };
-    return [name, { in: new Set(own.in), out: new Set(own.out), more: [] }];
-  }));
+/** Ports of each component: those of blocks, those that wires, inputs and outputs name, and of models that have few. */
+function ports(system, known) {
+  const found = Object.fromEntries(system.components.map(({ name, inputs, outputs }) => [name, { in: new Set(inputs), out: new Set(outputs), more: [] }]));
   const put = (full, way) => {
     const [name, ...rest] = full.split(".");
     found[name]?.[way].add(rest.join("."));
@@ -158,11 +125,11 @@ function ports(system) {
     put(from, "out");
     put(to, "in");
   }
-  for (const list of Object.values(system.inputs)) list.forEach((full) => put(full, "in"));
-  for (const list of Object.values(system.outputs)) list.forEach((full) => put(full, "out"));
-  for (const [name, facts] of Object.entries(system.facts ?? {})) {
+  for (const [, full] of system.inputs) put(full, "in");
+  for (const [, full] of system.outputs) put(full, "out");
+  for (const { name, model } of system.components) {
     for (const [way, kind] of [["in", "inputs"], ["out", "outputs"]]) {
-      const others = (facts?.[kind] ?? []).map((v) => v.name).filter((n) => !found[name][way].has(n));
+      const others = (known.get(model)?.[kind] ?? []).map((v) => v.name).filter((n) => !found[name][way].has(n));
       if (others.length <= FEW) others.forEach((n) => found[name][way].add(n));
       else found[name].more.push(`${others.length} other ${kind}`);
     }
@@ -170,12 +137,15 @@ function ports(system) {
   return found;
 }
 
+const MOST = 28; // letters of a name that is drawn
+const LEAST = 0.7; // of its size, below which the picture scrolls
 const FEW = 8; // ports of a model that are drawn unconnected
 const GAP = 90, ROW = 22, SIDE = 120;
 
-function picture(system, onconnect) {
-  const all = ports(system);
+function picture(system, known, onconnect) {
+  const all = ports(system, known);
   const names = Object.keys(all);
+  const labels = Object.fromEntries(system.components.map(({ name, label }) => [name, brief(label)]));
   const level = levels(names, system);
   const columns = [];
   for (const name of names) (columns[level[name]] ??= []).push(name);
@@ -183,10 +153,10 @@ function picture(system, onconnect) {
   let height = 0;
   let x = SIDE;
   columns.forEach((column) => {
-    const wide = Math.max(...(column ?? []).map((name) => width(name, all[name])), 0);
+    const wide = Math.max(...(column ?? []).map((name) => width([name, labels[name]], all[name])), 0);
     let y = 30;
     for (const name of column ?? []) {
-      const size = 34 + ROW * Math.max(all[name].in.size, all[name].out.size, 1) + (all[name].more.length ? ROW : 0);
+      const size = 50 + ROW * Math.max(all[name].in.size, all[name].out.size, 1) + (all[name].more.length ? ROW : 0);
       at[name] = { x, y, w: wide, h: size };
       y += size + 26;
     }
@@ -198,7 +168,7 @@ function picture(system, onconnect) {
     const box = at[name];
     if (!box) return null;
     const k = [...all[name][way]].indexOf(rest.join("."));
-    return { x: box.x + (way === "out" ? box.w : 0), y: box.y + 40 + ROW * k };
+    return { x: box.x + (way === "out" ? box.w : 0), y: box.y + 56 + ROW * k };
   };
   const whole = x - GAP + SIDE;
   const back = height + 10;
@@ -215,10 +185,11 @@ function picture(system, onconnect) {
   }).filter(Boolean);
   let chosen = null;
   const svg = s("svg", { class: "diagram", viewBox: `0 0 ${Math.max(whole, 400)} ${back + 8 * system.connections.length + 16}`, role: "group", "aria-label": "Diagram of the system" }, ...paths, ...notes);
-  for (const name of names) {
+  [svg.style.minWidth, svg.style.maxWidth] = [`${LEAST * whole}px`, `${whole}px`]; // smaller it cannot be read
+  for (const { name, what } of system.components) {
     const box = at[name];
-    const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: box.w, height: box.h }), s("text", { x: box.x + box.w / 2, y: box.y + 18, "text-anchor": "middle" }, name));
-    group.firstChild.append(s("title", {}, `${name} = ${system.components[name]}`));
+    const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: box.w, height: box.h }), s("text", { x: box.x + box.w / 2, y: box.y + 18, "text-anchor": "middle" }, name), s("text", { class: "dim", x: box.x + box.w / 2, y: box.y + 34, "text-anchor": "middle" }, labels[name]));
+    group.firstChild.append(s("title", {}, `${name} = ${what}`));
     if (all[name].more.length) group.append(s("text", { class: "dim", x: box.x + box.w / 2, y: box.y + box.h - 8, "text-anchor": "middle" }, all[name].more.join(", ")));
     for (const way of ["in", "out"]) {
       for (const port of all[name][way]) {
@@ -241,25 +212,24 @@ function picture(system, onconnect) {
     svg.append(group);
   }
   for (const [kind, way] of [["inputs", "in"], ["outputs", "out"]]) {
-    for (const [label, targets] of Object.entries(system[kind])) {
-      for (const full of targets) {
-        const p = where(full, way);
-        const same = full.endsWith(`.${label}`);
-        if (p) svg.append(s("text", { class: "edge", x: p.x + (way === "in" ? -12 : 10), y: way === "in" ? p.y + 4 : p.y - 8, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${label} →` : `→ ${label}`));
-      }
+    for (const [label, full] of system[kind]) {
+      const p = where(full, way);
+      const same = full.endsWith(`.${label}`);
+      const wired = way === "out" && system.connections.some(({ from }) => from === full);
+      if (p) svg.append(s("text", { class: "edge", x: p.x + (way === "in" ? -30 : 10), y: wired ? p.y - 8 : p.y + 4, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${label} →` : `→ ${label}`));
     }
   }
   return svg;
 }
 
 function brief(port) {
-  return port.length > 24 ? `${port.slice(0, 23)}…` : port;
+  return port.length > MOST ? `${port.slice(0, MOST - 1)}…` : port;
 }
 
 /** How wide a box is, so that the names at its two sides do not meet. */
-function width(name, ports) {
+function width(words, ports) {
   const longest = (names) => Math.max(0, ...[...names].map((n) => brief(n).length));
-  return Math.max(130, 50 + 7.4 * (longest(ports.in) + longest(ports.out)), 20 + 7.4 * name.length, 20 + 7.4 * ports.more.join(", ").length);
+  return Math.max(130, 50 + 7.4 * (longest(ports.in) + longest(ports.out)), ...words.map((w) => 20 + 7.4 * w.length), 20 + 7.4 * ports.more.join(", ").length);
 }
 
 /** Columns: a component stands to the right of those that feed it, but for the wires that close a loop. */
@@ -267,7 +237,7 @@ function levels(names, system) {
   const feeds = new Map(names.map((n) => [n, []]));
   for (const { from, to } of system.connections) feeds.get(from.split(".")[0])?.push(to.split(".")[0]);
   const level = Object.fromEntries(names.map((n) => [n, 0]));
-  const first = Object.values(system.inputs).flat().map((full) => full.split(".")[0]);
+  const first = system.inputs.map(([, full]) => full.split(".")[0]);
   const order = [...new Set([...first, ...names])].filter((n) => n in level);
   const seen = new Set();
   const visit = (name, at, path) => {
@@ -280,18 +250,11 @@ function levels(names, system) {
   return level;
 }
 
-function connect(area, from, to, draw) {
-  const others = area.value.split("\n").filter((line) => !line.trim().startsWith(`"${to}" =`)); // an input has one source
-  const at = others.findIndex((line) => line.trim() === "[connections]");
-  const line = `"${to}" = "${from}"`;
-  if (at < 0) others.push("", "[connections]", line);
-  else others.splice(at + 1, 0, line);
-  area.value = others.join("\n");
-  say(`${from} → ${to}`);
-  draw();
-}
-
-function wires(system, onremove) {
-  return h("details", {}, h("summary", {}, `${system.connections.length} wires`), h("ul", { class: "list" }, system.connections.map((wire) => h("li", { class: "row" },
-    `${wire.from} → ${wire.to}`, wire.more ? h("code", {}, wire.more) : null, h("button", { type: "button", class: "quiet", "aria-label": `remove the wire to ${wire.to}`, onclick: () => onremove(wire) }, "×")))));
+/** What there is, with a button to take each away. */
+function partsOf(system, draw, open) {
+  const away = (label, ...change) => h("button", { type: "button", class: "quiet", "aria-label": label, onclick: () => draw(...change) }, "×");
+  return h("details", { open }, h("summary", {}, `${system.components.length} components, ${system.connections.length} wires`),
+    h("ul", { class: "list" },
+      system.components.map(({ name, what }) => h("li", { class: "row" }, away(`remove ${name} and its wires`, "remove", name), h("strong", {}, name), h("code", {}, what))),
+      system.connections.map(({ from, to, more }) => h("li", { class: "row" }, away(`remove the wire to ${to}`, "cut", to), `${from} → ${to}`, more ? h("code", {}, more) : null))));
 }

@@ -29,15 +29,13 @@ export function table(headings, rows, { caption = "" } = {}) {
         i === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: headings[i] !== "unit" && /^[-+−–\d.,e∞]+$/.test(String(cell)) ? "number" : "" }, cell)))))));
 }
 
-let says = null;
-
-/** Say something to those who see and to those who hear; it goes by itself. */
+/** Say something to those who see and to those who hear; it goes by itself, or when the next thing is said. */
 export function say(text, bad = false) {
-  const place = document.getElementById("said");
   const line = h("p", { class: bad ? "bad" : "" }, text);
+  const place = document.getElementById("said");
+  for (const older of [...place.children]) if (!older.classList.contains("bad")) older.remove(); // what went wrong stays
   place.append(line);
-  clearTimeout(says);
-  says = setTimeout(() => place.replaceChildren(), bad ? 12000 : 5000);
+  setTimeout(() => line.remove(), bad ? 12000 : 5000);
 }
 
 /** What went wrong, in a line: a message, or those of the fields of a form. */
@@ -46,9 +44,9 @@ export function wrongs(error) {
 }
 
 /** A button that copies a text. */
-export function copying(text, label = "Copy") {
+function copying(text) {
   return h("button", {
-    type: "button", class: "quiet", "aria-label": `${label}: ${text.split("\n")[0].slice(0, 60)}`,
+    type: "button", class: "quiet", "aria-label": `Copy: ${text.split("\n")[0].slice(0, 60)}`,
     onclick: async (event) => {
       try {
         await navigator.clipboard.writeText(text);
@@ -61,12 +59,12 @@ export function copying(text, label = "Copy") {
         say("Selected; copy it with Ctrl+C.");
       }
     },
-  }, label);
+  }, "Copy");
 }
 
 /** Code that can be copied. */
 export function code(text, title) {
-  return h("div", { class: "code" }, h("span", { class: "dim" }, title), h("pre", { tabIndex: 0, "aria-label": title }, h("code", {}, text)), copying(text));
+  return h("div", { class: "code" }, h("span", { class: "dim" }, title), h("pre", { tabIndex: 0, "aria-label": title }, h("code", {}, text.includes("\n") ? text : text.split(" ").flatMap((word) => [h("span", { class: "word" }, word), " "]))), copying(text));
 }
 
 /** Let a browser save a text or a blob under a name. */

@@ -1,9 +1,13 @@
 // The form of a request: its fields come from the server, which knows them from the request itself.
 
 import { fill, h } from "./dom.js";
+import { unitShown } from "./numbers.js";
 
+const CHOICES = 8; // names that are offered as buttons
 const FIRST = 5; // fields that stand open; the others are under headings
-const NAMES = { at: "files", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured" };
+const NAMES = { at: "files", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured", source: "measured", target: "inputs", block: "components" };
+const FILLED = ["open", "input", "output", "inputs", "outputs"]; // with the first name that there is, where one is needed
+const IN_UNITS = { amplitudes: "input", amplitude: "input" }; // a field in the unit of the variable that another names
 
 /**
  * The fields of a form, with values; `facts` (of `info`) gives names to choose from and units.
@@ -13,7 +17,7 @@ export class Form {
   constructor(form, facts, { values = {}, files = [] } = {}) {
     this.inputs = new Map();
     this.facts = facts;
-    this.names = { files, loops: sourcesInLoops(facts?.connections ?? []), inputs: (facts?.inputs ?? []).map((v) => v.name), measured: [...(facts?.outputs ?? []), ...(facts?.states ?? [])].map((v) => v.name) };
+    this.names = { files, loops: sourcesInLoops(facts?.connections ?? []), inputs: (facts?.inputs ?? []).map((v) => v.name), components: (facts?.components ?? []).map((c) => c.name), measured: [...(facts?.outputs ?? []), ...(facts?.states ?? [])].map((v) => v.name) };
     const lists = Object.entries(this.names).map(([kind, names]) => h("datalist", { id: `names-${kind}` }, names.map((n) => h("option", { value: n }))));
     const groups = new Map();
     const first = form.fields.filter((f) => !f.group && f.kind !== "switch").slice(0, FIRST);
@@ -26,6 +30,18 @@ export class Form {
     this.element = h("div", { class: "fields" }, lists, groups.get("") ?? [],
       [...groups].filter(([name]) => name).map(([name, fields]) => h("details", {}, h("summary", {}, name), h("div", { class: "fields" }, fields))),
       this.general);
+    this.element.addEventListener("input", () => this.units());
+    this.units();
+  }
+
+  /** Say the units that other fields decide. */
+  units() {
+    for (const [name, of] of Object.entries(IN_UNITS)) {
+      const [entry, other] = [this.inputs.get(name), this.inputs.get(of)];
+      if (!entry || !other) continue;
+      const unit = unitShown(this.facts?.inputs?.find((v) => v.name === other.input.value.trim())?.unit);
+      fill(entry.unit, unit ? `[${unit}]` : "");
+    }
   }
 
   field(field, value) {
@@ -33,26 +49,36 @@ export class Form {
     const help = h("p", { class: "help", id: `${id}-help`, title: field.flag }, field.kind === "list" ? `${field.help} One a line.` : field.help);
     const wrong = h("p", { class: "wrong", id: `${id}-wrong`, hidden: true });
     const own = { id, "aria-describedby": `${id}-help ${id}-wrong`, "aria-required": field.required || null };
-    const start = value ?? (field.required ? this.names[NAMES[field.name]]?.[0] : null);
+    const start = value ?? (field.required && FILLED.includes(field.name) ? this.names[NAMES[field.name]]?.[0] : null);
     let input;
     if (field.kind === "switch") {
       input = h("input", { ...own, type: "checkbox", checked: value ?? Boolean(field.default) });
     } else if (field.kind === "choice") {
       input = h("select", own, field.choices.map((c) => h("option", { value: c, selected: c === (value ?? field.default) }, c)));
     } else if (field.kind === "list") {
-      input = h("textarea", { ...own, rows: 1, value: [].concat(start ?? []).join("\n"), placeholder: field.default || field.metavar });
+      input = h("textarea", { ...own, rows: 1, value: [].concat(start ?? []).join("\n"), placeholder: field.default || field.sample });
     } else {
       const list = NAMES[field.name] && this.names[NAMES[field.name]].length ? `names-${NAMES[field.name]}` : null;
       const number = field.kind === "number" || field.kind === "whole";
       input = h("input", {
         ...own, type: "text", inputMode: number ? "decimal" : "text", list, autocomplete: "off", spellcheck: false,
-        value: start ?? "", placeholder: field.default || field.metavar,
+        value: start ?? "", placeholder: field.default || field.sample,
       });
     }
-    this.inputs.set(field.name, { field, input, wrong });
-    const unit = h("span", { class: "unit" }, field.unit ? `[${field.unit}]` : "");
+    const unit = h("span", { class: "unit" }, field.unit ? `[${unitShown(field.unit)}]` : "");
+    this.inputs.set(field.name, { field, input, wrong, unit });
     if (field.kind === "switch") return h("div", { class: "field switch" }, input, h("label", { for: id }, field.label), help, wrong);
-    return h("div", { class: "field" }, h("label", { for: id }, `${field.label}${field.required ? " *" : ""}`, unit), input, help, wrong);
+    const names = field.kind === "list" ? this.names[NAMES[field.name]] ?? [] : []; // other fields have their list
+    const choose = names.slice(0, CHOICES).map((name) => h("button", {
+      type: "button", class: "quiet", "aria-label": `add ${name}`, onclick: () => {
+        const line = field.sample.includes("=") ? `${name}=` : name;
+        input.value = [...new Set([...input.value.split("\n").filter(Boolean), line])].join("\n");
+        input.focus();
+        input.dispatchEvent(new Event("input", { bubbles: true }));
+      },
+    }, `+ ${name}`));
+    return h("div", { class: "field" }, h("label", { for: id }, `${field.label}${field.required ? " *" : ""}`, unit), input,
+      choose.length ? h("div", { class: "row" }, choose) : null, help, wrong);
   }
 
   values() {
@@ -70,7 +96,9 @@ export class Form {
 
   set(name, value) {
     const entry = this.inputs.get(name);
-    if (entry) entry.input.value = value;
+    if (!entry) return;
+    entry.input.value = value;
+    this.units();
   }
 
   /** Show every field, the first of the settings first. */
@@ -113,10 +141,4 @@ export function sourcesInLoops(connections) {
   });
   const found = connections.filter(({ source, destination }) => reaches(part(destination), part(source))).map((c) => c.source);
   return [...new Set(found)].sort((a, b) => Number(/\.y\d*$/.test(a)) - Number(/\.y\d*$/.test(b))); // blocks have y
-}
-
-/** A name of the code as a person says it. */
-export function words(name) {
-  const text = name.replaceAll("_", " ");
-  return text[0].toUpperCase() + text.slice(1);
 }

@@ -5,11 +5,13 @@ import { fill, h, say } from "./dom.js";
 import { comparePage, keepPage } from "./compare.js";
 import { diagramPage } from "./diagram.js";
 import { modelPage } from "./model.js";
+import { recolour } from "./plot.js";
 import { workPage } from "./work.js";
 
 const main = document.getElementById("main");
 const side = document.getElementById("side");
 let leave = null;
+const PATIENCE = 300; // so long the page before is shown [ms]
 
 /** Address → page; a page is a function of the rest of the address that returns {element, title, leave?}. */
 const PAGES = { open: modelPage, work: workPage, compare: comparePage, keep: keepPage, system: diagramPage };
@@ -18,9 +20,8 @@ async function show() {
   const [name, ...rest] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
   leave?.();
   leave = null;
-  side.classList.remove("open");
-  document.getElementById("menu").setAttribute("aria-expanded", "false");
   const asked = location.hash;
+  const waits = setTimeout(() => fill(main, h("p", { class: "dim", role: "status" }, "Opening …")), PATIENCE);
   try {
     const kind = name === "open" ? server.files.find((f) => f.name === rest[0])?.kind : null;
     const make = { store: comparePage, study: keepPage }[kind] ?? PAGES[name];
@@ -37,9 +38,13 @@ async function show() {
     if (location.hash !== asked) return;
     fill(main, h("h1", {}, "This cannot be shown"), h("p", { class: "bad" }, error.message));
     main.dataset.shown = asked;
+  } finally {
+    clearTimeout(waits);
   }
   mark();
 }
+
+const SHOWN = 12; // files on the first page
 
 function welcome() {
   const local = server.files.filter((f) => f.kind !== "point" && !f.name.includes(":"));
@@ -47,9 +52,11 @@ function welcome() {
     title: server.folder,
     element: h("div", {},
       h("h1", {}, "How does this FMU behave?"),
-      h("p", {}, "Open a model at the left: its card says what it is, then find an operating point, measure responses at real amplitudes, look for limit cycles, and close loops around it."),
-      h("p", {}, local.length ? `${local.length} models, systems, studies and stores in the folder ${server.folder}.` : `There is nothing to open in the folder ${server.folder}; the bundled models are at the left. Start workbench ui in the folder of your FMU.`),
-      h("p", {}, h("a", { class: "button", href: "#/open/fmu:Rudder/measure/nfr" }, "Try it: measure the bundled rudder"))),
+      h("p", {}, "Open a model: its card says what it is. Then find an operating point, measure responses at real amplitudes, look for limit cycles, and close loops around it."),
+      h("p", {}, local.length ? `In the folder ${server.folder}:` : `There is nothing to open in the folder ${server.folder}. Start workbench ui in the folder of your FMU, or try a bundled model.`),
+      local.length ? h("div", { class: "row" }, local.slice(0, SHOWN).map((f) => h("a", { class: "button", href: address(f) }, f.name)), local.length > SHOWN ? `and ${local.length - SHOWN} more under Files` : null) : null,
+      h("p", {}, h("a", { class: "button", href: "#/open/fmu:Rudder/measure/nfr" }, "Try it: measure the bundled rudder")),
+      h("p", { class: "dim" }, `FMI workbench ${server.version}`)),
   };
 }
 
@@ -103,23 +110,28 @@ function mark() {
 function theme(name) {
   document.documentElement.dataset.theme = name;
   document.getElementById("theme").textContent = name === "dark" ? "Light" : "Dark";
+  recolour(); // and nothing else: what is filled in stays
+}
+
+/** The theme that was chosen earlier, or the system's. */
+function chosen() {
   try {
-    localStorage.setItem("theme", name);
-  } catch { /* where nothing may be kept, the choice ends with the page */ }
-  window.dispatchEvent(new Event("resize"));
-  show();
+    const name = localStorage.getItem("theme");
+    if (name) return name;
+  } catch { /* where nothing may be kept */ }
+  return matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
 }
 
 async function begin() {
   // The token has become a cookie; the address need not keep it.
   if (location.search) history.replaceState(null, "", `/${location.hash}`);
-  let chosen = null;
-  try {
-    chosen = localStorage.getItem("theme");
-  } catch { /* as above */ }
-  document.documentElement.dataset.theme = chosen ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-  document.getElementById("theme").textContent = document.documentElement.dataset.theme === "dark" ? "Light" : "Dark";
-  document.getElementById("theme").onclick = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  theme(chosen());
+  document.getElementById("theme").onclick = () => {
+    theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+    try {
+      localStorage.setItem("theme", document.documentElement.dataset.theme);
+    } catch { /* the choice ends with the page */ }
+  };
   document.getElementById("menu").onclick = (event) => {
     event.currentTarget.setAttribute("aria-expanded", String(side.classList.toggle("open")));
   };
@@ -144,6 +156,8 @@ async function begin() {
     });
   });
   window.addEventListener("hashchange", () => {
+    side.classList.remove("open");
+    document.getElementById("menu").setAttribute("aria-expanded", "false");
     show();
     main.focus({ preventScroll: true });
   });

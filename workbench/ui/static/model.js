@@ -2,10 +2,9 @@
 
 import { begin, done, factsOf, get, lookAgain, onChange, post, server, whole } from "./api.js";
 import { code, fill, h, say, table, wrongs } from "./dom.js";
-import { Form, words } from "./form.js";
+import { Form } from "./form.js";
 import { shown, unitShown } from "./numbers.js";
 import { live } from "./work.js";
-
 
 const TABS = [["card", "Card"], ["point", "Operating point"], ["measure", "Measure"]];
 
@@ -73,7 +72,7 @@ async function healthOf(number, place) {
 }
 
 /** Variables that can be searched; only those in sight are elements, so that thousands scroll smoothly. */
-export function variableTable(all) {
+function variableTable(all) {
   const height = 26;
   let rows = all;
   const inner = h("div", { class: "inner" });
@@ -100,7 +99,7 @@ export function variableTable(all) {
   box.addEventListener("scroll", draw);
   draw();
   return h("div", {}, h("div", { class: "row" }, search, count),
-    h("div", { class: "window-head line", "aria-hidden": "true" }, ["name", "kind", "start value", "unit", "description"].map((t) => h("span", {}, t))), box);
+    h("div", { class: "window-head line", "aria-hidden": "true" }, ["name", "kind", "start", "unit", "description"].map((t) => h("span", {}, t))), box);
 }
 
 // -- operating point --------------------------------------------------------------------------------------
@@ -114,11 +113,19 @@ function point(name, known, content, _rest) {
     clearTimeout(waits);
     waits = setTimeout(trim, 250);
   };
-  const knobs = (list, kind) => list.filter((v) => v.type === "Real" || typeof v.start === "number").slice(0, 60).map((v) => knob(v, (x) => {
-    if (x === null) delete values[kind][v.name];
-    else values[kind][v.name] = x;
-    changed();
-  }));
+  const knobs = (list, kind) => {
+    const all = list.filter((v) => v.type === "Real" || typeof v.start === "number");
+    const place = h("div");
+    const show = (text = "") => {
+      const found = all.filter((v) => `${v.name} ${v.description ?? ""}`.toLowerCase().includes(text.toLowerCase()));
+      fill(place, found.slice(0, MOST).map((v) => knob(v, values[kind][v.name], (x) => {
+        values[kind][v.name] = x;
+        changed();
+      })), found.length > MOST ? h("p", { class: "dim" }, `${MOST} of ${found.length}; search for the others.`) : null);
+    };
+    show();
+    return [all.length > MOST ? h("input", { type: "search", placeholder: "Search", "aria-label": `Search ${kind === "u" ? "inputs" : "parameters"}`, oninput: (event) => show(event.target.value) }) : null, place];
+  };
   async function trim() {
     const asked = {
       u0: Object.entries(values.u).map(([k, v]) => `${k}=${v}`), start_values: Object.entries(values.p).map(([k, v]) => `${k}=${v}`),
@@ -144,12 +151,15 @@ function point(name, known, content, _rest) {
   return null;
 }
 
-function knob(variable, onvalue) {
+const MOST = 40; // knobs at once
+
+function knob(variable, chosen, onvalue) {
   const id = `knob-${variable.name}`;
-  const start = typeof variable.start === "number" ? variable.start : 0;
-  const span = Math.abs(start) || 10;
+  const own = typeof variable.start === "number" ? variable.start : 0;
+  const start = chosen ?? own;
+  const span = Math.max(Math.abs(own) || 10, Math.abs(start - own));
   const number = h("input", { id, type: "text", inputMode: "decimal", value: shown(start, 10), "aria-describedby": `${id}-help` });
-  const slider = h("input", { type: "range", min: start - span, max: start + span, step: span / 100, value: start, "aria-label": `${variable.name}, slider` });
+  const slider = h("input", { type: "range", min: own - span, max: own + span, step: span / 100, value: start, "aria-label": `${variable.name}, slider` });
   number.onchange = () => {
     const x = Number(number.value);
     const good = number.value.trim() !== "" && Number.isFinite(x);
@@ -164,7 +174,7 @@ function knob(variable, onvalue) {
     number.value = shown(Number(slider.value), 6);
     onvalue(Number(slider.value));
   };
-  return h("div", { class: "knob" }, h("label", { for: id, title: variable.description ?? "" }, variable.name), slider, number, h("span", { class: "dim", id: `${id}-help` }, unitShown(variable.unit)));
+  return h("div", { class: "knob" }, h("label", { for: id, title: variable.description ?? variable.name }, variable.name), slider, number, h("span", { class: "dim", id: `${id}-help` }, unitShown(variable.unit)));
 }
 
 function showPoint(work, place, known) {
@@ -176,9 +186,7 @@ function showPoint(work, place, known) {
   const label = h("input", { type: "text", "aria-label": "Name of the point", value: freeName() });
   fill(place,
     h("p", { class: converged ? "good" : "bad" }, converged ? "At rest." : "No equilibrium was found; this is where the search ended."),
-    (work.notes ?? []).map((n) => h("p", { class: "dim" }, n)),
-    valuesOf(at),
-    table(["equation", "residual", "unit"], work.record.residual.slice(0, 60).map((r) => [r.name, shown(r.value, 3), unitShown(r.unit)]), { caption: "Residuals" }),
+    work.remarks.map((n) => h("p", { class: "dim" }, n)),
     h("div", { class: "row" }, label, h("button", {
       type: "button", onclick: async () => {
         try {
@@ -192,6 +200,8 @@ function showPoint(work, place, known) {
         }
       },
     }, "Keep this point")),
+    valuesOf(at),
+    table(["equation", "residual", "unit"], work.record.residual.map((r) => [r.name, shown(r.value, 3), unitShown(r.unit)]), { caption: "Residuals" }),
     code(work.line, "The same in a terminal"), work.call ? code(work.call, "in Python") : null);
 }
 
@@ -242,7 +252,6 @@ async function measure(name, known, content, [command = "nfr"]) {
   const place = h("section", { "aria-label": "Result" });
   const last = [...server.works.values()].filter((w) => w.command === command && w.subject[0] === name && !w.aside).pop();
   const fields = new Form(form, known, { values: asking.get(key) ?? last?.asked ?? {}, files: keptPoints(known) });
-  const line = h("div");
   let shownWork = null;
   const run = h("button", { type: "submit" }, `Run ${command}`);
   let end = null;
@@ -257,6 +266,7 @@ async function measure(name, known, content, [command = "nfr"]) {
   };
   function again(values, now = true) {
     for (const [n, v] of Object.entries(values)) fields.set(n, v);
+    asking.set(key, fields.values());
     if (now) submit();
     else {
       fields.open();
@@ -270,7 +280,6 @@ async function measure(name, known, content, [command = "nfr"]) {
     run.disabled = true;
     try {
       const work = await begin(command, name, values);
-      fill(line, code(work.line, "The same in a terminal"));
       watch(work.number);
       place.scrollIntoView({ block: "nearest" }); // "More" may have moved it out of sight
       if (place.getBoundingClientRect().top < 0) place.scrollIntoView({ block: "start" });
@@ -284,11 +293,11 @@ async function measure(name, known, content, [command = "nfr"]) {
   const choose = h("select", { id: "command", onchange: () => { location.hash = `#/open/${encodeURIComponent(name)}/measure/${choose.value}`; } },
     Object.keys(server.forms).map((c) => h("option", { value: c, selected: c === command }, c)));
   fill(content, h("div", { class: "columns" },
-    h("form", { onsubmit: (event) => { event.preventDefault(); submit(); }, noValidate: true },
+    h("form", { onsubmit: (event) => { event.preventDefault(); submit(); }, oninput: () => asking.set(key, fields.values()), noValidate: true },
       h("div", { class: "field" }, h("label", { for: "command" }, "Analysis"), choose, h("p", { class: "help" }, form.help)),
-      fields.element, h("div", { class: "row" }, run), line),
+      fields.element, h("div", { class: "row" }, run)),
     place));
   if (last) watch(last.number);
-  else fill(place, h("p", { class: "dim" }, `${words(form.counts)} appear here while they are measured. Fields with * are needed.`));
+  else fill(place, h("p", { class: "dim" }, form.counts === "points" ? "Points appear here while they are measured." : "The result appears here.", " Fields with * are needed."));
   return { leave: () => { shownWork?.leave(); end?.(); } };
 }

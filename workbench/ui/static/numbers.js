@@ -116,7 +116,7 @@ function logarithmic(low, high) {
     for (let m = 1; m < 10; m += 1) {
       const value = m * 10 ** d;
       if (value < low * (1 - 1e-9) || value > high * (1 + 1e-9)) continue;
-      const named = m === 1 ? d % every === 0 : decades < 1 || (decades < 2.2 && (m === 2 || m === 5));
+      const named = m === 1 ? d % every === 0 : (decades < 1 ? [2, 3, 4, 5, 7] : decades < 2.2 ? [2, 5] : []).includes(m);
       found.push({ value, label: named ? brief(value, value) : "", minor: m !== 1 });
     }
   }
@@ -143,6 +143,8 @@ export function shown(value, digits = 5) {
   if (typeof value === "boolean") return value ? "yes" : "no";
   if (typeof value !== "number") return String(value);
   if (!Number.isFinite(value)) return value > 0 ? "∞" : "−∞";
+  const size = Math.abs(value);
+  if (size >= 1e6 || (size < 1e-3 && size > 0)) return value.toExponential(digits - 1).replace(/\.?0+e/, "e").replace("e+", "e");
   return String(Number(value.toPrecision(digits)));
 }
 

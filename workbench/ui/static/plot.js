@@ -1,13 +1,18 @@
 // Pictures of curves: drawn on a canvas, or with the same strokes into an SVG file. Curves may fold back (branches).
 
-import { brief, extent, nearest, shown, ticks } from "./numbers.js";
+import { extent, nearest, shown, ticks } from "./numbers.js";
 import { h } from "./dom.js";
 
 const LEFT = 68, RIGHT = 14, TOP = 10, BOTTOM = 40, TOUCH = 28;
 
-/** Colours of curves, each legible on light and on dark ground. */
+/** Colours of curves, each legible on light and on dark ground: names of the style sheet. */
 export function colour(number) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--curve-${number % 8}`).trim() || "#888";
+  return `--curve-${number % 8}`;
+}
+
+/** Draw all pictures again, in the colours of the theme. */
+export function recolour() {
+  for (const canvas of document.querySelectorAll("canvas.plot")) canvas.dispatchEvent(new Event("recolour"));
 }
 
 class CanvasPen {
@@ -193,7 +198,7 @@ export class Plot {
     if (legend) {
       this.curves.forEach((c, i) => {
         const y = this.height + 9 + 18 * i;
-        pen.path([["M", LEFT, y], ["L", LEFT + 24, y]], { stroke: c.colour, width: 2 });
+        pen.path([["M", LEFT, y], ["L", LEFT + 24, y]], { stroke: this.ink(c.colour), width: 2 });
         pen.text(c.label, LEFT + 32, y, { colour: this.ink(), align: "left" });
       });
     }
@@ -249,6 +254,7 @@ export class Plot {
   }
 
   curve(pen, curve, scale) {
+    const colour = this.ink(curve.colour);
     const xs = curve.x.map((v) => scale.x.at(v));
     const ys = curve.y.map((v) => (v === null || !Number.isFinite(v) ? null : scale.y.at(v)));
     if (curve.line !== false) {
@@ -266,7 +272,7 @@ export class Plot {
           }
           last = i;
         });
-        if (steps.length) pen.path(steps, { stroke: curve.colour, width: curve.width ?? 1.8, dash: dashed ? [6, 4] : curve.dash ?? [] });
+        if (steps.length) pen.path(steps, { stroke: colour, width: curve.width ?? 1.8, dash: dashed ? [6, 4] : curve.dash ?? [] });
       }
     }
     if (curve.low && curve.high) {
@@ -276,7 +282,7 @@ export class Plot {
         const [a, b] = [scale.y.at(curve.low[i]), scale.y.at(curve.high[i])];
         if (Math.abs(a - b) > 3) bars.push(["M", xs[i], a], ["L", xs[i], b], ["M", xs[i] - 3, a], ["L", xs[i] + 3, a], ["M", xs[i] - 3, b], ["L", xs[i] + 3, b]);
       });
-      if (bars.length) pen.path(bars, { stroke: curve.colour, width: 1 });
+      if (bars.length) pen.path(bars, { stroke: colour, width: 1 });
     }
     if (!curve.marks) return;
     const shapes = { dot: [], triangle: [], cross: [], square: [] };
@@ -297,10 +303,10 @@ export class Plot {
       else if (kind === "square") shapes.square.push(["M", x - size, at - size], ["L", x + size, at - size], ["L", x + size, at + size], ["L", x - size, at + size], ["Z"]);
       else shapes.cross.push(["M", x - 4, at - 4], ["L", x + 4, at + 4], ["M", x + 4, at - 4], ["L", x - 4, at + 4]);
     });
-    if (shapes.dot.length) pen.path(shapes.dot, { fill: curve.colour });
-    if (shapes.triangle.length) pen.path(shapes.triangle, { fill: this.ink("--ground"), stroke: curve.colour });
-    if (shapes.square.length) pen.path(shapes.square, { fill: this.ink("--ground"), stroke: curve.colour });
-    if (shapes.cross.length) pen.path(shapes.cross, { stroke: curve.colour, width: 2 });
+    if (shapes.dot.length) pen.path(shapes.dot, { fill: colour });
+    if (shapes.triangle.length) pen.path(shapes.triangle, { fill: this.ink("--ground"), stroke: colour });
+    if (shapes.square.length) pen.path(shapes.square, { fill: this.ink("--ground"), stroke: colour });
+    if (shapes.cross.length) pen.path(shapes.cross, { stroke: colour, width: 2 });
   }
 
   spot({ curve, index }, scale = this.scales()) {
@@ -362,6 +368,7 @@ export class Plot {
   listen() {
     const canvas = this.canvas;
     let held = null;
+    canvas.addEventListener("recolour", () => this.later());
     canvas.addEventListener("pointerdown", (event) => {
       held = { x: event.offsetX, y: event.offsetY, from: event.offsetX, moved: false };
       canvas.setPointerCapture(event.pointerId);
@@ -440,8 +447,6 @@ function said(label, value) {
 /** What a curve's line and marks mean. */
 export function legend(curves, { onremove = null } = {}) {
   return h("ul", { class: "legend" }, curves.map((c) => h("li", {},
-    h("span", { class: c.dash?.length ? "swatch dashed" : "swatch", style: `--own: ${c.colour}` }), c.label,
+    h("span", { class: c.dash?.length ? "swatch dashed" : "swatch", style: `--own: var(${c.colour})` }), c.label,
     onremove && c.removable ? h("button", { type: "button", class: "quiet", "aria-label": `remove ${c.label}`, onclick: () => onremove(c) }, "×") : null)));
 }
-
-export { brief };

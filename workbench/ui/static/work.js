@@ -23,6 +23,7 @@ export function live(number, { onband = null, onagain = null }) {
   const body = h("div");
   const tail = h("div");
   let picture = null;
+  let knob = null;
   let waits = 0;
   let units = {}; // of inputs and outputs by name, as far as they are known
   const subject = server.works.get(number)?.subject ?? [];
@@ -37,7 +38,7 @@ export function live(number, { onband = null, onagain = null }) {
     const running = work.state === "running" || work.state === "waiting";
     fill(head, h("div", { class: "row" },
       h("strong", { class: { failed: "bad", stopped: "watch" }[work.state] ?? "" }, work.state === "done" && !work.well ? "done, not all well" : work.state),
-      h("span", {}, running && work.total ? `${work.done} of ${work.total} ${work.words ?? ""}` : work.seconds ? `${shown(work.seconds, 3)} s` : ""),
+      h("span", {}, running ? [work.total ? `${work.done} of ${work.total}` : "", work.words ?? ""].join(" ") : work.seconds ? `${shown(work.seconds, 3)} s` : ""),
       running ? h("button", { type: "button", class: "quiet", onclick: () => stop(number) }, "Stop") : null,
       !running && onagain === null ? null : work.state === "stopped" && onagain ? h("button", { type: "button", class: "quiet", onclick: () => onagain({}) }, "Go on") : null),
       running ? h("progress", { max: work.total || 1, value: work.total ? work.done : null, "aria-label": work.command }) : null,
@@ -47,14 +48,18 @@ export function live(number, { onband = null, onagain = null }) {
       if (!picture.element.isConnected) fill(body, picture.element);
       if (running) picture.show(ofPoints(work.points.filter(Boolean), { input: units[work.asked.input] ?? "", output: units[work.asked.output] ?? "" }));
     }
-    if (!running) await finished();
+    if (running) fill(tail, code(work.line, "The same in a terminal"));
+    else await finished();
   };
   const finished = async () => {
     const full = await whole(number);
     if (full.curves.length) {
       picture ??= new Bode({ onband, number, onagain });
-      if (!picture.element.isConnected) fill(body, picture.element);
       picture.show(full.curves, full);
+      if (full.command === "loop" && full.record.linear) {
+        knob ??= gainKnob(full, picture);
+        fill(body, knob);
+      } else if (!picture.element.isConnected) fill(body, picture.element);
     } else if (full.signals) {
       fill(body, histories(full.signals));
     }
@@ -91,8 +96,8 @@ const MARKS = { settled: "dot", averaged: "triangle", failed: "cross" };
 
 /** Gain and phase over frequency, with a cursor through both, and all that can be asked of them. */
 export class Bode {
-  constructor({ onband = null, number = null, onagain = null, title = "" }) {
-    Object.assign(this, { onband, number, onagain, own: [], settings: { unwrap: true, linear: false, radians: false } });
+  constructor({ onband = null, number = null, onagain = null, onpinned = null, title = "" }) {
+    Object.assign(this, { onband, number, onagain, onpinned, own: [], settings: { unwrap: true, linear: false, radians: false } });
     const x = { label: "frequency [Hz]", log: true };
     const common = {
       x, onpick: (point, where) => this.pick(point, where), onband: (lo, hi) => this.banded(lo, hi),
@@ -124,7 +129,7 @@ export class Bode {
       onband ? h("button", { type: "button", class: "quiet", "aria-pressed": "false", title: "Drag over the picture to choose the band that is measured next", onclick: (event) => this.banding(event.currentTarget) }, "Draw a band") : null,
       asked?.command === "nfr" || asked?.command === "branches" ? h("button", { type: "button", class: "quiet", title: "Lay the linearisation at the same operating point over the picture", onclick: (event) => this.linear(asked, event.currentTarget) }, "Linear model") : null,
       h("button", { type: "button", class: "quiet", title: "Show all of the curves again, after moving or zooming", onclick: () => [this.gain, this.phase].forEach((p) => p.whole()) }, "Whole"),
-      h("button", { type: "button", class: "quiet", title: "Keep these curves in every picture, and under Compare", onclick: () => this.keep() }, "Pin"),
+      onpinned ? null : h("button", { type: "button", class: "quiet", title: "Keep these curves in every picture, and under Compare", onclick: () => this.keep() }, "Pin"),
       h("button", { type: "button", class: "quiet", title: "Save gain and phase as a drawing", onclick: () => this.saveSvg() }, "SVG"),
       h("button", { type: "button", class: "quiet", title: "Save the gain as an image", onclick: async () => save(await this.gain.png(), "gain.png") }, "PNG"),
       h("button", { type: "button", class: "quiet", title: "Save the points as a table", onclick: () => save(csv(this.own), "curves.csv", "text/csv") }, "CSV"));
@@ -156,16 +161,17 @@ export class Bode {
       const marks = curve.status ? b.index.map((k) => MARKS[curve.status[k]] ?? "") : null;
       const dashed = curve.kind === "branch" ? b.index.map((k) => curve.stable[k] === false || curve.stable[k] === 0) : null;
       const common = {
-        label: curve.label, colour: colour(i), x: b.x, marks, dashed, width: curve.kind === "linear" || curve.removable ? 1.2 : 1.8, removable: curve.removable,
-        dash: curve.removable ? [8, 4] : curve.kind === "linear" ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
+        label: curve.label, colour: curve.colour ?? colour(i), x: b.x, marks, dashed, width: curve.kind === "linear" || curve.removable ? 1.2 : 1.8, removable: curve.removable,
+        dash: curve.removable && this.own.length ? [8, 4] : curve.kind === "linear" ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
         says: curve.status ? b.index.map((k) => curve.status[k]) : null,
       };
+      if (b.gain.every((g) => g === null || (linear && g === 0)) && !marks) common.label = `${curve.label} (zero)`;
       gains.push({ ...common, y: b.gain, low: b.low, high: b.high });
       phases.push({ ...common, y: b.phase, low: b.phase.map((p, k) => (p === null || b.swing[k] === null ? null : p - b.swing[k])), high: b.phase.map((p, k) => (p === null || b.swing[k] === null ? null : p + b.swing[k])) });
     });
     this.gain.set(gains);
     this.phase.set(phases, { lines: [{ axis: "y", value: -180 }] });
-    fill(this.names, legend(gains, { onremove: (c) => { pinned.remove(c.label); this.redraw(); } }));
+    fill(this.names, legend(gains, { onremove: (c) => { pinned.remove(c.label); this.redraw(); this.onpinned?.(); } }));
   }
 
   /** Lay the linear model at the same point over the picture. */
@@ -177,7 +183,7 @@ export class Bode {
       if (!full.curves.length) throw new Error(full.failure?.message ?? "there is no linear model");
       const seen = this.own.flatMap((c) => c.frequency_hz);
       const [low, high] = [Math.min(...seen), Math.max(...seen)];
-      this.extras = full.curves.map((c) => cut(c, low, high));
+      this.extras = full.curves.map((c) => ({ ...cut(c, low, high), colour: "--ink" }));
       this.redraw();
     } catch (error) {
       say(wrongs(error), true);
@@ -258,13 +264,15 @@ function pointOf({ curve, index }, picture) {
   const f = curve.frequency_hz[index];
   const [re, im] = [curve.re[index], curve.im[index]];
   const told = curve.points?.[index];
+  const unit = unitShown(curve.output_unit);
+  const ratio = curve.output_unit && curve.input_unit && curve.output_unit !== curve.input_unit ? ` ${unit}/${unitShown(curve.input_unit)}` : "";
   const rows = [
-    ["frequency", `${shown(f)} Hz`], ["curve", curve.label], ["gain", re === null ? "–" : `${shown(decibels(re, im))} dB, ${shown(Math.hypot(re, im))}`],
+    ["frequency", `${shown(f)} Hz`], ["curve", curve.label], ["gain", re === null ? "–" : `${shown(decibels(re, im))} dB, ${shown(Math.hypot(re, im))}${ratio}`],
     ["phase", re === null ? "–" : `${shown(wrapped([{ re, im }])[0])} deg`], ["error, 95 %", curve.error?.[index] === undefined ? null : curve.error[index] === null ? "not known" : `${shown(100 * curve.error[index], 3)} %`],
     ["stable", curve.stable ? shown(curve.stable[index] === null ? null : Boolean(curve.stable[index])) : null], ["status", curve.status?.[index]],
   ];
   const certificate = told?.certificate;
-  if (told) rows.push(["periods run", shown(told.periods)], ["offset", shown(told.offset)], ["why it failed", told.reason], ["remark", told.warning]);
+  if (told) rows.push(["periods run", shown(told.periods)], ["offset", `${shown(told.offset)} ${unit}`], ["why it failed", told.reason], ["remark", told.warning]);
   if (certificate) rows.push(["method", certificate.method], ["total harmonic distortion", certificate.thd === null ? null : `${shown(100 * certificate.thd, 3)} %`], ["distance to a fold", certificate.fold_distance === null ? null : shown(certificate.fold_distance, 3)], ["why it did not settle", certificate.why]);
   const beside = neighbours(curve, index);
   const run = h("div");
@@ -307,13 +315,14 @@ async function lastPeriod(number, amplitude, f, ran, place) {
     const kept = Object.fromEntries(["interface", "solver", "tolerance", "at", "start_values"].filter((n) => asked[n] !== undefined).map((n) => [n, asked[n]]));
     const bias = [asked.bias ?? []].flat().filter((b) => !b.startsWith(`${input}=`)); // its own is in `held`
     const periods = Math.max(PERIODS, Math.ceil(ran ?? 0));
+    const rounded = (value) => Number(value.toPrecision(10));
     const full = await done("simulate", subject, {
-      ...kept, bias, inputs: [`${input}=sine:amplitude=${amplitude},frequency=${f},offset=${held}`], outputs: [input, output],
-      stop: periods / f, step: 1 / (200 * f),
+      ...kept, bias, inputs: [`${input}=sine:amplitude=${amplitude},frequency=${rounded(f)},offset=${held}`], outputs: [input, output],
+      stop: rounded(periods / f), step: rounded(1 / (200 * f)),
     }, { aside: true });
     if (!full.signals) throw new Error(full.failure?.message ?? "there is no time history");
     const { time, signals, units } = full.signals;
-    const last = time.findIndex((t) => t >= (periods - 1) / f - 1e-12);
+    const last = time.findIndex((t) => t >= (periods - 1.0025) / f); // half a step early, as what was asked is rounded
     const cut = { time: time.slice(last), units, signals: Object.fromEntries(Object.entries(signals).map(([n, v]) => [n, v.slice(last)])) };
     fill(place, h("p", { class: "dim" }, `The last of ${periods} periods of a run from the operating point.`), histories(cut),
       code(full.line, "The same run in a terminal"));
@@ -323,20 +332,15 @@ async function lastPeriod(number, amplitude, f, ran, place) {
 }
 
 /** Signals over time, one picture for each unit. */
-export function histories({ time, signals, units }) {
-  const groups = Map.groupBy ? Map.groupBy(Object.keys(signals), (n) => units[n] ?? "") : grouped(Object.keys(signals), (n) => units[n] ?? "");
+function histories({ time, signals, units }) {
+  const groups = new Map();
+  for (const n of Object.keys(signals)) groups.set(units[n] ?? "", [...(groups.get(units[n] ?? "") ?? []), n]);
   return h("div", {}, [...groups].slice(0, 8).map(([unit, names]) => {
     const plot = new Plot({ x: { label: "time [s]", log: false }, y: { label: `${names.length === 1 ? names[0] : "signals"} [${unit || "–"}]`, log: false }, label: `${names.join(", ")} over time`, height: 240 });
     const curves = names.slice(0, 12).map((n, i) => ({ label: n, colour: colour(i), x: time, y: signals[n] }));
     plot.set(curves);
     return h("div", {}, legend(curves), plot.element);
   }));
-}
-
-function grouped(items, key) {
-  const found = new Map();
-  for (const item of items) found.set(key(item), [...(found.get(key(item)) ?? []), item]);
-  return found;
 }
 
 /** Curves as a table: one line a point. */
@@ -353,6 +357,8 @@ function csv(curves) {
   return `${lines.join("\n")}\n`;
 }
 
+const PICTURED = new Set(["nfr", "branches", "loop", "simulate"]); // whose pictures say it; of others the report does
+
 /** What a work that has ended gives: remarks, files, report, the command and the Python. */
 function afterwards(full) {
   const at = `/api/works/${full.number}`;
@@ -360,11 +366,9 @@ function afterwards(full) {
     const waits = h("p", { class: "dim" }, "The report is being written …");
     return [waits, h("iframe", { src: `${at}/report.html`, title: "Report", onload: () => waits.remove() })];
   };
-  const report = h("div", {}, full.has_record && !full.curves.length && !full.signals ? reported() : null);
-  const remarks = [...(full.record?.warnings ?? []), ...full.notes];
+  const report = h("div", {}, full.has_record && !PICTURED.has(full.command) ? reported() : null);
   return [
-    remarks.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, remarks.map((n) => h("li", {}, n)))) : null,
-    full.command === "loop" && full.record?.linear ? gainKnob(full) : null,
+    full.remarks.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, full.remarks.map((n) => h("li", {}, n)))) : null,
     full.has_record ? h("div", { class: "row" },
       h("button", { type: "button", onclick: () => fill(report, reported()) }, "Report"),
       h("a", { class: "button", href: `${at}/report.html`, download: `${full.command}-${full.number}.html` }, "Save the report"),
@@ -377,43 +381,47 @@ function afterwards(full) {
 
 // -- a loop whose gain is dragged ---------------------------------------------------------------------------
 
-const NEAR = 8; // times the crossover are the poles away that the root locus shows
+const NEAR = 4; // times the crossover are the poles away that the root locus shows
 
-function gainKnob(full) {
+/** The loop at another gain, in the pictures; `bodes` shows what was measured, too. */
+function gainKnob(full, bodes) {
   const number = h("input", { type: "text", inputMode: "decimal", value: "1", "aria-label": "factor of the loop gain" });
-  const slider = h("input", { type: "range", min: -40, max: 40, step: 0.25, value: 0, "aria-label": "loop gain, slider in dB" });
+  const slider = h("input", { type: "range", min: -60, max: 60, step: 0.25, value: 0, "aria-label": "loop gain, slider in dB" });
   const facts = h("div", { role: "status" });
   const unit = new Plot({ x: { label: "Re L", log: false, range: [-3, 2] }, y: { label: "Im L", log: false, range: [-2, 2] }, label: "Nyquist picture", height: 300, equal: true });
   const nichols = new Plot({ x: { label: "phase of L [deg]", log: false }, y: { label: "gain of L [dB]", log: false }, label: "Nichols picture", height: 300 });
   const locus = new Plot({ x: { label: "Re of the poles [rad/s]", log: false }, y: { label: "Im [rad/s]", log: false }, label: "Root locus: poles of the closed loop", height: 300 });
   const step = new Plot({ x: { label: "time [s]", log: false }, y: { label: "step response of T", log: false }, label: "Step response of the closed loop", height: 260 });
-  const bodes = new Bode({ title: "Loop" });
-  const trace = { x: [], y: [] };
+  const measured = full.curves.filter((c) => c.kind === "measured").map((c) => ({ ...c, label: `${c.label}, × 1` }));
+  const locusNames = h("div");
+  let locusOf = { re: [], im: [] };
   let asked = 0;
   const update = async () => {
     const gain = Number(number.value);
     if (!Number.isFinite(gain)) return;
     const mine = (asked += 1);
-    const found = await get(`/api/works/${full.number}/loop?gain=${gain}`);
+    const found = await get(`/api/works/${full.number}/loop?gain=${gain}${locusOf.re.length ? "" : "&locus=1"}`);
     if (mine !== asked) return;
+    locusOf = found.locus ?? locusOf;
     const m = found.margins;
     fill(facts, h("p", { class: found.stable ? "good" : "bad" }, found.stable ? "The closed loop is stable." : "The closed loop is unstable."),
-      h("p", {}, `Gain margin ${shown(m.gain_margin_db, 4)} dB, phase margin ${shown(m.phase_margin_deg, 4)} deg, delay margin ${m.delay_margin_s === null ? "–" : `${shown(1e3 * m.delay_margin_s, 4)} ms`}; crossover at ${shown(m.gain_crossover_hz, 4)} Hz.`));
+      h("p", {}, `Gain margin ${margin(m.gain_margin_db, "dB")}, phase margin ${margin(m.phase_margin_deg, "deg")}, delay margin ${margin(m.delay_margin_s === null ? null : 1e3 * m.delay_margin_s, "ms")}; ${m.gain_crossover_hz === null ? "no crossover of 0 dB" : `crossover at ${shown(m.gain_crossover_hz, 4)} Hz`}.`));
     const open = bode(found.open);
-    unit.set([{ label: "L", colour: colour(0), x: found.open.re, y: found.open.im }, { label: "−1", colour: colour(1), x: [-1], y: [0], marks: ["cross"], line: false }, circle()]);
+    const at = (hz) => `at ${shown(hz, 4)} Hz`;
+    unit.set([{ label: "L", colour: colour(0), x: found.open.re, y: found.open.im, says: found.open.frequency_hz.map(at) }, { label: "−1", colour: colour(1), x: [-1], y: [0], marks: ["cross"], line: false }, circle()]);
     const top = Math.max(...open.gain.filter((g) => g !== null));
-    const seen = open.gain.map((g, i) => [g, open.phase[i]]).filter(([g]) => g !== null && g >= top + 20 * Math.log10(DEPTH));
-    nichols.set([{ label: "L", colour: colour(0), x: seen.map(([, p]) => p), y: seen.map(([g]) => g) }, { label: "−1", colour: colour(1), x: [-180], y: [0], marks: ["cross"], line: false }]);
+    const seen = open.gain.map((g, i) => [g, open.phase[i], at(open.x[i])]).filter(([g]) => g !== null && g >= top + 20 * Math.log10(DEPTH));
+    nichols.set([{ label: "L", colour: colour(0), x: seen.map(([, p]) => p), y: seen.map(([g]) => g), says: seen.map(([, , where]) => where) }, { label: "−1", colour: colour(1), x: [-180], y: [0], marks: ["cross"], line: false }]);
     const crossing = m.gain_crossover_hz ?? m.phase_crossover_hz;
-    if (crossing && !locus.x.range) { // the poles that matter for it
-      const size = NEAR * 2 * Math.PI * crossing;
+    if (!locus.x.range) { // the poles that matter for the crossover
+      const size = crossing ? NEAR * 2 * Math.PI * crossing : 1.5 * Math.max(1e-6, ...found.poles.re.map((re, i) => Math.hypot(re, found.poles.im[i])));
       [locus.x.range, locus.y.range] = [[-size, size / 4], [-size, size]];
     }
-    trace.x.push(...found.poles.re);
-    trace.y.push(...found.poles.im);
-    locus.set([{ label: "earlier gains", colour: colour(2), x: trace.x, y: trace.y, line: false, marks: trace.x.map(() => "dot") }, { label: "poles", colour: colour(1), x: found.poles.re, y: found.poles.im, line: false, marks: found.poles.re.map(() => "square") }], { lines: [{ axis: "x", value: 0 }] });
+    const poles = (label, { re, im }, number, mark) => ({ label, colour: colour(number), x: re, y: im, line: false, marks: re.map(() => mark) });
+    locus.set([poles("at other gains", locusOf, 2, "dot"), poles("open loop (×)", found.open_poles, 0, "cross"), poles("closed loop (□)", found.poles, 1, "square")], { lines: [{ axis: "x", value: 0 }] });
+    fill(locusNames, legend(locus.curves));
     step.set([{ label: "T", colour: colour(0), x: found.step.time, y: found.step.value }], { lines: [{ axis: "y", value: 1 }] });
-    bodes.show([found.open, found.closed]);
+    bodes.show([found.open, found.closed, ...measured], full);
   };
   slider.oninput = () => {
     number.value = shown(10 ** (Number(slider.value) / 20), 5);
@@ -425,8 +433,13 @@ function gainKnob(full) {
     update();
   };
   update();
-  return h("section", {}, h("h2", {}, "Drag the gain"), h("div", { class: "knob" }, h("span", {}, "Loop gain ×"), slider, number, h("span", { class: "dim" }, "")),
-    facts, bodes.element, h("h3", {}, "Nyquist"), unit.element, h("h3", {}, "Nichols"), nichols.element, h("h3", {}, "Root locus"), locus.element, h("h3", {}, "Step"), step.element);
+  return h("section", {}, h("h2", {}, "Margins at another gain"), h("div", { class: "knob" }, h("span", {}, "Loop gain ×"), slider, number, h("span", { class: "dim" }, "")),
+    facts, bodes.element, h("h3", {}, "Nyquist"), unit.element, h("h3", {}, "Nichols"), nichols.element, h("h3", {}, "Root locus"), locusNames, locus.element, h("h3", {}, "Step"), step.element);
+}
+
+/** A margin in words; null: nothing brings the loop to its limit. */
+function margin(value, unit) {
+  return value === null ? "infinite" : `${shown(value, 4)} ${unit}`;
 }
 
 function circle() {
