@@ -281,8 +281,9 @@ def _verdict(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
 
 
 def _last(text: str) -> str:
+    """Return the line of a page that says what failed, else its last one."""
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("wrote ")]
-    return lines[-1] if lines else ""
+    return next((line for line in lines if line.startswith("failed: ")), lines[-1] if lines else "")
 
 
 # -- comparing --------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,7 +29,7 @@ def stub_library(name: str, fmi1: str = "") -> bytes:
     """
     (host,) = host_only()
     with TemporaryDirectory() as temporary:
-        folder, sources = Path(temporary), [f"{name}.c"]
+        folder, sources = Path(temporary), [f"{name}.c", "absent.c"]
         headers = (Path(fmpy.__file__).parent / "c-code").glob("fmi*.h")
         for file in (_C / name / f"{name}.c", _C / "fmi2_stub.h", *headers):
             (folder / file.name).write_bytes(file.read_bytes())
@@ -39,9 +40,21 @@ def stub_library(name: str, fmi1: str = "") -> bytes:
             (folder / "identifier.h").write_text(f"#define MODEL_IDENTIFIER {name}\n", encoding="ascii")
             (folder / "stateless.c").write_text(_STATELESS, encoding="ascii")
             sources += [*added, "stateless.c"]
+        (folder / "absent.c").write_text(_absent(), encoding="ascii")
         library = folder / "lib" / f"{name}{host.suffix}"
         compile_library(folder, sources, host, library)
         return library.read_bytes()
+
+
+def _absent() -> str:
+    """Return all functions of FMI 2.0 and 3.0, each returning an error, for those that a library does not define.
+
+    An FMU must have them all, and FMPy loads no other. Not for Windows, which has no such weak definitions.
+    """
+    headers = (Path(fmpy.__file__).parent / "c-code").glob("fmi[23]Functions.h")
+    names = re.findall(r"^\s*FMI\d_Export\s+\w+\s+(fmi\d\w+);", "\n".join(h.read_text() for h in headers), re.MULTILINE)
+    absent = '__attribute__((weak, visibility("default"))) int {0}(void);\nint {0}(void) {{ return 3; }}'
+    return "\n".join(["typedef int nothing;", "#ifndef _WIN32", *(absent.format(name) for name in names), "#endif\n"])
 
 
 def stub_fmu(library: str, fmi: int, interface: str = "") -> dict[str, bytes]:
