@@ -1,9 +1,9 @@
 """Try the workbench on any FMUs, with FMPy as the oracle: `scripts/zoo.py FOLDER|FMU … [--out zoo.html]`.
 
-Every FMU × each of its interfaces × `COMMANDS`. The workbench runs each in a worker process, FMPy in a child, both under
-limits of time and memory. `info` is compared with what FMPy reads in the description; `simulate` with FMPy's run under the
-same inputs, moved from their start values: a value may be off by 1e-3 of the range that its signal has there. Without a
-folder: the corpus of the tests (tests/corpus.py), built for this machine.
+Every FMU × each of its interfaces × `COMMANDS`. The workbench runs each in a worker process, FMPy in a child, both
+under limits of time and memory. `info` is compared with what FMPy reads in the description; `simulate` with FMPy's run
+under the same inputs, moved from their start values: a value may be off by 1e-3 of the range that its signal has there.
+Without a folder: the corpus of the tests (tests/corpus.py), built for this machine.
 
 | verdict   | means                                                                                          |
 |-----------|------------------------------------------------------------------------------------------------|
@@ -331,8 +331,6 @@ def _compared(ours: dict[str, Any], theirs: oracle.Run, step: float) -> tuple[st
 
 # -- the page ---------------------------------------------------------------------------------------
 
-_TONES = {"ok": "ok", "refused": "refused", "no": "answered no", "n/a": "n/a"}
-
 
 def page_of(rows: Sequence[Row]) -> Page:
     """Return the page of a run of the zoo: what is wrong first, then every FMU, then every line."""
@@ -357,8 +355,7 @@ def page_of(rows: Sequence[Row]) -> Page:
             Section("Every reason", tables=[_reasons(rows)], folded=False),
         ],
         data={"rows": [asdict(r) for r in rows]},
-        summary=bad
-        or [Verdict("good", "nothing disagrees, crashes, or is refused for a reason that nothing confirms")],
+        summary=bad or [Verdict("good", "nothing disagrees, crashes or is refused for a doubtful reason")],
         kind="zoo",
     )
 

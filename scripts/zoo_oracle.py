@@ -1,7 +1,7 @@
 """FMPy's word on an FMU, for `scripts/zoo.py`: its description and its run, in a child process under limits.
 
-Run as a script it is the child: it reads what is asked for as JSON from standard input and prints one line of JSON. FMUs
-crash, hang and print; none of it reaches the caller.
+Run as a script it is the child: it reads what is asked for as JSON from standard input and prints one line of JSON.
+FMUs crash, hang and print; none of it reaches the caller.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The corpus that `scripts/zoo.py` is tried on in CI: a table with one row for each FMU, where it comes from, what it mimics.
+"""The corpus that `scripts/zoo.py` is tried on in CI: one row for each FMU, where it comes from, what it mimics.
 
 FMUs of other people are taken from packages where those are installed; the rest is built for this machine.
 """

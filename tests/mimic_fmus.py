@@ -70,7 +70,7 @@ def _two_names(text: str) -> str:
 _CS = ("CoSimulation",)
 MIMICS = {
     "orderly": Mimic("an FMU that keeps to FMI's state machine and refuses what it does not allow"),
-    "dymola": Mimic("Dymola: no time outside continuous-time mode; a multistep solver not restarted at inputs", "dymola"),
+    "dymola": Mimic("Dymola: no time outside continuous-time mode; a multistep solver not restarted", "dymola"),
     "simulink": Mimic(
         "Simulink: a fixed step of its own, outputs of the last one", "simulink", _CS,
         'canHandleVariableCommunicationStepSize="false"', 'startTime="0" stopTime="2" stepSize="0.01"',
@@ -80,7 +80,7 @@ MIMICS = {
     "needs-tool": Mimic("AMESim and others: the simulator must be there", "tool", flags='needsExecutionTool="true"'),
     "warns": Mimic("SimulationX and others: every call returns a warning", "warns"),
     "no-nominals": Mimic("older exporters: fmi2GetNominalsOfContinuousStates is not there for good", "nominals"),
-    "formats": Mimic("JModelica: log messages with formats, references of variables, categories of their own", "formats"),
+    "formats": Mimic("JModelica: log messages with formats and references, categories of their own", "formats"),
     "memory": Mimic("CATIA and others: memory from the callbacks, and back to them", "memory"),
     "fast-math": Mimic("compiled with -ffast-math: tiny numbers become zero in the whole process", "fast"),
     "handles": Mimic("a run-time system that sets handlers of signals", "handles"),

@@ -1,4 +1,4 @@
-"""Small FMUs with one subject each, for FMI 1.0, 2.0 and 3.0, written for these tests: see tests/c/reference2, reference3.
+"""Small FMUs with one subject each, for FMI 1.0, 2.0 and 3.0, written for these tests: tests/c/reference2, reference3.
 
 The subjects are those of the Reference FMUs of the Modelica Association that no other FMU of the tests has.
 """
@@ -160,11 +160,13 @@ def _space_3() -> tuple[str, str]:
 
 
 _CLOCKS_3 = (
-    '<Int32 name="ticks" valueReference="1" causality="output" variability="discrete" clocks="3" />'
-    '<Int32 name="slower_ticks" valueReference="2" causality="output" variability="discrete" clocks="4" />'
-    '<Clock name="every_second" valueReference="3" causality="input" intervalVariability="constant"'
-    ' intervalDecimal="1.0" />'
-    '<Clock name="now_and_then" valueReference="4" causality="input" intervalVariability="triggered" />',
+    (
+        '<Int32 name="ticks" valueReference="1" causality="output" variability="discrete" clocks="3" />'
+        '<Int32 name="slower_ticks" valueReference="2" causality="output" variability="discrete" clocks="4" />'
+        '<Clock name="every_second" valueReference="3" causality="input" intervalVariability="constant"'
+        ' intervalDecimal="1.0" />'
+        '<Clock name="now_and_then" valueReference="4" causality="input" intervalVariability="triggered" />'
+    ),
     '<Output valueReference="1" /><Output valueReference="2" />',
 )
 
