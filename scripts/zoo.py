@@ -165,18 +165,35 @@ def _moves(subject: Subject) -> dict[str, float]:
 
 # -- what is a true reason --------------------------------------------------------------------------
 
-# What a refusal says (a regular expression) → whether FMPy's description bears it out.
-REASONS: tuple[tuple[str, Callable[[Subject], bool]], ...] = (
-    (r"needs? (its|an|the) (execution )?tool", lambda s: s.described.interfaces[s.interface]["needs_tool"]),
-    (r"no inputs?\b", lambda s: not any(c == "input" for _, c, _ in s.described.variables.values())),
-    (r"no outputs?\b", lambda s: not any(c == "output" for _, c, _ in s.described.variables.values())),
-    (r"no (continuous )?states?\b", lambda s: s.described.states == 0 or s.interface == "cs"),
-    (r"co-simulation", lambda s: s.interface == "cs"),
+
+def _has(subject: Subject, causality: str) -> bool:
+    return any(kind == causality for _, kind, _ in subject.described.variables.values())
+
+
+def _ends(subject: Subject, theirs: oracle.Run) -> bool:
+    """Whether FMPy's run ends before it should, too."""
+    _, stop, step = subject.span
+    return bool(len(theirs.time)) and float(theirs.time[-1]) < stop - 1.5 * step
+
+
+# What a refusal says (a regular expression) → whether FMPy's description, or its run, bears it out.
+REASONS: tuple[tuple[str, Callable[[Subject, oracle.Run], bool]], ...] = (
+    (r"needs? (its|an|the) (execution )?tool", lambda s, _: s.described.interfaces[s.interface]["needs_tool"]),
+    (
+        r"needs an input or states",
+        lambda s, _: not _has(s, "input") and (s.interface == "cs" or not s.described.states),
+    ),
+    (r"no inputs?\b|an input, and there is none", lambda s, _: not _has(s, "input")),
+    (r"no outputs?\b", lambda s, _: not _has(s, "output")),
+    (r"co-simulation shows no states", lambda s, _: s.interface == "cs"),
+    (r"no (continuous )?states?\b", lambda s, _: s.described.states == 0 or s.interface == "cs"),
+    (r"neither a step nor a default experiment", lambda s, _: not {"step", "stop"} & s.described.experiment.keys()),
+    (r"ended its run", _ends),
 )
 
 
-def _borne_out(subject: Subject, reason: str) -> bool:
-    return any(re.search(pattern, reason) and true(subject) for pattern, true in REASONS)
+def _borne_out(subject: Subject, reason: str, theirs: oracle.Run) -> bool:
+    return any(re.search(pattern, reason) and true(subject, theirs) for pattern, true in REASONS)
 
 
 # -- running ----------------------------------------------------------------------------------------
@@ -221,9 +238,7 @@ def _try(file: Path, commands: Sequence[str], limits: oracle.Limits) -> Iterator
 
 def _oracle_run(subject: Subject) -> oracle.Run:
     start, stop, step = subject.span
-    moved = {
-        n: by + float(v["start"] or 0.0) for v in subject.forced for n, by in [(v["name"], _moves(subject)[v["name"]])]
-    }
+    moves = _moves(subject)
     outputs = [v["name"] for v in subject.facts["outputs"] or subject.facts["states"]]
     return oracle.simulate(
         subject.file,
@@ -233,7 +248,7 @@ def _oracle_run(subject: Subject) -> oracle.Run:
         stop_time=stop,
         output_interval=step,
         relative_tolerance=TOLERANCE,
-        start_values=moved,
+        forced={v["name"]: float(v["start"] or 0.0) + moves[v["name"]] for v in subject.forced},
         output=outputs,
     )
 
@@ -252,7 +267,7 @@ def _run(subject: Subject, command: str, theirs: oracle.Run) -> tuple[str, str, 
         verdict, reason = _verdict(done)
         if command == "simulate" and verdict == "ok":
             return *_compared(json.loads(out.read_text(encoding="utf-8")), theirs, subject.span[2]), theirs.fails
-    if verdict == "refused" and not theirs.fails and not _borne_out(subject, reason):
+    if verdict == "refused" and not theirs.fails and not _borne_out(subject, reason, theirs):
         verdict = "doubtful"
     return verdict, reason, theirs.fails
 

@@ -92,7 +92,7 @@ def simulate(file: Path, interface: str, limits: Limits, **settings: Any) -> Run
         file: the FMU.
         interface: "me" or "cs".
         limits: of the child.
-        **settings: of `fmpy.simulate_fmu`.
+        **settings: of `fmpy.simulate_fmu`; "forced": input → value, held.
     """
     found = _ask({"what": "simulate", "file": str(file), "interface": interface, "settings": settings}, limits)
     if "fails" in found:
@@ -180,8 +180,12 @@ def _interfaces(read: Any) -> Iterator[tuple[str, dict[str, bool]]]:
 def _variable(variable: Any) -> Iterator[tuple[str, tuple[str, str, str | None]]]:
     unit = variable.unit or (variable.declaredType.unit if variable.declaredType is not None else None)
     said = (variable.type, variable.causality or "local", unit)
-    for name in _elements(variable.name, tuple(variable.shape or ()) if variable.dimensions else ()):
+    for name in _names_of(variable):
         yield name, said
+
+
+def _names_of(variable: Any) -> list[str]:
+    return _elements(variable.name, tuple(variable.shape or ()) if variable.dimensions else ())
 
 
 def _elements(name: str, shape: tuple[int, ...]) -> list[str]:
@@ -202,6 +206,7 @@ def _simulate(question: Mapping[str, Any]) -> dict[str, Any]:
     # An element of an array: FMPy records arrays whole.
     known = {v.name for v in read.modelVariables}
     wanted = [n if n in known else n.rpartition("[")[0] for n in settings.pop("output")]
+    settings |= _forced(read, settings.pop("forced"), settings["start_time"], settings["stop_time"])
     found = fmpy.simulate_fmu(
         question["file"], validate=False, fmi_type=kind, output=list(dict.fromkeys(wanted)), record_events=False,
         model_description=read, **settings,
@@ -214,6 +219,22 @@ def _simulate(question: Mapping[str, Any]) -> dict[str, Any]:
             names = _elements(name, column.shape[1:])
             signals |= {n: flat[:, i].tolist() for i, n in enumerate(names)}
     return {"time": signals.pop("time"), "signals": signals}
+
+
+def _forced(read: Any, values: Mapping[str, float], start: float, stop: float) -> dict[str, Any]:
+    """Return start values and input signals for FMPy: inputs held at values, arrays whole."""
+    starts: dict[str, Any] = {}
+    for variable in read.modelVariables:
+        names = _names_of(variable)
+        if set(names) <= values.keys():
+            whole = [values[n] for n in names]
+            starts[variable.name] = whole[0] if names == [variable.name] else whole
+    held = [n for n, v in starts.items() if isinstance(v, float)]
+    if not held:
+        return {"start_values": starts}
+    row = tuple(starts[n] for n in held)
+    types = [("time", np.float64), *((n, np.float64) for n in held)]
+    return {"start_values": starts, "input": np.array([(start, *row), (stop, *row)], dtype=types)}
 
 
 if __name__ == "__main__":
