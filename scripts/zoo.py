@@ -1,17 +1,19 @@
-"""Try the workbench on FMUs of other exporters: `python scripts/zoo.py FOLDER|FMU … [--out table.md]`.
+"""Try the workbench on any FMUs, with FMPy as the oracle: `scripts/zoo.py FOLDER|FMU … [--out zoo.html]`.
 
-Every FMU with a binary for this machine × each of its interfaces × info, check, simulate, nfr, trim, lin: a process for
-each interface, with a time limit; after a crash the rest goes on in a new one. `simulate` is compared with FMPy (same
-steps, same tolerance, inputs at their start values): a value may be off by 1e-3 of the range that its signal has there.
+Every FMU × each of its interfaces × `COMMANDS`. The workbench runs each in a worker process, FMPy in a child, both
+under limits of time and memory. `info` is compared with what FMPy reads in the description; `simulate` with FMPy's run
+under the same inputs, moved from their start values: a value may be off by 1e-3 of the range that its signal has there.
+Without a folder: the corpus of the tests (tests/corpus.py), built for this machine.
 
-| verdict   | means                                                                     |
-|-----------|---------------------------------------------------------------------------|
-| ok        | an answer; for simulate: FMPy's                                           |
-| no        | an honest no with exit code 1: no equilibrium, a promise broken, a point that failed |
-| refused   | one line that says why (exit code 2)                                      |
-| n/a       | the FMU has nothing to ask for, e.g. no input to force                    |
-| disagrees | FMPy's trajectory is another one                                          |
-| crashed   | a traceback, a signal, no line, or the time limit                         |
+| verdict   | means                                                                                          |
+|-----------|------------------------------------------------------------------------------------------------|
+| ok        | an answer; for info and simulate: FMPy's                                                       |
+| no        | an honest no with exit code 1: no equilibrium, a promise broken, a point that failed            |
+| refused   | one line that says why, and it is so: FMPy refuses, too, or its description bears the reason out |
+| n/a       | the FMU has nothing to ask for, e.g. no input to force                                         |
+| doubtful  | refused for a reason that nothing confirms: for a reader                                       |
+| disagrees | FMPy gives another answer                                                                      |
+| crashed   | a traceback, a signal, no line, or the time limit, of an FMU that FMPy runs                    |
 """
 
 from __future__ import annotations
@@ -19,57 +21,83 @@ from __future__ import annotations
 import argparse
 import io
 import json
-import os
+import re
 import subprocess
 import sys
 import tempfile
+import time
 import traceback
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.cli.app import run as workbench
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
 
-COMMANDS = ("info", "check", "simulate", "nfr", "trim", "lin")
-LIMIT = 120.0  # for one command [s]
+from scripts import zoo_oracle as oracle  # noqa: E402
+from workbench.cli.app import run as workbench  # noqa: E402
+from workbench.report.page import Page, Section, Table, write_page  # noqa: E402
+from workbench.report.tones import Verdict  # noqa: E402
+
 AGREE = 1e-3  # of the range of a signal
 MOST_STEPS = 2000
 TOLERANCE = 1e-6
-NO_ANSWER = 1  # exit code
-_MARK = "===== "
-
-_FMPY = """
-import json, sys, fmpy, numpy
-found = fmpy.simulate_fmu(validate=False, **json.loads(sys.argv[1]))
-print("=====", json.dumps({n: numpy.asarray(found[n], dtype=float).reshape(len(found), -1)[:, 0].tolist()
-      for n in found.dtype.names if found[n].dtype.kind in "fiub"}))
-"""
+MOVED = 0.1  # of an input's start value, or of 1
+BAD = ("crashed", "disagrees", "doubtful")
+_NUMBERS = ("Real", "Float64", "Float32")
+# Types by FMPy's names, where the workbench has another.
+_TYPES = {"Enumeration": ("Enumeration", "Integer", "Int64")}
 
 
 @dataclass(frozen=True)
 class Row:
-    """What one command made of one interface of an FMU."""
+    """What one command made of one interface of an FMU.
+
+    Attributes:
+        fmu: its file.
+        tool: that made it.
+        fmi: version of FMI.
+        interface: "me", "cs"; "" where the file as a whole is meant.
+        command: of the workbench.
+        verdict: see the module.
+        reason: its line, or what was compared.
+        oracle: FMPy's word where it refuses.
+        seconds: that the command took.
+    """
 
     fmu: str
+    tool: str
+    fmi: str
     interface: str
     command: str
     verdict: str
     reason: str = ""
+    oracle: str = ""
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)
 class Subject:
-    """One interface of an FMU."""
+    """One interface of an FMU.
+
+    Attributes:
+        file: the FMU.
+        interface: "me" or "cs".
+        facts: what `info` says.
+        described: what FMPy reads.
+        limits: of each command and of FMPy.
+    """
 
     file: Path
     interface: str
     facts: dict[str, Any]
+    described: oracle.Described
+    limits: oracle.Limits
 
     @property
     def span(self) -> tuple[float, float, float]:
@@ -80,113 +108,172 @@ class Subject:
         step = given["step"] or (stop - start) / 500.0
         return start, min(stop, start + MOST_STEPS * step), step
 
+    @property
+    def forced(self) -> list[dict[str, Any]]:
+        """Continuous inputs."""
+        return [v for v in self.facts["inputs"] if v["type"] in _NUMBERS]
 
-def main() -> int:
-    """Print the table; exit code 1 if anything crashed or disagrees."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("places", nargs="+", type=Path, help="folders (searched in full) and FMUs")
-    parser.add_argument("--out", type=Path, help="write the table as Markdown, too")
-    parser.add_argument("--only", nargs="+", choices=COMMANDS, default=COMMANDS, help="commands, in place of all")
-    parser.add_argument("--child", metavar="INTERFACE", help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.child is not None:
-        _be_child(options.places[0], options.child, options.only)
-        return 0
-    rows = []
-    for file in _files(options.places):
-        for row in _try(file, [c for c in COMMANDS if c in options.only]):
-            rows.append(row)
-            print(f"{row.verdict:9} {row.fmu} {row.interface} {row.command} {row.reason}", flush=True)
-            if options.out is not None:
-                options.out.write_text(_table(rows), encoding="utf-8")
-    return int(any(r.verdict in ("crashed", "disagrees") for r in rows))
+    @property
+    def seen(self) -> list[dict[str, Any]]:
+        """Continuous outputs, else states."""
+        return [v for v in self.facts["outputs"] or self.facts["states"] if v["type"] in _NUMBERS]
 
 
-def _files(places: Sequence[Path]) -> Iterator[Path]:
-    for place in places:
-        yield from sorted(place.rglob("*.fmu")) if place.is_dir() else [place]
+# -- what is asked ----------------------------------------------------------------------------------
 
 
-def _try(file: Path, commands: Sequence[str]) -> Iterator[Row]:
-    done = _process([sys.executable, "-m", "workbench", "info", str(file), "--json", "-"])
-    if done.returncode != 0:
-        yield Row(file.name, "", "info", *_verdict(done))
-        return
-    facts = json.loads(done.stdout)
-    if not facts["interfaces"]:
-        yield Row(file.name, "", "info", "n/a", "it offers neither model exchange nor co-simulation")
-    elif not facts["runnable"]:
-        where = ", ".join(facts["platforms"]) or "none at all"
-        yield Row(file.name, "", "info", "n/a", f"no binary for this machine (it has: {where})")
-    else:
-        for interface in sorted(facts["interfaces"], reverse=True):
-            yield from _commands(file, interface, commands)
-
-
-def _commands(file: Path, interface: str, commands: Sequence[str]) -> Iterator[Row]:
-    """Run commands in a child; what it does not live to tell has crashed it, and the rest is left to another."""
-    rest = list(commands)
-    while rest:
-        words = [sys.executable, __file__, str(file), "--child", interface, "--only", *rest]
-        done = _process(words, limit=LIMIT * len(rest))
-        told = [json.loads(line.removeprefix(_MARK)) for line in done.stdout.splitlines() if line.startswith(_MARK)]
-        for command, verdict, reason in told:
-            yield Row(file.name, interface, command, verdict, reason)
-        rest = rest[len(told) :]
-        if rest:
-            last = (done.stderr.splitlines() or [""])[-1]
-            yield Row(file.name, interface, rest.pop(0), "crashed", f"exit code {done.returncode}: {last}")
-
-
-def _be_child(file: Path, interface: str, commands: Sequence[str]) -> None:
-    """Run commands in this process and print what came of each."""
-    facts = json.loads(_workbench("info", str(file), "--json", "-").stdout)
-    subject = Subject(file, interface, facts)
-    asked = {"info": [], **dict(_arguments(subject))}
-    for command in commands:
-        verdict, reason = ("ok", "") if command == "info" else _run(subject, command, asked[command])
-        print(_MARK + json.dumps([command, verdict, reason]), flush=True)
-
-
-def _arguments(subject: Subject) -> Iterator[tuple[str, list[str] | str]]:
-    """Return what each command is asked for; a text: why it is not asked."""
+def _simulate(subject: Subject) -> list[str] | str:
     start, stop, step = subject.span
-    yield "check", []
-    yield (
-        "simulate",
-        ["--start", repr(start), "--stop", repr(stop), "--step", repr(step), "--tolerance", str(TOLERANCE)],
+    words = ["--start", repr(start), "--stop", repr(stop), "--step", repr(step), "--tolerance", str(TOLERANCE)]
+    return words + [word for name, move in _moves(subject).items() for word in ("--bias", f"{name}={move!r}")]
+
+
+def _nfr(subject: Subject) -> list[str] | str:
+    if not subject.forced or not subject.seen:
+        return f"no continuous {'output' if subject.forced else 'input'}"
+    start, stop, _ = subject.span
+    forced = subject.forced[0]
+    size = MOVED * (abs(float(forced["start"] or 0.0)) or 1.0)
+    at = ["--freq", ",".join(repr(n / (stop - start)) for n in (5.0, 15.0)), "--amplitude", repr(size)]
+    return ["--input", forced["name"], "--output", subject.seen[0]["name"], *at]
+
+
+def _modes(subject: Subject) -> list[str] | str:
+    numbers = [p for p in subject.facts["parameters"] if p["type"] in _NUMBERS and p["start"]]
+    if not numbers:
+        return "no parameter with a start value"
+    value = float(numbers[0]["start"])
+    low, high = sorted((0.99 * value, 1.01 * value))
+    return ["--vary", f"{numbers[0]['name']}={low!r}:{high!r}", "--points", "3"]
+
+
+# What each command is asked for; a text: why it is not asked.
+COMMANDS: dict[str, Callable[[Subject], list[str] | str]] = {
+    "check": lambda _: [],
+    "simulate": _simulate,
+    "nfr": _nfr,
+    "trim": lambda _: [],
+    "lin": lambda _: [],
+    "modes": _modes,
+}
+
+
+def _moves(subject: Subject) -> dict[str, float]:
+    """Return by how much inputs are moved from their start values, all of them at once."""
+    return {v["name"]: MOVED * (abs(float(v["start"] or 0.0)) or 1.0) for v in subject.forced}
+
+
+# -- what is a true reason --------------------------------------------------------------------------
+
+
+def _has(subject: Subject, causality: str) -> bool:
+    return any(kind == causality for _, kind, _ in subject.described.variables.values())
+
+
+def _ends(subject: Subject, theirs: oracle.Run) -> bool:
+    """Whether FMPy's run ends before it should, too."""
+    _, stop, step = subject.span
+    return bool(len(theirs.time)) and float(theirs.time[-1]) < stop - 1.5 * step
+
+
+# What a refusal says (a regular expression) → whether FMPy's description, or its run, bears it out.
+REASONS: tuple[tuple[str, Callable[[Subject, oracle.Run], bool]], ...] = (
+    (r"needs? (its|an|the) (execution )?tool", lambda s, _: s.described.interfaces[s.interface]["needs_tool"]),
+    (
+        r"needs an input or states",
+        lambda s, _: not _has(s, "input") and (s.interface == "cs" or not s.described.states),
+    ),
+    (r"no inputs?\b|an input, and there is none", lambda s, _: not _has(s, "input")),
+    (r"no outputs?\b", lambda s, _: not _has(s, "output")),
+    (r"co-simulation shows no states", lambda s, _: s.interface == "cs"),
+    (r"no (continuous )?states?\b", lambda s, _: s.described.states == 0 or s.interface == "cs"),
+    (r"neither a step nor a default experiment", lambda s, _: not {"step", "stop"} & s.described.experiment.keys()),
+    (r"ended its run", _ends),
+)
+
+
+def _borne_out(subject: Subject, reason: str, theirs: oracle.Run) -> bool:
+    return any(re.search(pattern, reason) and true(subject, theirs) for pattern, true in REASONS)
+
+
+# -- running ----------------------------------------------------------------------------------------
+
+
+def zoo(files: Sequence[Path], commands: Sequence[str], limits: oracle.Limits) -> Iterator[Row]:
+    """Yield what came of each FMU, interface and command."""
+    for file in files:
+        yield from _try(file, commands, limits)
+
+
+def _try(file: Path, commands: Sequence[str], limits: oracle.Limits) -> Iterator[Row]:
+    described = oracle.describe(file, limits)
+    began = time.perf_counter()
+    done = _workbench("info", str(file), "--json", "-")
+    verdict, reason = _verdict(done)
+    facts = json.loads(done.stdout) if verdict == "ok" else {}
+    about = (file.name, described.tool or facts.get("generation_tool") or "", described.fmi or "?")
+
+    def row(interface: str, command: str, verdict: str, reason: str = "", said: str = "") -> Row:
+        return Row(*about, interface, command, verdict, reason, said, round(time.perf_counter() - began, 3))
+
+    if verdict == "refused":
+        yield row("", "info", verdict if described.fails else "doubtful", reason, described.fails)
+        return
+    if verdict != "ok":
+        yield row("", "info", verdict, reason, described.fails)
+        return
+    differs = "" if described.fails else ", ".join(_misread(facts, described))
+    yield row("", "info", "disagrees" if differs else "ok", differs, described.fails)
+    for interface in facts["interfaces"]:
+        subject = Subject(file, interface, facts, described, limits)
+        if interface not in facts["runs_here"]:
+            where = ", ".join(facts["platforms"]) or "none at all"
+            yield row(interface, "simulate", "n/a", f"no binary for this machine (it has: {where})")
+            continue
+        theirs = _oracle_run(subject)
+        for command in commands:
+            began = time.perf_counter()
+            yield row(interface, command, *_run(subject, command, theirs))
+
+
+def _oracle_run(subject: Subject) -> oracle.Run:
+    start, stop, step = subject.span
+    moves = _moves(subject)
+    outputs = [v["name"] for v in subject.facts["outputs"] or subject.facts["states"]]
+    return oracle.simulate(
+        subject.file,
+        subject.interface,
+        subject.limits,
+        start_time=start,
+        stop_time=stop,
+        output_interval=step,
+        relative_tolerance=TOLERANCE,
+        forced={v["name"]: float(v["start"] or 0.0) + moves[v["name"]] for v in subject.forced},
+        output=outputs,
     )
-    forced = [v for v in subject.facts["inputs"] if v["type"] in ("Real", "Float64", "Float32")]
-    seen = [
-        v for v in subject.facts["outputs"] or subject.facts["states"] if v["type"] in ("Real", "Float64", "Float32")
-    ]
-    if not forced or not seen:
-        yield "nfr", f"no continuous {'input' if not forced else 'output'}"
-    else:
-        size = 0.1 * (abs(float(forced[0]["start"] or 0.0)) or 1.0)
-        at = ["--freq", repr(5.0 / (stop - start)), "--amplitude", repr(size)]
-        yield "nfr", ["--input", forced[0]["name"], "--output", seen[0]["name"], *at]
-    yield "trim", []
-    yield "lin", []
 
 
-def _run(subject: Subject, command: str, arguments: list[str] | str) -> tuple[str, str]:
-    if isinstance(arguments, str):
-        return "n/a", arguments
+def _run(subject: Subject, command: str, theirs: oracle.Run) -> tuple[str, str, str]:
+    """Return verdict, reason and what FMPy says."""
+    asked = COMMANDS[command](subject)
+    if isinstance(asked, str):
+        return "n/a", asked, ""
+    limits = ["--timeout", repr(subject.limits.seconds), "--memory-limit", repr(subject.limits.megabytes)]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.json"
-        own = ["--in-process"] if command in ("check", "simulate", "nfr") else []
         done = _workbench(
-            command, str(subject.file), "--interface", subject.interface, *arguments, *own, "--json", str(out)
+            command, str(subject.file), "--interface", subject.interface, *asked, *limits, "--json", str(out)
         )
-        verdict = _verdict(done)
-        if command == "simulate" and verdict[0] == "ok":
-            return _compared(subject, json.loads(out.read_text(encoding="utf-8")))
-    return verdict
+        verdict, reason = _verdict(done)
+        if command == "simulate" and verdict == "ok":
+            return *_compared(json.loads(out.read_text(encoding="utf-8")), theirs, subject.span[2]), theirs.fails
+    if verdict == "refused" and not theirs.fails and not _borne_out(subject, reason, theirs):
+        verdict = "doubtful"
+    return verdict, reason, theirs.fails
 
 
 def _workbench(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a command of the workbench in this process."""
+    """Run a command of the workbench in this process, which gives the FMU to a worker process."""
     out, err = io.StringIO(), io.StringIO()
     try:
         with redirect_stdout(out), redirect_stderr(err):
@@ -196,17 +283,6 @@ def _workbench(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
 
 
-def _process(words: list[str], *, limit: float = LIMIT) -> subprocess.CompletedProcess[str]:
-    """Run a command with a time limit; one that takes longer ends with code −1."""
-    try:
-        return subprocess.run(
-            words, capture_output=True, text=True, timeout=limit, check=False, env=os.environ, stdin=subprocess.DEVNULL
-        )
-    except subprocess.TimeoutExpired as error:
-        told = error.stdout.decode() if isinstance(error.stdout, bytes) else ""
-        return subprocess.CompletedProcess(words, -1, told, f"time limit of {limit:g} s")
-
-
 def _verdict(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
     lines = [line for line in done.stderr.splitlines() if line.strip()]
     said = [line.removeprefix("workbench: ") for line in lines if line.startswith("workbench: ")]
@@ -214,75 +290,148 @@ def _verdict(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
         return "ok", ""
     if done.returncode not in (1, 2) or "Traceback" in done.stderr or len(said) > 1:
         return "crashed", (lines or [f"exit code {done.returncode}"])[-1]
-    if done.returncode == NO_ANSWER:
+    if done.returncode == 1:
         return "no", (said or [_last(done.stdout)])[0]
     return ("refused", said[0]) if said else ("crashed", "exit code 2 without a line")
 
 
 def _last(text: str) -> str:
+    """Return the line of a page that says what failed, else its last one."""
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("wrote ")]
-    return lines[-1] if lines else ""
+    return next((line for line in lines if line.startswith("failed: ")), lines[-1] if lines else "")
 
 
-# -- FMPy, the oracle -----------------------------------------------------------------------------
+# -- comparing --------------------------------------------------------------------------------------
 
 
-def _compared(subject: Subject, ours: dict[str, Any]) -> tuple[str, str]:
-    start, stop, step = subject.span
-    asked = {
-        "filename": str(subject.file),
-        "fmi_type": {"me": "ModelExchange", "cs": "CoSimulation"}[subject.interface],
-        "start_time": start,
-        "stop_time": stop,
-        "output_interval": step,
-        "relative_tolerance": TOLERANCE,
-        "output": list(ours["signals"]),
-        "record_events": False,
-    }
-    done = _process([sys.executable, "-c", _FMPY, json.dumps(asked)])
-    if "=====" not in done.stdout:
-        lines = done.stderr.splitlines() or [f"exit code {done.returncode}"]
-        return "ok", f"FMPy does not run it: {lines[-1]}"
-    theirs = json.loads(done.stdout.split("=====")[1])
-    return _difference(ours, {n: np.array(v) for n, v in theirs.items()}, step)
+def _misread(facts: dict[str, Any], described: oracle.Described) -> Iterator[str]:
+    """Yield where `info` says something else than FMPy."""
+    if facts["fmi_version"].partition(".")[0] != described.fmi.partition(".")[0]:
+        yield f"FMI {facts['fmi_version']}, by FMPy {described.fmi}"
+    if sorted(facts["interfaces"]) != sorted(described.interfaces):
+        yield f"interfaces {facts['interfaces']}, by FMPy {list(described.interfaces)}"
+    for kind in ("input", "output"):
+        ours = {v["name"]: v for v in facts[f"{kind}s"]}
+        theirs = {n: said for n, said in described.variables.items() if said[1] == kind}
+        if missing := sorted(set(theirs) ^ set(ours)):
+            yield f"{kind}s: only one has {', '.join(missing[:5])}"
+        for name in ours.keys() & theirs.keys():
+            if ours[name]["unit"] != theirs[name][2]:
+                yield f"unit of {name}: {ours[name]['unit']}, by FMPy {theirs[name][2]}"
+            if ours[name]["type"] not in _TYPES.get(theirs[name][0], (theirs[name][0],)):
+                yield f"type of {name}: {ours[name]['type']}, by FMPy {theirs[name][0]}"
 
 
-def _difference(ours: dict[str, Any], theirs: dict[str, NDArray[np.float64]], step: float) -> tuple[str, str]:
+def _compared(ours: dict[str, Any], theirs: oracle.Run, step: float) -> tuple[str, str]:
     """Compare at our points but the events, which FMPy is not asked to record; at a jump each side of it will do."""
-    time, at = np.array(ours["time"]), theirs["time"]
-    if abs(at[-1] - time[-1]) > 1.5 * step:
-        return "disagrees", f"it ends at {time[-1]:g} s, FMPy's run at {at[-1]:g} s"
-    twice = np.append(np.diff(time) == 0.0, False) | np.append(False, np.diff(time) == 0.0)
-    common = (time <= at[-1]) & ~twice
+    if theirs.fails:
+        return "ok", "FMPy does not run it"
+    when, at = np.array(ours["time"]), theirs.time
+    if abs(at[-1] - when[-1]) > 1.5 * step:
+        return "disagrees", f"it ends at {when[-1]:g} s, FMPy's run at {at[-1]:g} s"
+    twice = np.append(np.diff(when) == 0.0, False) | np.append(False, np.diff(when) == 0.0)
+    common = (when <= at[-1]) & ~twice
     worst, name = 0.0, ""
-    for signal in sorted(set(ours["signals"]) & set(theirs)):
-        y, truth = np.array(ours["signals"][signal], dtype=float)[common], theirs[signal]
+    for signal in sorted(set(ours["signals"]) & set(theirs.signals)):
+        y, truth = np.array(ours["signals"][signal], dtype=float)[common], theirs.signals[signal]
         shifts = (-1e-6 * step, 0.0, 1e-6 * step)
-        gaps = np.minimum.reduce([np.abs(np.interp(time[common] + s, at, truth) - y) for s in shifts])
+        gaps = np.minimum.reduce([np.abs(np.interp(when[common] + s, at, truth) - y) for s in shifts])
         size = max(float(np.ptp(truth)), 1e-6 * float(np.max(np.abs(truth), initial=0.0)), 1e-12)
-        if np.max(gaps, initial=0.0) / size > worst:
-            worst, name = float(np.max(gaps)) / size, signal
+        off = float(np.max(gaps, initial=0.0)) / size
+        if not off <= worst:
+            worst, name = off, signal
     verdict = "ok" if worst <= AGREE else "disagrees"
     return verdict, f"FMPy: {worst:.1e} of the range" + (f" ({name})" if name else "")
 
 
-# -- the table ------------------------------------------------------------------------------------
+# -- the page ---------------------------------------------------------------------------------------
 
 
-def _table(rows: Sequence[Row]) -> str:
+def page_of(rows: Sequence[Row]) -> Page:
+    """Return the page of a run of the zoo: what is wrong first, then every FMU, then every line."""
+    fmus = dict.fromkeys(r.fmu for r in rows)
     count = Counter(r.verdict for r in rows)
-    lines = [", ".join(f"{n} {verdict}" for verdict, n in count.most_common()), ""]
-    lines += ["| FMU | interface | " + " | ".join(COMMANDS) + " |", "|" + "---|" * (len(COMMANDS) + 2)]
-    for key in dict.fromkeys((r.fmu, r.interface) for r in rows):
-        own = {r.command: r.verdict for r in rows if (r.fmu, r.interface) == key}
-        lines.append(f"| {key[0]} | {key[1]} | " + " | ".join(own.get(c, "") for c in COMMANDS) + " |")
-    lines += ["", "| FMU | interface | command | verdict | reason |", "|---|---|---|---|---|"]
-    lines += [
-        f"| {r.fmu} | {r.interface} | {r.command} | {r.verdict} | {r.reason.replace('|', '/')} |"
+    bad = [
+        Verdict("failed", f"{r.fmu} {r.interface} {r.command}: {r.verdict}: {r.reason}")
         for r in rows
-        if r.reason
+        if r.verdict in BAD
     ]
-    return "\n".join(lines) + "\n"
+    runs = {(r.fmu, r.interface) for r in rows if r.interface}
+    lead = f"{len(fmus)} FMUs, {len(runs)} interfaces, {len(rows)} answers: " + ", ".join(
+        f"{n} {verdict}" for verdict, n in count.most_common()
+    )
+    return Page(
+        title="The zoo",
+        lead=f"{lead}.",
+        facts={"what the verdicts mean": "scripts/zoo.py says it at its top"},
+        sections=[
+            Section("By exporter", tables=[_by_tool(rows)]),
+            Section("By FMU", tables=[_by_fmu(rows)]),
+            Section("Every reason", tables=[_reasons(rows)], folded=False),
+        ],
+        data={"rows": [asdict(r) for r in rows]},
+        summary=bad or [Verdict("good", "nothing disagrees, crashes or is refused for a doubtful reason")],
+        kind="zoo",
+    )
+
+
+def _by_tool(rows: Sequence[Row]) -> Table:
+    verdicts = [v for v in ("ok", "no", "refused", "n/a", *BAD) if any(r.verdict == v for r in rows)]
+    lines = []
+    for tool, fmi in sorted({(r.tool, r.fmi) for r in rows}):
+        own = [r for r in rows if (r.tool, r.fmi) == (tool, fmi)]
+        counts = Counter(r.verdict for r in own)
+        lines.append((tool or "not said", fmi, str(len({r.fmu for r in own})), *(str(counts[v]) for v in verdicts)))
+    return Table(("exporter", "FMI", "FMUs", *verdicts), lines)
+
+
+def _by_fmu(rows: Sequence[Row]) -> Table:
+    commands = list(dict.fromkeys(r.command for r in rows if r.interface))
+    lines = []
+    for key in dict.fromkeys((r.fmu, r.fmi, r.interface) for r in rows if r.interface):
+        own = {r.command: r.verdict for r in rows if (r.fmu, r.fmi, r.interface) == key}
+        lines.append((*key, *(own.get(c, "") for c in commands)))
+    return Table(("FMU", "FMI", "interface", *commands), lines, right=())
+
+
+def _reasons(rows: Sequence[Row]) -> Table:
+    lines = [(r.fmu, r.interface, r.command, r.verdict, r.reason, r.oracle) for r in rows if r.reason or r.oracle]
+    return Table(("FMU", "interface", "command", "verdict", "reason", "FMPy says"), lines, right=())
+
+
+# -- the command ------------------------------------------------------------------------------------
+
+
+def main() -> int:
+    """Print the rows, write the page; exit code 1 if anything is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("places", nargs="*", type=Path, help="folders (searched in full) and FMUs")
+    parser.add_argument("--out", type=Path, help="write the page, .html")
+    parser.add_argument("--only", nargs="+", choices=COMMANDS, default=list(COMMANDS), help="commands, in place of all")
+    parser.add_argument("--timeout", type=float, default=60.0, help="for one result [s]")
+    parser.add_argument("--memory", type=float, default=2000.0, help="that an FMU may take [MB]")
+    options = parser.parse_args()
+    limits = oracle.Limits(options.timeout, options.memory)
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for row in zoo(list(_files(options.places or [_corpus(Path(folder))])), options.only, limits):
+            rows.append(row)
+            print(f"{row.verdict:9} {row.fmu} {row.interface} {row.command} {row.reason}", flush=True)
+    if options.out is not None:
+        write_page(page_of(rows), options.out)
+    return int(any(r.verdict in BAD for r in rows))
+
+
+def _files(places: Sequence[Path]) -> Iterator[Path]:
+    for place in places:
+        yield from sorted(place.rglob("*.fmu")) if place.is_dir() else [place]
+
+
+def _corpus(folder: Path) -> Path:
+    from tests.corpus import build_corpus  # noqa: PLC0415  it needs the compiler
+
+    build_corpus(folder)
+    return folder
 
 
 if __name__ == "__main__":

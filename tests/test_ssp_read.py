@@ -236,14 +236,6 @@ PARTS = elements(component("a", {"y": ("output", "")}), component("b", {"u": ("i
             "component 't': source 'https://a.invalid/x.fmu' is not a file in the package",
         ),
         (
-            minimal(elements('<ssd:SignalDictionaryReference name="bus" dictionary="d"/>')),
-            "'bus' is a SignalDictionaryReference; signal dictionaries are not read",
-        ),
-        (
-            minimal('<ssd:SignalDictionaries><ssd:SignalDictionary name="d"/></ssd:SignalDictionaries>'),
-            "SignalDictionary 'd': signal dictionaries are not read",
-        ),
-        (
             minimal(
                 elements(
                     component(

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import workbench as wb
+from tests.mimic_fmus import build_mimic
 from tests.misbehaving_fmus import CALLS, build_misbehaving
 from tests.platforms import posix_signals
 from workbench.cli.app import run
@@ -80,6 +81,7 @@ _CHANGES = (
     *("arithmetic", "data", "stack", "size", "umask", "mask", "handler", "timer", "environment"),
     *("mappings", "fork"),
 )
+_LEAVE_IT = ("arithmetic", "handler", "fork")  # what is put back, is for the same FMU only, or is nothing to replace
 
 
 def _motion() -> list[float]:
@@ -102,9 +104,24 @@ def test_what_an_fmu_changes_of_its_process_ends_with_it(way: str, tmp_path: Pat
     with wb.load(build_misbehaving(tmp_path, f"_{way}", "newDiscreteStates"), "me") as model:
         result = wb.simulate(model, stop=1.0)
     assert _motion() == before
-    if way != "fork":  # there is nothing to replace
+    if way not in _LEAVE_IT:
         assert used not in _workers()
     assert any("changed the arithmetic" in note for note in result.notes) == (way == "arithmetic")
+
+
+@pytest.mark.parametrize("name", ["fast-math", "handles"])
+def test_what_an_fmu_may_leave_behind_costs_it_no_new_process(name: str, tmp_path: Path) -> None:
+    """Arithmetic is put back; handlers of signals stay with the FMU that set them, and away from others."""
+    with wb.load(build_mimic(tmp_path, name)) as model:
+        first = wb.simulate(model, stop=1.0)
+        used = _workers()
+        again = [wb.simulate(model, stop=1.0)["y"].tolist() for _ in range(3)]
+    assert _workers() == used
+    assert again == [first["y"].tolist()] * 3
+    before = _motion()
+    with wb.load(tmp_path / f"{name}.fmu", "cs") as model:
+        wb.simulate(model, stop=1.0)
+    assert _motion() == before
 
 
 @pytest.mark.parametrize("call", ["terminate", "freeInstance"])

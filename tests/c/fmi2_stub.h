@@ -1,7 +1,7 @@
 /* fmi2_stub.h: what FMUs of FMI 2.0 for tests have in common, so that each file holds its own behaviour alone.
  *
  * Included by libraries of one source file each: it defines functions. FMI2_STUB_OWN_MODES: the file keeps track of the
- * modes of Model Exchange itself.
+ * modes of Model Exchange itself; FMI2_STUB_OWN_LIFE: of the others, too.
  */
 
 #ifndef FMI2_STUB_H
@@ -51,12 +51,14 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
         (void)c;                                                                                                       \
         return fmi2OK;                                                                                                 \
     }
+#ifndef FMI2_STUB_OWN_LIFE
 NOTHING_TO_DO(fmi2EnterInitializationMode)
+NOTHING_TO_DO(fmi2Terminate)
+#endif
 #ifndef FMI2_STUB_OWN_MODES
 NOTHING_TO_DO(fmi2EnterEventMode)
 NOTHING_TO_DO(fmi2EnterContinuousTimeMode)
 #endif
-NOTHING_TO_DO(fmi2Terminate)
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 {

@@ -212,7 +212,7 @@ class Linear(Part):
         low, high = (known.min() / 10.0, known.max() * 10.0) if len(known) else (0.1, 10.0)
         high = min(high, 0.99 * self.highest_hz)
         looked_at = np.geomspace(min(low, high / 100.0), high, _LOOKED_AT)
-        outputs, inputs = np.nonzero(np.all(self.vanishes(looked_at).reshape(-1, *self.D.shape), axis=0))
+        outputs, inputs = np.nonzero(np.all(self.vanishes(looked_at).reshape(len(looked_at), *self.D.shape), axis=0))
         return tuple((self.input_names[j], self.output_names[i]) for i, j in zip(outputs, inputs, strict=True))
 
     def curve(self, input: int | str, output: int | str, frequencies: ArrayLike) -> Response:

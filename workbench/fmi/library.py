@@ -15,6 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from workbench.core.arithmetic import kept_arithmetic
 from workbench.errors import FmuError
 from workbench.fmi.fmpy_access import fmi1, fmi2, fmi3
 
@@ -166,7 +167,8 @@ def load_library(path: Path, *, version: int, interface: str, identifier: str) -
         why = "an FMU has used them up and not released them; use a new process, such as a worker process"
         raise FmuError(f"{path.name}: no thread-specific key is left in this process: {why}")
     try:
-        dll = _load(path)
+        with kept_arithmetic():  # compiled with -ffast-math it would set that of the workbench, too
+            dll = _load(path)
     except OSError as error:
         raise FmuError(f"{path.name}: the system cannot load this FMU's binary: {error}") from None
     functions = {}

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from workbench.analysis.lin.step_check import step_response
 from workbench.core.poles import natural_frequency_hz
+from workbench.errors import InputError
 from workbench.plotting.figure import COLOURS, LEGEND, rows
 from workbench.plotting.response import bode_axes, draw_response
 from workbench.session.base import Floats
@@ -29,7 +30,13 @@ def plot_lin(result: LinResult) -> Figure:
 
     Args:
         result: the linear model; every pair of input and output is a curve.
+
+    Raises:
+        InputError: it has no input or no output.
     """
+    if not result.input_names or not result.output_names:
+        missing = "output" if result.input_names else "input"
+        raise InputError(f"{result.model}: the linear model has no {missing}, so it has no response to draw")
     figure, axes = rows(3, title=f"{result.model}: linear model by {result.method}")
     frequency = frequency_band([result])
     nothing = set(result.without_effect)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -29,7 +29,7 @@ def lin_page(result: LinResult) -> Page:
         lead=" ".join([_kind(result), *_motion(result)]),
         facts=_facts(result),
         sections=[
-            Section("Response", figures=[(result.plot, "Bode picture and step response, one column for each input.")]),
+            *_response(result),
             *_parts(result),
             _point(result),
         ],
@@ -37,6 +37,13 @@ def lin_page(result: LinResult) -> Page:
         notes=result.notes,
         kind="lin",
     )
+
+
+def _response(result: LinResult) -> list[Section]:
+    if not result.input_names or not result.output_names:
+        return []
+    words = "Bode picture and step response, one column for each input."
+    return [Section("Response", figures=[(result.plot, words)])]
 
 
 def _kind(result: LinResult) -> str:
@@ -63,11 +70,15 @@ def _facts(result: LinResult) -> dict[str, str]:
     calls = ", ".join(f"{n} {kind}" for kind, n in result.calls.items())
     nothing = "; ".join(f"{source} → {target}" for source, target in result.without_effect)
     return {
-        "inputs → outputs": f"{', '.join(result.input_names)} → {', '.join(result.output_names)}",
+        "inputs → outputs": f"{_names(result.input_names)} → {_names(result.output_names)}",
         "method": f"{result.method} ({result.why})",
         **({"no effect": nothing} if nothing else {}),
         **({"model calls": calls} if calls else {}),
     }
+
+
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(names) or "none"
 
 
 def _doubts(result: LinResult) -> list[Verdict]:

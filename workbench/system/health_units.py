@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from workbench.core.names import plain_unit
 from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.variable import Variable
 from workbench.system.description import (
@@ -26,9 +27,8 @@ def declared_unit(component: Component, variable: Variable) -> str | None:
     """Return the unit of a component's variable: the FMU's, else what the system file says; None: none."""
     if variable.unit:
         return variable.unit
-    if isinstance(component, SumComponent):
-        return component.unit or None
-    return component.units.get(variable.name) or None
+    written = component.unit if isinstance(component, SumComponent) else component.units.get(variable.name)
+    return plain_unit(written or "") or None
 
 
 def all_units(description: SystemDescription) -> dict[str, Unit]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+from workbench.core.names import plain_unit
 from workbench.errors import InputError
 from workbench.system.fmu_facts import read_units
 from workbench.system.ssp_tree import Key, Node
-from workbench.system.ssp_xml import Element, Package, boolean, children, descend, linear, number, parse, tag
+from workbench.system.ssp_xml import Element, Files, boolean, children, descend, linear, number, tag
 from workbench.system.units import Unit
 
 __all__ = ["Parameter", "bound_parameters"]
@@ -22,9 +23,9 @@ class Parameter:
 
     Attributes:
         type: local name of its element: "Real", "Integer", "Boolean", "String", "Enumeration", "Float64", …
-        text: the value as written.
+        texts: the value as written; of an array, each element in row-major order.
         unit: as written; None: none.
-        enumeration: name of the enumeration that `text` is an item of; None: not said.
+        enumeration: name of the enumeration that a value is an item of; None: not said.
         factor, offset: of the mapping.
         convert: whether the unit is converted to the variable's.
         units, enumerations: definitions beside the set.
@@ -32,7 +33,7 @@ class Parameter:
     """
 
     type: str
-    text: str
+    texts: tuple[str, ...]
     where: str
     unit: str | None = None
     enumeration: str | None = None
@@ -43,15 +44,13 @@ class Parameter:
     enumerations: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
 
 
-def bound_parameters(root: Node, package: Package, definitions: Element, notes: list[str]) -> dict[Key, Parameter]:
+def bound_parameters(root: Node, notes: list[str]) -> dict[Key, Parameter]:
     """Return the value of every bound variable or connector.
 
     Bindings of a higher system take precedence over those below, later ones of an element over earlier ones.
 
     Args:
         root: the tree.
-        package: where parameter files are.
-        definitions: the SSD's root, with its units and enumerations.
         notes: remarks are appended.
 
     Raises:
@@ -59,8 +58,9 @@ def bound_parameters(root: Node, package: Package, definitions: Element, notes: 
     """
     found: dict[Key, Parameter] = {}
     for node in sorted(root.walk(), key=lambda n: -len(n.path)):
-        for binding in children(node.element, "ParameterBindings", "ParameterBinding"):
-            for name, parameter in _binding(binding, f"ParameterBinding of '{node.name}'", package, definitions):
+        for binding, origin in node.bindings:
+            files = Files(origin.package, None if node.is_system else node.element.get("source"))
+            for name, parameter in _binding(binding, f"ParameterBinding of '{node.name}'", files, origin.ssd):
                 key = _target(node, name)
                 if key is None:
                     notes.append(f"{parameter.where}: '{name}' is not a parameter of system '{node.name}'; ignored")
@@ -84,13 +84,13 @@ def _target(node: Node, name: str) -> Key | None:
 def _binding(
     binding: Element,
     where: str,
-    package: Package,
+    files: Files,
     definitions: Element,
 ) -> Iterator[tuple[str, Parameter]]:
     """Yield target names and values of one binding, prefix and mapping applied."""
     _check_type(binding, _SET, where)
-    mapping = _mapping(binding, where, package)
-    for parameter_set, source in _sets(binding, where, package):
+    mapping = _mapping(binding, where, files)
+    for parameter_set, source in _sets(binding, where, files):
         for name, parameter in _values(parameter_set, source, definitions):
             prefixed = (binding.get("prefix") or "") + name
             if mapping is None:
@@ -103,15 +103,12 @@ def _check_type(element: Element, expected: str, where: str) -> None:
     given = element.get("type") or expected
     if given != expected:
         raise InputError(f"{where}: type '{given}' is not read; only {expected} is")
-    if element.get("sourceBase") == "component":
-        raise InputError(f"{where}: sourceBase='component' is not read; put the file beside the SSD")
 
 
-def _sets(binding: Element, where: str, package: Package) -> Iterator[tuple[Element, str]]:
+def _sets(binding: Element, where: str, files: Files) -> Iterator[tuple[Element, str]]:
     source = binding.get("source")
     if source:
-        path = package.file(source, where)
-        yield parse(path, "ParameterSet"), path.name
+        yield files.root(binding, source, "ParameterSet", where), source.rpartition("/")[2]
     for inline in children(binding, "ParameterValues", "ParameterSet"):
         yield inline, where
 
@@ -121,21 +118,33 @@ def _values(parameter_set: Element, where: str, definitions: Element) -> Iterato
     enumerations = {**_enumerations(definitions), **_enumerations(parameter_set)}
     for element in children(parameter_set, "Parameters", "Parameter"):
         name = element.get("name") or ""
-        value = next((c for c in element if tag(c) not in ("Annotations", "Dimension")), None)
-        if value is None or value.get("value") is None:
+        value = next((c for c in element if tag(c) not in ("Annotations", "Dimension", "MetaData")), None)
+        texts = _texts(value)
+        if value is None or not texts:
             raise InputError(f"{where}: parameter '{name}' has no value")
         yield (
             name,
             Parameter(
                 type=tag(value),
-                text=value.get("value"),
+                texts=texts,
                 where=where,
-                unit=value.get("unit") or None,
+                unit=plain_unit(value.get("unit") or "") or None,
                 enumeration=value.get("name") if tag(value) == "Enumeration" else None,
                 units=units,
                 enumerations=enumerations,
             ),
         )
+
+
+def _texts(value: Element | None) -> tuple[str, ...]:
+    """Return the values of a parameter, in SSP 2.0 as elements or in a list where it is an array."""
+    if value is None:
+        return ()
+    given = value.get("value")
+    listed = tuple(v.get("value") or "" for v in children(value, "Value"))
+    if given is None or listed:
+        return listed
+    return (given,) if tag(value) == "String" else tuple(given.split()) or (given,)
 
 
 def _enumerations(element: Element) -> dict[str, dict[str, int]]:
@@ -150,7 +159,7 @@ def _enumerations(element: Element) -> dict[str, dict[str, int]]:
 # -- mappings ------------------------------------------------------------------------------------
 
 
-def _mapping(binding: Element, where: str, package: Package) -> list[Element] | None:
+def _mapping(binding: Element, where: str, files: Files) -> list[Element] | None:
     """Return the entries of a binding's mapping; None: it has none, names count as they are."""
     element = descend(binding, "ParameterMapping")
     if element is None:
@@ -158,8 +167,7 @@ def _mapping(binding: Element, where: str, package: Package) -> list[Element] | 
     _check_type(element, _MAPPING, where)
     source = element.get("source")
     if source:
-        path = package.file(source, where)
-        return list(children(parse(path, "ParameterMapping"), "MappingEntry"))
+        return list(children(files.root(element, source, "ParameterMapping", where), "MappingEntry"))
     inline = descend(element, "ParameterMapping")
     return list(children(element if inline is None else inline, "MappingEntry"))
 
@@ -170,9 +178,36 @@ def _mapped(name: str, parameter: Parameter, entries: list[Element]) -> Iterator
             continue
         target = entry.get("target") or ""
         where = f"{parameter.where}: mapping {name} → {target}"
-        for transformation in entry:
-            if tag(transformation) not in ("LinearTransformation", "Annotations"):
-                raise InputError(f"{where}: {tag(transformation)} is not read; only LinearTransformation is")
         factor, offset = linear(entry, where)
         convert = not boolean(entry, "suppressUnitConversion")
-        yield target, replace(parameter, factor=factor, offset=offset, convert=convert)
+        texts = _looked_up(parameter.texts, entry, where)
+        yield target, replace(parameter, texts=texts, factor=factor, offset=offset, convert=convert)
+
+
+def _looked_up(texts: tuple[str, ...], entry: Element, where: str) -> tuple[str, ...]:
+    """Return values as the table of a mapping transformation gives them, where an entry has one."""
+    for transformation in entry:
+        name = tag(transformation)
+        if name in ("LinearTransformation", "Annotations", "MetaData"):
+            continue
+        if name not in _TABLES:
+            raise InputError(f"{where}: {name} is not read; known are LinearTransformation, {', '.join(_TABLES)}")
+        same = _TABLES[name]
+        table = {same(e.get("source") or ""): e.get("target") or "" for e in children(transformation, "MapEntry")}
+        for text in texts:
+            if same(text) not in table:
+                raise InputError(f"{where}: the {name} has no entry for '{text}'; it has: {', '.join(table)}")
+        texts = tuple(table[same(text)] for text in texts)
+    return texts
+
+
+def _truth(text: str) -> str:
+    return {"1": "true", "0": "false"}.get(text.strip(), text.strip())
+
+
+# Transformation → what makes values that mean the same alike.
+_TABLES: Mapping[str, Callable[[str], str]] = {
+    "BooleanMappingTransformation": _truth,
+    "IntegerMappingTransformation": str.strip,
+    "EnumerationMappingTransformation": str,
+}

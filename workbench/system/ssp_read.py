@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from workbench.system.fmu_facts import FmuFacts, fmu_facts, read_units
 from workbench.system.ssp_blocks import BLOCK_TYPE
 from workbench.system.ssp_flatten import Flat, Flattener, full_name
 from workbench.system.ssp_parameters import Parameter, bound_parameters
-from workbench.system.ssp_tree import ANNOTATION, Key, Node, own_annotation, read_tree
+from workbench.system.ssp_tree import ANNOTATION, Key, Node, Origin, own_annotation, read_tree
 from workbench.system.ssp_values import values_for
 from workbench.system.ssp_xml import Element, Package, descend, number, parse, tag
 from workbench.system.toml_components import read_component
@@ -29,6 +30,7 @@ __all__ = ["read_ssd", "read_ssp"]
 
 _DEFAULT_TYPE = "application/x-fmu-sharedlibrary"
 _STANDARD = "SystemStructure.ssd"
+_ROOT = "SystemStructureDescription"
 _INTERFACES = {"any": "auto", "ModelExchange": "me", "CoSimulation": "cs"}
 
 
@@ -39,15 +41,7 @@ def read_ssp(path: Path) -> SystemDescription:
         InputError: one line with the file, what is wrong and where.
         FmuError: no zip archive, damaged, or entries that would leave the folder.
     """
-    unpacked = Unpacked(path, scratch_folder("ssp"), owned=True)
-    try:
-        extract(path, unpacked.folder)
-        ssd, notes = _find_ssd(path, unpacked.folder)
-        description = _read(ssd, Package(unpacked.folder, confined=True), str(path), notes)
-    except BaseException:
-        unpacked.close()
-        raise
-    return replace(description, folder=unpacked)
+    return _read(path, str(path), [], packed=True)
 
 
 def read_ssd(path: Path) -> SystemDescription:
@@ -56,8 +50,7 @@ def read_ssd(path: Path) -> SystemDescription:
     Raises:
         InputError: one line with the file, what is wrong and where.
     """
-    ssd = path / _STANDARD if path.is_dir() else path
-    return _read(ssd, Package(ssd.parent, confined=False), str(path), [])
+    return _read(path / _STANDARD if path.is_dir() else path, str(path), [], packed=False)
 
 
 def _find_ssd(path: Path, folder: Path) -> tuple[Path, list[str]]:
@@ -69,12 +62,64 @@ def _find_ssd(path: Path, folder: Path) -> tuple[Path, list[str]]:
     raise InputError(f"{path}: no {_STANDARD} inside; this is not an SSP package")
 
 
-def _read(ssd: Path, package: Package, source: str, notes: list[str]) -> SystemDescription:
+def _read(path: Path, source: str, notes: list[str], *, packed: bool) -> SystemDescription:
+    """Return the system in a file; what is unpacked lies in a folder that the description owns."""
+    unpacked = Unpacked(path, scratch_folder("ssp"), owned=True)
+    files = _Files(unpacked.folder, notes)
     try:
-        return _Reader(parse(ssd, "SystemStructureDescription"), package, notes).description(source)
+        origin = files.opened(path, packed=packed)
+        description = _Reader(origin, notes).description(source)
     except WorkbenchError as error:
-        message = str(error).replace(f"{package.folder}/", "")
-        raise InputError(f"{source}: {message}") from None
+        unpacked.close()
+        message = re.sub(rf"{re.escape(str(unpacked.folder))}/(?:\d+/)?", "", str(error))
+        raise InputError(message if message.startswith(f"{source}: ") else f"{source}: {message}") from None
+    except BaseException:
+        unpacked.close()
+        raise
+    if not files.count:
+        unpacked.close()
+        return description
+    return replace(description, folder=unpacked)
+
+
+@dataclass
+class _Files:
+    """Opens SSDs and packages.
+
+    Attributes:
+        room: folder for what is unpacked, a folder each.
+        notes: remarks are appended.
+        count: of the folders so far.
+    """
+
+    room: Path
+    notes: list[str]
+    count: int = 0
+
+    def opened(self, path: Path, *, packed: bool) -> Origin:
+        """Return the root of a file.
+
+        Args:
+            path: an SSD, or a package.
+            packed: whether it is a package.
+        """
+        if not packed:
+            return Origin(Package(path.parent), parse(path, _ROOT), self._nested)
+        folder = self.room / str(self.count)
+        self.count += 1
+        folder.mkdir()
+        extract(path, folder)
+        ssd, notes = _find_ssd(path, folder)
+        self.notes.extend(notes)
+        return Origin(Package(folder, within=folder), parse(ssd, _ROOT), self._nested)
+
+    def _nested(self, source: str, where: str, around: Origin) -> Origin:
+        path = around.package.file(source, where)
+        if path.is_dir():
+            path /= _STANDARD
+        if path.suffix.lower() == ".ssp":
+            return self.opened(path, packed=True)
+        return replace(self.opened(path, packed=False), package=replace(around.package, folder=path.parent))
 
 
 @dataclass(frozen=True)
@@ -86,20 +131,18 @@ class _Fmu:
 
 
 class _Reader:
-    """Reads one SSD.
+    """Reads one SSD, with those inside.
 
     Args:
-        ssd: its root.
-        package: where files are.
+        origin: its root.
         notes: remarks so far.
     """
 
-    def __init__(self, ssd: Element, package: Package, notes: list[str]) -> None:
-        self.ssd = ssd
-        self.package = package
+    def __init__(self, origin: Origin, notes: list[str]) -> None:
+        self.origin, self.ssd = origin, origin.ssd
         self.notes = notes
         self.fmus: dict[tuple[str, ...], _Fmu] = {}
-        self.units: Mapping[str, Unit] = read_units(ssd)
+        self.units: Mapping[str, Unit] = {}
         self.nodes: Mapping[tuple[str, ...], Node] = {}
 
     def description(self, source: str) -> SystemDescription:
@@ -107,7 +150,9 @@ class _Reader:
         if system is None:
             raise InputError("holds no System")
         self._check_version()
-        root = read_tree(system)
+        root = read_tree(system, self.origin)
+        for node in root.walk():  # those of the outermost file count where files differ
+            self.units = {**read_units(node.origin.ssd), **self.units}
         components = [self._component(node) for node in root.walk() if not node.is_system]
         if not components:
             raise InputError("the system has no components")
@@ -148,7 +193,7 @@ class _Reader:
             raise InputError(f"{where}: type '{kind}' is not read; only FMUs ({_DEFAULT_TYPE}) are")
         if not source:
             raise InputError(f"{where}: names no source file")
-        path = self.package.file(source, where)
+        path = node.origin.package.file(source, where)
         if kind == BLOCK_TYPE:
             return _block(node.name, path)
         own = own_annotation(element, "Component")
@@ -190,7 +235,7 @@ class _Reader:
 
     def _values(self, root: Node, flattener: Flattener) -> dict[str, dict[str, Value]]:
         """Return component → variable → value."""
-        bound = bound_parameters(root, self.package, self.ssd, self.notes)
+        bound = bound_parameters(root, self.notes)
         for end in flattener.incoming:
             if end[0] in self.fmus:
                 handed = _handed_over(end, flattener, bound)

@@ -31,10 +31,10 @@ def values_for(name: str, parameter: Parameter, facts: FmuFacts, unit: str | Non
     Raises:
         InputError: the value does not fit the variable's type or unit.
     """
+    texts = parameter.texts
     if name in facts.variables:
-        return {name: _value(parameter, parameter.text, facts.variables[name], facts, unit)}
+        return {name: _value(parameter, " ".join(texts), facts.variables[name], facts, unit)}
     elements = [v for v in facts.variables.values() if v.name.startswith(f"{name}[")]
-    texts = parameter.text.split()
     if not elements or len(texts) not in (1, len(elements)):
         return {}
     spread = texts if len(texts) == len(elements) else texts * len(elements)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -12,10 +13,12 @@ from lxml import etree
 
 from workbench.core.files import content_of
 from workbench.errors import InputError
+from workbench.fmi.archive import DAMAGED
 
 __all__ = [
     "NAMESPACES",
     "Element",
+    "Files",
     "Package",
     "boolean",
     "children",
@@ -23,6 +26,7 @@ __all__ = [
     "linear",
     "number",
     "parse",
+    "root_of",
     "tag",
 ]
 
@@ -52,17 +56,31 @@ def parse(path: Path, expected: str) -> Element:
         data = content_of(path)
     except OSError as error:
         raise InputError(f"{path.name}: cannot be read: {error.strerror or error}") from None
+    return root_of(data, path.name, expected)
+
+
+def root_of(data: bytes, name: str, expected: str) -> Element:
+    """Return the root of the XML that a file holds.
+
+    Args:
+        data: its bytes.
+        name: of the file, for messages.
+        expected: local name of the root.
+
+    Raises:
+        InputError: see `parse`.
+    """
     if len(data) > MAX_XML_BYTES:
-        raise InputError(f"{path.name}: larger than {MAX_XML_BYTES >> 20} MiB; refused")
+        raise InputError(f"{name}: larger than {MAX_XML_BYTES >> 20} MiB; refused")
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
         root = etree.fromstring(data, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
-        raise InputError(f"{path.name}: is not well-formed XML: {error}") from None
+        raise InputError(f"{name}: is not well-formed XML: {error}") from None
     if root.getroottree().docinfo.doctype:
-        raise InputError(f"{path.name}: declares a document type, which SSP does not use and XML bombs do; refused")
+        raise InputError(f"{name}: declares a document type, which SSP does not use and XML bombs do; refused")
     if tag(root) != expected:
-        raise InputError(f"{path.name}: the root is '{tag(root)}', but '{expected}' is expected")
+        raise InputError(f"{name}: the root is '{tag(root)}', but '{expected}' is expected")
     return root
 
 
@@ -118,11 +136,11 @@ class Package:
 
     Attributes:
         folder: of the SSD.
-        confined: whether nothing outside of it may be read (an unpacked archive).
+        within: outside of this folder nothing may be read (an unpacked archive); None: anything may.
     """
 
     folder: Path
-    confined: bool
+    within: Path | None = None
 
     def file(self, source: str, where: str) -> Path:
         """Return the file that a relative URI names.
@@ -139,9 +157,53 @@ class Package:
             raise InputError(f"{where}: source '{source}' is not a file in the package; only relative paths are read")
         inside = PurePosixPath(unquote(uri.path).replace("\\", "/"))
         path = (self.folder / inside).resolve()
-        if self.confined and not path.is_relative_to(self.folder.resolve()):
+        if self.within is not None and not path.is_relative_to(self.within.resolve()):
             raise InputError(f"{where}: source '{source}' leads out of the package; refused")
         if not path.exists():
-            place = "the package" if self.confined else self.folder
+            place = self.folder if self.within is None else "the package"
             raise InputError(f"{where}: the file '{source}' is missing in {place}")
         return path
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where the files of a component's parameters are: beside the SSD, or inside the component.
+
+    Attributes:
+        package: of the SSD.
+        component: source of the component; None: a system has none.
+    """
+
+    package: Package
+    component: str | None
+
+    def root(self, element: Element, source: str, expected: str, where: str) -> Element:
+        """Return the root of the XML file that an element names.
+
+        Args:
+            element: with the attribute `sourceBase`.
+            source: the file's URI.
+            expected: local name of the root.
+            where: for messages.
+
+        Raises:
+            InputError: no such file, or it is broken.
+        """
+        if element.get("sourceBase") != "component":
+            return parse(self.package.file(source, where), expected)
+        if self.component is None:
+            raise InputError(f"{where}: sourceBase='component', but a system is no file; put '{source}' beside the SSD")
+        inside = self.package.file(self.component, where)
+        if inside.is_dir():
+            return parse(Package(inside, within=inside).file(source, where), expected)
+        name = PurePosixPath(unquote(urlsplit(source).path)).as_posix()
+        try:
+            with zipfile.ZipFile(inside) as archive:
+                if archive.getinfo(name).file_size > MAX_XML_BYTES:
+                    raise InputError(f"{where}: {name} is larger than {MAX_XML_BYTES >> 20} MiB; refused")
+                data = archive.read(name)
+        except KeyError:
+            raise InputError(f"{where}: the file '{source}' is missing in {self.component}") from None
+        except (*DAMAGED, OSError, RuntimeError, NotImplementedError) as error:
+            raise InputError(f"{where}: {self.component} cannot be read: {error}") from None
+        return root_of(data, name, expected)

@@ -23,6 +23,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
+from workbench.core.arithmetic import Arithmetic
 from workbench.core.confine import confined
 from workbench.core.scratch import remove_if_dead
 from workbench.core.where import DEFAULT_TIMEOUT, Limits
@@ -33,7 +34,7 @@ from workbench.kernel.library import kernel, why_kernel_missing
 from workbench.workers.answers import in_records
 from workbench.workers.channel import HUNG_UP, Channel
 from workbench.workers.limits import MemoryWatch
-from workbench.workers.state import arithmetic, state
+from workbench.workers.state import arithmetic, only_handlers, state
 from workbench.workers.state import limits as allowances
 
 if TYPE_CHECKING:
@@ -59,7 +60,8 @@ __all__ = [
     "wanted_stop",
 ]
 
-# Kinds of messages to the parent, each followed by its content.
+# Kinds of messages to the parent, each followed by its content; that of READY: whether it is for this model only from
+# now on.
 READY, BEGUN, OPENED, ITEM, TOLD, DONE = "ready", "begun", "opened", "item", "told", "done"
 ERROR, MEMORY, FOREIGN, BUG = "error", "memory", "foreign", "bug"
 
@@ -73,6 +75,9 @@ _FAREWELL = 5.0
 
 # So long after the end of its pipe a process may still have its lock [s].
 _PARTING = 0.5
+
+# The recipe of a task that has no model.
+_NO_MODEL = pickle.dumps(None, pickle.HIGHEST_PROTOCOL)
 
 # Interval at which the worker looks whether its parent is still the same process [s].
 _PATIENCE = 1.0
@@ -169,15 +174,18 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
     channel = _Worker.channel = Channel(end, mark, dumps=_packed)
     if module:
         import_module(module)
-    _Worker.state = state()
+    _Worker.state, usual = state(), Arithmetic()
     try:
-        channel.send((READY, None))
+        channel.send((READY, False))
         for order in _orders(channel):
             channel.send(_done(channel, *order))
             end_now()
             _flush()
-            channel.send((READY, None))
-            if state() != _Worker.state:
+            usual.put_back()
+            before, after = _Worker.state, state()
+            bound = before != after and only_handlers(before, after) and order[1] != _NO_MODEL
+            channel.send((READY, bound))
+            if before != after and not bound:
                 os._exit(0)  # what the FMU has changed shall not reach the next: the parent starts another process
     except OSError:  # the connection is gone: the parent is, or the FMU has closed it
         _tell_hung_up(scratch)

@@ -141,7 +141,7 @@ class Pool(Runner):
                 worker.kill()
         wanted = min(self._jobs, len(jobs) + len(self._again) + len(self._in_work))
         while len(self._workers) < wanted:
-            own = WorkerProcess(confine=self._limits.confine) if self._limits.apart else kept()
+            own = WorkerProcess(confine=self._limits.confine) if self._limits.apart else kept(self._recipe)
             self._workers.append(own)
         for worker in self._workers:
             if worker.ready and (queue := self._again or jobs):
@@ -201,7 +201,7 @@ class Pool(Runner):
         if (worker.index in self._in_work) == (kind == READY):  # a message between was lost, or this one is not its own
             yield from self._end(worker, LostError(f"{_UNREADABLE}: part of it is missing, or was not asked for"))
         elif kind == READY:
-            self._free(worker)
+            self._free(worker, bound=content is True)
         elif kind == BEGUN:
             worker.restart_clock()
         elif kind == OPENED:
@@ -241,9 +241,11 @@ class Pool(Runner):
         worker.kill()
         yield from self._lose(worker, why, last)
 
-    def _free(self, worker: WorkerProcess) -> None:
-        """Let a worker take the next task; raise the error of the last one."""
+    def _free(self, worker: WorkerProcess, *, bound: bool) -> None:
+        """Let a worker take the next task, of this model only if it is bound to it; raise the error of the last one."""
         self._note(worker)
+        if bound:
+            worker.bound = "" if self._recipe is None else self._recipe.content()
         worker.index, worker.deadline, worker.ready = None, None, True
         self._raise_error(worker)
 

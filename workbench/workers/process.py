@@ -75,6 +75,8 @@ class WorkerProcess:
         error: that the task in work ended with; it is raised when its FMU has ended, too, or the process has.
         opened: whether the model of the task in work is open.
         seasoned: whether it did another task before.
+        bound: `Recipe.content` of its model, if its FMU has changed the process in a way that only this one may meet;
+            empty: no other may follow. None: it has not.
         deadline: when the present task must have shown a result (`time.monotonic`); None: never.
         most: largest address space that the present task may have [bytes]; None: any.
         channel: to it.
@@ -84,6 +86,7 @@ class WorkerProcess:
         self.index: int | None = None
         self.ready = self.opened = self.seasoned = False
         self.error: Exception | None = None
+        self.bound: str | None = None
         self.deadline: float | None = None
         self.most: float | None = None
         self._beyond: float | None = None  # since when it is seen to have had more
@@ -288,24 +291,29 @@ def prepare(module: str) -> None:
     Args:
         module: that it will need.
     """
-    keep(kept(module))
+    around = _surroundings()
+    with _lock:
+        waits = any(worker.usable and worker.surroundings == around for worker in _idle)
+    if not waits:
+        keep(WorkerProcess(module))
 
 
-def kept(module: str = "") -> WorkerProcess:
-    """Return a worker that waits, or a new one.
+def kept(recipe: Recipe | None) -> WorkerProcess:
+    """Return a worker that waits, first one that only this model may have, or a new one.
 
     Args:
-        module: that a new one imports first.
+        recipe: of the model that it will have; None: none.
     """
     around = _surroundings()
     with _lock:
-        for worker in reversed(_idle):
-            if worker.surroundings == around:
+        content = recipe.content() if recipe is not None and any(worker.bound for worker in _idle) else ""
+        for bound in (content, None) if content else (None,):
+            for worker in [w for w in reversed(_idle) if w.surroundings == around and w.bound == bound]:
                 _idle.remove(worker)
                 if worker.usable:
                     return worker
                 worker.kill()
-        return WorkerProcess(module)
+        return WorkerProcess()
 
 
 def keep(worker: WorkerProcess) -> None:

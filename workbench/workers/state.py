@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from workbench.kernel.library import kernel, why_kernel_missing
 
-__all__ = ["arithmetic", "limits", "state"]
+__all__ = ["arithmetic", "limits", "only_handlers", "state"]
 
 # Of this much of what a process may have, files or mappings, nothing is left for others.
 _MANY = 0.5
@@ -23,6 +23,7 @@ _GROWN = 1 << 16
 
 # Of /proc/self/status: as the C library, too, may have set them, not only Python.
 _TOLD = ("Umask", "SigBlk", "SigIgn", "SigCgt")
+_HANDLED = "SigCgt"
 _ASK = 0xFFFFFFFF  # personality(2): change nothing
 
 
@@ -74,6 +75,15 @@ def state() -> dict[str, object]:
         "personality": getattr(ctypes.CDLL(None), "personality", int)(_ASK if sys.platform == "linux" else 0),
         "priority": os.getpriority(os.PRIO_PROCESS, 0),
     }
+
+
+def only_handlers(before: dict[str, object], after: dict[str, object]) -> bool:
+    """Return whether two states differ in the signals that have handlers, and in nothing else.
+
+    A run-time system in an FMU that has set some needs them as long as its code is there; an FMU after it shall not
+    have them.
+    """
+    return {name for name in before.keys() | after.keys() if before.get(name) != after.get(name)} == {_HANDLED}
 
 
 def _many_files(most: int) -> bool:

@@ -22,9 +22,9 @@ __all__ = ["choose", "linearise", "run"]
 def linearise(model: Model, asked: Lin, _job: Job) -> LinResult:
     """Linearise a model; see `Lin`."""
     task = make_task(model, asked)
-    if not task.inputs:
+    if not task.inputs and not (task.model.interface != "cs" and task.model.states):
         raise InputError(
-            f"{task.model.name}: a linear model needs an input, and there is none; for poles use workbench modes"
+            f"{task.model.name}: a linear model needs an input or states, and this interface shows neither"
         )
     return run(task, asked.method)
 

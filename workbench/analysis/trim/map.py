@@ -105,8 +105,10 @@ class MapBalance(Balance):
         found = np.array([values[n] for n in names])
         return found[: len(self.states)], found[len(self.states) :]
 
-    def drift(self, states: Floats, inputs: Floats, *, periods: int) -> dict[str, float]:
+    def drift(self, states: Floats, inputs: Floats, *, periods: int) -> dict[str, tuple[float, float]]:
         """Return by how much states and outputs move from the end of the first period to those of later ones.
+
+        Beside it stands the value at the end of the first.
 
         The states may all come back after one period while something that they do not show has moved on.
 
@@ -121,7 +123,7 @@ class MapBalance(Balance):
                 session.advance(self.time + number * self.period, signals={})
                 rows.append(list(session.values(names).values()))
         moved = np.abs(np.array(rows) - rows[0]).max(axis=0)
-        return dict(zip(names, moved.tolist(), strict=True))
+        return {name: (float(d), float(v)) for name, d, v in zip(names, moved, rows[0], strict=True)}
 
     def point(self, states: Floats, inputs: Floats) -> OperatingPoint:
         _, y = self.evaluate(states, inputs)

@@ -155,8 +155,6 @@ class _Trim:
     def _restless(self, balance: MapBalance, problem: Problem, solution: Solution) -> str:
         """Return what moves in the periods after the first although the states came back; "": nothing does."""
         floating = set(self.sets.floating)
-        nominal = {s.name: s.nominal for s in (*balance.states, *balance.outputs)}
-        nominal |= {k.slot.name: n for k, n in zip(problem.unknowns, solution.nominal.tolist(), strict=True)}
         try:
             moved = balance.drift(*problem.at(solution.values), periods=WATCH_PERIODS)
         except EndedError as error:
@@ -165,7 +163,8 @@ class _Trim:
             return f"the model fails when it continues from there: {error}"
         if floating:
             return ""
-        bad = [n for n, d in moved.items() if d > STAYS * nominal.get(n, 1.0)]
+        sizes = _sizes(balance, problem, solution)
+        bad = [n for n, (d, value) in moved.items() if d > STAYS * sizes.get(n, max(1.0, abs(value)))]
         return (
             f"after {WATCH_PERIODS} periods {', '.join(bad[:4])} moved although the states had returned" if bad else ""
         )
@@ -273,6 +272,20 @@ def _own_step(model: Model) -> float:
     if isinstance(model, DescribedModel):
         return model.recipe.step or model.description.experiment.step or STEP
     return STEP
+
+
+def _sizes(balance: MapBalance, problem: Problem, solution: Solution) -> dict[str, float]:
+    """Return the sizes of states and outputs by which a movement is measured, of those whose sizes are known.
+
+    An undeclared size of a state is what the search took for it, or by how much the state changes when the unknowns do.
+    """
+    found = {s.name: s.nominal for s in (*balance.states, *balance.outputs) if s.declared}
+    searched = {k.slot.name: n for k, n in zip(problem.unknowns, solution.nominal.tolist(), strict=True)}
+    changes = {e.row: float(c) for e, c in zip(problem.equations, solution.scales, strict=False)}
+    for row, state in enumerate(balance.states):
+        if not state.declared:
+            found[state.name] = max(searched.get(state.name, 0.0), changes.get(row, 0.0)) or state.nominal
+    return found
 
 
 def _usual_length(model: Model) -> float:

@@ -47,7 +47,7 @@ def search(model: Model, problem: Problem, *, tolerance: float, slowest: bool, e
 
 def _closer(problem: Problem, found: Solution, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
     """Return the solution with the unknowns that came out far below their assumed sizes measured by what they are."""
-    clear = told(found.jacobian[: len(problem.equations)], found.values / found.nominal)
+    clear = told(found.jacobian[: len(problem.equations)], found.values / found.nominal, problem.balance.precision)
     sizes = {
         i: abs(x)
         for i, (k, x) in enumerate(zip(problem.unknowns, found.values.tolist(), strict=True))

@@ -112,7 +112,7 @@ def _first_step(problem: Problem, here: Floats, silent: list[int], widths: Float
 def _left_open(problem: Problem, here: Floats, jacobian: Floats, step: Floats, nominal: Floats) -> Floats:
     """Return what rounding leaves of the equations after a step, shape (e,): a size is not to be read off that.
 
-    The terms of an equation are known to rounding, its slopes to the rounding of their differences.
+    The terms of an equation are known as well as it is computed, its slopes as their differences allow.
 
     Args:
         problem: what is solved.
@@ -123,17 +123,19 @@ def _left_open(problem: Problem, here: Floats, jacobian: Floats, step: Floats, n
     """
     start = np.array([k.start for k in problem.unknowns]) / nominal
     terms = np.abs(here) + np.abs(jacobian) @ (np.abs(start) + np.abs(step))
-    return np.asarray(_EPS * terms * (1.0 + 2.0 * np.abs(step).sum() / _NEAR))
+    error = max(_EPS, problem.balance.precision)
+    return np.asarray(error * terms * (1.0 + 2.0 * np.abs(step).sum() / _NEAR))
 
 
-def told(jacobian: Floats, values: Floats) -> NDArray[np.bool_]:
-    """Return which values of a root are more than the rounding errors of the equations' terms leave of a zero.
+def told(jacobian: Floats, values: Floats, precision: float) -> NDArray[np.bool_]:
+    """Return which values of a root are more than the errors of the equations' terms leave of a zero.
 
     Args:
         jacobian: shape (e, k), at the root.
         values: shape (k,), there, in the units of its columns.
+        precision: relative error of a term; a model that integrates has more than rounding.
     """
-    noise = _EPS * (np.abs(jacobian) @ np.abs(values))
+    noise = max(_EPS, precision) * (np.abs(jacobian) @ np.abs(values))
     return np.asarray(np.abs(values) > _CLEARLY * (np.abs(_inverse(jacobian)) @ noise))
 
 
