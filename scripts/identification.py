@@ -24,7 +24,10 @@ from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from workbench.analysis.validate import ERROR_FIGURES, error_figure  # noqa: E402
+from workbench.analysis.validate.fit import (  # noqa: E402
+    ERROR_FIGURES,
+    error_figure,
+)
 from workbench.reproduce.identification import (  # noqa: E402
     SEEDS,
     SEGMENTS,

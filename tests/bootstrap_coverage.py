@@ -18,7 +18,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from workbench.analysis.experiment.experiment import Experiment, make_experiment
 from workbench.analysis.identified.march import march_one
 from workbench.analysis.subspace import estimate
-from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings
+from workbench.analysis.validate.bootstrap import PoleBootstrap, bootstrap_poles
+from workbench.analysis.validate.estimator import same_settings
 from workbench.session.base import Floats
 
 Complex = NDArray[np.complex128]

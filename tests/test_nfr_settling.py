@@ -46,6 +46,15 @@ def test_periods_that_wander_are_not_settled_where_nothing_tells_of_a_sampler() 
     assert "irregular" in result.warnings[0]
 
 
+@pytest.mark.parametrize("rounding", [-1e-15, 0.0, 1e-15])
+def test_a_rise_that_is_rounding_asks_for_no_further_period(rounding: float) -> None:
+    """After a dead time of 2.5 periods the response comes in two equal steps, which rounding makes rise or fall."""
+    settling = Settling(errcrit=0.1, most=20)
+    sizes = [0.0, 0.0, 0.5 + rounding, 1.0, 1.0, 1.0]
+    outcomes = [settling.add(Period(np.array([0.0, size, *[0.0] * 9]), 1.0 + 0j, 1.0)) for size in sizes]
+    assert [outcome is not None for outcome in outcomes] == [False] * 5 + [True]
+
+
 def test_an_averaged_point_is_the_mean_of_the_last_half() -> None:
     settling = Settling(errcrit=1e-3, most=20)
     random = np.random.default_rng(1)

@@ -7,16 +7,12 @@ import pytest
 
 from tests.identification_data import DT, A, B, data, prbs, response, white, with_noise
 from workbench.analysis.experiment.experiment import make_experiment
-from workbench.analysis.preprocess import (
-    cut_settling,
-    detrend,
-    remove_offset,
-    remove_outliers,
-    resample,
-    scale,
-    settling_samples,
-)
+from workbench.analysis.preprocess.detrend import detrend, remove_offset
 from workbench.analysis.preprocess.flat import flat_extremes
+from workbench.analysis.preprocess.outliers import remove_outliers
+from workbench.analysis.preprocess.resample import resample
+from workbench.analysis.preprocess.scale import scale
+from workbench.analysis.preprocess.settle import cut_settling, settling_samples
 from workbench.errors import InputError
 
 

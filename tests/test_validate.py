@@ -14,10 +14,10 @@ from scipy.stats import binom
 from tests.bootstrap_coverage import DT, System, random_system
 from workbench.analysis.experiment.experiment import Experiment, make_experiment, read_experiment
 from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.validate import ERROR_FIGURES, error_figure, validate
 from workbench.analysis.validate.cross_correlation import cross_correlation
-from workbench.analysis.validate.fit import fit_of
+from workbench.analysis.validate.fit import ERROR_FIGURES, error_figure, fit_of
 from workbench.analysis.validate.pole_zero import near_cancellations
+from workbench.analysis.validate.validate import validate
 from workbench.analysis.validate.whiteness import autocorrelation
 from workbench.errors import InputError
 from workbench.session.base import Floats

@@ -13,9 +13,10 @@ from tests.bootstrap_coverage import DT, Complex, bootstrap_of, cases, noisy_rec
 from tests.random_systems import random_plant
 from workbench.analysis.experiment.experiment import make_experiment
 from workbench.analysis.subspace import estimate
-from workbench.analysis.validate import PoleBootstrap, bootstrap_poles, same_settings, validate
-from workbench.analysis.validate.bootstrap import match, match_clouds
+from workbench.analysis.validate.bootstrap import PoleBootstrap, bootstrap_poles, match, match_clouds
+from workbench.analysis.validate.estimator import same_settings
 from workbench.analysis.validate.regions import pole_regions
+from workbench.analysis.validate.validate import validate
 from workbench.errors import InputError
 from workbench.session.base import Floats
 

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.lin.result import Intersample, LinResult
 from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.validate import Overlay, overlay
+from workbench.analysis.validate.overlay import Overlay, overlay
 from workbench.analysis.validate.pole_zero import near_cancellations
 from workbench.core.decibels import follow_phase
 from workbench.core.operating_point import OperatingPoint

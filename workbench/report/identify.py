@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.spectra import coherence, sdf
 from workbench.analysis.subspace import SubspaceEstimate
-from workbench.analysis.validate import Overlay, PoleBootstrap, Validation
+from workbench.analysis.validate.bootstrap import PoleBootstrap
+from workbench.analysis.validate.overlay import Overlay
+from workbench.analysis.validate.result import Validation
 from workbench.report.data import advice_table, data_facts
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, matrices, number, pole_table

@@ -11,7 +11,7 @@ from workbench.analysis.experiment.experiment import Experiment as Record
 from workbench.analysis.identify.request import identify
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.spectra import Coherence, coherence, sdf
-from workbench.analysis.validate import ERROR_FIGURES, error_figure
+from workbench.analysis.validate.fit import ERROR_FIGURES, error_figure
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.identification import (
     SEEDS,

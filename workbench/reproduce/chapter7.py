@@ -18,7 +18,7 @@ from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.trim.request import trim
 from workbench.analysis.trim.result import TrimResult
-from workbench.analysis.validate import Overlay, overlay
+from workbench.analysis.validate.overlay import Overlay, overlay
 from workbench.core.decibels import difference
 from workbench.reproduce.drawings import draw_steps, titled
 from workbench.reproduce.identification import SEEDS, rudder

@@ -12,7 +12,8 @@ from workbench.analysis.advice import Advice
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.subspace import SubspaceEstimate
-from workbench.analysis.validate import Overlay, Validation
+from workbench.analysis.validate.overlay import Overlay
+from workbench.analysis.validate.result import Validation
 from workbench.core.closed_loop import ClosedLoop, between
 from workbench.core.record import Record, entry
 

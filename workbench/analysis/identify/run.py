@@ -15,9 +15,13 @@ from workbench.analysis.identify.request import Identify
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.preprocess import Detrended, cut_settling, detrend, remove_offset
+from workbench.analysis.preprocess.detrend import Detrended, detrend, remove_offset
+from workbench.analysis.preprocess.settle import cut_settling
 from workbench.analysis.subspace import SubspaceEstimate, estimate
-from workbench.analysis.validate import Overlay, PoleBootstrap, bootstrap_poles, overlay, same_settings, validate
+from workbench.analysis.validate.bootstrap import PoleBootstrap, bootstrap_poles
+from workbench.analysis.validate.estimator import same_settings
+from workbench.analysis.validate.overlay import Overlay, overlay
+from workbench.analysis.validate.validate import validate
 from workbench.core.job import Job
 from workbench.errors import InputError
 from workbench.session.base import Floats

@@ -10,7 +10,7 @@ from workbench.analysis.loop.measured import LoopCurve
 from workbench.analysis.loop.request import Loop
 from workbench.analysis.loop.result import LoopResult
 from workbench.analysis.loop.settings import LoopSettings
-from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
+from workbench.analysis.nfr.frequency_grid import frequency_grid
 from workbench.analysis.trim.request import trim
 from workbench.core.forms import several
 from workbench.core.job import Job
@@ -28,7 +28,7 @@ _SAMPLED = 0.5  # and to this part of the Nyquist frequency: near it periods do 
 def run(system: Model, asked: Loop, job: Job) -> LoopResult:
     """Open a loop; see `Loop`."""
     wanted = asked.amplitudes is not None
-    amplitudes = _amplitudes(asked) if wanted else ()
+    amplitudes = tuple(sorted(several(asked.amplitudes or ())))
     place, at, notes = asked.place_and_point()
     found, remarks = find_point(system, _trimmed(system) if asked.trim else at)
     cut = cut_loop(system, place, point=found)
@@ -52,10 +52,6 @@ def run(system: Model, asked: Loop, job: Job) -> LoopResult:
         notes=(*notes, *remarks, *doubts),
         operating_point=named(system, cut.point) if cut.point is not None else standing(system),
     )
-
-
-def _amplitudes(asked: Loop) -> tuple[float, ...]:
-    return tuple(sorted(positive_values("amplitudes", several(asked.amplitudes or ()), unit="unit of the signal")))
 
 
 def _trimmed(system: Model) -> OperatingPoint:

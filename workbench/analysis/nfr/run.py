@@ -17,7 +17,7 @@ import numpy as np
 
 from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult, Fold
-from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
+from workbench.analysis.nfr.frequency_grid import frequency_grid
 from workbench.analysis.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
 from workbench.analysis.nfr.jumps import another, disagreements, jumps, may_jump, solved, stepped_over, unseen_peaks
 from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask, failed_point
@@ -78,9 +78,7 @@ class Sweep:
         self._model, self._asked = placed, asked
         self._centre = 0.0 if placed.at is None else placed.at.u.get(asked.input, 0.0)
         self._frequencies = frequency_grid(asked.frequencies, asked.band, asked.ratio, falling=asked.carry)
-        self._amplitudes = tuple(
-            sorted(positive_values("amplitudes", asked.amplitudes or (), unit="unit of the input"))
-        )
+        self._amplitudes = tuple(sorted(several(asked.amplitudes or ())))
         if asked.step is not None and model.interface == "cs":
             rows_of_step(max(self._frequencies), asked.step)
         self._workers = _with_executor(asked.place, asked.executor)

@@ -65,8 +65,8 @@ _FEWEST_COMMON = 4
 # What a response at rest leaves of a change, in allowed defects.
 _AT_REST = 3.0
 
-# A rise below this part of what is at rest is noise.
-_TREMBLES = 0.03
+# A rise below this part of what is at rest is noise, and so is one by less than this factor rounding.
+_TREMBLES, _ROUNDING = 0.03, 1.0 + 1e-9
 
 # What changes between repetitions of a subharmonic, this many times, is its error.
 _OF_CHANGE = 10.0
@@ -213,7 +213,7 @@ class Settling:
         left = np.array([np.linalg.norm((limit.weights @ changes[i : i + n])[1:]) for i in range(len(changes) - n + 1)])
         rest = self._at_rest() * abs(fundamental(limit.harmonics))
         resting = int(np.argmin([*(left <= rest), False]))
-        rises = int(np.sum((left[:-1] > left[1:]) & (left[:-1] > _TREMBLES * rest)))
+        rises = int(np.sum((left[:-1] > _ROUNDING * left[1:]) & (left[:-1] > _TREMBLES * rest)))
         fitted = n if n > 1 and directions(changes[: 2 * n]) == 1 else 0
         return resting >= fitted + rises + (rises > 0)
 

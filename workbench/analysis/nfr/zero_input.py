@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.analysis.nfr.point import NfrPoint, PointTask
+from workbench.analysis.periodic.period_map import Span
 from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.session import Recorded, Session
@@ -66,7 +67,7 @@ def watch(session: Session, task: PointTask) -> ZeroInput:
     seen: list[ZeroInput] = []
     try:
         for k in range(_PERIODS):
-            points = begin + (k + np.arange(1, task.rows + 1) / task.rows) / task.frequency
+            points = Span(begin, task.frequency, task.rows, k).points
             end = float(points[-1])
             record = session.advance(end, signals={task.input: zero}, record=(task.output,), points=points)
             seen.append(_movement(record, task.output))
