@@ -164,13 +164,20 @@ class LocalCluster:
 
     def close(self) -> None:
         """End it; any number of times."""
-        with suppress(subprocess.TimeoutExpired, ValueError, OSError):
+        try:
             self._process.communicate(timeout=_ENDING)
-        if os.name == "posix":
-            with suppress(OSError):
-                os.killpg(self._process.pid, signal.SIGKILL)  # its workers, too: it leads a group
+        except subprocess.TimeoutExpired:
+            if os.name == "posix":
+                with suppress(OSError):
+                    os.killpg(self._process.pid, signal.SIGKILL)  # its workers, too: it leads a group
+        except (ValueError, OSError):
+            pass  # its pipes are closed: this is not the first time
         self._process.kill()
         self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
 
     def __enter__(self) -> Self:
         return self
