@@ -42,12 +42,15 @@ def exact_period(plant: control.StateSpace, gain: float, x: Floats, period: floa
         whole[:n, n] = -mode * b
         return np.asarray(expm(whole * t))
 
+    def beyond(t: float, mode: float, z: Floats, level: float) -> float:
+        return float(gain * (c @ (flow(mode, t) @ z)[:n]) - level)
+
     z, phi, left = np.append(x, 1.0), np.eye(n), period
     inside = float(np.clip(gain * (c @ x), -1.0, 1.0))
     mode = inside if abs(inside) == 1.0 else 0.0
     while left > 1e-13 * period:
         step, here = flow(mode, period / PARTS), z
-        levels = [1.0, -1.0] if mode == 0.0 else [mode]
+        levels, crossed, k = [1.0, -1.0] if mode == 0.0 else [mode], [], 0
         for k in range(1, PARTS + 2):
             there = step @ here
             crossed = [s for s in levels if (gain * (c @ here[:n]) - s) * (gain * (c @ there[:n]) - s) < 0.0 and k > 1]
@@ -57,7 +60,7 @@ def exact_period(plant: control.StateSpace, gain: float, x: Floats, period: floa
         end, mode_after = left, mode
         if crossed:
             begin, s = (k - 1) * period / PARTS, crossed[0]
-            end = brentq(lambda t: gain * (c @ (flow(mode, t) @ z)[:n]) - s, begin, k * period / PARTS, xtol=1e-14)
+            end = brentq(beyond, begin, k * period / PARTS, args=(mode, z, s), xtol=1e-14)
             end, mode_after = (end, s if mode == 0.0 else 0.0) if end < left else (left, mode)
         over = flow(mode, end)
         z, phi, left, mode = over @ z, over[:n, :n] @ phi, left - end, mode_after
