@@ -12,7 +12,7 @@ const NEAR = 4; // times the crossover are the poles away that the root locus sh
 export function gainKnob(full, bodes) {
   const number = h("input", { type: "text", inputMode: "decimal", value: "1", "aria-label": "factor of the loop gain" });
   const slider = h("input", { type: "range", min: -60, max: 60, step: 0.25, value: 0, "aria-label": "loop gain, slider in dB" });
-  const facts = h("div", { role: "status" });
+  const facts = h("div", { role: "status" }, h("p", { class: "dim" }, "Margins are being computed …"));
   const unit = new Plot({ x: { label: "Re L", log: false, range: [-3, 2] }, y: { label: "Im L", log: false, range: [-2, 2] }, label: "Nyquist picture", height: 300, equal: true });
   const nichols = new Plot({ x: { label: "phase of L [deg]", log: false }, y: { label: "gain of L [dB]", log: false }, label: "Nichols picture", height: 300 });
   const locus = new Plot({ x: { label: "Re of the poles [rad/s]", log: false }, y: { label: "Im [rad/s]", log: false }, label: "Root locus: poles of the closed loop", height: 300 });
