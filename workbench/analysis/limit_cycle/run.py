@@ -268,9 +268,7 @@ class _Work:
         cycles = [c for c in self.found if c.method == SHOOTING]
         if not cycles:
             kept = [p.component for p in self._unknown_memories([v.name for v in self.system.states])]
-            why = (
-                f"; {', '.join(kept)} keeps more than its continuous states, which shooting cannot set" if kept else ""
-            )
+            why = f"; shooting cannot set what {', '.join(kept)} keeps besides continuous states" if kept else ""
             self.notes.append(f"{name}: shooting found no cycle that could be followed{why}")
         done, total = self.stage
 
