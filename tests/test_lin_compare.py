@@ -151,7 +151,10 @@ def test_command_sweeps_and_compares(tmp_path: Path, capsys: pytest.CaptureFixtu
         (["--amplitude", "2"], "--amplitude belongs to the measurement that --compare makes; add --compare"),
         (["--freq", "2"], "--freq belongs to the measurement that --compare makes; add --compare"),
         (["--compare", "--freq", "0,1"], "--freq: 0 is not a positive number"),
-        (["--interface", "cs", "--inputs="], "Rudder: a linear model needs an input or states, and this interface shows"),
+        (
+            ["--interface", "cs", "--inputs="],
+            "Rudder: a linear model needs an input or states, and this interface shows",
+        ),
     ],
 )
 def test_command_refuses_in_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
