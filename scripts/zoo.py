@@ -27,6 +27,7 @@ import sys
 import tempfile
 import time
 import traceback
+import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
@@ -41,6 +42,7 @@ sys.path.insert(0, str(ROOT))
 
 from scripts import zoo_oracle as oracle  # noqa: E402
 from workbench.cli.app import run as workbench  # noqa: E402
+from workbench.core.names import plain_unit  # noqa: E402
 from workbench.report.page import Page, Section, Table, write_page  # noqa: E402
 from workbench.report.tones import Verdict  # noqa: E402
 
@@ -167,7 +169,9 @@ def _moves(subject: Subject) -> dict[str, float]:
 
 
 def _has(subject: Subject, causality: str) -> bool:
-    return any(kind == causality for _, kind, _ in subject.described.variables.values())
+    """Whether there are numbers of a causality; clocks, texts and binaries are none."""
+    kinds = [type_ for type_, kind, _ in subject.described.variables.values() if kind == causality]
+    return not {"String", "Binary", "Clock"}.issuperset(kinds)
 
 
 def _ends(subject: Subject, theirs: oracle.Run) -> bool:
@@ -189,6 +193,18 @@ REASONS: tuple[tuple[str, Callable[[Subject, oracle.Run], bool]], ...] = (
     (r"no (continuous )?states?\b", lambda s, _: s.described.states == 0 or s.interface == "cs"),
     (r"neither a step nor a default experiment", lambda s, _: not {"step", "stop"} & s.described.experiment.keys()),
     (r"ended its run", _ends),
+)
+
+
+def _names_in(file: Path) -> list[zipfile.ZipInfo]:
+    with zipfile.ZipFile(file) as archive:
+        return archive.infolist()
+
+
+# What a refusal of a file says → whether the file is so; FMPy opens such files.
+OF_FILES: tuple[tuple[str, Callable[[Path], bool]], ...] = (
+    (r"would leave the target folder", lambda f: any(".." in i.filename.split("/") for i in _names_in(f))),
+    (r"as zip bombs do", lambda f: any(i.file_size > 100 * max(i.compress_size, 1) for i in _names_in(f))),
 )
 
 
@@ -217,7 +233,8 @@ def _try(file: Path, commands: Sequence[str], limits: oracle.Limits) -> Iterator
         return Row(*about, interface, command, verdict, reason, said, round(time.perf_counter() - began, 3))
 
     if verdict == "refused":
-        yield row("", "info", verdict if described.fails else "doubtful", reason, described.fails)
+        true = described.fails or any(re.search(said, reason) and true(file) for said, true in OF_FILES)
+        yield row("", "info", verdict if true else "doubtful", reason, described.fails)
         return
     if verdict != "ok":
         yield row("", "info", verdict, reason, described.fails)
@@ -296,9 +313,10 @@ def _verdict(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
 
 
 def _last(text: str) -> str:
-    """Return the line of a page that says what failed, else its last one."""
+    """Return the line of a page that says what failed or is broken, else its last one."""
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("wrote ")]
-    return next((line for line in lines if line.startswith("failed: ")), lines[-1] if lines else "")
+    told = (line for line in lines if line.startswith("failed: ") or " broken " in line)
+    return " ".join(next(told, lines[-1] if lines else "").split())
 
 
 # -- comparing --------------------------------------------------------------------------------------
@@ -316,7 +334,7 @@ def _misread(facts: dict[str, Any], described: oracle.Described) -> Iterator[str
         if missing := sorted(set(theirs) ^ set(ours)):
             yield f"{kind}s: only one has {', '.join(missing[:5])}"
         for name in ours.keys() & theirs.keys():
-            if ours[name]["unit"] != theirs[name][2]:
+            if (ours[name]["unit"] or "") != plain_unit(theirs[name][2] or ""):
                 yield f"unit of {name}: {ours[name]['unit']}, by FMPy {theirs[name][2]}"
             if ours[name]["type"] not in _TYPES.get(theirs[name][0], (theirs[name][0],)):
                 yield f"type of {name}: {ours[name]['type']}, by FMPy {theirs[name][0]}"
