@@ -47,9 +47,6 @@ from workbench.report.page import Page, Section, Table, write_page  # noqa: E402
 from workbench.report.tones import Verdict  # noqa: E402
 
 AGREE = 1e-3  # of the range of a signal
-MOST_STEPS = 2000
-TOLERANCE = 1e-6
-MOVED = 0.1  # of an input's start value, or of 1
 BAD = ("crashed", "disagrees", "doubtful")
 _NUMBERS = ("Real", "Float64", "Float32")
 # Types by FMPy's names, where the workbench has another.
@@ -102,15 +99,6 @@ class Subject:
     limits: oracle.Limits
 
     @property
-    def span(self) -> tuple[float, float, float]:
-        """Start, stop and step of the run [s]: the default experiment's, at most `MOST_STEPS` steps."""
-        given = self.facts["experiment"]
-        start = given["start_time"] or 0.0
-        stop = given["stop_time"] if (given["stop_time"] or 0.0) > start else start + 1.0
-        step = given["step"] or (stop - start) / 500.0
-        return start, min(stop, start + MOST_STEPS * step), step
-
-    @property
     def forced(self) -> list[dict[str, Any]]:
         """Continuous inputs."""
         return [v for v in self.facts["inputs"] if v["type"] in _NUMBERS]
@@ -125,18 +113,18 @@ class Subject:
 
 
 def _simulate(subject: Subject) -> list[str] | str:
-    start, stop, step = subject.span
-    words = ["--start", repr(start), "--stop", repr(stop), "--step", repr(step), "--tolerance", str(TOLERANCE)]
-    return words + [word for name, move in _moves(subject).items() for word in ("--bias", f"{name}={move!r}")]
+    asked = subject.described.asked
+    words = ["--start", repr(asked.start), "--stop", repr(asked.stop), "--step", repr(asked.step)]
+    moved = [word for name, move in asked.moved.items() for word in ("--bias", f"{name}={move!r}")]
+    return [*words, "--tolerance", str(oracle.TOLERANCE), *moved]
 
 
 def _nfr(subject: Subject) -> list[str] | str:
     if not subject.forced or not subject.seen:
         return f"no continuous {'output' if subject.forced else 'input'}"
-    start, stop, _ = subject.span
-    forced = subject.forced[0]
-    size = MOVED * (abs(float(forced["start"] or 0.0)) or 1.0)
-    at = ["--freq", ",".join(repr(n / (stop - start)) for n in (5.0, 15.0)), "--amplitude", repr(size)]
+    asked, forced = subject.described.asked, subject.forced[0]
+    size = oracle.MOVED * (abs(float(forced["start"] or 0.0)) or 1.0)
+    at = ["--freq", ",".join(repr(n / (asked.stop - asked.start)) for n in (5.0, 15.0)), "--amplitude", repr(size)]
     return ["--input", forced["name"], "--output", subject.seen[0]["name"], *at]
 
 
@@ -160,11 +148,6 @@ COMMANDS: dict[str, Callable[[Subject], list[str] | str]] = {
 }
 
 
-def _moves(subject: Subject) -> dict[str, float]:
-    """Return by how much inputs are moved from their start values, all of them at once."""
-    return {v["name"]: MOVED * (abs(float(v["start"] or 0.0)) or 1.0) for v in subject.forced}
-
-
 # -- what is a true reason --------------------------------------------------------------------------
 
 
@@ -176,13 +159,16 @@ def _has(subject: Subject, causality: str) -> bool:
 
 def _ends(subject: Subject, theirs: oracle.Run) -> bool:
     """Whether FMPy's run ends before it should, too."""
-    _, stop, step = subject.span
-    return bool(len(theirs.time)) and float(theirs.time[-1]) < stop - 1.5 * step
+    asked = subject.described.asked
+    return bool(len(theirs.time)) and float(theirs.time[-1]) < asked.stop - 1.5 * asked.step
 
 
 # What a refusal says (a regular expression) → whether FMPy's description, or its run, bears it out.
 REASONS: tuple[tuple[str, Callable[[Subject, oracle.Run], bool]], ...] = (
-    (r"needs? (its|an|the) (execution )?tool", lambda s, _: s.described.interfaces[s.interface]["needs_tool"]),
+    (
+        r"needs? (its|an|the) (execution )?tool",
+        lambda s, _: s.described.interfaces.get(s.interface, {}).get("needs_tool", False),
+    ),
     (
         r"needs an input or states",
         lambda s, _: not _has(s, "input") and (s.interface == "cs" or not s.described.states),
@@ -222,7 +208,7 @@ def zoo(files: Sequence[Path], commands: Sequence[str], limits: oracle.Limits) -
 
 
 def _try(file: Path, commands: Sequence[str], limits: oracle.Limits) -> Iterator[Row]:
-    described = oracle.describe(file, limits)
+    described, runs = oracle.consult(file, limits)
     began = time.perf_counter()
     done = _workbench("info", str(file), "--json", "-")
     verdict, reason = _verdict(done)
@@ -247,27 +233,10 @@ def _try(file: Path, commands: Sequence[str], limits: oracle.Limits) -> Iterator
             where = ", ".join(facts["platforms"]) or "none at all"
             yield row(interface, "simulate", "n/a", f"no binary for this machine (it has: {where})")
             continue
-        theirs = _oracle_run(subject)
+        theirs = runs.get(interface, oracle.Run(fails=described.fails or "it does not see this interface"))
         for command in commands:
             began = time.perf_counter()
             yield row(interface, command, *_run(subject, command, theirs))
-
-
-def _oracle_run(subject: Subject) -> oracle.Run:
-    start, stop, step = subject.span
-    moves = _moves(subject)
-    outputs = [v["name"] for v in subject.facts["outputs"] or subject.facts["states"]]
-    return oracle.simulate(
-        subject.file,
-        subject.interface,
-        subject.limits,
-        start_time=start,
-        stop_time=stop,
-        output_interval=step,
-        relative_tolerance=TOLERANCE,
-        forced={v["name"]: float(v["start"] or 0.0) + moves[v["name"]] for v in subject.forced},
-        output=outputs,
-    )
 
 
 def _run(subject: Subject, command: str, theirs: oracle.Run) -> tuple[str, str, str]:
@@ -283,7 +252,9 @@ def _run(subject: Subject, command: str, theirs: oracle.Run) -> tuple[str, str, 
         )
         verdict, reason = _verdict(done)
         if command == "simulate" and verdict == "ok":
-            return *_compared(json.loads(out.read_text(encoding="utf-8")), theirs, subject.span[2]), theirs.fails
+            return *_compared(
+                json.loads(out.read_text(encoding="utf-8")), theirs, subject.described.asked.step
+            ), theirs.fails
     if verdict == "refused" and not theirs.fails and not _borne_out(subject, reason, theirs):
         verdict = "doubtful"
     return verdict, reason, theirs.fails
