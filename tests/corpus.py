@@ -48,7 +48,8 @@ class Exhibit:
 def _references() -> Iterator[Exhibit]:
     for fmi, subjects in SUBJECTS.items():
         for subject in subjects:
-            for interface in ("me", "cs") if fmi == 1 else ("",):
+            interfaces = ("",) if fmi > 1 else ("cs",) if subject == "resource" else ("me", "cs")
+            for interface in interfaces:
                 build = partial(build_reference, subject=subject, fmi=fmi, interface=interface)
                 name = f"{subject}{fmi}{interface}"
                 yield Exhibit(name, f"tests/c/reference{2 if fmi < 3 else 3}", f"Reference FMUs: {subject}", build)

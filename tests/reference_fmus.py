@@ -16,7 +16,7 @@ from workbench.core.files import pack
 
 __all__ = ["SUBJECTS", "build_reference"]
 
-# Version of FMI → subjects.
+# Version of FMI → subjects. In FMI 1.0 Model Exchange is not told where its resources are.
 SUBJECTS = {
     1: ("stair", "resource", "feedthrough"),
     2: ("stair", "resource", "feedthrough"),
