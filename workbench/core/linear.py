@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
     import control
 
-__all__ = ["Complex", "Floats", "Linear", "LinearPart"]
+__all__ = ["NO_INPUT", "Complex", "Floats", "Linear", "LinearPart"]
 
+NO_INPUT = "no_input"  # of models without inputs, in python-control
 _EPS = float(np.finfo(np.float64).eps)
 _ROUNDED = 100.0  # what is below so many times its rounding bound is no response
 _LOOKED_AT = 50  # frequencies that show whether an input has an effect
@@ -322,17 +323,27 @@ class Linear(Part):
         """
         import control as ct  # noqa: PLC0415  slow to import
 
-        return ct.StateSpace(self.A, self.B, self.C, self.D, self.dt, **self.labels(name))
+        matrices, labels = self.for_control(name)
+        return ct.StateSpace(*matrices, self.dt, **labels)
 
-    def labels(self, name: str | None) -> dict[str, Any]:
-        """Return names as python-control's StateSpace takes them.
+    def for_control(self, name: str | None) -> tuple[tuple[Floats, Floats, Floats, Floats], dict[str, Any]]:
+        """Return A, B, C, D and the names as python-control's StateSpace takes them.
+
+        It has no model without inputs: one is added, `NO_INPUT`, which does nothing.
 
         Args:
             name: name of the model.
         """
-        names = {"states": self.state_names, "inputs": self.input_names, "outputs": self.output_names}
+        B, D, inputs = self.B, self.D, self.input_names
+        if not inputs:
+            B, D, inputs = np.zeros((len(self.A), 1)), np.zeros((len(self.C), 1)), (NO_INPUT,)
+        names = {"states": self.state_names, "inputs": inputs, "outputs": self.output_names}
         given: dict[str, Any] = {key: _undotted(value) for key, value in names.items() if value}
-        return {**given, "name": name and name.replace(".", "_"), "remove_useless_states": False}
+        return (self.A, B, self.C, D), {
+            **given,
+            "name": name and name.replace(".", "_"),
+            "remove_useless_states": False,
+        }
 
 
 @dataclass(frozen=True, eq=False, init=False)

@@ -81,6 +81,8 @@ def _end(
     old: NfrPoint, new: NfrPoint, limit: tuple[NfrPoint, float] | None, task: PointTask, *, last: bool
 ) -> NfrPoint | None:
     """Return the answer of a point; None: a finer run is needed."""
+    if new.reason is not None and new.reason == old.reason:  # at the same time, too: no step is fine enough
+        return new
     if _agree(old, new, task.errcrit):
         return _certified(new, old, new, by="step", left=_LEFT * _apart(old, new))
     if limit is not None and (last or limit[1] <= _asked(task.errcrit)):
