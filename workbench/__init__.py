@@ -84,6 +84,7 @@ if TYPE_CHECKING:
     from workbench.analysis.validate import Overlay, PoleBootstrap, Validation, bootstrap_poles
     from workbench.analysis.validate.overlay import overlay
     from workbench.analysis.validate.validate import validate
+    from workbench.build.compile_fmu import CompiledFmu
     from workbench.build.export import ExportResult
     from workbench.core.linear import Linear, LinearPart
     from workbench.core.margins import Margins
@@ -124,7 +125,7 @@ if TYPE_CHECKING:
     from workbench.system.model import SystemModel
     from workbench.system.read import read_system
     from workbench.system.ssp_write import write_ssp
-    from workbench.to_fmu.request import export
+    from workbench.to_fmu.request import compile_fmu, export
     from workbench.workers import Workers
     from workbench.workers.cluster import Cluster
 
@@ -141,6 +142,7 @@ __all__ = [
     "Certificate",
     "Cluster",
     "Coherence",
+    "CompiledFmu",
     "Connection",
     "Constant",
     "ContainerResult",
@@ -255,6 +257,7 @@ __all__ = [
     "coherence",
     "compare",
     "compare_motions",
+    "compile_fmu",
     "connect",
     "cut_settling",
     "delays",
@@ -314,8 +317,9 @@ _HOMES = {
     "workbench.core.margins": ("Margins",),
     "workbench.analysis.loop.request": ("loop",),
     "workbench.analysis.loop.result": ("LoopResult",),
+    "workbench.build.compile_fmu": ("CompiledFmu",),
     "workbench.build.export": ("ExportResult",),
-    "workbench.to_fmu.request": ("export",),
+    "workbench.to_fmu.request": ("compile_fmu", "export"),
     "workbench.analysis.advice": ("Advice", "Finding", "advise"),
     "workbench.analysis.excite.multisine": ("MultisineDesign",),
     "workbench.analysis.excite.prbs": ("PrbsDesign",),

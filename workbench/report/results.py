@@ -66,6 +66,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.validate.bootstrap.PoleBootstrap": ("identify:bootstrap_page", "identify:plot_bootstrap"),
     "analysis.validate.overlay.Overlay": ("identify:overlay_page", "overlay:plot_overlay"),
     "analysis.validate.result.Validation": ("identify:validation_page", "validate:plot_fit"),
+    "build.compile_fmu.CompiledFmu": ("build:compiled_page", ""),
     "build.export.ExportResult": ("build:export_page", ""),
     "build.fmu.BuildResult": ("build:build_page", ""),
     "build.fmu.BuiltModels": ("build:built_page", ""),
