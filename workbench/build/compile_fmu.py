@@ -16,9 +16,10 @@ from workbench.core.files import file_to_write, replacing
 from workbench.core.record import Record
 from workbench.errors import BuildError, InputError
 from workbench.fmi.archive import extract, locate
-from workbench.fmi.description import Description, read_description
+from workbench.fmi.description import Description
 from workbench.fmi.library import functions_of
 from workbench.fmi.platforms import folders_of
+from workbench.fmi.reading import read_description
 from workbench.toolchain import PLATFORMS, CFile, Platform, compile_files, host_only, require
 
 __all__ = ["CompiledFmu", "add_binaries"]

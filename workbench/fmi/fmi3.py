@@ -15,7 +15,7 @@ from workbench.fmi.access import TypeCalls, decode_flag
 from workbench.fmi.fmpy_access import fmi3
 from workbench.fmi.instance import NEVER_BACK, EventInfo, Instance, StepResult
 from workbench.fmi.log import log_callback3
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import Value, Variable
 
 __all__ = ["Instance3"]
 
@@ -74,6 +74,12 @@ class Instance3(Instance):
         return self.library["fmi3InstantiateCoSimulation"](
             *common, event_mode, event_mode, None, 0, None, self._callback, no_update
         )
+
+    def configure(self, variables: Sequence[Variable], values: Sequence[Value]) -> None:
+        self.call("fmi3EnterConfigurationMode")
+        for variable, value in zip(variables, values, strict=True):  # the Reference FMUs take one in a call
+            self.access([variable]).write([value])
+        self.call("fmi3ExitConfigurationMode")
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time

@@ -16,14 +16,14 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import FmuError, SimulationError
+from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.access import Access, TypeCalls, is_good
 from workbench.fmi.c_array import array_type, c_array
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.library import Library, load_library
 from workbench.fmi.log import open_log
 from workbench.fmi.platforms import binary_path
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wiring
 
 __all__ = [
@@ -125,7 +125,8 @@ class Instance(ABC):
 
     Obligations of the caller, in this order:
       1. Construct: the FMU is instantiated.
-      2. Write start values; `enter_initialisation`; write inputs; `exit_initialisation`.
+      2. `configure` where sizes are others. Write start values; `enter_initialisation`; write inputs;
+         `exit_initialisation`.
          Model exchange, and co-simulation with `event_mode`, is then in event mode.
       3. Model exchange: `iterate_events`, `enter_continuous_mode`; then `set_time`,
          `set_states`, continuous inputs, `get_…` in any number; the FMU's own function for a completed
@@ -286,6 +287,10 @@ class Instance(ABC):
     @abstractmethod
     def _instantiate(self, *, logging: bool) -> Any:
         """Return the component, None if the FMU refuses."""
+
+    def configure(self, variables: Sequence[Variable], values: Sequence[Value]) -> None:
+        """Set structural parameters, before anything else: sizes of arrays follow from them."""
+        raise InputError(f"{self.source}: FMI {self.description.fmi_version} has no structural parameters")
 
     @abstractmethod
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:

@@ -14,7 +14,7 @@ from workbench.core.operating_point import At
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import Value, Variable
 from workbench.kernel.library import kernel
 from workbench.model.base import Model
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
@@ -95,6 +95,11 @@ class DescribedModel(Model):
 
     def _with(self, *causalities: str) -> tuple[Variable, ...]:
         return tuple(v for v in self.description.variables if v.causality in causalities)
+
+    @property
+    def start_values(self) -> Mapping[str, Value]:
+        """Parameters and start values that it was opened with, in their variables' types, arrays element by element."""
+        return self._setup.start_values
 
     @abstractmethod
     def new_instance(self) -> Instance:

@@ -13,8 +13,9 @@ from workbench.core.named import named
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.model.described import DescribedModel
-from workbench.model.load import check_biases, check_starts, choose_solver, experiment_notes, start_of
+from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
+from workbench.model.starts import check_biases
 from workbench.session.fmu import FmuSession, Setup
 from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
@@ -24,7 +25,7 @@ from workbench.system.master.ordering import choose_order
 from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
-from workbench.system.parts import Opened, starts_of
+from workbench.system.parts import Opened, starts_of, system_starts
 
 if TYPE_CHECKING:
     from workbench.analysis.delays.result import DelayReport
@@ -161,7 +162,7 @@ def _setup(opened: Opened, recipe: SystemRecipe, described: Description) -> Setu
     return Setup(
         open_instance=_not_yet,
         variables=variables,
-        start_values={**starts_of(opened.parts), **check_starts(recipe.start_values, variables)},
+        start_values={**starts_of(opened.parts), **system_starts(recipe.start_values, described)},
         bias=check_biases(recipe.bias, variables),
         rtol=tolerance or DEFAULT_TOLERANCE,
         tolerance=tolerance,
