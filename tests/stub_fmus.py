@@ -22,7 +22,7 @@ def stub_library(name: str) -> bytes:
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
         headers = (Path(fmpy.__file__).parent / "c-code").glob("fmi[23]*.h")
-        for file in (_C / name / f"{name}.c", _C / "fmi2_stub.h", *headers):
+        for file in (_C / name / f"{name}.c", _C / "fmi2_stub.h", _C / "fmi3_stub.h", *headers):
             (folder / file.name).write_bytes(file.read_bytes())
         library = folder / "lib" / f"{name}{host.suffix}"
         compile_library(folder, [f"{name}.c"], host, library)

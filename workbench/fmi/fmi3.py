@@ -1,4 +1,4 @@
-"""FMI 3.0: model exchange and co-simulation (no clocks, no intermediate update)."""
+"""FMI 3.0: model exchange and co-simulation (no intermediate update)."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from workbench.fmi.access import TypeCalls, decode_flag
 from workbench.fmi.fmpy_access import fmi3
 from workbench.fmi.instance import NEVER_BACK, EventInfo, Instance, StepResult
 from workbench.fmi.log import log_callback3
+from workbench.fmi.ticking import Ticking, time_based
 from workbench.fmi.variable import Value, Variable
 
 __all__ = ["Instance3"]
@@ -81,17 +82,33 @@ class Instance3(Instance):
             self.access([variable]).write([value])
         self.call("fmi3ExitConfigurationMode")
 
+    _ticking: Ticking | None = None
+
+    @property
+    def clocks_address(self) -> int | None:
+        return None if self._ticking is None else self._ticking.address
+
+    @property
+    def next_tick(self) -> float:
+        return math.inf if self._ticking is None else self._ticking.next_tick
+
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time
         use = self.interface == "cs" and tolerance is not None
         begin = start_time + self.clock
         self.call("fmi3EnterInitializationMode", use, tolerance if use else 0.0, begin, False, 0.0)
+        clocks = time_based(self.description.clocks) if self.event_mode else {}
+        self._ticking = Ticking(clocks, self.call, self.description.model_name) if clocks else None
 
     def exit_initialisation(self) -> None:
+        if self._ticking is not None:
+            self._ticking.start(self.time)
         self.call("fmi3ExitInitializationMode")
         self._running = True
         if self.interface == "me":
             self._count_again()
+        if self._ticking is not None:
+            self._ticking.tick(self.time)
 
     def _count_again(self) -> None:
         """Take the run-time sizes: structural parameters may change the declared ones."""
@@ -104,6 +121,8 @@ class Instance3(Instance):
 
     def enter_event_mode(self) -> None:
         self.call("fmi3EnterEventMode")
+        if self._ticking is not None:
+            self._ticking.tick(self.time)
 
     def enter_continuous_mode(self) -> None:
         self.call("fmi3EnterContinuousTimeMode")
@@ -116,7 +135,22 @@ class Instance3(Instance):
         time = ctypes.c_double(math.inf)
         self.call("fmi3UpdateDiscreteStates", *(byref(f) for f in flags), byref(time))
         again, terminate, nominals, states, timed = (bool(f.value) for f in flags)
-        return again, EventInfo(terminate, states, nominals, time.value - self.clock if timed else math.inf)
+        due = time.value - self.clock if timed else math.inf
+        if self._ticking is not None:
+            self._ticking.ask(self.time)
+            due = due if math.isnan(due) else min(due, self._ticking.next_tick)
+        return again, EventInfo(terminate, states, nominals, due)
+
+    def get_state(self) -> Any:
+        state = super().get_state()
+        if self._ticking is not None:
+            state.ticks = self._ticking.saved()
+        return state
+
+    def set_state(self, state: Any) -> None:
+        super().set_state(state)
+        if self._ticking is not None:
+            self._ticking.restore(state.ticks)
 
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time

@@ -252,6 +252,16 @@ class Instance(ABC):
         )
 
     @property
+    def clocks_address(self) -> int | None:
+        """Where the memory of the clocks is that the importer lets tick; None: it has none."""
+        return None
+
+    @property
+    def next_tick(self) -> float:
+        """When the next of these clocks ticks [s]; infinite: none does, or it is not known yet."""
+        return math.inf
+
+    @property
     def healthy(self) -> bool:
         """Whether it lives and no call has failed for good."""
         return not self._closed and self._worst < ERROR

@@ -9,6 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "clocks.h"
 #include "failure.h"
 
 typedef void (*Function)(void);
@@ -28,6 +29,8 @@ typedef enum {
     DO_STEP,
     SET_SLOPES,
     GET_DIRECTIONAL,
+    SET_CLOCK,
+    GET_INTERVAL,
     N_FUNCTIONS
 } FunctionIndex;
 
@@ -54,6 +57,7 @@ typedef struct {
     double due;             /* its next time event [s] */
     double clock;           /* co-simulation: its own time is that much later than the session's [s] */
     const struct ComponentCalls *calls;
+    Clocks *clocks; /* that the importer lets tick; NULL: none */
 } Component;
 
 /* What an event iteration or a step says. */
@@ -88,6 +92,9 @@ bool component_checked(const Component *component, FunctionIndex function, int s
 bool component_set_time(Component *component, double time, int32_t who, Failure *failure);
 bool component_states(const Component *component, FunctionIndex function, double *values, size_t n, int32_t who,
                       Failure *failure);
+/* Evaluate the event once. */
+bool component_update(Component *component, Answer *answer, int32_t who, Failure *failure);
+/* Into event mode: clocks that are due tick. */
 bool component_enter(const Component *component, FunctionIndex mode, int32_t who, Failure *failure);
 
 #endif

@@ -52,6 +52,11 @@ static bool choose_target(Cs *cs) {
     const double point = cs->n_targets ? cs->targets[0] : cs->until;
     cs->start = cs->time;
     cs->target = fmin(point, forcing_next_break(cs->system->forcing, cs->time));
+    for (size_t i = 0; i < cs->system->n_components; i++) {
+        /* What is overdue ticks at the next communication point: time never goes back. */
+        const double tick = clocks_next(cs->system->components[i].clocks);
+        cs->target = tick > cs->time ? fmin(cs->target, tick) : cs->target;
+    }
     cs->count = steps_to(cs, cs->target);
     cs->made = 0.0;
     return cs->count >= 1.0 || fail_value(&cs->system->failure, FAILED_GRID, cs->time, 0, cs->target);

@@ -17,11 +17,10 @@ static bool ended(Cs *cs, int32_t who) {
 
 /* Iterate until nothing changes, then go to step mode. */
 static bool leave_event_mode(Cs *cs, int32_t who) {
-    const Component *component = &cs->system->components[who];
+    Component *component = &cs->system->components[who];
     for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
         Answer answer = {0};
-        const int status = component->calls->update_discrete_states(component, &answer);
-        if (!component_checked(component, UPDATE_DISCRETE_STATES, status, who, failure_of(cs))) {
+        if (!component_update(component, &answer, who, failure_of(cs))) {
             return false;
         }
         if (answer.terminate) {
@@ -158,5 +157,9 @@ bool cs_step_to(Cs *cs, double end) {
         }
     }
     cs->time = end;
+    for (size_t i = 0; i < cs->system->n_components; i++) {
+        Component *component = &cs->system->components[i];
+        component->event_due = component->event_due || clocks_next(component->clocks) <= end;
+    }
     return true;
 }

@@ -78,8 +78,7 @@ static bool guard_events(Me *me, bool located) {
 static bool update_one(Me *me, size_t i, Answer *answer, bool *acted) {
     System *system = me->system;
     Component *component = &system->components[i];
-    const int status = component->calls->update_discrete_states(component, answer);
-    if (!component_checked(component, UPDATE_DISCRETE_STATES, status, (int32_t)i, &system->failure)) {
+    if (!component_update(component, answer, (int32_t)i, &system->failure)) {
         return false;
     }
     if (isnan(answer->time)) {

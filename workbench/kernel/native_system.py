@@ -40,6 +40,8 @@ _NAMES: Mapping[int, Mapping[str, str]] = {
         "update_discrete_states": "fmi3UpdateDiscreteStates",
         "do_step": "fmi3DoStep",
         "get_directional": "fmi3GetDirectionalDerivative",
+        "set_clock": "fmi3SetClock",
+        "get_interval": "fmi3GetIntervalDecimal",
     },
 }
 
@@ -94,6 +96,7 @@ class NativeSystem:
             time=instance.time,
             due=-math.inf,
             clock=instance.clock,
+            clocks=instance.clocks_address,
         )
 
     def hold_inputs(self) -> None:
