@@ -6,7 +6,15 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from workbench.analysis.info.request import Info
-from workbench.analysis.info.result import FmuInfo, InterfaceFacts, PartFacts, SystemInfo, VariableFacts, WireFacts
+from workbench.analysis.info.result import (
+    ClockFacts,
+    FmuInfo,
+    InterfaceFacts,
+    PartFacts,
+    SystemInfo,
+    VariableFacts,
+    WireFacts,
+)
 from workbench.analysis.snapshots import Snapshots, probe_snapshots
 from workbench.core.job import Job
 from workbench.errors import FmuError
@@ -14,6 +22,8 @@ from workbench.fmi.archive import Unpacked, locate, unpack
 from workbench.fmi.description import Description
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.reading import read_description
+from workbench.fmi.structure import STRUCTURAL
+from workbench.fmi.ticking import time_based
 from workbench.fmi.variable import Variable
 from workbench.model.load import FmuRecipe
 from workbench.origin import ModelFacts, Origin, remember
@@ -45,7 +55,7 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
         snapshots = _snapshots(unpacked, found, runs) if probe and runs else {}
 
     def having(causality: str) -> tuple[VariableFacts, ...]:
-        return _facts(v for v in found.variables if v.causality == causality)
+        return _facts((v for v in found.variables if v.causality == causality and v.type != "Clock"), found)
 
     record = FmuInfo(
         model=found.model_name,
@@ -58,19 +68,51 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
         runs_here=tuple(sorted(runs)),
         inputs=having("input"),
         outputs=having("output"),
-        states=_facts(found.states),
+        states=_facts(found.states, found),
         parameters=having("parameter"),
         capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in found.interfaces.items()},
         experiment=found.experiment,
         notes=tuple(found.notes),
+        structural_parameters=having(STRUCTURAL),
+        scheduled_execution=found.scheduled is not None,
+        clocks=_clocks(found),
+        terminals=found.terminals,
+        enumerations=found.enumerations,
     )
     facts = ModelFacts(name=found.model_name, fmus=(fmu_facts(source, found, ""),))  # no interface was chosen
     remember(record, Origin(models=(facts,)))
     return record
 
 
-def _facts(variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
-    return tuple(VariableFacts(v.name, v.type, v.unit, v.start, v.description) for v in variables)
+def _facts(variables: Iterable[Variable], described: Description | None = None) -> tuple[VariableFacts, ...]:
+    units = {} if described is None else described.units
+    types = {} if described is None else described.enumerations
+
+    def fact(v: Variable) -> VariableFacts:
+        offered = units[v.unit].display if v.display_unit and v.unit is not None and v.unit in units else ()
+        shown = next((d for d in offered if d.name == v.display_unit), None)
+        enumeration = v.declared_type if v.declared_type in types else None
+        return VariableFacts(v.name, v.type, v.unit, v.start, v.description, shown, enumeration)
+
+    return tuple(map(fact, variables))
+
+
+def _clocks(described: Description) -> tuple[ClockFacts, ...]:
+    """Return the clocks; they tick in event mode, so not in every interface."""
+    here = any(name == "me" or claims.event_mode for name, claims in described.interfaces.items())
+    driven = time_based(described.clocks)
+    return tuple(
+        ClockFacts(
+            name=name,
+            kind=clock.kind,
+            causality=clock.causality,
+            interval=clock.interval,
+            shift=clock.shift,
+            driven=here and name in driven,
+            variables=tuple(v for v, clocks in described.clocked.items() if name in clocks),
+        )
+        for name, clock in described.clocks.items()
+    )
 
 
 def _runs(folder: Path, identifier: str) -> bool:
