@@ -84,7 +84,6 @@ if TYPE_CHECKING:
     from workbench.analysis.validate import Overlay, PoleBootstrap, Validation, bootstrap_poles
     from workbench.analysis.validate.overlay import overlay
     from workbench.analysis.validate.validate import validate
-    from workbench.build.compile_fmu import CompiledFmu
     from workbench.build.export import ExportResult
     from workbench.core.linear import Linear, LinearPart
     from workbench.core.margins import Margins
@@ -125,6 +124,7 @@ if TYPE_CHECKING:
     from workbench.system.model import SystemModel
     from workbench.system.read import read_system
     from workbench.system.ssp_write import write_ssp
+    from workbench.to_fmu.compile_fmu import CompiledFmu
     from workbench.to_fmu.request import compile_fmu, export
     from workbench.workers import Workers
     from workbench.workers.cluster import Cluster
@@ -317,7 +317,7 @@ _HOMES = {
     "workbench.core.margins": ("Margins",),
     "workbench.analysis.loop.request": ("loop",),
     "workbench.analysis.loop.result": ("LoopResult",),
-    "workbench.build.compile_fmu": ("CompiledFmu",),
+    "workbench.to_fmu.compile_fmu": ("CompiledFmu",),
     "workbench.build.export": ("ExportResult",),
     "workbench.to_fmu.request": ("compile_fmu", "export"),
     "workbench.analysis.advice": ("Advice", "Finding", "advise"),

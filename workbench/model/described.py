@@ -98,7 +98,6 @@ class DescribedModel(Model):
 
     @property
     def start_values(self) -> Mapping[str, Value]:
-        """Parameters and start values that it was opened with, in their variables' types, arrays element by element."""
         return self._setup.start_values
 
     @abstractmethod

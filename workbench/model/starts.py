@@ -98,7 +98,10 @@ def _start(
     if isinstance(value, str) and value in items:
         return items[value]
     try:
-        return _as_type(variable, value)
+        number = _as_type(variable, value)
+        if items and number not in items.values():
+            raise ValueError(value)
+        return number
     except (OverflowError, TypeError, ValueError):  # the first of a whole number that no float can be
         if items:
             raise InputError(f"{name}: its enumeration has no item '{value}'; {suggest(str(value), items)}") from None

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from workbench.build.compile_fmu import CompiledFmu
 from workbench.build.export import ExportResult
 from workbench.build.fmu import BuildResult, BuiltModels
 from workbench.errors import WorkbenchError
@@ -13,6 +12,7 @@ from workbench.origin.models import hash_of
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
 from workbench.system.container import ContainerResult
+from workbench.to_fmu.compile_fmu import CompiledFmu
 
 __all__ = ["build_page", "built_page", "compiled_page", "container_page", "export_page"]
 

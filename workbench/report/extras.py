@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from workbench.analysis.feedback.request import Feedback
     from workbench.analysis.identify.request import Identify
     from workbench.analysis.identify.result import IdentifyResult
-    from workbench.build.compile_fmu import CompiledFmu
     from workbench.build.export import ExportResult
     from workbench.build.fmu import BuiltModels
     from workbench.system.container import ContainerResult
+    from workbench.to_fmu.compile_fmu import CompiledFmu
 
 __all__ = ["EXTRAS", "Written"]
 

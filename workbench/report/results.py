@@ -66,13 +66,13 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.validate.bootstrap.PoleBootstrap": ("identify:bootstrap_page", "identify:plot_bootstrap"),
     "analysis.validate.overlay.Overlay": ("identify:overlay_page", "overlay:plot_overlay"),
     "analysis.validate.result.Validation": ("identify:validation_page", "validate:plot_fit"),
-    "build.compile_fmu.CompiledFmu": ("build:compiled_page", ""),
     "build.export.ExportResult": ("build:export_page", ""),
     "build.fmu.BuildResult": ("build:build_page", ""),
     "build.fmu.BuiltModels": ("build:built_page", ""),
     "reproduce.result.ReproduceResult": ("workbench.reproduce.page:reproduce_page", ""),
     "reproduce.result.TargetList": ("workbench.reproduce.page:targets_page", ""),
     "system.container.ContainerResult": ("build:container_page", ""),
+    "to_fmu.compile_fmu.CompiledFmu": ("build:compiled_page", ""),
 }
 
 

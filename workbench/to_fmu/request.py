@@ -12,10 +12,10 @@ from workbench.core.forms import File, Names
 from workbench.core.option import option
 
 if TYPE_CHECKING:
-    from workbench.build.compile_fmu import CompiledFmu  # noqa: F401
     from workbench.build.export import ExportResult  # noqa: F401 - the records' types, below
     from workbench.build.fmu import BuiltModels  # noqa: F401
     from workbench.system.container import ContainerResult  # noqa: F401
+    from workbench.to_fmu.compile_fmu import CompiledFmu  # noqa: F401
 
 __all__ = ["Build", "Compile", "Export", "compile_fmu", "export"]
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from workbench.build.compile_fmu import CompiledFmu, add_binaries
 from workbench.build.export import ExportResult, export_linear
 from workbench.build.fmu import FMI_VERSIONS, BuiltModels, build_all, build_fmu
 from workbench.core.files import named_path
@@ -19,6 +18,7 @@ from workbench.system.container import ContainerResult, export_container
 from workbench.system.description import SystemDescription
 from workbench.system.read import is_system_file
 from workbench.system.recipe import SystemRecipe
+from workbench.to_fmu.compile_fmu import CompiledFmu, add_binaries
 from workbench.to_fmu.request import Build, Compile, Export
 from workbench.toolchain import require
 

@@ -11,7 +11,6 @@ from pathlib import Path, PurePosixPath
 
 import fmpy
 
-from workbench.build.source_lists import ListedLibrary, SourceFile, listed_libraries
 from workbench.core.files import file_to_write, replacing
 from workbench.core.record import Record
 from workbench.errors import BuildError, InputError
@@ -20,6 +19,7 @@ from workbench.fmi.description import Description
 from workbench.fmi.library import functions_of
 from workbench.fmi.platforms import folders_of
 from workbench.fmi.reading import read_description
+from workbench.to_fmu.source_lists import ListedLibrary, SourceFile, listed_libraries
 from workbench.toolchain import PLATFORMS, CFile, Platform, compile_files, host_only, require
 
 __all__ = ["CompiledFmu", "add_binaries"]
