@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.fmi.access import TypeCalls, decode_flag
+from workbench.fmi.access import TypeCalls, decode_flag, laid_out
 from workbench.fmi.fmpy_access import fmi3
 from workbench.fmi.instance import NEVER_BACK, EventInfo, Instance, StepResult
 from workbench.fmi.log import log_callback3
@@ -164,10 +164,35 @@ class Instance3(Instance):
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
     ) -> NDArray[np.float64]:
-        m, n = len(unknowns), len(knowns)
-        rows = (ctypes.c_uint * m)(*(v.value_reference for v in unknowns))
-        columns = (ctypes.c_uint * n)(*(v.value_reference for v in knowns))
-        values = (ctypes.c_double * n)(*seed)
-        result = (ctypes.c_double * m)()
-        self.call("fmi3GetDirectionalDerivative", rows, m, columns, n, values, n, result, m)
-        return np.array(result, dtype=np.float64)
+        return self._product("fmi3GetDirectionalDerivative", (unknowns, knowns), seed, adjoint=False)
+
+    def adjoint_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
+    ) -> NDArray[np.float64]:
+        return self._product("fmi3GetAdjointDerivative", (unknowns, knowns), seed, adjoint=True)
+
+    def _product(
+        self, name: str, ends: tuple[Sequence[Variable], Sequence[Variable]], seed: Sequence[float], *, adjoint: bool
+    ) -> NDArray[np.float64]:
+        """Return a product with the Jacobian, of whole arrays; unknowns and knowns may be elements of them."""
+        unknowns, knowns = ends
+        rows, row_slots, m = laid_out(self.description.shapes, unknowns)
+        columns, column_slots, n = laid_out(self.description.shapes, knowns)
+        given, taken = (row_slots, column_slots) if adjoint else (column_slots, row_slots)
+        seeds, result = np.zeros(m if adjoint else n), np.zeros(n if adjoint else m)
+        np.add.at(seeds, given, seed)
+        self.call(
+            name,
+            (ctypes.c_uint * len(rows))(*rows),
+            len(rows),
+            (ctypes.c_uint * len(columns))(*columns),
+            len(columns),
+            seeds.ctypes.data_as(_DOUBLES),
+            len(seeds),
+            result.ctypes.data_as(_DOUBLES),
+            len(result),
+        )
+        return result[taken]
+
+
+_DOUBLES = ctypes.POINTER(ctypes.c_double)

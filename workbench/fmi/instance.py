@@ -436,7 +436,13 @@ class Instance(ABC):
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
     ) -> NDArray[np.float64]:
-        """Return Σ ∂unknown/∂known · seed, shape (len(unknowns),); scalars only."""
+        """Return Σ ∂unknown/∂known · seed over `knowns`, shape (len(unknowns),)."""
+
+    def adjoint_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
+    ) -> NDArray[np.float64]:
+        """Return Σ seed · ∂unknown/∂known over `unknowns`, shape (len(knowns),)."""
+        raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no adjoint derivatives")
 
 
 def no_event_time(instance: Instance) -> SimulationError:

@@ -112,9 +112,7 @@ def _capabilities(parts: Sequence[Part]) -> Capabilities:
     return Capabilities(
         identifier="",
         state=all(c.state for c in claims),
-        directional_derivatives=all(
-            c.directional_derivatives and not p.description.shapes for c, p in zip(claims, parts, strict=True)
-        ),
+        directional_derivatives=all(c.directional_derivatives for c in claims),
         completed_step=any(c.completed_step for c in claims),
         once_per_process=any(c.once_per_process for c in claims),
         needs_tool=any(c.needs_tool for c in claims),
