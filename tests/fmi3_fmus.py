@@ -11,10 +11,8 @@ from workbench.toolchain import host_only
 __all__ = ["build_sized", "build_ticking"]
 
 _TICKING = """<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="3.0" modelName="Ticking" instantiationToken="ticking">
-  <ModelExchange modelIdentifier="ticking" canGetAndSetFMUState="{state}" />
-  <CoSimulation modelIdentifier="ticking" canGetAndSetFMUState="{state}" hasEventMode="true"
-    canHandleVariableCommunicationStepSize="true" />
+<fmiModelDescription fmiVersion="3.0" modelName="Ticking" instantiationToken="{token}">
+  {interfaces}
   <ModelVariables>
     <Float64 name="time" valueReference="0" causality="independent" variability="continuous" />
     <Float64 name="u" valueReference="1" causality="input" start="0" />
@@ -42,11 +40,17 @@ _TICKING = """<?xml version="1.0" encoding="UTF-8"?>
 </fmiModelDescription>
 """
 
+_EXCHANGE = """
+  <ModelExchange modelIdentifier="ticking" canGetAndSetFMUState="{state}" />
+  <CoSimulation modelIdentifier="ticking" canGetAndSetFMUState="{state}" hasEventMode="true"
+    canHandleVariableCommunicationStepSize="true" />
+"""
+
 _SIZED = """<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="3.0" modelName="Sized" instantiationToken="sized">
-  <ModelExchange modelIdentifier="{library}" canGetAndSetFMUState="true" providesDirectionalDerivatives="{forward}"
+<fmiModelDescription fmiVersion="3.0" modelName="Sized" instantiationToken="{token}">
+  <ModelExchange modelIdentifier="sized" canGetAndSetFMUState="true" providesDirectionalDerivatives="{forward}"
     providesAdjointDerivatives="{adjoint}" />
-  <CoSimulation modelIdentifier="{library}" canGetAndSetFMUState="true"
+  <CoSimulation modelIdentifier="sized" canGetAndSetFMUState="true"
     canHandleVariableCommunicationStepSize="true" />
   <UnitDefinitions>
     <Unit name="rad"><BaseUnit rad="1" /><DisplayUnit name="deg" factor="57.29577951308232" /></Unit>
@@ -71,13 +75,13 @@ _SIZED = """<?xml version="1.0" encoding="UTF-8"?>
       start="1" />
     <String name="label" valueReference="8" causality="parameter" variability="fixed">
       <Start value="as built" /></String>
-    <Float64 name="y" valueReference="9" causality="output"><Dimension valueReference="1" /></Float64>
+    <Float64 name="y" valueReference="9" causality="{shown}"><Dimension valueReference="1" /></Float64>
     <Binary name="blob" valueReference="10" causality="parameter" variability="fixed"><Start value="00ff" /></Binary>
   </ModelVariables>
   <ModelStructure>
-    <Output valueReference="6" /><Output valueReference="9" />
+    <Output valueReference="6" />{listed}
     <ContinuousStateDerivative valueReference="4" />
-    <InitialUnknown valueReference="4" /><InitialUnknown valueReference="6" /><InitialUnknown valueReference="9" />
+    <InitialUnknown valueReference="4" /><InitialUnknown valueReference="6" />{initial}
   </ModelStructure>
 </fmiModelDescription>
 """
@@ -106,24 +110,47 @@ def _write(file: Path, library: str, description: str, **more: bytes) -> Path:
     return file
 
 
-def build_ticking(folder: Path, *, state: bool = True) -> Path:
+def build_ticking(folder: Path, *, state: bool = True, behaviour: str = "ticking", scheduled: bool = False) -> Path:
     """Write ``folder/ticking.fmu`` (see tests/c/ticking/ticking.c).
 
     Args:
         folder: where.
         state: whether it saves its state.
+        behaviour: "ticking", or "ticking-backwards": an interval is negative.
+        scheduled: it offers scheduled execution alone.
     """
-    return _write(folder / "ticking.fmu", "ticking", _TICKING.format(state=str(state).lower()))
+    offered = _EXCHANGE.format(state=str(state).lower())
+    interfaces = '<ScheduledExecution modelIdentifier="ticking" />' if scheduled else offered
+    return _write(folder / "ticking.fmu", "ticking", _TICKING.format(token=behaviour, interfaces=interfaces))
 
 
-def build_sized(folder: Path, *, forward: bool = True, adjoint: bool = True) -> Path:
+def build_sized(
+    folder: Path,
+    *,
+    forward: bool = True,
+    adjoint: bool = True,
+    shown: bool = True,
+    behaviour: str = "sized",
+    terminals: str = TERMINALS,
+) -> Path:
     """Write ``folder/sized.fmu`` (see tests/c/sized/sized.c), with terminals.
 
     Args:
         folder: where.
         forward: whether it offers directional derivatives.
         adjoint: whether it offers adjoint ones.
+        shown: whether y is an output.
+        behaviour: "sized", or "sized-lies": adjoint derivatives are wrong.
+        terminals: the file that has them.
     """
-    flags = {"forward": str(forward).lower(), "adjoint": str(adjoint).lower(), "library": "sized"}
-    terminals = {"terminalsAndIcons/terminalsAndIcons.xml": TERMINALS.encode()}
-    return _write(folder / "sized.fmu", "sized", _SIZED.format(**flags), **terminals)
+    description = _SIZED.format(
+        forward=str(forward).lower(),
+        adjoint=str(adjoint).lower(),
+        token=behaviour,
+        shown="output" if shown else "local",
+        listed='<Output valueReference="9" />' if shown else "",
+        initial='<InitialUnknown valueReference="9" />' if shown else "",
+    )
+    return _write(
+        folder / "sized.fmu", "sized", description, **{"terminalsAndIcons/terminalsAndIcons.xml": terminals.encode()}
+    )

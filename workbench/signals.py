@@ -23,6 +23,9 @@ from workbench.core.forms import Form, pairs, table
 from workbench.core.names import split_names
 from workbench.errors import InputError, shortened, suggest
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 __all__ = [
     "Constant",
     "Prbs",
@@ -567,7 +570,7 @@ def _table(text: str) -> Table:
     return Table([float(t) for t, _ in points], [float(x) for _, x in points], "hold" if held else "linear")
 
 
-def signals_of(given: Mapping[str, Signal | float | str | Sequence[Any]]) -> dict[str, Signal]:
+def signals_of(given: Mapping[str, Signal | float | str | Sequence[Any] | NDArray[Any]]) -> dict[str, Signal]:
     """Return name → signal; those of a whole array by its elements, `u[1]`, `u[2]`.
 
     Args:
@@ -590,7 +593,7 @@ def signals_of(given: Mapping[str, Signal | float | str | Sequence[Any]]) -> dic
     return found
 
 
-def _signals(name: str, value: Signal | float | str | Sequence[Any]) -> dict[str, Signal]:
+def _signals(name: str, value: Signal | float | str | Sequence[Any] | NDArray[Any]) -> dict[str, Signal]:
     if isinstance(value, str):
         text = value.strip()
         if text.startswith("[") and text.endswith("]"):
@@ -642,6 +645,6 @@ _SIGNALS = Form(
 )
 
 if TYPE_CHECKING:
-    Signals = Mapping[str, Signal | float | str | Sequence[Any]]
+    Signals = Mapping[str, Signal | float | str | Sequence[Any] | NDArray[Any]]
 else:
     Signals = Annotated[object, _SIGNALS]

@@ -18,6 +18,7 @@ typedef struct {
     Mode mode;
     bool exchange, event_mode;
     double time;
+    char token[32];
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
     FMI3_STUB_MODEL model;
@@ -46,11 +47,13 @@ const char *fmi3GetVersion(void)
     return fmi3Version;
 }
 
-static fmi3Instance made(bool exchange, bool event_mode, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+static fmi3Instance made(fmi3String token, bool exchange, bool event_mode, fmi3InstanceEnvironment environment,
+                         fmi3LogMessageCallback log)
 {
     Stub *stub = calloc(1, sizeof *stub);
     if (stub != NULL) {
         stub->mode = INSTANTIATED;
+        strncpy(stub->token, token, sizeof stub->token - 1);
         stub->exchange = exchange;
         stub->event_mode = event_mode;
         stub->environment = environment;
@@ -64,8 +67,8 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
                                           fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                           fmi3LogMessageCallback log)
 {
-    (void)name, (void)token, (void)resources, (void)visible, (void)logging;
-    return made(true, true, environment, log);
+    (void)name, (void)resources, (void)visible, (void)logging;
+    return made(token, true, true, environment, log);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -74,9 +77,9 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
                                          fmi3IntermediateUpdateCallback update)
 {
-    (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)early_return, (void)required;
+    (void)name, (void)resources, (void)visible, (void)logging, (void)early_return, (void)required;
     (void)n_required, (void)update;
-    return made(false, event_mode, environment, log);
+    return made(token, false, event_mode, environment, log);
 }
 
 void fmi3FreeInstance(fmi3Instance instance)

@@ -35,7 +35,9 @@ static bool leave_event_mode(Cs *cs, int32_t who) {
 }
 
 static bool enter_event_mode(Cs *cs, int32_t who) {
-    return component_enter(&cs->system->components[who], ENTER_EVENT_MODE, who, failure_of(cs));
+    Component *component = &cs->system->components[who];
+    component->time = cs->time; /* after a restore it stands elsewhere */
+    return component_enter(component, ENTER_EVENT_MODE, who, failure_of(cs));
 }
 
 /* ---- inputs ---- */

@@ -205,6 +205,9 @@ bool me_event(Me *me, bool located) {
     const double limit = system->limit;
     system->limit = (double)INFINITY;
     system_switch(system, me->time);
+    for (size_t i = 0; i < system->n_components; i++) {
+        system->components[i].time = me->time; /* after a restore it stands elsewhere */
+    }
     if (!system_enter(system, ENTER_EVENT_MODE) || !write_inputs(me) ||
         !iterate(me, &states_changed)) {
         return false;

@@ -21,6 +21,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.reading import read_description
 from workbench.fmi.structure import structural_values
+from workbench.fmi.ticking import time_based
 from workbench.kernel.gear import why_missing
 from workbench.model.fmu_model import FmuModel
 from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe, content_hash, files_of, hash_of
@@ -242,6 +243,17 @@ def _choose_solver(wanted: str, interface: str, description: Description) -> tup
     return "fmu", ""
 
 
+def _silent_clocks(description: Description, *, event_mode: bool) -> list[str]:
+    """Say which clocks do not tick although something depends on them."""
+    driven = time_based(description.clocks)
+    inputs = {name: c for name, c in description.clocks.items() if c.causality == "input"}
+    waiting = [name for name in inputs if name not in driven]
+    notes = [f"triggered by nothing here, these clocks never tick: {', '.join(waiting)}"] if waiting else []
+    if driven and not event_mode:
+        notes.append(f"without event mode, which its co-simulation does not have, no clock ticks: {', '.join(driven)}")
+    return notes
+
+
 def choose_solver(wanted: str, *, states: int) -> tuple[str, str]:
     """Return the name of the solver of model exchange and a note about the choice (may be empty).
 
@@ -275,6 +287,8 @@ def _notes(wanted: str, chosen: str, description: Description, step: float | Non
             if default is None
             else f"communication step: {default:g} s, from the FMU's default experiment; --step changes it"
         )
-    if description.interfaces[chosen].needs_tool:
+    claims = description.interfaces[chosen]
+    notes += _silent_clocks(description, event_mode=chosen == "me" or claims.event_mode)
+    if claims.needs_tool:
         notes.append("the FMU says that it needs its authoring tool installed on this machine")
     return notes

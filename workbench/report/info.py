@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from workbench.analysis.info.result import FmuInfo, SystemInfo
+from workbench.fmi.description import DisplayUnit
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
 from workbench.report.tones import Verdict
@@ -58,7 +59,7 @@ def info_page(record: FmuInfo) -> Page:
             *_clocks(data["clocks"]),
             *_terminals(data["terminals"]),
             *_enumerations(data["enumerations"]),
-            *_display_units(data),
+            *_display_units(record),
             *_capabilities(data["capabilities"]),
         ],
         summary=[runs, *_snapshots(data["capabilities"])],
@@ -106,7 +107,7 @@ def _variables(data: Mapping[str, Any]) -> list[Section]:
 
 
 def _variable(v: Mapping[str, Any], enumerations: Mapping[str, Mapping[str, int]]) -> tuple[str, ...]:
-    items = {value: name for name, value in enumerations.get(v["enumeration"] or "", {}).items()}
+    items = {value: name for name, value in enumerations.get(v["name"], {}).items()}
     start = items.get(v["start"], v["start"])
     shown = "" if start is None else f"{start:g}" if isinstance(start, float) else str(start)
     return (v["name"], v["type"], v["unit"] or "", shown, v["description"] or "")
@@ -141,22 +142,24 @@ def _members(members: Sequence[Mapping[str, Any]]) -> str:
     return ", ".join(words)
 
 
-def _enumerations(types: Mapping[str, Mapping[str, int]]) -> list[Section]:
-    rows = [(name, ", ".join(f"{item} ({value})" for item, value in items.items())) for name, items in types.items()]
-    return [Section("Enumerations", tables=[Table(("type", "items"), rows)], folded=len(rows) > _MANY)] if rows else []
+def _enumerations(known: Mapping[str, Mapping[str, int]]) -> list[Section]:
+    rows = [(name, ", ".join(f"{item} ({value})" for item, value in items.items())) for name, items in known.items()]
+    table = Table(("variable", "items"), rows)
+    return [Section("Enumerations", tables=[table], folded=len(rows) > _MANY)] if rows else []
 
 
-def _display_units(data: Mapping[str, Any]) -> list[Section]:
+def _display_units(record: FmuInfo) -> list[Section]:
     """Return how values become those in the units that the FMU wants them shown in."""
-    used = (v for group in _GROUPS for v in data.get(group, ()) if v["display_unit"])
-    units = {(v["unit"], v["display_unit"]["name"]): v["display_unit"] for v in used}
-    rows = [(unit, name, _conversion(name, unit, d)) for (unit, name), d in units.items()]
+    variables = (*record.inputs, *record.outputs, *record.states, *record.parameters)
+    used = {(v.unit or "", record.display_units[v.name]) for v in variables if v.name in record.display_units}
+    rows = [(unit, d.name, _conversion(unit, d)) for unit, d in sorted(used, key=lambda pair: (pair[0], pair[1].name))]
     return [Section("Display units", tables=[Table(("unit", "shown in", "conversion"), rows)])] if rows else []
 
 
-def _conversion(name: str, unit: str, display: Mapping[str, Any]) -> str:
-    offset = f" {display['offset']:+.10g}" if display["offset"] else ""
-    return f"{name} = {display['factor']:.10g} · {unit}{offset}"
+def _conversion(unit: str, display: DisplayUnit) -> str:
+    offset = f" {'+' if display.offset > 0.0 else '−'} {abs(display.offset):.10g}" if display.offset else ""
+    factor = "" if display.factor == 1.0 else f"{display.factor:.10g} · "
+    return f"{display.name} = {factor}{unit}{offset}"
 
 
 def system_page(record: SystemInfo) -> Page:

@@ -1,8 +1,8 @@
 /* sized.c: an FMU of FMI 3.0 whose sizes are structural, with all that is rarely met beside.
  *
  *   x[i]' = -a[i] x[i] + u[i],  sum = gain * (x[1] + … + x[n]),  y = x,  i = 1 … n;  gain 1 where mode is eco, 3 where sport
- * Derivatives are exact, forward and adjoint; -DSIZED_LIES: those backward are wrong. Co-simulation is exact for a held
- * input. `label` is a string, `blob` binary.
+ * Derivatives are exact, forward and adjoint; under the token "sized-lies" the adjoint ones are wrong. Co-simulation is
+ * exact for a held input. `label` is a string, `blob` binary.
  */
 #include <stdbool.h>
 #include <stdint.h>
@@ -272,9 +272,7 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueRefere
     }
     memset(sensitivity, 0, n_sensitivity * sizeof *sensitivity);
     const fmi3Status status = product(stub, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity, true);
-#ifdef SIZED_LIES
-    sensitivity[0] += 0.25 * seed[0];
-#endif
+    sensitivity[0] += strcmp(stub->token, "sized-lies") == 0 ? 0.25 * seed[0] : 0.0;
     return status;
 }
 

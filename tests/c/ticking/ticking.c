@@ -120,7 +120,7 @@ fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReferenc
     EXPECT(stub, INITIALISATION | EVENT, "fmi3GetIntervalDecimal");
     for (size_t i = 0; i < n; i++) {
         if (vr[i] == COUNTED) {
-            intervals[i] = 0.02;
+            intervals[i] = strcmp(stub->token, "ticking-backwards") == 0 ? -0.02 : 0.02;
             qualifiers[i] = m->countdown > 0.0 ? fmi3IntervalChanged
                             : m->known         ? fmi3IntervalUnchanged
                                                : fmi3IntervalNotYetKnown;

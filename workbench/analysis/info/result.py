@@ -18,8 +18,6 @@ class VariableFacts:
 
     Attributes:
         name, type, unit, start, description: as declared; None where nothing is.
-        display_unit: in which it is to be shown: shown = factor · value + offset; None: not declared.
-        enumeration: the type that has its items; None: it is no enumeration.
     """
 
     name: str
@@ -27,8 +25,6 @@ class VariableFacts:
     unit: str | None
     start: float | int | bool | str | None
     description: str | None
-    display_unit: DisplayUnit | None = None
-    enumeration: str | None = None
 
 
 @dataclass(frozen=True)
@@ -84,7 +80,8 @@ class FmuInfo(Record):
         scheduled_execution: whether it offers that interface, which nothing here runs.
         clocks: its clocks.
         terminals: its variables that are connected together.
-        enumerations: type → item → value.
+        enumerations: variable → item → value.
+        display_units: variable → the unit in which it is to be shown: shown = factor · value + offset.
     """
 
     model: str
@@ -107,6 +104,7 @@ class FmuInfo(Record):
     clocks: tuple[ClockFacts, ...] = ()
     terminals: tuple[Terminal, ...] = ()
     enumerations: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    display_units: Mapping[str, DisplayUnit] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from workbench.analysis.snapshots import Snapshots, probe_snapshots
 from workbench.core.job import Job
 from workbench.errors import FmuError
 from workbench.fmi.archive import Unpacked, locate, unpack
-from workbench.fmi.description import Description
+from workbench.fmi.description import Description, DisplayUnit
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.reading import read_description
 from workbench.fmi.structure import STRUCTURAL
@@ -55,8 +55,10 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
         snapshots = _snapshots(unpacked, found, runs) if probe and runs else {}
 
     def having(causality: str) -> tuple[VariableFacts, ...]:
-        return _facts((v for v in found.variables if v.causality == causality and v.type != "Clock"), found)
+        return _facts(v for v in found.variables if v.causality == causality and v.type != "Clock")
 
+    shown = ("input", "output", "parameter", STRUCTURAL)
+    told = [*found.states, *(v for v in found.variables if v.causality in shown)]
     record = FmuInfo(
         model=found.model_name,
         description=found.description,
@@ -68,7 +70,7 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
         runs_here=tuple(sorted(runs)),
         inputs=having("input"),
         outputs=having("output"),
-        states=_facts(found.states, found),
+        states=_facts(found.states),
         parameters=having("parameter"),
         capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in found.interfaces.items()},
         experiment=found.experiment,
@@ -77,24 +79,22 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
         scheduled_execution=found.scheduled is not None,
         clocks=_clocks(found),
         terminals=found.terminals,
-        enumerations=found.enumerations,
+        enumerations={v.name: items for v in told if (items := found.enumerations.get(v.declared_type or ""))},
+        display_units=_display_units(told, found),
     )
     facts = ModelFacts(name=found.model_name, fmus=(fmu_facts(source, found, ""),))  # no interface was chosen
     remember(record, Origin(models=(facts,)))
     return record
 
 
-def _facts(variables: Iterable[Variable], described: Description | None = None) -> tuple[VariableFacts, ...]:
-    units = {} if described is None else described.units
-    types = {} if described is None else described.enumerations
+def _facts(variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
+    return tuple(VariableFacts(v.name, v.type, v.unit, v.start, v.description) for v in variables)
 
-    def fact(v: Variable) -> VariableFacts:
-        offered = units[v.unit].display if v.display_unit and v.unit is not None and v.unit in units else ()
-        shown = next((d for d in offered if d.name == v.display_unit), None)
-        enumeration = v.declared_type if v.declared_type in types else None
-        return VariableFacts(v.name, v.type, v.unit, v.start, v.description, shown, enumeration)
 
-    return tuple(map(fact, variables))
+def _display_units(variables: Iterable[Variable], described: Description) -> dict[str, DisplayUnit]:
+    """Return variable → the unit in which it is to be shown."""
+    shown = ((v, described.units.get(v.unit or "")) for v in variables if v.display_unit)
+    return {v.name: d for v, unit in shown if unit is not None for d in unit.display if d.name == v.display_unit}
 
 
 def _clocks(described: Description) -> tuple[ClockFacts, ...]:

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.named import named
+from workbench.errors import InputError
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
+from workbench.fmi.ticking import time_based
 from workbench.model.described import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
@@ -53,6 +55,7 @@ class MasterModel(DescribedModel):
     def __init__(self, opened: Opened, recipe: SystemRecipe) -> None:
         self._opened = opened
         self.system = opened.description
+        _refuse_clocks(opened)
         described = _described(opened)
         self._ports = joint_ports(opened.parts, opened.resolved)
         self._units = find_units(opened.parts, opened.resolved.wires, opened.resolved)
@@ -154,6 +157,15 @@ class MasterModel(DescribedModel):
     def close(self) -> None:
         super().close()
         self._opened.close()
+
+
+def _refuse_clocks(opened: Opened) -> None:
+    """Refuse clocks that the master would have to let tick: it steps from one point to the next without them."""
+    for part in opened.parts:
+        clocks = time_based(part.description.clocks) if part.interface == "cs" else {}
+        if clocks:
+            words = f"clock {next(iter(clocks))} ticks in a co-simulation system only with interface me"
+            raise InputError(f"component {part.name}: {words}, or where the FMU runs by itself")
 
 
 def _setup(opened: Opened, recipe: SystemRecipe, described: Description) -> Setup:
