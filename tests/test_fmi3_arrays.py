@@ -56,6 +56,7 @@ def test_on_the_command_line(sized: Path, tmp_path: Path, capsys: pytest.Capture
     assert [found["signals"][f"y[{i}]"][-1] for i in (1, 2, 3)] == pytest.approx((1.0 - np.exp(-a)).tolist(), rel=1e-5)
     read = wb.SimulationResult.read(asked)
     assert read.signals["y[3]"][-1] == found["signals"]["y[3]"][-1]
+    capsys.readouterr()
     assert command(["lin", str(sized), *line[:4], "--inputs", "u", "--outputs", "y", "--json", "-"]) == 0
     lin = json.loads(capsys.readouterr().out)
     assert lin["A"] == np.diag(-a).tolist()

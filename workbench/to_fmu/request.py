@@ -85,7 +85,7 @@ class Compile(Request[str | Path, "CompiledFmu"]):
     command = "compile"
     called = "compile_fmu"
     algorithm = "workbench.to_fmu.run:run_compile"
-    example = "workbench compile Valve.fmu --out Valve_linux.fmu"
+    example = "workbench compile fmu:FirstOrderLag --out FirstOrderLag_here.fmu"
     subject = Subject(
         name="path",
         type="str | Path",
