@@ -50,7 +50,7 @@ _SIZED = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="Sized" instantiationToken="{token}">
   <ModelExchange modelIdentifier="sized" canGetAndSetFMUState="true" providesDirectionalDerivatives="{forward}"
     providesAdjointDerivatives="{adjoint}" />
-  <CoSimulation modelIdentifier="sized" canGetAndSetFMUState="true"
+  <CoSimulation modelIdentifier="sized" canGetAndSetFMUState="true" {asks}
     canHandleVariableCommunicationStepSize="true" />
   <UnitDefinitions>
     <Unit name="rad"><BaseUnit rad="1" /><DisplayUnit name="deg" factor="57.29577951308232" /></Unit>
@@ -68,7 +68,8 @@ _SIZED = """<?xml version="1.0" encoding="UTF-8"?>
       <Dimension valueReference="1" /></Float64>
     <Float64 name="der(x)" valueReference="4" causality="local" derivative="3">
       <Dimension valueReference="1" /></Float64>
-    <Float64 name="u" valueReference="5" causality="input" start="0 0" unit="K" displayUnit="degC">
+    <Float64 name="u" valueReference="5" causality="input" start="0 0" unit="K" displayUnit="degC"
+      intermediateUpdate="{between}">
       <Dimension valueReference="1" /></Float64>
     <Float64 name="sum" valueReference="6" causality="output" />
     <Enumeration name="mode" valueReference="7" causality="parameter" variability="fixed" declaredType="Mode"
@@ -131,6 +132,7 @@ def build_sized(
     adjoint: bool = True,
     shown: bool = True,
     behaviour: str = "sized",
+    between: bool = True,
     terminals: str = TERMINALS,
 ) -> Path:
     """Write ``folder/sized.fmu`` (see tests/c/sized/sized.c), with terminals.
@@ -140,13 +142,16 @@ def build_sized(
         forward: whether it offers directional derivatives.
         adjoint: whether it offers adjoint ones.
         shown: whether y is an output.
-        behaviour: "sized", or "sized-lies": adjoint derivatives are wrong.
+        behaviour: "sized"; "sized-lies": adjoint derivatives are wrong; "sized-asks": it asks for inputs inside a step.
+        between: whether its inputs may be set there.
         terminals: the file that has them.
     """
     description = _SIZED.format(
         forward=str(forward).lower(),
         adjoint=str(adjoint).lower(),
         token=behaviour,
+        asks='providesIntermediateUpdate="true"' if behaviour == "sized-asks" else "",
+        between=str(between).lower(),
         shown="output" if shown else "local",
         listed='<Output valueReference="9" />' if shown else "",
         initial='<InitialUnknown valueReference="9" />' if shown else "",

@@ -21,6 +21,7 @@ typedef struct {
     char token[32];
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
+    fmi3IntermediateUpdateCallback update;
     FMI3_STUB_MODEL model;
 } Stub;
 
@@ -78,8 +79,12 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3IntermediateUpdateCallback update)
 {
     (void)name, (void)resources, (void)visible, (void)logging, (void)early_return, (void)required;
-    (void)n_required, (void)update;
-    return made(token, false, event_mode, environment, log);
+    (void)n_required;
+    Stub *stub = made(token, false, event_mode, environment, log);
+    if (stub != NULL) {
+        stub->update = update;
+    }
+    return stub;
 }
 
 void fmi3FreeInstance(fmi3Instance instance)

@@ -1,4 +1,4 @@
-"""What a description of FMI 3.0 says of clocks, scheduled execution and adjoint derivatives."""
+"""What a description of FMI 3.0 says of clocks, scheduled execution, adjoint derivatives and intermediate update."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from workbench.fmi.description import Capabilities, Clock
 __all__ = ["Additions", "additions_of"]
 
 _TRUE = ("true", "1")
-_ADJOINT = ("ModelExchange", "CoSimulation", "ScheduledExecution")
+_INTERFACES = ("ModelExchange", "CoSimulation", "ScheduledExecution")
 
 
 @dataclass(frozen=True)
@@ -21,13 +21,16 @@ class Additions:
     """What stands in a description besides what FMI 2.0 has, too; the fields are those of `Description`.
 
     Attributes:
-        adjoint: elements of the interfaces that provide adjoint derivatives.
+        adjoint, updating: elements of the interfaces that provide adjoint derivatives, and that ask for inputs inside a
+            step.
     """
 
     scheduled: Capabilities | None = None
     clocks: Mapping[str, Clock] = field(default_factory=dict)
     clocked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    intermediate: frozenset[int] = frozenset()
     adjoint: frozenset[str] = frozenset()
+    updating: frozenset[str] = frozenset()
 
 
 def additions_of(data: bytes) -> Additions:
@@ -39,7 +42,6 @@ def additions_of(data: bytes) -> Additions:
     root = etree.parse(
         BytesIO(data), etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
     ).getroot()
-    adjoint = frozenset(tag for tag in _ADJOINT if _flag(root.find(tag), "providesAdjointDerivatives"))
     declared = [e for e in root.iterfind("ModelVariables/*") if isinstance(e.tag, str) and e.get("name")]
     names = {e.get("valueReference", ""): e.get("name", "") for e in declared if e.tag == "Clock"}
     ticked = {e.get("name", ""): _referred(e, names) for e in declared if e.get("clocks")}
@@ -47,7 +49,13 @@ def additions_of(data: bytes) -> Additions:
         scheduled=_scheduled(root.find("ScheduledExecution")),
         clocks={e.get("name", ""): _clock(e, ticked) for e in declared if e.tag == "Clock"},
         clocked={name: clocks for name, clocks in ticked.items() if clocks},
-        adjoint=adjoint,
+        intermediate=frozenset(
+            int(e.get("valueReference", "0"))
+            for e in declared
+            if e.get("causality") == "input" and _flag(e, "intermediateUpdate")
+        ),
+        adjoint=frozenset(t for t in _INTERFACES if _flag(root.find(t), "providesAdjointDerivatives")),
+        updating=frozenset(t for t in _INTERFACES if _flag(root.find(t), "providesIntermediateUpdate")),
     )
 
 

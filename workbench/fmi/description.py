@@ -45,6 +45,7 @@ class Capabilities:
         once_per_process: only one instance may live in a process.
         needs_tool: needs its authoring tool to be installed.
         adjoint_derivatives: exact derivatives from the outputs back to the inputs (FMI 3.0).
+        intermediate_update: co-simulation asks for inputs inside a step (FMI 3.0).
     """
 
     identifier: str
@@ -57,6 +58,7 @@ class Capabilities:
     once_per_process: bool = False
     needs_tool: bool = False
     adjoint_derivatives: bool = False
+    intermediate_update: bool = False
 
 
 @dataclass(frozen=True)
@@ -165,6 +167,7 @@ class Description:
         clocks: name → how it ticks.
         clocked: variable → the clocks at whose ticks alone its value changes.
         terminals: variables that are connected together.
+        intermediate: value references of inputs that may be set inside a step of co-simulation.
     """
 
     fmi_version: str
@@ -190,6 +193,7 @@ class Description:
     clocks: Mapping[str, Clock] = field(default_factory=dict)
     clocked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     terminals: tuple[Terminal, ...] = ()
+    intermediate: frozenset[int] = frozenset()
 
     @cached_property
     def input_names(self) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""FMI 3.0: model exchange and co-simulation (no intermediate update)."""
+"""FMI 3.0: model exchange and co-simulation."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from workbench.fmi.access import TypeCalls, decode_flag, laid_out
 from workbench.fmi.fmpy_access import fmi3
 from workbench.fmi.instance import NEVER_BACK, EventInfo, Instance, StepResult
+from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.log import log_callback3
 from workbench.fmi.ticking import Ticking, time_based
 from workbench.fmi.variable import Value, Variable
@@ -70,11 +71,27 @@ class Instance3(Instance):
         common = (name, token, resources.encode(), False, logging)
         if self.interface == "me":
             return self.library["fmi3InstantiateModelExchange"](*common, None, self._callback)
-        no_update = fmi3.fmi3IntermediateUpdateCallback()
+        references = sorted(self.description.intermediate)
+        asks = self.capabilities.intermediate_update and self._answerer is not None and bool(references)
+        self._intermediate = Intermediate() if asks else None
+        update = fmi3.fmi3IntermediateUpdateCallback(*([self._answerer] if asks else []))
         event_mode = self.event_mode
         return self.library["fmi3InstantiateCoSimulation"](
-            *common, event_mode, event_mode, None, 0, None, self._callback, no_update
+            *common,
+            event_mode,
+            event_mode,
+            (ctypes.c_uint * len(references))(*references) if asks else None,
+            len(references) if asks else 0,
+            None if self._intermediate is None else ctypes.addressof(self._intermediate),
+            self._callback,
+            update,
         )
+
+    _intermediate: Intermediate | None = None
+
+    @property
+    def intermediate(self) -> Intermediate | None:
+        return self._intermediate
 
     def configure(self, variables: Sequence[Variable], values: Sequence[Value]) -> None:
         self.call("fmi3EnterConfigurationMode")

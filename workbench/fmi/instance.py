@@ -20,6 +20,7 @@ from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.access import Access, TypeCalls, is_good
 from workbench.fmi.c_array import array_type, c_array
 from workbench.fmi.description import Capabilities, Description
+from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.library import Library, load_library
 from workbench.fmi.log import open_log
 from workbench.fmi.platforms import binary_path
@@ -142,6 +143,8 @@ class Instance(ABC):
       3. `x`, `dx`, `z` are views of buffers the FMU writes to; they change with the next call.
       4. `close` frees the instance except after a fatal error, when FMI forbids it.
 
+    `update` is the address of a C function that answers an FMU of FMI 3.0 which asks for inputs inside a step.
+
     Attributes:
         event_mode: model exchange, and co-simulation that was instantiated with event mode.
         remark: what the user should know about how it was instantiated; empty where all went as declared.
@@ -161,7 +164,9 @@ class Instance(ABC):
         source: str,
         library: Library | None = None,
         event_mode: bool = True,
+        update: int | None = None,
     ) -> None:
+        self._answerer = update
         if library is None:
             name = description.interfaces[interface].identifier
             path = binary_path(folder, name, source=source)
@@ -254,6 +259,11 @@ class Instance(ABC):
     @property
     def clocks_address(self) -> int | None:
         """Where the memory of the clocks is that the importer lets tick; None: it has none."""
+        return None
+
+    @property
+    def intermediate(self) -> Intermediate | None:
+        """What its callback for inputs between communication points works on; None: it does not ask."""
         return None
 
     @property

@@ -136,7 +136,7 @@ def _convert(
         token=raw.guid or "",
         generation_tool=raw.generationTool,
         description=raw.description,
-        interfaces=_interfaces(raw, directional, more.adjoint),
+        interfaces=_interfaces(raw, directional, more),
         platforms=platforms,
         experiment=_experiment(raw.defaultExperiment),
         variables=variables,
@@ -152,6 +152,7 @@ def _convert(
         scheduled=more.scheduled,
         clocks=more.clocks,
         clocked=more.clocked,
+        intermediate=more.intermediate,
     )
 
 
@@ -168,7 +169,7 @@ def _items(raw: Any) -> dict[str, int]:
     return {item.name: int(item.value) for item in raw.items}
 
 
-def _interfaces(raw: Any, directional: AbstractSet[str], adjoint: AbstractSet[str]) -> dict[str, Capabilities]:
+def _interfaces(raw: Any, directional: AbstractSet[str], more: Additions) -> dict[str, Capabilities]:
     found = {}
     for name, element_name, element in (
         ("me", "ModelExchange", raw.modelExchange),
@@ -176,7 +177,11 @@ def _interfaces(raw: Any, directional: AbstractSet[str], adjoint: AbstractSet[st
     ):
         if element is not None and element.modelIdentifier:
             made = _capabilities(raw.fmiVersion, name, element, directional=element_name in directional)
-            found[name] = replace(made, adjoint_derivatives=element_name in adjoint)
+            found[name] = replace(
+                made,
+                adjoint_derivatives=element_name in more.adjoint,
+                intermediate_update=element_name in more.updating,
+            )
     return found
 
 

@@ -38,6 +38,7 @@ typedef enum {
 enum { FMI_WARNING = 1, FMI_DISCARD = 2, FMI_FATAL = 4, NOT_EXPORTED = -1 };
 
 struct ComponentCalls;
+struct Intermediate;
 
 /* FMI 2.0.4, 4.2.2: noSetFMUStatePriorToCurrentPoint would promise that no earlier snapshot will be restored. */
 #define NEVER_BACK false
@@ -58,6 +59,7 @@ typedef struct {
     double clock;           /* co-simulation: its own time is that much later than the session's [s] */
     const struct ComponentCalls *calls;
     Clocks *clocks; /* that the importer lets tick; NULL: none */
+    struct Intermediate *intermediate; /* its environment, where it asks for inputs inside a step; NULL: it does not */
 } Component;
 
 /* What an event iteration or a step says. */

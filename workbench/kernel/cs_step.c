@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "intermediate.h"
+
 enum { MAX_EARLY_RETURNS = 10000, MAX_EVENT_ITERATIONS = 1000 };
 
 static Failure *failure_of(Cs *cs) {
@@ -132,7 +134,8 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
         Answer answer = {0};
         component->time = cs->time;
         const int status = component->calls->do_step(component, cs->time, end - cs->time, &answer);
-        if (!component_checked(component, DO_STEP, status, who, failure_of(cs))) {
+        if (!component_checked(component, DO_STEP, status, who, failure_of(cs)) ||
+            failure_of(cs)->code != NO_FAILURE) { /* of a callback */
             return false;
         }
         const bool early = is_early(answer.time, cs->time, end);

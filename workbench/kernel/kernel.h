@@ -9,6 +9,7 @@
 #include "algebraic.h"
 #include "arithmetic.h"
 #include "cs.h"
+#include "intermediate.h"
 #include "lti.h"
 #include "me.h"
 #include "parent.h"

@@ -2,7 +2,8 @@
  *
  *   x[i]' = -a[i] x[i] + u[i],  sum = gain * (x[1] + … + x[n]),  y = x,  i = 1 … n;  gain 1 where mode is eco, 3 where sport
  * Derivatives are exact, forward and adjoint; under the token "sized-lies" the adjoint ones are wrong. Co-simulation is
- * exact for a held input. `label` is a string, `blob` binary.
+ * exact for a held input; under the token "sized-asks" it is made of 50 such steps, at whose middle the FMU asks for
+ * its inputs. `label` is a string, `blob` binary.
  */
 #include <stdbool.h>
 #include <stdint.h>
@@ -283,9 +284,18 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 step,
     Sized *m = &stub->model;
     (void)keeps;
     EXPECT(stub, STEP, "fmi3DoStep");
-    for (size_t i = 0; i < m->n; i++) {
-        const double rest = m->u[i] / m->a[i];
-        m->x[i] = rest + (m->x[i] - rest) * exp(-m->a[i] * step);
+    const int parts = strcmp(stub->token, "sized-asks") == 0 ? 50 : 1;
+    for (int part = 0; part < parts; part++) {
+        const double middle = time + step * (part + 0.5) / parts;
+        bool stops = false;
+        double at = 0.0;
+        if (parts > 1 && stub->update != NULL) {
+            stub->update(stub->environment, middle, true, false, false, false, &stops, &at);
+        }
+        for (size_t i = 0; i < m->n; i++) {
+            const double rest = m->u[i] / m->a[i];
+            m->x[i] = rest + (m->x[i] - rest) * exp(-m->a[i] * step / parts);
+        }
     }
     stub->time = *reached = time + step;
     *event = *terminate = *early = false;
