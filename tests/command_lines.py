@@ -97,6 +97,7 @@ LINES = {
     "identify": ("data.csv --input u --output y --order 1", ""),
     "reproduce": ("fig31 --list", "targets"),
     "build": ("Lag.mo --out Lag.fmu --fmi 3", "files"),
+    "compile": (f"{LAG_FMU} --out made.fmu", "binaries"),
     "export": ("lin.json --out linear.fmu --fmi 3", "platforms"),
 }  # fmt: skip
 

@@ -29,6 +29,7 @@ REQUESTS = {
     "identify": "identify.request:Identify",
     "reproduce": "workbench.reproduce.request:ReproduceCommand",
     "build": "workbench.to_fmu.request:Build",
+    "compile": "workbench.to_fmu.request:Compile",
     "export": "workbench.to_fmu.request:Export",
 }
 

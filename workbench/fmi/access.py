@@ -14,7 +14,7 @@ from workbench.fmi.variable import Value, Variable
 if TYPE_CHECKING:
     from workbench.fmi.instance import Instance
 
-__all__ = ["Access", "Block", "TypeCalls", "is_good"]
+__all__ = ["Access", "Block", "TypeCalls", "is_good", "laid_out"]
 
 _WARNING = 1
 
@@ -71,19 +71,16 @@ class Block:
     """
 
     def __init__(self, instance: Instance, calls: TypeCalls, variables: Sequence[Variable]) -> None:
-        references = list(dict.fromkeys(v.value_reference for v in variables))
-        sizes = [_size(instance.description.shapes, r) for r in references]
-        offsets = {r: sum(sizes[:i]) for i, r in enumerate(references)}
+        references, self.slots, total = laid_out(instance.description.shapes, variables)
         self.calls = calls
         self.instance = instance
-        self.slots = [offsets[v.value_reference] + v.element for v in variables]
-        self.plain = self.slots == list(range(sum(sizes))) and calls.decode is _same
-        self.buffer: Any = array_type(calls.ctype, sum(sizes))()
+        self.plain = self.slots == list(range(total)) and calls.decode is _same
+        self.buffer: Any = array_type(calls.ctype, total)()
         self.references: Any = array_type(ctypes.c_uint, len(references))(*references)
         # FMI 3.0 functions also take the number of values, which differs for arrays.
-        tail = (sum(sizes),) if instance.version == 3 else ()
+        tail = (total,) if instance.version == 3 else ()
         self.arguments = (self.references, len(references), self.buffer, *tail)
-        self.partial = len(self.slots) < sum(sizes)
+        self.partial = len(self.slots) < total
         library = instance.library
         self.get = library[calls.getter]
         self.set = library[calls.setter] if calls.setter else None
@@ -110,6 +107,23 @@ class Block:
         status = self.set(self.instance.component, *self.arguments)
         if not is_good(status):
             self.instance.fail(self.calls.setter, status)
+
+
+def laid_out(shapes: Mapping[int, tuple[int, ...]], variables: Sequence[Variable]) -> tuple[list[int], list[int], int]:
+    """Return the value references of variables, each once, where their values stand, and how many values there are.
+
+    Arrays are taken as wholes: all their elements stand there, whatever of them is in `variables`.
+
+    Args:
+        shapes: value reference → shape, of arrays.
+        variables: in any order.
+    """
+    references = list(dict.fromkeys(v.value_reference for v in variables))
+    offsets, total = {}, 0
+    for reference in references:
+        offsets[reference] = total
+        total += _size(shapes, reference)
+    return references, [offsets[v.value_reference] + v.element for v in variables], total
 
 
 def _size(shapes: Mapping[int, tuple[int, ...]], reference: int) -> int:

@@ -31,6 +31,8 @@ class Variable:
         derivative_of: name of the state whose derivative this is.
         dependencies: for outputs and derivatives, names of what it depends on; None: not declared.
         initial: "exact", "approx" (the start value is a guess) or "calculated"; None: not declared.
+        display_unit: unit in which values are to be shown, as declared.
+        declared_type: name of the type that it is declared to be of.
     """
 
     name: str
@@ -48,6 +50,8 @@ class Variable:
     derivative_of: str | None = None
     dependencies: tuple[str, ...] | None = None
     initial: str | None = None
+    display_unit: str | None = None
+    declared_type: str | None = None
 
     @property
     def is_continuous_input(self) -> bool:
@@ -56,5 +60,5 @@ class Variable:
 
     @property
     def is_number(self) -> bool:
-        """Whether a float stands for its value (everything but String and Binary)."""
-        return self.type not in ("String", "Binary")
+        """Whether a float stands for its value (everything but String, Binary and Clock, which ticks)."""
+        return self.type not in ("String", "Binary", "Clock")

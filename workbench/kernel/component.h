@@ -9,6 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "clocks.h"
 #include "failure.h"
 
 typedef void (*Function)(void);
@@ -28,6 +29,8 @@ typedef enum {
     DO_STEP,
     SET_SLOPES,
     GET_DIRECTIONAL,
+    SET_CLOCK,
+    GET_INTERVAL,
     N_FUNCTIONS
 } FunctionIndex;
 
@@ -35,6 +38,7 @@ typedef enum {
 enum { FMI_WARNING = 1, FMI_DISCARD = 2, FMI_FATAL = 4, NOT_EXPORTED = -1 };
 
 struct ComponentCalls;
+struct Intermediate;
 
 /* FMI 2.0.4, 4.2.2: noSetFMUStatePriorToCurrentPoint would promise that no earlier snapshot will be restored. */
 #define NEVER_BACK false
@@ -54,6 +58,8 @@ typedef struct {
     double due;             /* its next time event [s] */
     double clock;           /* co-simulation: its own time is that much later than the session's [s] */
     const struct ComponentCalls *calls;
+    Clocks *clocks; /* that the importer lets tick; NULL: none */
+    struct Intermediate *intermediate; /* its environment, where it asks for inputs inside a step; NULL: it does not */
 } Component;
 
 /* What an event iteration or a step says. */
@@ -88,6 +94,9 @@ bool component_checked(const Component *component, FunctionIndex function, int s
 bool component_set_time(Component *component, double time, int32_t who, Failure *failure);
 bool component_states(const Component *component, FunctionIndex function, double *values, size_t n, int32_t who,
                       Failure *failure);
+/* Evaluate the event once. */
+bool component_update(Component *component, Answer *answer, int32_t who, Failure *failure);
+/* Into event mode: clocks that are due tick. */
 bool component_enter(const Component *component, FunctionIndex mode, int32_t who, Failure *failure);
 
 #endif

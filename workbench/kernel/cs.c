@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "cs_step.h"
+#include "intermediate.h"
 
 static const double GRID_ERROR = 1e-6; /* of a step: how far a point may lie off a constant grid */
 
@@ -31,9 +32,11 @@ static bool communicate(Cs *cs, double end, bool last) {
     Forcing *forcing = system->forcing;
     const double start = cs->previous = cs->time;
     forcing_give_slopes(forcing, system->components, start, end);
+    intermediate_step(system, start, end);
     if (!cs_step_to(cs, end)) {
         return false;
     }
+    intermediate_seen(system, start, end);
     system->steps++;
     copy_values(forcing->written, forcing->seen, forcing->n);
     if (!add_row(cs, forcing->seen, last ? ROW_ALWAYS : ROW_POINT)) {
@@ -52,6 +55,11 @@ static bool choose_target(Cs *cs) {
     const double point = cs->n_targets ? cs->targets[0] : cs->until;
     cs->start = cs->time;
     cs->target = fmin(point, forcing_next_break(cs->system->forcing, cs->time));
+    for (size_t i = 0; i < cs->system->n_components; i++) {
+        /* What is overdue ticks at the next communication point: time never goes back. */
+        const double tick = clocks_next(cs->system->components[i].clocks);
+        cs->target = tick > cs->time ? fmin(cs->target, tick) : cs->target;
+    }
     cs->count = steps_to(cs, cs->target);
     cs->made = 0.0;
     return cs->count >= 1.0 || fail_value(&cs->system->failure, FAILED_GRID, cs->time, 0, cs->target);
@@ -89,6 +97,7 @@ bool cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Recor
     cs->made = cs->count = 0.0;
     cs->record = record;
     system_go_on(system);
+    intermediate_begin(system);
     record_begin(record, system);
     return cs_set_inputs(cs, fresh || forcing_next_break(system->forcing, cs->previous) <= cs->time) &&
            add_row(cs, system->forcing->written, ROW_ALWAYS) && run_on(cs);

@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "intermediate.h"
+
 enum { MAX_EARLY_RETURNS = 10000, MAX_EVENT_ITERATIONS = 1000 };
 
 static Failure *failure_of(Cs *cs) {
@@ -17,11 +19,10 @@ static bool ended(Cs *cs, int32_t who) {
 
 /* Iterate until nothing changes, then go to step mode. */
 static bool leave_event_mode(Cs *cs, int32_t who) {
-    const Component *component = &cs->system->components[who];
+    Component *component = &cs->system->components[who];
     for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
         Answer answer = {0};
-        const int status = component->calls->update_discrete_states(component, &answer);
-        if (!component_checked(component, UPDATE_DISCRETE_STATES, status, who, failure_of(cs))) {
+        if (!component_update(component, &answer, who, failure_of(cs))) {
             return false;
         }
         if (answer.terminate) {
@@ -36,7 +37,9 @@ static bool leave_event_mode(Cs *cs, int32_t who) {
 }
 
 static bool enter_event_mode(Cs *cs, int32_t who) {
-    return component_enter(&cs->system->components[who], ENTER_EVENT_MODE, who, failure_of(cs));
+    Component *component = &cs->system->components[who];
+    component->time = cs->time; /* after a restore it stands elsewhere */
+    return component_enter(component, ENTER_EVENT_MODE, who, failure_of(cs));
 }
 
 /* ---- inputs ---- */
@@ -131,7 +134,8 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
         Answer answer = {0};
         component->time = cs->time;
         const int status = component->calls->do_step(component, cs->time, end - cs->time, &answer);
-        if (!component_checked(component, DO_STEP, status, who, failure_of(cs))) {
+        if (!component_checked(component, DO_STEP, status, who, failure_of(cs)) ||
+            failure_of(cs)->code != NO_FAILURE) { /* of a callback */
             return false;
         }
         const bool early = is_early(answer.time, cs->time, end);
@@ -158,5 +162,9 @@ bool cs_step_to(Cs *cs, double end) {
         }
     }
     cs->time = end;
+    for (size_t i = 0; i < cs->system->n_components; i++) {
+        Component *component = &cs->system->components[i];
+        component->event_due = component->event_due || clocks_next(component->clocks) <= end;
+    }
     return true;
 }

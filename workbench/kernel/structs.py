@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from ctypes import c_bool, c_char, c_double, c_int32, c_int64, c_size_t, c_void_p
 from typing import Any
 
+from workbench.fmi.intermediate import Intermediate
+from workbench.fmi.ticking import Clocks, Tick
 from workbench.kernel.gear import GearLibrary
 
 __all__ = [
@@ -48,6 +50,8 @@ FUNCTIONS = (
     "do_step",
     "set_slopes",
     "get_directional",
+    "set_clock",
+    "get_interval",
 )
 
 
@@ -115,6 +119,8 @@ class Component(ctypes.Structure):
         ("due", c_double),
         ("clock", c_double),
         ("calls", c_void_p),
+        ("clocks", c_void_p),
+        ("intermediate", c_void_p),
     )
 
 
@@ -452,5 +458,5 @@ class Cs(ctypes.Structure):
 
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
     Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
-    Wires, Lti, Slopes,
+    Wires, Lti, Slopes, Clocks, Tick, Intermediate,
 )  # fmt: skip

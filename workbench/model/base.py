@@ -11,7 +11,7 @@ from workbench.core.closable import Closable
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import Value, Variable
 from workbench.model.placing import find_point
 from workbench.session.base import Session
 from workbench.session.point import Point
@@ -82,6 +82,11 @@ class Model(Closable):
         twin.at, twin.notes = point, (*self.notes, *notes)
         twin.start_time = self.start_time if point is None else point.time
         return twin
+
+    @property
+    def start_values(self) -> Mapping[str, Value]:
+        """Parameters and start values that it was opened with, in their variables' types, arrays element by element."""
+        return {}
 
     @abstractmethod
     def open_session(

@@ -72,6 +72,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "reproduce.result.ReproduceResult": ("workbench.reproduce.page:reproduce_page", ""),
     "reproduce.result.TargetList": ("workbench.reproduce.page:targets_page", ""),
     "system.container.ContainerResult": ("build:container_page", ""),
+    "to_fmu.compile_fmu.CompiledFmu": ("build:compiled_page", ""),
 }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,21 +17,19 @@ __all__ = ["slopes_pattern", "why_not_exact"]
 _FUNCTIONS = {2: "fmi2GetDirectionalDerivative", 3: "fmi3GetDirectionalDerivative"}
 
 
-def why_not_exact(instance: Instance, asked: Iterable[Variable]) -> str:
-    """Return why directional derivatives are not offered; empty if they are.
+def why_not_exact(instance: Instance) -> str:
+    """Return why exact derivatives, forward or adjoint, are not offered; empty if they are.
 
     Args:
         instance: of model exchange.
-        asked: variables of which, or along which, they are wanted, besides the states and their derivatives.
     """
     description = instance.description
-    if not instance.capabilities.directional_derivatives:
+    claims = instance.capabilities
+    if not (claims.directional_derivatives or claims.adjoint_derivatives):
         return f"{description.model_name} offers no directional derivatives"
     if len(description.derivatives) != instance.nx:
         return f"{description.model_name} does not name the derivatives of its states"
-    named = (*description.derivatives, *description.states, *asked)
-    arrays = [v.name for v in named if v.value_reference in description.shapes]
-    return f"{arrays[0]} is an element of an array, which directional derivatives take as a whole" if arrays else ""
+    return ""
 
 
 def slopes_pattern(instance: Instance, recorded: Sequence[Variable]) -> Pattern:
@@ -53,7 +51,9 @@ def slopes_pattern(instance: Instance, recorded: Sequence[Variable]) -> Pattern:
     pattern = pattern_of(depends, n)
     function = _FUNCTIONS.get(instance.parts[0].version, "")
     smooth = all(v.causality == "output" and v.type in FLOAT_TYPES and v.variability == "continuous" for v in recorded)
-    if not smooth or why_not_exact(instance, recorded) or not instance.parts[0].library.address(function):
+    # The kernel takes one number a value reference: no arrays.
+    scalar = instance.capabilities.directional_derivatives and not description.shapes
+    if not (smooth and scalar) or why_not_exact(instance) or not instance.parts[0].library.address(function):
         return pattern
     references = np.array([v.value_reference for v in description.states], dtype=np.uint32)[pattern.members]
     return replace(pattern, references=(references, np.array([v.value_reference for v in rows], dtype=np.uint32)))

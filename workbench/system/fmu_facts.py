@@ -14,7 +14,7 @@ from workbench.core.names import plain_unit
 from workbench.core.scratch import scratch
 from workbench.errors import FmuError
 from workbench.fmi.archive import DAMAGED, locate
-from workbench.fmi.description import MAX_XML_BYTES, read_description
+from workbench.fmi.reading import MAX_XML_BYTES, read_description
 from workbench.fmi.variable import Variable
 from workbench.system.units import BASE_UNITS, Unit
 

@@ -51,8 +51,7 @@ def directional(subject: CheckedFmu) -> Answer:
     of the column's size: D = (f(x + w/2) − f(x − w/2)) / w. Only where the model is smooth there can anything be
     told: both widths, and forward and backward differences, must agree within 0.1 %; kinks, steps and points where a
     `when` would fire are set aside. Broken: the FMU's derivative differs from D by more than 1 % and more
-    than rounding, 256·ε·(|f_i| + Σ_j |J_ij|·size_j) / w. Not applicable: none claimed, or (arrays of FMI 3.0) not
-    taken element by element here.
+    than rounding, 256·ε·(|f_i| + Σ_j |J_ij|·size_j) / w. Not applicable: none claimed.
     """
     tally = _Tally()
     for place in places(subject):

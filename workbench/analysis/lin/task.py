@@ -15,7 +15,7 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.model import Model, Variable
-from workbench.model.names import Kind, check_variables
+from workbench.model.names import Kind, check_variables, found_variables
 from workbench.model.placing import find_point
 from workbench.session.base import Floats
 from workbench.session.point import Point
@@ -115,8 +115,7 @@ def _moved(where: OperatingPoint, given: Mapping[str, float]) -> tuple[str, ...]
 def _chosen(model: Model, wanted: Sequence[str] | None, usual: Iterable[Variable], *kinds: Kind) -> tuple[str, ...]:
     if wanted is None:
         return tuple(v.name for v in usual if v.type in FLOAT_TYPES)
-    check_variables(model, wanted, *kinds, what=f"{kinds[0]}s")
-    return tuple(dict.fromkeys(wanted))
+    return tuple(found_variables(model, wanted, *kinds, what=f"{kinds[0]}s"))
 
 
 def open_base(task: LinTask) -> Point:

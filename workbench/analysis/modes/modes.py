@@ -79,7 +79,7 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
 def _own(model: DescribedModel, common: Settings, against: Sequence[Settings]) -> Settings:
     """Return what the model has where further configurations have something else."""
     starts = {v.name: v.start for v in model.description.variables}
-    known = {**starts, **model.recipe.start_values, **common}
+    known = {**starts, **model.start_values, **common}
     found = {name: known.get(name) for settings in against for name in settings}
     return {name: value for name, value in found.items() if value is not None}
 
