@@ -17,6 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from workbench.core.files import cache_folder
 from workbench.errors import BuildError
 from workbench.fmi.platforms import host
 
@@ -82,11 +83,6 @@ def host_only() -> tuple[Platform, ...]:
     return tuple(p for p in PLATFORMS if p.name == host())
 
 
-def _cache() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "fmi-workbench" / "compiler"
-
-
 def require(*packages: str) -> None:
     """Check that what writes FMUs is installed.
 
@@ -129,7 +125,7 @@ def compile_library(
         "-I.", *sources,
         "-o", str(output.resolve()), *(option.format(stem=install_stem) for option in platform.link),
     ]  # fmt: skip
-    cache = str(_cache())
+    cache = str(cache_folder("compiler"))
     environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
     result = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     if result.returncode != 0:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from workbench.errors import InputError, one_line
 
-__all__ = ["file_to_write", "named_path", "pack", "replacing"]
+__all__ = ["cache_folder", "file_to_write", "named_path", "pack", "replacing"]
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows
 _UNIX = 3
@@ -38,6 +38,16 @@ def named_path(path: str | Path) -> Path:
         shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
         raise InputError(f"'{one_line(shown)}': no file can have this name: {why}") from None
     return found
+
+
+def cache_folder(name: str) -> Path:
+    """Return the folder for what can be made again, of this user; it may not exist.
+
+    Args:
+        name: of what lies there.
+    """
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "fmi-workbench" / name
 
 
 def file_to_write(path: str | Path, suffix: str = "", *, option: str = "") -> Path:

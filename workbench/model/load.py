@@ -19,9 +19,10 @@ from workbench.core.option import values_of, with_options
 from workbench.core.scratch import scratch
 from workbench.errors import FmuError, InputError, article, suggest
 from workbench.fmi.archive import Unpacked, unpack
-from workbench.fmi.description import Description, read_description
+from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.platforms import binary_path
+from workbench.fmi.reading import read_description
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.kernel.gear import why_missing
 from workbench.model.fmu_model import FmuModel

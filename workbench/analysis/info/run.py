@@ -11,8 +11,9 @@ from workbench.analysis.snapshots import Snapshots, probe_snapshots
 from workbench.core.job import Job
 from workbench.errors import FmuError
 from workbench.fmi.archive import Unpacked, locate, unpack
-from workbench.fmi.description import Description, read_description
+from workbench.fmi.description import Description
 from workbench.fmi.platforms import binary_path
+from workbench.fmi.reading import read_description
 from workbench.fmi.variable import Variable
 from workbench.model.load import FmuRecipe
 from workbench.origin import ModelFacts, Origin, remember
