@@ -16,11 +16,16 @@ static const double GOLDEN = 0.6180339887498949;
 
 static double size_of(const Sloped *s, size_t i) { return fmax(fabs(s->x[i]), s->scale[i]); }
 
+static const Groups NOTHING_SAID = {0};
+
 /* Where the rows of a state begin and end; all of them where nothing is said. */
-static size_t rows_of(const Groups *groups, size_t n_values, size_t i, size_t *end) {
-    *end = groups->first ? groups->first[i + 1] : n_values;
-    return groups->first ? groups->first[i] : 0;
+static size_t begin_of(const Groups *groups, size_t i) { return groups->first ? groups->first[i] : 0; }
+
+static size_t end_of(const Groups *groups, size_t n_values, size_t i) {
+    return groups->first ? groups->first[i + 1] : n_values;
 }
+
+static size_t row_at(const Groups *groups, size_t j) { return groups->first ? groups->rows[j] : j; }
 
 static Evaluation move_by(const Sloped *s, const size_t *members, size_t n, double part) {
     memcpy(s->moved, s->x, s->n * sizeof(double));
@@ -42,12 +47,9 @@ Evaluation grouped_move(const Sloped *s, const size_t *members, size_t n, double
     return evaluation == RECOVERABLE ? move_by(s, members, n, -side * NUDGE) : evaluation;
 }
 
-static void keep(const Sloped *s, const Groups *groups, size_t i, bool all) {
-    static const Groups nothing_said = {0};
-    const size_t *rows = all ? NULL : groups->rows;
-    size_t end = 0;
-    for (size_t j = rows_of(all ? &nothing_said : groups, s->n_values, i, &end); j < end; j++) {
-        const size_t row = rows ? rows[j] : j;
+static void keep(const Sloped *s, const Groups *groups, size_t i) {
+    for (size_t j = begin_of(groups, i); j < end_of(groups, s->n_values, i); j++) {
+        const size_t row = row_at(groups, j);
         *s->slope(s->owner, i, row) = s->there[row] / s->step[i];
     }
 }
@@ -62,7 +64,7 @@ Evaluation grouped_fill(const Sloped *s, const Groups *groups, bool single, Move
             return evaluation;
         }
         for (size_t j = begin; j < end; j++) {
-            keep(s, groups, groups->members[j], single);
+            keep(s, single ? &NOTHING_SAID : groups, groups->members[j]);
         }
         begin = end;
     }
@@ -80,9 +82,8 @@ Evaluation grouped_confirm(const Sloped *s, const Groups *groups, double turn) {
         const double part = far - floor(far) - 0.5; /* between -0.5 and 0.5 */
         s->moved[i] = s->x[i] + NUDGE * (part + copysign(0.5, part)) * size_of(s, i);
         const double step = s->moved[i] - s->x[i];
-        size_t end = 0;
-        for (size_t j = rows_of(groups, s->n_values, i, &end); j < end; j++) {
-            const size_t row = groups->rows ? groups->rows[j] : j;
+        for (size_t j = begin_of(groups, i); j < end_of(groups, s->n_values, i); j++) {
+            const size_t row = row_at(groups, j);
             const double slope = *s->slope(s->owner, i, row);
             said[row] += slope * step;
             size[row] += fabs(slope * step);
