@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from workbench.errors import InputError
@@ -73,7 +74,7 @@ class Block:
     def __init__(self, instance: Instance, calls: TypeCalls, variables: Sequence[Variable]) -> None:
         references = list(dict.fromkeys(v.value_reference for v in variables))
         sizes = [_size(instance.description.shapes, r) for r in references]
-        offsets = {r: sum(sizes[:i]) for i, r in enumerate(references)}
+        offsets = dict(zip(references, accumulate(sizes, initial=0), strict=False))
         self.calls = calls
         self.instance = instance
         self.slots = [offsets[v.value_reference] + v.element for v in variables]

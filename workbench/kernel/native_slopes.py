@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,6 +46,23 @@ class Pattern:
     first: Indices | None = None
     rows: Indices | None = None
     references: tuple[NDArray[np.uint32], NDArray[np.uint32]] | None = None
+
+    def groups(self) -> Iterator[tuple[Indices, Indices, Indices]]:
+        """Yield each group: its states, the rows that they move, and the state that moves each row.
+
+        Only of a pattern that says what each state moves.
+        """
+        begin = 0
+        for end in self.ends.tolist():
+            members = self.members[begin:end]
+            begin = end
+            yield members, *self._moved(members)
+
+    def _moved(self, members: Indices) -> tuple[Indices, Indices]:
+        if self.first is None or self.rows is None:
+            raise ValueError("the pattern says nothing")
+        rows = [self.rows[self.first[m] : self.first[m + 1]] for m in members.tolist()]
+        return np.concatenate(rows), members.repeat(np.array(list(map(len, rows)), dtype=np.intp))
 
     @property
     def structure(self) -> Groups:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.kernel.native_slopes import NativeSparsity, Pattern, pattern_of
 
-__all__ = ["is_single", "newton_note", "newton_sparsity", "slopes_pattern", "why_not_exact"]
+__all__ = ["columns_pattern", "is_single", "newton_note", "newton_sparsity", "slopes_pattern", "why_not_exact"]
 
 SLOW = 300  # states; from here on somebody wants to know why it takes so long
 LARGE = 64  # states; a dense Newton matrix of fewer is as fast
@@ -93,6 +93,25 @@ def newton_note(description: Description) -> str:
     return f"gear: dense Newton matrix of {n} states, which is slow: its declared dependencies make no narrow band"
 
 
+def columns_pattern(instance: Instance, columns: Sequence[Variable], rows: Sequence[Variable]) -> Pattern | None:
+    """Return which columns of a large model can be moved at once, as declared; None: each is moved by itself.
+
+    Args:
+        instance: of model exchange.
+        columns: states and inputs.
+        rows: derivatives and outputs.
+    """
+    description = instance.description
+    if len(columns) < LARGE or not is_single(instance) or description.shapes:
+        return None
+    number = {v.name: i for i, v in enumerate(columns)}
+    depends = [_behind(v, number) for v in rows]
+    if None in depends:
+        return None
+    found = pattern_of(depends, len(columns))
+    return found if 2 * len(found.ends) < len(columns) else None
+
+
 def is_single(instance: Instance) -> bool:
     """Whether an instance is one FMU that names its states and derivatives."""
     description, n = instance.description, instance.nx
@@ -105,11 +124,11 @@ def _states_of(description: Description, rows: Sequence[Variable]) -> list[list[
     if description.shapes:
         return [None]
     number = {v.name: i for i, v in enumerate(description.states)}
-    return [_states_behind(v, number) for v in rows]
+    return [_behind(v, number) for v in rows]
 
 
-def _states_behind(variable: Variable, number: dict[str, int]) -> list[int] | None:
-    """Return on which states a variable depends; None: it is not declared."""
+def _behind(variable: Variable, number: Mapping[str, int]) -> list[int] | None:
+    """Return on which of the numbered variables another depends; None: it is not declared."""
     if variable.name in number:
         return [number[variable.name]]
     if variable.dependencies is None:

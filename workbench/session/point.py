@@ -4,23 +4,29 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
+from workbench.kernel.native_slopes import Pattern
 from workbench.session.base import Floats
-from workbench.session.directional import why_not_exact
+from workbench.session.directional import columns_pattern, why_not_exact
 from workbench.session.fmu import FmuSession
 from workbench.session.me import MeSession
 from workbench.session.stand import Stand, named_states
 
+Indices = NDArray[np.intp]
+
 __all__ = ["Evaluation", "FmuPoint", "Point"]
 
+_AGREE = 1e-6  # relative: a direction in which the FMU's derivatives may have differences of their own
 _SAME = 1e-9  # relative: a model that is back where it was may differ by its own iterations
 
 
@@ -107,6 +113,14 @@ class Point(ABC):
         Raises:
             InputError: the model offers no directional derivatives.
         """
+
+    @property
+    def pattern(self) -> Pattern | None:
+        """Which states and inputs move which derivatives and outputs, as a large model declares it; None: unknown.
+
+        It is not believed: whoever uses it compares with one more evaluation.
+        """
+        return None
 
     @abstractmethod
     def why_not_exact(self) -> str:
@@ -273,6 +287,12 @@ class FmuPoint(Point):
         names = [f"the derivative of {v.name}" for v in self.states] + [v.name for v in self.outputs]
         return names[int(np.flatnonzero(~np.isfinite(np.concatenate([dx, y])))[0])]
 
+    @cached_property
+    def pattern(self) -> Pattern | None:
+        instance = self.session.instance
+        rows = (*instance.description.derivatives, *self.outputs)
+        return columns_pattern(instance, (*self.states, *self.inputs), rows)
+
     # -- exact derivatives ----------------------------------------------------------------
 
     def jacobian(self) -> Floats:
@@ -285,15 +305,45 @@ class FmuPoint(Point):
         # Other outputs change at events alone: nothing moves them here, and an FMU may refuse to be asked.
         smooth = [i for i, v in enumerate(self.outputs) if v.type in FLOAT_TYPES and v.variability == "continuous"]
         rows = [*instance.description.derivatives, *(self.outputs[i] for i in smooth)]
+        places = np.array([*range(n), *(n + i for i in smooth)])
         full = np.full((n + len(self.outputs), n + len(self.inputs)), np.nan)
         columns = [*enumerate(self.states), *((n + i, v) for i, v in enumerate(self.inputs) if v.is_continuous_input)]
-        for column, variable in columns:
+        full[:, [column for column, _ in columns]] = 0.0
+        variables = dict(columns)
+
+        def along(some: Sequence[int], seed: Floats) -> Floats:
             self.calls["directional"] += 1
-            full[:, column] = 0.0
-            full[[*range(n), *(n + i for i in smooth)], column] = instance.directional_derivative(
-                rows, [variable], [1.0]
-            )
+            return instance.directional_derivative(rows, [variables[j] for j in some], seed.tolist())
+
+        if not self._jacobian_in_groups(full, places, list(variables), along):
+            for column in variables:
+                full[places, column] = along([column], np.ones(1))
         return full
+
+    def _jacobian_in_groups(
+        self, full: Floats, places: Indices, columns: list[int], along: Callable[[Sequence[int], Floats], Floats]
+    ) -> bool:
+        """Fill in a Jacobian, several columns at once; False: that cannot be, or one more direction disagrees."""
+        pattern = self.pattern
+        if pattern is None:
+            return False
+        wanted, of_row = set(columns), np.full(len(full), -1)
+        of_row[places] = np.arange(len(places))
+        for members, moved, by in pattern.groups():
+            some = [j for j in members.tolist() if j in wanted]
+            if not some:
+                continue
+            values = along(some, np.ones(len(some)))
+            known = (of_row[moved] >= 0) & np.isin(by, some)
+            full[moved[known], by[known]] = values[of_row[moved[known]]]
+        direction = np.random.default_rng(4).uniform(0.5, 1.0, len(columns))
+        part = np.ix_(places, np.array(columns))
+        inner = full[part]
+        error = np.abs(along(columns, direction) - inner @ direction)
+        if bool((error <= _AGREE * (np.abs(inner) @ direction)).all()):
+            return True
+        full[part] = 0.0
+        return False
 
     def why_not_exact(self) -> str:
         return why_not_exact(self.session.instance, (*self.inputs, *self.outputs))
