@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.core.blas import one_thread
-from workbench.core.matrices import Complex, Floats, balance, held, product, resolvent
+from workbench.core.matrices import Complex, Floats, balance, held, is_sparse, product, resolvent
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import continuous, growth_rates, vanished
 from workbench.core.record import Part, entry
@@ -77,6 +77,22 @@ class Linear(Part):
             names = getattr(self, f"{kind}_names")
             if names and len(names) != size:
                 raise InputError(f"{len(names)} {kind}_names are given for {size} {kind}s")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: of a large sparse A its entries only."""
+        state = dict(vars(self))
+        if is_sparse(self.A):
+            rows, columns = np.nonzero(self.A)
+            state["A"] = (len(self.A), rows.astype(np.int32), columns.astype(np.int32), self.A[rows, columns])
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        if isinstance(state["A"], tuple):
+            n, rows, columns, values = state["A"]
+            full = np.zeros((n, n))
+            full[rows, columns] = values
+            state = {**state, "A": full}
+        vars(self).update(state)
 
     @classmethod
     def from_state_space(cls, system: Any) -> Linear:  # noqa: ANN401 - python-control has no types

@@ -17,6 +17,7 @@ __all__ = [
     "exponentials",
     "held",
     "is_sparse",
+    "light",
     "product",
     "resolvent",
     "unheld",
@@ -66,12 +67,25 @@ def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
 
 
 def is_sparse(A: Floats) -> bool:
-    """Whether a matrix is so large, and has so few entries, that sparse elimination is faster.
+    """Whether a matrix is so large, and has so few entries, that it is worth to keep to them.
 
     Args:
-        A: shape (n, n).
+        A: shape (m, n).
     """
     return bool(len(A) >= _LARGE and np.count_nonzero(A) <= _SPARSE * A.size and np.isfinite(A).all())
+
+
+def light(A: Floats) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types
+    """Return a matrix as a sparse array where it is large and sparse: products with vectors, and `abs`, are as before.
+
+    Args:
+        A: shape (m, n).
+    """
+    if not is_sparse(A):
+        return A
+    from scipy.sparse import csr_array  # noqa: PLC0415  slow to import
+
+    return csr_array(A)
 
 
 def product(A: Floats, stack: NDArray[Any]) -> NDArray[Any]:
@@ -81,12 +95,11 @@ def product(A: Floats, stack: NDArray[Any]) -> NDArray[Any]:
         A: shape (n, n); its zeros cost nothing where it is large and sparse.
         stack: shape (k, n, m).
     """
-    if not is_sparse(A):
+    matrix = light(A)
+    if matrix is A:
         return np.asarray(A @ stack)
-    from scipy.sparse import csr_array  # noqa: PLC0415  slow to import
-
     k, n, m = stack.shape
-    flat = csr_array(A) @ stack.transpose(1, 0, 2).reshape(n, k * m)
+    flat = matrix @ stack.transpose(1, 0, 2).reshape(n, k * m)
     return np.asarray(flat).reshape(n, k, m).transpose(1, 0, 2)
 
 

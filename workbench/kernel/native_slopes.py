@@ -62,7 +62,7 @@ class Pattern:
         if self.first is None or self.rows is None:
             raise ValueError("the pattern says nothing")
         rows = [self.rows[self.first[m] : self.first[m + 1]] for m in members.tolist()]
-        return np.concatenate(rows), members.repeat(np.array(list(map(len, rows)), dtype=np.intp))
+        return np.concatenate(rows), np.repeat(members, np.array([len(r) for r in rows], dtype=np.intp))
 
     @property
     def structure(self) -> Groups:
@@ -195,7 +195,7 @@ class NativeSparsity:
         self._pattern, self._place = pattern, np.empty(n, dtype=np.uintp)
         self._place[order] = np.arange(n, dtype=np.uintp)
         place = self._place.astype(np.int64)
-        apart = place[rows] - np.repeat(place, np.diff(first.astype(np.int64)))
+        apart = place[rows] - np.repeat(place, np.diff(first).astype(np.intp))
         self.below, self.above = max(0, int(apart.max(initial=0))), max(0, int(-apart.min(initial=0)))
         self.groups = len(pattern.ends)
         self.structure = Sparsity(pattern.structure, self._place.ctypes.data, self.below, self.above)

@@ -327,22 +327,26 @@ class FmuPoint(Point):
         pattern = self.pattern
         if pattern is None:
             return False
-        wanted, of_row = set(columns), np.full(len(full), -1)
+        of_row = np.full(len(full), -1)
         of_row[places] = np.arange(len(places))
+        wanted = np.zeros(full.shape[1], dtype=bool)
+        wanted[columns] = True
+        direction = np.zeros(full.shape[1])
+        direction[columns] = np.random.default_rng(4).uniform(0.5, 1.0, len(columns))
+        expected, size = np.zeros(len(places)), np.zeros(len(places))
         for members, moved, by in pattern.groups():
-            some = [j for j in members.tolist() if j in wanted]
-            if not some:
+            some = members[wanted[members]]
+            if not len(some):
                 continue
-            values = along(some, np.ones(len(some)))
-            known = (of_row[moved] >= 0) & np.isin(by, some)
-            full[moved[known], by[known]] = values[of_row[moved[known]]]
-        direction = np.random.default_rng(4).uniform(0.5, 1.0, len(columns))
-        part = np.ix_(places, np.array(columns))
-        inner = full[part]
-        error = np.abs(along(columns, direction) - inner @ direction)
-        if bool((error <= _AGREE * (np.abs(inner) @ direction)).all()):
+            values = along(some.tolist(), np.ones(len(some)))
+            known = (of_row[moved] >= 0) & wanted[by]
+            rows, columns_of = of_row[moved[known]], by[known]
+            full[places[rows], columns_of] = values[rows]
+            expected[rows] += values[rows] * direction[columns_of]
+            size[rows] += np.abs(values[rows] * direction[columns_of])
+        if bool((np.abs(along(columns, direction[columns]) - expected) <= _AGREE * size).all()):
             return True
-        full[part] = 0.0
+        full[np.ix_(places, np.array(columns))] = 0.0
         return False
 
     def why_not_exact(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from workbench.analysis.lin.assemble import continuous_result, operating_point
 from workbench.analysis.lin.explain import DECLARED, ELSEWHERE, NOT_CONNECTED, Reach, zeros_of
 from workbench.analysis.lin.result import Doubt, LinResult
 from workbench.analysis.lin.task import LinTask, columns_of, moving_note, open_base, sampled_note, width_for
+from workbench.core.matrices import light
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import DescribedModel
@@ -132,6 +134,7 @@ class Columns:
         self.widths: Floats = np.where(self.chosen, self._default(), given)
         self.base = self._at(np.zeros(len(self.names)))
         self._pairs: dict[int, _Pair] = {}
+        self._light: tuple[Floats, Any] | None = None
 
     def _default(self) -> Floats:
         """Integer inputs move by one to both sides; nothing less would move them."""
@@ -166,6 +169,12 @@ class Columns:
         if variable.type not in FLOAT_TYPES:
             high, low = float(convert(variable, high)), float(convert(variable, low))
         return (high - low) or width
+
+    def light(self, jacobian: Floats) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types
+        """Return the matrix as a sparse array where it is one; the last one is kept."""
+        if self._light is None or self._light[0] is not jacobian:
+            self._light = (jacobian, light(jacobian))
+        return self._light[1]
 
     def together(self) -> Floats | None:
         """Return the matrix of central differences, columns that move different rows, as declared, moved at once.
@@ -217,7 +226,7 @@ class Columns:
     def moving(self, jacobian: Floats) -> tuple[str, ...]:
         """Return a remark where the point is not at rest: derivatives beyond what a small part of the scales makes."""
         n = len(self.point.states)
-        allowed = MOVING * np.abs(jacobian[:n]) @ self.scales + STANDS * self.scales[:n]
+        allowed = MOVING * (abs(self.light(jacobian)) @ self.scales)[:n] + STANDS * self.scales[:n]
         found = np.flatnonzero(np.abs(self.base.dx) > allowed)
         return moving_note([f"der({self.names[i]}) = {self.base.dx[i]:.4g}" for i in found])
 
@@ -248,8 +257,8 @@ class Columns:
             above, below = (self.values(s * shift) for s in (1.0, -1.0))
         except SimulationError:
             return False
-        expected = 2.0 * jacobian @ shift
-        scale = 2.0 * np.abs(jacobian) @ np.abs(shift)
+        matrix = self.light(jacobian)
+        expected, scale = 2.0 * (matrix @ shift), 2.0 * (abs(matrix) @ np.abs(shift))
         noise = ROUNDING * (np.abs(above) + np.abs(below))
         return bool((np.abs(above - below - expected) <= AGREE * 1e-2 * scale + noise).all())
 
@@ -355,7 +364,8 @@ class Columns:
             sides = [self.values(s * shift) - self._base_values() for s in (1.0, -1.0)]
         except SimulationError:
             return False
-        expected, scale = jacobian @ shift, np.abs(jacobian) @ np.abs(shift)
+        matrix = self.light(jacobian)
+        expected, scale = matrix @ shift, abs(matrix) @ np.abs(shift)
         noise = ROUNDING * np.abs(self._base_values()) + 1e-6 * scale
         return bool((np.abs(sides[0] - expected) <= noise).all() and (np.abs(sides[1] + expected) <= noise).all())
 
@@ -369,7 +379,9 @@ class Columns:
 
     def flat(self, jacobian: Floats, reach: Reach) -> list[Doubt]:
         """Return the entries that are 0 here but not when their variable moves far."""
-        found = []
+        found = list[Doubt]()
+        if not (reach.above.any() or reach.below.any()):
+            return found
         for i, j in np.argwhere(reach.above | reach.below):
             where, far = reach.where(i, j), FAR[-1] * self.sizes[j]
             reason = f"locally flat: 0 here, but it moves when {self.names[j]} {where} by up to {far:.3g}"
