@@ -208,8 +208,7 @@ def test_modes_follows_the_wanted_ones_only(folder: Path, monkeypatch: pytest.Mo
     n = 240
     with wb.load(build_large(folder, "cubic", n)) as model:
         assert isinstance(model, DescribedModel)
-        rest = {"q[1]": 0.0}
-        few = wb.modes(model, vary="q[60]", values=[0.0, 2.0, 4.0], count=4, in_process=True, x0=rest)
+        few = wb.modes(model, vary="q[60]", values=[0.0, 2.0, 4.0], count=4, in_process=True)
     (found,) = few.sets
     assert len(found.modes) == 4
     assert any("only 4 modes are followed, those nearest to 0 Hz" in note for note in few.notes)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.grouping import groups_of, rows_by_column
 from workbench.kernel.structs import Groups, Slopes, Sparsity
 
 __all__ = [
@@ -86,30 +87,15 @@ class Pattern:
 def pattern_of(depends: Sequence[Sequence[int] | None], n: int) -> Pattern:
     """Return which of n states can be moved at once without two of them moving the same row.
 
-    Each state in turn goes to the first group that has none of its rows.
-
     Args:
         depends: for each row the states on which it depends; None: it may be all.
         n: number of states.
-
-    Source: A. Curtis, M. Powell, J. Reid, On the estimation of sparse Jacobian matrices, J. Inst. Maths Applics 13
-    (1974).
     """
-    if any(d is None for d in depends):
+    known = [d for d in depends if d is not None]
+    if len(known) < len(depends):
         return Pattern(np.arange(n, dtype=np.uintp), np.arange(1, n + 1, dtype=np.uintp))
-    rows: list[list[int]] = [[] for _ in range(n)]
-    for row, states in enumerate(depends):
-        for state in states or ():
-            rows[state].append(row)
-    groups: list[list[int]] = []
-    taken: list[set[int]] = []
-    for state, own in enumerate(rows):
-        number = next((g for g, moved in enumerate(taken) if moved.isdisjoint(own)), len(groups))
-        if number == len(groups):
-            groups.append([])
-            taken.append(set())
-        groups[number].append(state)
-        taken[number].update(own)
+    rows = rows_by_column(known, n)
+    groups = groups_of(rows)
     return Pattern(
         members=np.array([state for members in groups for state in members], dtype=np.uintp),
         ends=np.cumsum([len(members) for members in groups], dtype=np.uintp),

@@ -73,6 +73,7 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
         tolerance=width,
         notes=(*remarks, *moving, *_which(found, asked), *_notes(found, vary)),
         operating_point=first,
+        followed=asked.count,
     )
 
 
