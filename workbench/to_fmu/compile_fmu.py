@@ -34,6 +34,7 @@ _FIRST = {
     (2, "cs"): "fmi2Instantiate",
     (3, "me"): "fmi3InstantiateModelExchange",
     (3, "cs"): "fmi3InstantiateCoSimulation",
+    (3, "se"): "fmi3InstantiateScheduledExecution",
 }
 
 
@@ -202,8 +203,8 @@ _OWN = Path(__file__).parent / "fmi1_headers"
 def _write(source: Path, target: Path, made: Mapping[str, Path]) -> None:
     """Write the FMU anew with the binaries; all else in it stays as it is."""
     with (
-        zipfile.ZipFile(source) as old,
         replacing(target) as part,
+        zipfile.ZipFile(source) as old,  # closed before it is replaced, as Windows wants it
         zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as new,
     ):
         for entry in old.infolist():

@@ -42,7 +42,7 @@ class ListedLibrary:
 
     Attributes:
         identifier: its name without suffix, the FMU's modelIdentifier.
-        interfaces: "me", "cs", or both.
+        interfaces: "me", "cs", "se" (scheduled execution), those that it serves.
         files: what it is compiled from.
         notes: what the FMU asks for that was left out, one line each.
     """
@@ -74,7 +74,8 @@ def listed_libraries(
     if not sources.is_dir():
         raise BuildError(f"{source}: it has no sources, so nothing can be compiled; ask its maker for a binary")
     identifiers: dict[str, list[str]] = {}
-    for interface, claims in description.interfaces.items():
+    scheduled = {} if description.scheduled is None else {"se": description.scheduled}
+    for interface, claims in {**description.interfaces, **scheduled}.items():
         identifiers.setdefault(claims.identifier, []).append(interface)
     built = _root(sources / "buildDescription.xml", source) if description.major >= 3 else None
     asked = _root(folder / "modelDescription.xml", source) if description.major == 2 else None
