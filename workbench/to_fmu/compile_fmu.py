@@ -19,7 +19,7 @@ from workbench.fmi.description import Description
 from workbench.fmi.library import functions_of
 from workbench.fmi.platforms import folders_of
 from workbench.fmi.reading import read_description
-from workbench.to_fmu.source_lists import ListedLibrary, SourceFile, listed_libraries
+from workbench.to_fmu.source_lists import ListedLibrary, SourceFile, every_interface, listed_libraries
 from workbench.toolchain import PLATFORMS, CFile, Platform, compile_files, host_only, require
 
 __all__ = ["CompiledFmu", "add_binaries"]
@@ -144,7 +144,7 @@ def _refuse_present(
     left: Sequence[PurePosixPath], description: Description, platforms: Sequence[Platform], source: str
 ) -> None:
     """Refuse to replace what the FMU came with, unless another file is written."""
-    names = {claims.identifier for claims in description.interfaces.values()}
+    names = {claims.identifier for claims in every_interface(description).values()}
     for platform in platforms:
         there = {f"binaries/{folder}/{n}{platform.suffix}" for folder in folders_of(platform.name) for n in names}
         if found := sorted(there & {str(file) for file in left}):

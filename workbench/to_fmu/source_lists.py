@@ -10,9 +10,9 @@ from pathlib import Path, PurePosixPath
 from lxml import etree
 
 from workbench.errors import BuildError
-from workbench.fmi.description import Description
+from workbench.fmi.description import Capabilities, Description
 
-__all__ = ["ListedLibrary", "SourceFile", "listed_libraries"]
+__all__ = ["ListedLibrary", "SourceFile", "every_interface", "listed_libraries"]
 
 _SUFFIXES = (".c", ".cc", ".cpp", ".cxx")
 _INCLUDED = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+\.(?:c|cc|cpp|cxx))"', re.MULTILINE)
@@ -74,8 +74,7 @@ def listed_libraries(
     if not sources.is_dir():
         raise BuildError(f"{source}: it has no sources, so nothing can be compiled; ask its maker for a binary")
     identifiers: dict[str, list[str]] = {}
-    scheduled = {} if description.scheduled is None else {"se": description.scheduled}
-    for interface, claims in {**description.interfaces, **scheduled}.items():
+    for interface, claims in every_interface(description).items():
         identifiers.setdefault(claims.identifier, []).append(interface)
     built = _root(sources / "buildDescription.xml", source) if description.major >= 3 else None
     asked = _root(folder / "modelDescription.xml", source) if description.major == 2 else None
@@ -89,6 +88,11 @@ def listed_libraries(
         _check(sources, files, source)
         found.append(ListedLibrary(identifier, tuple(interfaces), files, tuple(notes)))
     return tuple(found)
+
+
+def every_interface(description: Description) -> dict[str, Capabilities]:
+    """Return all interfaces of an FMU, "se" for scheduled execution."""
+    return {**description.interfaces, **({} if description.scheduled is None else {"se": description.scheduled})}
 
 
 def _root(file: Path, source: str) -> etree._Element | None:
