@@ -80,8 +80,8 @@ def _described(text: _Text) -> Description:
         with scratch("sizes") as folder:
             (folder / "modelDescription.xml").write_bytes(data)
             raw, _ = _read(folder, text.source)
-    more = additions_of(data) if str(raw.fmiVersion).startswith("3") else Additions()
     try:
+        more = additions_of(data) if str(raw.fmiVersion).startswith("3") else Additions()
         return _convert(raw, text.platforms, notes, _directional(text.folder), more)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise FmuError(f"{text.source}: modelDescription.xml cannot be understood: {error}") from error

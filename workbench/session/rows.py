@@ -28,7 +28,7 @@ def find(names: Sequence[str], variables: Mapping[str, Variable]) -> list[Variab
     found = []
     for name in names:
         check_names([name], variables, kinds=("variable",))
-        if not variables[name].is_number:
+        if not (variables[name].is_number or variables[name].type == "Clock"):  # whose ticks are counted
             raise InputError(f"'{name}' is a {variables[name].type}; only numbers can be recorded")
         found.append(variables[name])
     return found
