@@ -305,7 +305,7 @@ def test_the_command_writes_every_kind_of_file(tmp_path: Path, capsys: pytest.Ca
     assert "diverging at its own step 0.01 s" in " ".join(capsys.readouterr().out.split())
     data = json.loads(files["json"].read_text(encoding="utf-8"))
     assert (data["command"], data["verdict"], data["passed"]) == ("check", "broken", False)
-    wanted = {"component", "interface", "name", "verdict", "evidence", "consequence", "numbers", "seconds"}
+    wanted = {"component", "interface", "name", "verdict", "evidence", "consequence", "numbers", "seconds", "finished"}
     assert all(set(line) == wanted for line in data["checks"])
     assert [c["name"] for c in data["checks"]] == ["validation", "runs", "memory", "runs", "step", "memory"]
     assert {c["verdict"] for c in data["checks"]} <= set(VERDICTS)
