@@ -15,6 +15,7 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
+from tests.mimic_fmus import build_mimic
 from tests.platforms import needs_module, posix_signals
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import VERDICTS
@@ -364,3 +365,9 @@ def test_lin_and_trim_say_what_they_met(tmp_path: Path, capsys: pytest.CaptureFi
     assert "directional derivatives disagree with differences in 1 entries; use method difference" in err
     assert run(["trim", derivative]) == 0
     assert "differences are used" in capsys.readouterr().err
+
+
+def test_an_output_that_is_a_state_need_not_name_itself(tmp_path: Path) -> None:
+    """As in the Modelica Association's Reference FMUs: dependencies="" of an output that is a state."""
+    card = wb.check(build_mimic(tmp_path, "state-output"), only=["dependencies"], workers=HERE)
+    assert card.line("dependencies", "me").verdict == "good"
