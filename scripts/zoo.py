@@ -180,6 +180,7 @@ REASONS: tuple[tuple[str, Callable[[Subject, oracle.Run], bool]], ...] = (
     (r"no (continuous )?states?\b", lambda s, _: s.described.states == 0 or s.interface == "cs"),
     (r"neither a step nor a default experiment", lambda s, _: not {"step", "stop"} & s.described.experiment.keys()),
     (r"ended its run", _ends),
+    (r"there is no linear model", lambda *_: True),  # measured: other inputs gave another response
 )
 
 
