@@ -96,7 +96,10 @@ MIMICS = {
     "latin": Mimic("MapleSim: the description in ISO-8859-1", change=_latin, encoding="ISO-8859-1"),
     "aliases": Mimic("Dymola, OpenModelica: second names of a value, generated names", change=_aliases),
     "two-names": Mimic("exporters with a library for each interface", change=_two_names),
-    "state-output": Mimic("Reference FMUs: a state that is an output and lists no dependency", change=_state_is_output),
+    "state-output": Mimic(
+        "Reference FMUs: a state that is an output, without dependencies and with derivatives of equations alone",
+        flags='providesDirectionalDerivative="true"', change=_state_is_output,
+    ),
     "once": Mimic("JModelica: one instance in a process", flags='canBeInstantiatedOnlyOncePerProcess="true"'),
 }  # fmt: skip
 

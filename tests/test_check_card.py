@@ -368,6 +368,14 @@ def test_lin_and_trim_say_what_they_met(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_an_output_that_is_a_state_need_not_name_itself(tmp_path: Path) -> None:
-    """As in the Modelica Association's Reference FMUs: dependencies="" of an output that is a state."""
-    card = wb.check(build_mimic(tmp_path, "state-output"), only=["dependencies"], workers=HERE)
-    assert card.line("dependencies", "me").verdict == "good"
+    """As in the Modelica Association's Reference FMUs: no dependency, and a directional derivative of 0."""
+    file = build_mimic(tmp_path, "state-output")
+    card = wb.check(file, only=["dependencies", "directional"], workers=HERE)
+    assert {line.name: line.verdict for line in card.checks if line.interface == "me"} == {
+        "dependencies": "good",
+        "directional": "good",
+    }
+    with wb.load(file, "me") as model:
+        found = wb.lin(model, method="exact").result
+    assert dict(zip(found.output_names, found.C.tolist(), strict=True)) == {"x": [1.0, 0.0], "y": [1.0, 0.0]}
+    assert not found.doubts
