@@ -17,6 +17,7 @@ from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
 from tests.mimic_fmus import build_mimic
 from tests.platforms import needs_module, posix_signals
+from tests.reference_fmus import build_reference
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import VERDICTS
 from workbench.analysis.check.run import structured_name
@@ -379,3 +380,11 @@ def test_an_output_that_is_a_state_need_not_name_itself(tmp_path: Path) -> None:
         found = wb.lin(model, method="exact").result
     assert dict(zip(found.output_names, found.C.tolist(), strict=True)) == {"x": [1.0, 0.0], "y": [1.0, 0.0]}
     assert not found.doubts
+
+
+def test_an_fmu_that_ends_its_run_breaks_no_promise(tmp_path: Path) -> None:
+    card = wb.check(build_reference(tmp_path, "stair", 2), only=["runs"], workers=HERE)
+    for interface in ("me", "cs"):
+        line = card.line("runs", interface)
+        assert (line.verdict, line.evidence) == ("watch", "the FMU ended its run (at t = 9 s)")
+    assert card.passed
