@@ -40,8 +40,10 @@ def _still(subject: CheckedFmu, failure: Exception) -> Answer:
         else:
             evidence = f"with inputs changed by a twentieth of their size it fails: {failure}"
             return Answer("watch", evidence, "start from a trim point, with amplitudes for which the model is valid")
-    verdict = "watch" if isinstance(failure, EndedError) else "broken"
-    return Answer(verdict, str(failure), "no analysis gets beyond this point; the other checks use a shorter run")
+    beyond = "no analysis gets beyond this point; the other checks use a shorter run"
+    if isinstance(failure, EndedError):
+        return Answer("watch", str(failure), beyond, {"ended": failure.time or 0.0})
+    return Answer("broken", str(failure), beyond)
 
 
 # -- what does the FMU do by itself, with its inputs at rest ---------------------------------------
