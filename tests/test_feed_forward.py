@@ -18,7 +18,7 @@ from workbench.analysis.feed_forward.trial import Run, run_trial
 from workbench.analysis.feed_forward.weighting import weighted
 from workbench.analysis.feed_forward.wiring import Loops
 from workbench.analysis.opened import find_ports
-from workbench.core.linear import LinearPart
+from workbench.core.linear import Complex, LinearPart
 
 Numbers = list[float]
 
@@ -310,9 +310,9 @@ def test_a_single_fmu_is_no_system() -> None:
 # -- two control inputs ----------------------------------------------------------------------------------
 
 
-def response(numerator: Numbers, f: np.ndarray) -> np.ndarray:
+def response(numerator: Numbers, f: np.ndarray) -> Complex:
     s = 2j * np.pi * f
-    return np.asarray(np.polyval(numerator, s) / np.polyval(POLES, s))
+    return np.asarray(np.polyval(numerator, s) / np.polyval(POLES, s), dtype=np.complex128)
 
 
 @pytest.mark.parametrize("method", ["absolute", "relative"])
@@ -339,7 +339,7 @@ def test_which_error_is_least_decides() -> None:
 def test_inputs_that_cannot_be_told_apart_are_refused() -> None:
     f = np.geomspace(0.01, 10.0, 50)
     with pytest.raises(wb.InputError, match="act alike"):
-        weighted(response(G, f), 2.0 * response(G, f), response(H, f))
+        weighted(response(G, f), response([2.0 * g for g in G], f), response(H, f))
     with pytest.raises(wb.InputError, match="weighting 'both' is unknown"):
         weighted(response(G, f), response(H, f), response(H, f), method="both")
 

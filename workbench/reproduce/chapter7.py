@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from workbench.analysis.excite.prbs import PrbsDesign
+from workbench.analysis.excite.request import excite
 from workbench.analysis.excite.result import ExciteResult
 from workbench.analysis.identify.request import identify
 from workbench.analysis.identify.result import IdentifyResult
@@ -33,6 +35,7 @@ INPUT, OUTPUT = "delC", "del"
 HEIGHT = 2.0  # of everything in this chapter [deg]
 FLOATING = ["p1", "p2"]
 WIDTHS = [3e7, 3e7, 1e-4, 0.01, 0.01, 0.01, 0.01, 0.01]  # total, of the states
+LAG_STEP = 0.1  # [s], a tenth of the time constant of example 4-1
 WIDTH = 1.0  # of the command [deg]
 
 
@@ -88,8 +91,9 @@ def _linearised() -> Measurement:
             "rudder-default-gain": default_gain,
             "rudder-default-phase": default_phase,
             "rudder-step": done.steps[0].error,
+            "rudder-step-default": done.steps[1].error,
         },
-        {"rudder-trim-open": done.rest.message, "rudder-step": f"with default widths {done.steps[1].error:.3g}"},
+        {"rudder-trim-open": done.rest.message},
         [Picture((40,), "Step from 2 to 4 degrees, linear models at 2 degrees.", lambda: _draw_step(done))],
     )
 
@@ -121,6 +125,16 @@ def _identified() -> Measurement:
         },
         pictures=_pictures(done, data[0], found[0], laid[0]),
     )
+
+
+def _lag_identified() -> Measurement:
+    """Identify a system whose answer is known in closed form, beside those of which it is not."""
+    design = PrbsDesign(amplitude=1.0, seed=SEEDS[0])
+    with load("fmu:FirstOrderLag", "me", tolerance=1e-10) as model:
+        data = excite(model, ["u"], ["y"], signal=design, dt=LAG_STEP, samples=1000)
+    found = identify(data.identification, order=1, validation=data.validation)
+    pole, gain = float(found.model.poles[0].real), float(found.model.response(0.0).ravel()[0].real)
+    return Measurement({"lag-identified": [pole, gain], "lag-identified-fit": found.fit_percent})
 
 
 def _pictures(done: _Linear, data: ExciteResult, found: IdentifyResult, laid: Overlay) -> list[Picture]:
@@ -162,6 +176,7 @@ def _step_of(found: IdentifyResult, time: NDArray[np.float64], data: ExciteResul
 
 
 EXPERIMENTS = (
+    Reproduction("lag identified", ("lag-identified", "lag-identified-fit"), _lag_identified),
     Reproduction(
         "rudder linearised",
         (
@@ -172,6 +187,7 @@ EXPERIMENTS = (
             "rudder-default-gain",
             "rudder-default-phase",
             "rudder-step",
+            "rudder-step-default",
         ),
         _linearised,
     ),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from workbench.analysis.feed_forward.request import feed_forward
 from workbench.analysis.feed_forward.result import FeedForwardResult
 from workbench.analysis.feed_forward.step import FilterStep
+from workbench.analysis.feed_forward.weighting import WEIGHTINGS
 from workbench.reproduce.chapter8_simulated import CLOSES, PULSE
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
@@ -31,12 +32,16 @@ _PICTURES: Mapping[str, tuple[tuple[int, ...], str, str]] = {
 }
 
 
-def _designed(*, orders: tuple[int, int] | None, simulated: bool) -> FeedForwardResult:
+def _designed(
+    *, orders: tuple[int, int] | None, simulated: bool = False, second: str | None = None, weighting: str = "absolute"
+) -> FeedForwardResult:
     with load("system:failed_aileron") as system:
         return feed_forward(
             system,
             block="damper",
             target="aircraft.inner_aileron",
+            second=second,
+            weighting=weighting,
             feedback=("aircraft.outer_aileron_position", -1.0),
             orders=orders,
             inputs={"pulse": PULSE} if simulated else None,
@@ -47,7 +52,7 @@ def _designed(*, orders: tuple[int, int] | None, simulated: bool) -> FeedForward
 
 
 def _feed_forward() -> Measurement:
-    free = _designed(orders=None, simulated=False)
+    free = _designed(orders=None)
     result = _designed(orders=ORDERS, simulated=True)
     steps = {step.name: step for step in result.steps}
     scalar, filtered, crude = result.trials
@@ -72,6 +77,19 @@ def _feed_forward() -> Measurement:
             "feed-forward-escape": crude.failure,
         },
         [_picture(result, name) for name in _PICTURES],
+    )
+
+
+def _both_surfaces() -> Measurement:
+    made = [_designed(orders=ORDERS, second="aircraft.elevator", weighting=error) for error in WEIGHTINGS]
+    found = [result.shared for result in made if result.shared is not None]
+    words = "; ".join(f"least {one.method} error: {100.0 * (1.0 - one.left / one.left_alone):.2g} %" for one in found)
+    return Measurement(
+        {
+            "feed-forward-weight": [100.0 * one.weights[0] for one in found],
+            "feed-forward-second": [100.0 * (1.0 - one.left / one.left_alone) for one in found],
+        },
+        {"feed-forward-second": words},
     )
 
 
@@ -110,4 +128,5 @@ EXPERIMENTS = (
         _feed_forward,
         9.0,
     ),
+    Reproduction("feed-forward of both surfaces", ("feed-forward-weight", "feed-forward-second"), _both_surfaces, 2.0),
 )
