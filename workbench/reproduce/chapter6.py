@@ -79,7 +79,8 @@ def _unequal_gains() -> Measurement:
     """Measure the law's response to a sine that stays clear of every limit: both gains and the offset show in it."""
     with load(LAW) as law:
         result = nfr(law, STICK, ELEVATOR, [1.0 / (SLOW * PERIOD)], GENTLE, workers=HERE)
-    return Measurement({"law-mean": float(result.offset[0, 0]), "law-fundamental": float(result.gain[0, 0])})
+    found = {"mean": result.offset, "fundamental": result.gain, "delay": result.phase_deg}
+    return Measurement({f"law-{name}": float(values[0, 0]) for name, values in found.items()})
 
 
 def _rate_limiter() -> Measurement:
@@ -194,7 +195,7 @@ EXPERIMENTS = (
         ("law-gains", "law-positive", "law-ground", "law-failed", "law-never-limited"),
         _configurations,
     ),
-    Reproduction("law's unequal gains", ("law-mean", "law-fundamental"), _unequal_gains),
+    Reproduction("law's unequal gains", ("law-mean", "law-fundamental", "law-delay"), _unequal_gains),
     Reproduction("rate limiter", ("limiter-fundamental", "limiter-harmonic"), _rate_limiter),
     Reproduction(
         "widths of figure 31",

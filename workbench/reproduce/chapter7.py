@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from workbench.analysis.excite.prbs import PrbsDesign
 from workbench.analysis.excite.request import excite
 from workbench.analysis.excite.result import ExciteResult
+from workbench.analysis.experiment.experiment import make_experiment
 from workbench.analysis.identify.request import identify
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.lin.request import lin
@@ -36,6 +37,7 @@ HEIGHT = 2.0  # of everything in this chapter [deg]
 FLOATING = ["p1", "p2"]
 WIDTHS = [3e7, 3e7, 1e-4, 0.01, 0.01, 0.01, 0.01, 0.01]  # total, of the states
 LAG_STEP = 0.1  # [s], a tenth of the time constant of example 4-1
+NOISE = 0.1  # added to its output, of which the largest is 1
 WIDTH = 1.0  # of the command [deg]
 
 
@@ -133,8 +135,18 @@ def _lag_identified() -> Measurement:
     with load("fmu:FirstOrderLag", "me", tolerance=1e-10) as model:
         data = excite(model, ["u"], ["y"], signal=design, dt=LAG_STEP, samples=1000)
     found = identify(data.identification, order=1, validation=data.validation)
+    rng = np.random.default_rng(SEEDS[0])
+    noisy = make_experiment(
+        LAG_STEP, data.identification.u, data.identification.y + NOISE * rng.standard_normal((1000, 1))
+    )
     pole, gain = float(found.model.poles[0].real), float(found.model.response(0.0).ravel()[0].real)
-    return Measurement({"lag-identified": [pole, gain], "lag-identified-fit": found.fit_percent})
+    return Measurement(
+        {
+            "lag-identified": [pole, gain],
+            "lag-identified-fit": found.fit_percent,
+            "lag-identified-order": float(identify(noisy).order),
+        }
+    )
 
 
 def _pictures(done: _Linear, data: ExciteResult, found: IdentifyResult, laid: Overlay) -> list[Picture]:
@@ -176,7 +188,7 @@ def _step_of(found: IdentifyResult, time: NDArray[np.float64], data: ExciteResul
 
 
 EXPERIMENTS = (
-    Reproduction("lag identified", ("lag-identified", "lag-identified-fit"), _lag_identified),
+    Reproduction("lag identified", ("lag-identified", "lag-identified-fit", "lag-identified-order"), _lag_identified),
     Reproduction(
         "rudder linearised",
         (
