@@ -35,7 +35,7 @@ from scripts.planting import ROOT, run_planted
 
 FOLDERS = ("analysis", "core", "system", "session", "kernel")
 COUNT, SEED = 300, 19
-FILES = 3  # test files of a module, at most
+FILES = 3  # test files of a module, at most, where not told otherwise
 PATIENCE, LEAST = 4.0, 60.0  # times what the tests take without a change; [s]
 ENOUGH = 0.9  # of them
 
@@ -210,11 +210,12 @@ def _texts() -> dict[Path, str]:
     return {f: f.read_text(encoding="utf-8") for f in sorted((ROOT / "tests").glob("test_*.py"))}
 
 
-def nearest_tests(file: Path) -> list[str]:
+def nearest_tests(file: Path, most: int = FILES) -> list[str]:
     """Return the test files that stand nearest to a module: named after it or importing it, then its package.
 
     Args:
         file: of the module.
+        most: how many, at most.
     """
     module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
     package, stem = module.rpartition(".")[0], file.stem
@@ -225,7 +226,7 @@ def nearest_tests(file: Path) -> list[str]:
         near[test] += 4 * (stem not in _COMMON and (stem in name or name in stem)) + 4 * (file.parent.name in name)
         near[test] += package.count(".") > 1 and f"{package}." in text
     best = sorted((t for t, n in near.items() if n), key=lambda t: (-near[t], len(_texts()[t])))
-    return [str(t.relative_to(ROOT)) for t in best[:FILES]] or ["tests/test_docstring_examples.py"]
+    return [str(t.relative_to(ROOT)) for t in best[:most]] or ["tests/test_docstring_examples.py"]
 
 
 # -- one after the other ---------------------------------------------------------------------------
@@ -245,13 +246,13 @@ def _pytest(tests: Sequence[str]) -> list[str]:
     return ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
 
 
-def survives(mutant: Mutant) -> bool:
+def survives(mutant: Mutant, tests: Sequence[str]) -> bool:
     """Whether no test notices.
 
     Args:
         mutant: what is changed.
+        tests: files.
     """
-    tests = nearest_tests(mutant.file)
     longest = LEAST + PATIENCE * _seconds(tuple(tests))
     try:
         return run_planted(_pytest(tests), mutant.file, mutant.text(), timeout=longest).returncode == 0
@@ -259,12 +260,13 @@ def survives(mutant: Mutant) -> bool:
         return False
 
 
-def _run(mutants: Sequence[Mutant]) -> Iterator[Mutant]:
+def _run(mutants: Sequence[Mutant], files: int) -> Iterator[Mutant]:
     for number, mutant in enumerate(mutants, start=1):
-        alive = survives(mutant)
+        tests = nearest_tests(mutant.file, files)
+        alive = survives(mutant, tests)
         print(f"{number:4d} {'SURVIVES' if alive else 'killed':9s}{mutant.words}", flush=True)
         if alive:
-            print(f"{'':14s}tried: {' '.join(nearest_tests(mutant.file))}", flush=True)
+            print(f"{'':14s}tried: {' '.join(tests)}", flush=True)
             yield mutant
 
 
@@ -274,6 +276,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("paths", nargs="*", type=Path, help="files or folders; by default the numerical ones")
     parser.add_argument("--count", type=int, default=COUNT, help=f"how many are tried; by default {COUNT}")
     parser.add_argument("--seed", type=int, default=SEED, help="of the choice")
+    parser.add_argument("--files", type=int, default=FILES, help=f"test files for each, at most; by default {FILES}")
     parser.add_argument("--list", action="store_true", help="show the mutants, run nothing")
     asked = parser.parse_args(arguments)
     paths = [p.resolve() for p in asked.paths] or [ROOT / "workbench" / name for name in FOLDERS]
@@ -282,9 +285,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     mutants = chosen(paths, asked.count, asked.seed)
     if asked.list:
         for mutant in mutants:
-            print(f"{mutant.words}    by {' '.join(nearest_tests(mutant.file))}")
+            print(f"{mutant.words}    by {' '.join(nearest_tests(mutant.file, asked.files))}")
         return 0
-    alive = list(_run(mutants))
+    alive = list(_run(mutants, asked.files))
     tried, left = (Counter(m.file.relative_to(ROOT).parts[1] for m in group) for group in (mutants, alive))
     for folder, count in tried.items():
         print(f"{folder:12s}{count - left[folder]} of {count} killed")
