@@ -64,7 +64,9 @@ def drawn(name: str, path: str | Path | None, *shown: object, **options: object)
     Raises:
         InputError: unknown suffix, file cannot be written, or the function refuses.
     """
-    figure: Figure = named(f"workbench.plotting.{name}")(*shown, **options)
+    figure: Figure = named("workbench.plotting.figure:with_point")(
+        named(f"workbench.plotting.{name}")(*shown, **options), shown[0]
+    )
     if path is not None:
         named("workbench.plotting.figure:save")(figure, path)
     return figure
