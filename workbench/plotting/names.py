@@ -20,7 +20,7 @@ from workbench.session.base import Floats
 __all__ = ["Names", "name_lines", "name_points"]
 
 # Distances between a mark and its name [points], and how many directions are tried at each.
-_DISTANCES, _DIRECTIONS = (5.0, 12.0, 22.0, 34.0, 48.0, 64.0), 16
+_DISTANCES, _DIRECTIONS = (5.0, 12.0, 22.0, 34.0, 48.0, 64.0, 84.0, 108.0), 16
 _LEADER = 11.0  # from this distance on a line leads from the mark to its name [points]
 _ROOM = 2.0  # around a name [points]
 _STEP, _MOST = 3.0, 20_000  # distance of the points of a curve that are looked at [points], and their number
@@ -119,7 +119,9 @@ class Names(Artist):
         unit = figure.dpi / 72.0
         at = ax.transData.transform(self._points)
         frame = ax.get_window_extent(renderer)
-        shown = np.isfinite(at).all(axis=1) & np.array([frame.contains(x, y) for x, y in at], dtype=bool)
+        shown = np.isfinite(at).all(axis=1)
+        if self._begin is None:
+            shown &= np.array([frame.contains(x, y) for x, y in at], dtype=bool)
         around = _Around(unit, _curves(ax, unit), at[shown], list(_taken(ax, self, renderer)), frame)
         for number, (text, leader) in enumerate(zip(self.texts, self._leaders, strict=True)):
             text.set_visible(bool(shown[number]))
