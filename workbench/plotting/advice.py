@@ -25,25 +25,27 @@ _WIDTH = 104  # characters of a line
 _LINE = 0.19  # [inch]
 
 
-def plot_advice(advice: Advice) -> Figure:
+def plot_advice(advice: Advice, *, findings: bool = True) -> Figure:
     """Draw inputs and outputs over time with marked samples, the coherence, and every finding with its verdict.
 
     Args:
         advice: what to draw.
+        findings: write them below; a page has a table of them.
     """
     texts = [_wrapped(f) for f in advice.findings]
     lines = sum(len(t) for t in texts) + 0.35 * len(texts)
     panels = min(advice.experiment.n_inputs + advice.experiment.n_outputs, _MOST_PANELS)
-    heights = [*(1.35 for _ in range(panels)), 1.6, _LINE * lines + 0.3]
+    heights = [*(1.35 for _ in range(panels)), 1.6, *([_LINE * lines + 0.3] if findings else [])]
     title = f"{advice.experiment.name}: advice on the data, worst verdict: {advice.worst}"
     figure, grid = panels_of(len(heights), 1, title=title, width=9.0, height=1.0, ratios=heights)
     axes = [row[0] for row in grid]
     _record(axes[:panels], advice)
     _coherence(axes[panels], advice)
-    _verdicts(axes[-1], advice.findings, texts)
-    for ax in axes[:-1]:
+    if findings:
+        _verdicts(axes[-1], advice.findings, texts)
+    for ax in axes[: panels + 1]:
         ax.tick_params(labelsize=8.5)
-    figure.align_ylabels(axes[:-1])
+    figure.align_ylabels(axes[: panels + 1])
     return figure
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
@@ -38,6 +39,7 @@ __all__ = [
     "panels",
     "rows",
     "save",
+    "svg_text",
     "with_point",
     "written",
 ]  # fmt: skip
@@ -236,6 +238,20 @@ def _literal(axis: Axis) -> Iterator[Text]:
             replaced(_Literal(formatter))
     for tick in (*axis.majorTicks, *axis.minorTicks):
         yield from (tick.label1, tick.label2)
+
+
+def svg_text(figure: Figure) -> str:
+    """Return a picture as SVG, its text as text.
+
+    Args:
+        figure: the picture.
+    """
+    buffer = io.StringIO()
+    with mpl.rc_context(_STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+        literal(figure).savefig(buffer, format="svg", metadata=nothing)
+    return buffer.getvalue()
 
 
 def save(figure: Figure, path: str | Path) -> None:

@@ -16,6 +16,7 @@ from workbench.errors import InputError, one_line
 from workbench.origin import Origin, origin_of
 from workbench.report.facts import finished
 from workbench.report.page import SUFFIXES, Page, write_page
+from workbench.report.stmd import write_stmd
 from workbench.report.svg import svg_of
 from workbench.report.terminal import text_of
 
@@ -140,7 +141,7 @@ def notebook_of(result: object) -> str:
 
 
 def write_report(result: object, path: str | Path, origin: Origin | None = None) -> None:
-    """Write the page of a result.
+    """Write the page of a result, and beside it the same facts as traceability metadata (STMD).
 
     Args:
         result: of a class in `SHOWN`, or a page that was made already.
@@ -157,6 +158,7 @@ def write_report(result: object, path: str | Path, origin: Origin | None = None)
     data = _data(result, page, known)
     page = finished(replace(page, facts={**page.facts, **_point(data)}), known)
     write_page(replace(page, data=data), path)
+    write_stmd(page, known, path)
 
 
 def _point(data: Mapping[str, Any]) -> dict[str, str]:
@@ -165,7 +167,23 @@ def _point(data: Mapping[str, Any]) -> dict[str, str]:
         point = point_of_json(data)
     except InputError:  # a search that ran away leaves no finite numbers
         return {}
-    return {} if point is None else {"operating point": point.words(_NAMED)}
+    if point is None:
+        return {}
+    forced = _forced(data)
+    held = {name: value for name, value in point.u.items() if name not in forced}
+    still = replace(point, u={name: value for name, value in point.u.items() if name in forced})
+    return {
+        **(
+            {"held inputs": replace(point, u=held, x={}, discrete={}).words(_NAMED).rpartition("; ")[0]} if held else {}
+        ),
+        "operating point": still.words(_NAMED),
+    }
+
+
+def _forced(data: Mapping[str, Any]) -> set[str]:
+    """Return the inputs that were moved."""
+    one = data.get("input")
+    return {str(one["name"] if isinstance(one, Mapping) and "name" in one else one)}
 
 
 def _data(result: object, page: Page, origin: Origin) -> Mapping[str, Any]:
