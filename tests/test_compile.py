@@ -13,6 +13,7 @@ import pytest
 
 import workbench as wb
 from tests.fmi1_fmus import MODELS, describe, write_sources
+from tests.fmi3_fmus import build_sized
 from workbench.build.fmu import generate
 from workbench.core.files import pack
 from workbench.errors import BuildError, FmuError, InputError
@@ -163,3 +164,62 @@ def test_what_an_fmu_came_with_is_not_replaced_in_place(tmp_path: Path) -> None:
     assert zipfile.ZipFile(again.file).namelist() == zipfile.ZipFile(file).namelist()
     with pytest.raises(InputError, match=r"no platform 'linux128'; there are: x86_64-linux"):
         wb.compile_fmu(file, out=tmp_path / "x.fmu", platforms=["linux128"])
+
+
+BUILD = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiBuildDescription fmiVersion="3.0">
+  <BuildConfiguration modelIdentifier="sized" platform="riscv64-linux">
+    <SourceFileSet><SourceFile name="nowhere.c" /></SourceFileSet>
+  </BuildConfiguration>
+  <BuildConfiguration modelIdentifier="{identifier}">
+    <SourceFileSet language="C99" compilerOptions="-O3 -march=native">
+      <SourceFile name="src/model.c" />
+      <PreprocessorDefinition name="ASKED" value="7" />
+      <PreprocessorDefinition name="BESIDES" optional="true" />
+      <IncludeDirectory name="include" />
+    </SourceFileSet>
+    {library}
+  </BuildConfiguration>
+</fmiBuildDescription>
+"""
+DEMANDS = b"""#if ASKED != 7 || defined(BESIDES)
+#error the definitions are not those of the build description
+#endif
+"""
+
+
+def described_sources(folder: Path, *, library: str = "", identifier: str = "sized") -> Path:
+    """Write an FMU of FMI 3.0 whose buildDescription.xml says how it is built."""
+    with zipfile.ZipFile(build_sized(folder)) as archive:
+        description = archive.read("modelDescription.xml")
+    file = folder / "described.fmu"
+    build = BUILD.format(library=library, identifier=identifier).encode()
+    sources = {
+        "buildDescription.xml": build,
+        "src/model.c": DEMANDS + (C / "sized" / "sized.c").read_bytes(),
+        "include/fmi3_stub.h": b"#define FMI3_FUNCTION_PREFIX sized_\n" + (C / "fmi3_stub.h").read_bytes(),
+    }
+    pack(file, {"modelDescription.xml": description, **{f"sources/{name}": text for name, text in sources.items()}})
+    return file
+
+
+def test_a_build_description_says_how_it_is_built(tmp_path: Path) -> None:
+    file = described_sources(tmp_path)
+    made = wb.compile_fmu(file)
+    assert made.sources == ("src/model.c",)
+    assert any("compiler options that the FMU asks for were left out: -O3 -march=native" in n for n in made.notes)
+    with wb.load(file, start_values={"n": 1, "a": [2.0]}) as model:
+        run = wb.simulate(model, stop=1.0, inputs={"u": [1.0]})
+    assert run.signals["sum"][-1] == pytest.approx((1.0 - np.exp(-2.0)) / 2.0, rel=1e-5)
+
+
+def test_a_build_description_without_this_platform_is_told(tmp_path: Path) -> None:
+    file = described_sources(tmp_path, identifier="other")
+    with pytest.raises(BuildError, match=r"says how sized is built for: riscv64-linux; not "):
+        wb.compile_fmu(file)
+
+
+def test_a_library_that_does_not_come_with_the_sources_is_named(tmp_path: Path) -> None:
+    file = described_sources(tmp_path, library='<Library name="hdf5" /><Library name="m" />')
+    with pytest.raises(BuildError, match=r"sized is linked with the library hdf5, which does not come with it"):
+        wb.compile_fmu(file)

@@ -16,7 +16,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.signals import Table
 
 RAMP = {"u": Table([0.0, 10.0], [0.0, 10.0])}
-NAMES = ["held", "x", "evens", "downs", "down_at", "grows", "grown_at"]
+NAMES = ["held", "x", "evens", "downs", "down_at", "grows", "grown_at", "even", "counted", "growing", "every2"]
 EVEN = 0.05 + 0.1 * np.arange(100)  # when the periodic clock ticks [s]
 DOWN = EVEN[2::3] + 0.02  # the countdown: after every third tick
 GROWN = np.cumsum(0.1 * 2.0 ** np.arange(8))  # the changing one: intervals 0.1, 0.2, 0.4 …
@@ -34,6 +34,11 @@ def expected(time: float) -> dict[str, float]:
         "down_at": downs[-1] if len(downs) else -1.0,
         "grows": len(grown),
         "grown_at": grown[-1] if len(grown) else -1.0,
+        # Clocks themselves: ticks so far.
+        "even": len(ticks),
+        "counted": len(downs),
+        "growing": len(grown),
+        "every2": len(ticks) // 2,
     }
 
 

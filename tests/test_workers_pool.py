@@ -203,7 +203,7 @@ def test_ctrl_c_at_once_does_not_end_a_worker_that_still_starts(
     try:
         os.kill(worker.pid, signal.SIGINT)
         select.select([worker.channel], [], [])
-        assert list(worker.channel.receive()) == [(READY, None)]
+        assert list(worker.channel.receive()) == [(READY, False)]
         assert worker.said() == ""
     finally:
         worker.kill()

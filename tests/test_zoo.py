@@ -6,11 +6,14 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from scripts import zoo as zoo_script
 from scripts import zoo_oracle as oracle
 from scripts.zoo import BAD, Row, page_of, zoo
 from tests.corpus import CORPUS, Exhibit, build_corpus
+from tests.hostile_fmus import build_hostile
 from workbench.report.page import write_page
 
 LIMITS = oracle.Limits(seconds=120.0, megabytes=2000.0)
@@ -39,15 +42,29 @@ def test_fmus_from_elsewhere() -> None:
     assert _bad(zoo(sorted(Path(ELSEWHERE).rglob("*.fmu")), ("simulate",), LIMITS)) == []
 
 
-def test_what_differs_is_seen(tmp_path: Path) -> None:
-    """An FMU that is another one with each run agrees with nobody; the page says so first."""
-    (exhibit,) = (e for e in CORPUS if e.name == "hostile-random")
-    (name,) = build_corpus(tmp_path, [exhibit])
-    rows = list(zoo([tmp_path / name], ("simulate",), LIMITS))
-    assert {r.verdict for r in rows if r.command == "simulate"} == {"disagrees"}
-    write_page(page_of(rows), tmp_path / "zoo.html")
+@pytest.mark.parametrize(
+    ("end", "shift", "verdict"),
+    [(1.0, 0.0, "ok"), (1.0, 5e-4, "ok"), (1.0, 5e-3, "disagrees"), (0.5, 0.0, "disagrees")],
+)
+def test_what_differs_is_seen(end: float, shift: float, verdict: str, tmp_path: Path) -> None:
+    """A value may be off by 1e-3 of its range; a run that ends earlier is another one. The page says so first."""
+    asked = oracle.Asked(start=0.0, stop=1.0, step=0.01)
+    time = np.linspace(0.0, 1.0, 101)
+    theirs = oracle.Run(time=time, signals={"y": 4.0 * time})
+    kept = time[time <= end]
+    found, reason = zoo_script._compared({"time": kept.tolist(), "signals": {"y": 4.0 * (kept + shift)}}, theirs, asked)
+    assert found == verdict
+    row = Row("some.fmu", "a tool", "2.0", "me", "simulate", found, reason)
+    write_page(page_of([row]), tmp_path / "zoo.html")
     text = (tmp_path / "zoo.html").read_text(encoding="utf-8")
-    assert "hostile-random.fmu me simulate: disagrees" in text
+    assert ("some.fmu me simulate: disagrees" in text) == (verdict == "disagrees")
+
+
+def test_an_oracle_that_crashes_is_no_oracle(tmp_path: Path) -> None:
+    """Each interface is asked for in a child of its own where the child of both has died, and nothing is believed."""
+    described, runs = oracle.consult(build_hostile(tmp_path, "segfault"), LIMITS)
+    assert set(described.interfaces) == set(runs) == {"me", "cs"}
+    assert all(run.fails.startswith("its process ended with exit code") for run in runs.values())
 
 
 def test_names_are_unique_and_told() -> None:

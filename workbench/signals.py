@@ -62,7 +62,11 @@ class Signal(ABC):
 
     @abstractmethod
     def next_break(self, t: float) -> float:
-        """Return the first time > t [s] where value or slope jumps, else `math.inf`."""
+        """Return the next time at which value or slope jumps [s]; `math.inf`: there is none.
+
+        Args:
+            t: time after which it is [s].
+        """
 
     @property
     def longest_step(self) -> float:
@@ -88,6 +92,9 @@ def _positive(owner: str, **values: float) -> None:
 @dataclass(frozen=True)
 class Constant(Signal):
     """`value` at all times.
+
+    Attributes:
+        value: in the unit of the input.
 
     Examples:
         >>> print(wb.Constant(2.0)(0.5))
@@ -151,6 +158,11 @@ class Sine(Signal):
 @dataclass(frozen=True, kw_only=True)
 class Step(Signal):
     """`initial` before `time` [s], `value` from `time` on.
+
+    Attributes:
+        time: of the step [s].
+        value: from then on, in the unit of the input.
+        initial: before, likewise.
 
     Examples:
         >>> step = wb.Step(time=0.1, value=5.0)

@@ -353,7 +353,7 @@ class Linear(Part):
             name: name of the model.
         """
         B, D, inputs = self.B, self.D, self.input_names
-        if not inputs:
+        if not B.shape[1]:
             B, D, inputs = np.zeros((len(self.A), 1)), np.zeros((len(self.C), 1)), (NO_INPUT,)
         names = {"states": self.state_names, "inputs": inputs, "outputs": self.output_names}
         given: dict[str, Any] = {key: _undotted(value) for key, value in names.items() if value}

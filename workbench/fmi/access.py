@@ -68,7 +68,10 @@ class Block:
         plain: whether they are the whole buffer, in its order, and need no decoding.
         buffer, references: C arrays of the values and of the value references.
         partial: whether the buffer holds array elements that are none of them.
+        counts: whether they are clocks, whose ticks so far stand in `buffer`: the FMU is not asked.
     """
+
+    counts = False
 
     def __init__(self, instance: Instance, calls: TypeCalls, variables: Sequence[Variable]) -> None:
         references, self.slots, total = laid_out(instance.description.shapes, variables)
@@ -107,6 +110,28 @@ class Block:
         status = self.set(self.instance.component, *self.arguments)
         if not is_good(status):
             self.instance.fail(self.calls.setter, status)
+
+
+class Ticks(Block):
+    """Clocks: how often each has ticked so far."""
+
+    counts = True
+
+    def __init__(self, instance: Instance, variables: Sequence[Variable]) -> None:  # no FMI function reads it
+        found = instance.ticks_so_far
+        if found is None:
+            raise InputError(f"{variables[0].name}: clocks tick in event mode, which this interface does not have")
+        self.calls = TypeCalls("", "", ctypes.c_double)
+        self.instance, (self.buffer, places) = instance, found
+        self.slots = [places[v.name] for v in variables]
+        self.references: Any = array_type(ctypes.c_uint, 1)()
+        self.plain = self.partial = False
+
+    def read(self) -> list[Any]:
+        return [self.buffer[s] for s in self.slots]
+
+    def write(self, values: Sequence[Any]) -> None:
+        raise InputError("clocks cannot be set")
 
 
 def laid_out(shapes: Mapping[int, tuple[int, ...]], variables: Sequence[Variable]) -> tuple[list[int], list[int], int]:
@@ -150,14 +175,7 @@ class Access:
         for i, variable in enumerate(self.variables):
             groups.setdefault(_getter(instance, variable), []).append(i)
         self.order = list(groups.values())
-        self.blocks = [
-            Block(
-                instance,
-                instance.TYPES[self.variables[indices[0]].type],
-                [self.variables[i] for i in indices],
-            )
-            for indices in self.order
-        ]
+        self.blocks = [_block(instance, [self.variables[i] for i in indices]) for indices in self.order]
 
     def read(self) -> list[Any]:
         """Return the present values."""
@@ -178,7 +196,18 @@ class Access:
             block.write([values[i] for i in indices])
 
 
+def _block(instance: Instance, variables: Sequence[Variable]) -> Block:
+    """Return the block of variables that one function reads."""
+    kind = variables[0].type
+    return Ticks(instance, variables) if kind == _CLOCK else Block(instance, instance.TYPES[kind], variables)
+
+
+_CLOCK = "Clock"
+
+
 def _getter(instance: Instance, variable: Variable) -> str:
+    if variable.type == _CLOCK:
+        return _CLOCK
     calls = instance.TYPES.get(variable.type)
     if calls is None:
         raise InputError(f"{variable.name}: variables of type {variable.type} are not supported")

@@ -16,7 +16,7 @@ from workbench.fmi.fmpy_access import fmi3
 from workbench.fmi.instance import NEVER_BACK, EventInfo, Instance, StepResult
 from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.log import log_callback3
-from workbench.fmi.ticking import Ticking, time_based
+from workbench.fmi.ticking import Ticking
 from workbench.fmi.variable import Value, Variable
 
 __all__ = ["Instance3"]
@@ -106,6 +106,10 @@ class Instance3(Instance):
         return None if self._ticking is None else self._ticking.address
 
     @property
+    def ticks_so_far(self) -> tuple[Any, Mapping[str, int]] | None:
+        return None if self._ticking is None else (self._ticking.counts, self._ticking.places)
+
+    @property
     def next_tick(self) -> float:
         return math.inf if self._ticking is None else self._ticking.next_tick
 
@@ -114,7 +118,7 @@ class Instance3(Instance):
         use = self.interface == "cs" and tolerance is not None
         begin = start_time + self.clock
         self.call("fmi3EnterInitializationMode", use, tolerance if use else 0.0, begin, False, 0.0)
-        clocks = time_based(self.description.clocks) if self.event_mode else {}
+        clocks = self.description.clocks if self.event_mode else {}
         self._ticking = Ticking(clocks, self.call, self.description.model_name) if clocks else None
 
     def exit_initialisation(self) -> None:
@@ -150,6 +154,8 @@ class Instance3(Instance):
     def update_discrete_states(self) -> tuple[bool, EventInfo]:
         flags = [ctypes.c_bool() for _ in range(5)]
         time = ctypes.c_double(math.inf)
+        if self._ticking is not None:
+            self._ticking.listen()
         self.call("fmi3UpdateDiscreteStates", *(byref(f) for f in flags), byref(time))
         again, terminate, nominals, states, timed = (bool(f.value) for f in flags)
         due = time.value - self.clock if timed else math.inf

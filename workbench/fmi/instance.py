@@ -262,6 +262,11 @@ class Instance(ABC):
         return None
 
     @property
+    def ticks_so_far(self) -> tuple[Any, Mapping[str, int]] | None:
+        """How often each clock has ticked, an array of c_double, and where a clock stands in it; None: none can."""
+        return None
+
+    @property
     def intermediate(self) -> Intermediate | None:
         """What its callback for inputs between communication points works on; None: it does not ask."""
         return None

@@ -30,7 +30,7 @@ def kept(digest: str) -> Description | None:
     """Return the description of a file; None: it is not kept.
 
     Args:
-        digest: SHA-256 of the file.
+        digest: SHA-256 of the file and of the sizes with which it was read.
     """
     try:
         with _path(digest).open("rb") as file, undisturbed():
@@ -44,7 +44,7 @@ def keep(digest: str, found: Description) -> None:
     """Keep a description, if the folder can be written.
 
     Args:
-        digest: SHA-256 of the file.
+        digest: SHA-256 of the file and of the sizes with which it was read.
         found: what was read there.
     """
     with suppress(OSError, RuntimeError, InputError):  # no place, or no home

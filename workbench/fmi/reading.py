@@ -85,8 +85,9 @@ def _check_size(size: int, source: str) -> None:
 
 
 def _described(data: bytes, source: str, structure: Mapping[str, int]) -> Description:
-    sizes = "".join(f"\0{name}={structure[name]}" for name in sorted(structure))
-    digest = hashlib.sha256(data + sizes.encode()).hexdigest()
+    whole = hashlib.sha256(data)
+    whole.update("".join(f"\0{name}={structure[name]}" for name in sorted(structure)).encode())
+    digest = whole.hexdigest()
     with _reading:
         if digest in _known:
             _known.move_to_end(digest)

@@ -28,15 +28,22 @@ def structural_values(description: Description, values: Mapping[str, Value]) -> 
     found = {}
     for name in known.keys() & values.keys():
         variable = known[name]
-        try:
-            found[name] = int(str(values[name]))
-        except ValueError:
-            raise InputError(f"{name}: a structural parameter takes a whole number, not '{values[name]}'") from None
+        found[name] = _whole(name, values[name])
         lowest, highest = variable.minimum or 0.0, variable.maximum
         if found[name] < lowest or (highest is not None and found[name] > highest):
             most = "" if highest is None else f" and at most {highest:g}"
             raise InputError(f"{name}: the FMU takes at least {lowest:g}{most}, not {found[name]}")
     return found
+
+
+def _whole(name: str, value: Value) -> int:
+    try:
+        number = float(value)
+    except ValueError:
+        number = 0.5
+    if not number.is_integer():
+        raise InputError(f"{name}: a structural parameter takes a whole number, not '{value}'")
+    return int(number)
 
 
 def with_structure(declared: Declared, values: Mapping[str, int]) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from workbench.errors import SimulationError
 from workbench.fmi.c_array import array_type
@@ -34,6 +33,7 @@ class Tick(ctypes.Structure):
         reference: the FMU's handle.
         kind: PERIODIC: known for good; APERIODIC: the FMU is asked for each next tick; TUNABLE: periodic, and asked.
         ticked: it has ticked in this event, and the FMU has not been asked since.
+        place: where its ticks are counted.
     """
 
     next: float
@@ -43,6 +43,7 @@ class Tick(ctypes.Structure):
     reference: int
     kind: int
     ticked: int
+    place: int
     _fields_ = (
         ("next", ctypes.c_double),
         ("first", ctypes.c_double),
@@ -51,15 +52,20 @@ class Tick(ctypes.Structure):
         ("reference", ctypes.c_uint32),
         ("kind", ctypes.c_int32),
         ("ticked", ctypes.c_int32),
+        ("place", ctypes.c_int32),
     )
 
 
 class Clocks(ctypes.Structure):
-    """All of an instance, with room for what the FMU is told and asked, `n` entries each."""
+    """All of an instance, as clocks.h has it."""
 
     _fields_ = (
         ("ticks", ctypes.c_void_p),
         ("n", ctypes.c_size_t),
+        ("told", ctypes.c_void_p),
+        ("places", ctypes.c_void_p),
+        ("n_told", ctypes.c_size_t),
+        ("counts", ctypes.c_void_p),
         ("references", ctypes.c_void_p),
         ("active", ctypes.c_void_p),
         ("intervals", ctypes.c_void_p),
@@ -84,7 +90,7 @@ def no_interval(who: str, time: float) -> SimulationError:
 
 
 class Ticking:
-    """The time-based input clocks of one instance.
+    """The clocks of one instance.
 
     Args:
         clocks: name → how it ticks.
@@ -92,29 +98,41 @@ class Ticking:
         model: name of the model, for messages.
 
     Attributes:
+        counts: how often each clock has ticked, an array of c_double.
+        places: clock → where in it.
         address: of the structure that the kernel works on.
     """
 
     def __init__(self, clocks: Mapping[str, Clock], call: Callable[..., None], model: str) -> None:
-        self._clocks, self._call, self._model = tuple(clocks.items()), call, model
-        n = len(self._clocks)
+        self._call, self._model = call, model
+        self.places = {name: i for i, name in enumerate(clocks)}
+        self._clocks = tuple(time_based(clocks).items())
+        told = [(c.value_reference, self.places[name]) for name, c in clocks.items() if c.causality != "input"]
+        n, most = len(self._clocks), max(len(clocks), 1)
         self._ticks = array_type(Tick, n)()
-        self._references = array_type(ctypes.c_uint32, n)()
-        self._active = array_type(ctypes.c_bool, n)()
-        self._intervals = array_type(ctypes.c_double, n)()
-        self._qualifiers = array_type(ctypes.c_int, n)()
-        for tick, (_, clock) in zip(self._ticks, self._clocks, strict=True):
+        self.counts = array_type(ctypes.c_double, most)()
+        self._told = array_type(ctypes.c_uint32, len(told))(*(reference for reference, _ in told))
+        self._places = array_type(ctypes.c_int32, len(told))(*(place for _, place in told))
+        self._references = array_type(ctypes.c_uint32, most)()
+        self._active = array_type(ctypes.c_bool, most)()
+        self._intervals = array_type(ctypes.c_double, most)()
+        self._qualifiers = array_type(ctypes.c_int, most)()
+        for tick, (name, clock) in zip(self._ticks, self._clocks, strict=True):
             tunable = clock.kind == "tunable" and clock.interval is not None  # by the importer, which does not
             tick.kind = PERIODIC if tunable else _KINDS[clock.kind]
-            tick.reference, tick.next = clock.value_reference, math.inf
-        arrays = (self._references, self._active, self._intervals, self._qualifiers)
-        self._structure = Clocks(ctypes.addressof(self._ticks), n, *map(ctypes.addressof, arrays))
+            tick.reference, tick.next, tick.place = clock.value_reference, math.inf, self.places[name]
+        where = map(ctypes.addressof, (self._told, self._places))
+        scratch = (self._references, self._active, self._intervals, self._qualifiers)
+        self._structure = Clocks(
+            ctypes.addressof(self._ticks), n, *where, len(told), ctypes.addressof(self.counts),
+            *map(ctypes.addressof, scratch),
+        )  # fmt: skip
         self.address = ctypes.addressof(self._structure)
 
     @property
     def next_tick(self) -> float:
         """Time of the next tick of any [s]; infinite: none is known."""
-        return float(min(tick.next for tick in self._ticks))
+        return float(min((tick.next for tick in self._ticks), default=math.inf))
 
     def start(self, time: float) -> None:
         """Find the first ticks, in initialisation mode.
@@ -155,10 +173,18 @@ class Ticking:
                 self._references[n], self._active[n] = tick.reference, True
                 n += 1
                 tick.ticked = True
+                self.counts[tick.place] += 1.0
                 tick.count += 1.0
                 tick.next = math.inf if tick.kind == APERIODIC else tick.first + tick.count * tick.interval
         if n:
             self._call("fmi3SetClock", self._references, n, self._active)
+
+    def listen(self) -> None:
+        """Count the clocks that the FMU lets tick, before the event is evaluated, which ends their ticks."""
+        if len(self._told):
+            self._call("fmi3GetClock", self._told, len(self._told), self._active)
+        for i, place in enumerate(self._places):
+            self.counts[place] += float(self._active[i])
 
     def ask(self, time: float) -> None:
         """Ask the FMU for the next ticks that it alone knows, after an event iteration.
@@ -181,10 +207,11 @@ class Ticking:
                 tick.next = tick.first
             tick.ticked = False
 
-    def saved(self) -> bytes:
-        """Return when everything ticks, for `restore`."""
-        return bytes(self._ticks)
+    def saved(self) -> tuple[bytes, bytes]:
+        """Return when everything ticks and how often it has, for `restore`."""
+        return bytes(self._ticks), bytes(self.counts)
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: tuple[bytes, bytes]) -> None:
         """Go back to what `saved` returned."""
-        ctypes.memmove(self._ticks, saved, ctypes.sizeof(self._ticks))
+        for array, contents in zip((self._ticks, self.counts), saved, strict=True):
+            ctypes.memmove(array, contents, ctypes.sizeof(array))

@@ -61,5 +61,5 @@ class Variable(NamedTuple):
 
     @property
     def is_number(self) -> bool:
-        """Whether a float stands for its value (everything but String, Binary and Clock, which ticks)."""
+        """Whether a float stands for its value (everything but String, Binary and Clock)."""
         return self.type not in ("String", "Binary", "Clock")

@@ -20,11 +20,18 @@ size_t clocks_due(Clocks *clocks, double time) {
             clocks->references[n] = tick->reference;
             clocks->active[n++] = true;
             tick->ticked = 1;
+            clocks->counts[tick->place]++;
             tick->count++;
             tick->next = tick->kind == APERIODIC ? (double)INFINITY : tick->first + tick->count * tick->interval;
         }
     }
     return n;
+}
+
+void clocks_told(Clocks *clocks) {
+    for (size_t i = 0; i < clocks->n_told; i++) {
+        clocks->counts[clocks->places[i]] += clocks->active[i] ? 1.0 : 0.0;
+    }
 }
 
 size_t clocks_asked(Clocks *clocks) {

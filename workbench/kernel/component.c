@@ -6,6 +6,7 @@ typedef int (*SetTime)(void *, double);
 typedef int (*Vector)(void *, double *, size_t);
 typedef int (*Enter)(void *);
 typedef int (*SetClock)(void *, const uint32_t *, size_t, const bool *);
+typedef int (*GetClock)(void *, const uint32_t *, size_t, bool *);
 typedef int (*GetInterval)(void *, const uint32_t *, size_t, double *, int32_t *);
 
 static const char *const NAMES[N_FUNCTIONS] = {
@@ -24,6 +25,7 @@ static const char *const NAMES[N_FUNCTIONS] = {
     [GET_DIRECTIONAL] = "get_directional",
     [SET_CLOCK] = "set_clock",
     [GET_INTERVAL] = "get_interval",
+    [GET_CLOCK] = "get_clock",
 };
 
 const char *function_name(size_t index) {
@@ -79,6 +81,22 @@ static bool tick(const Component *component, int32_t who, Failure *failure) {
     return component_checked(component, SET_CLOCK, status, who, failure);
 }
 
+/* Count the clocks that the FMU lets tick: evaluating the event ends their ticks. */
+static bool listen(const Component *component, int32_t who, Failure *failure) {
+    Clocks *clocks = component->clocks;
+    const Function function = component->functions[GET_CLOCK];
+    if (clocks->n_told == 0) {
+        return true;
+    }
+    const int status = function ? ((GetClock)function)(component->handle, clocks->told, clocks->n_told, clocks->active)
+                                : NOT_EXPORTED;
+    if (!component_checked(component, GET_CLOCK, status, who, failure)) {
+        return false;
+    }
+    clocks_told(clocks);
+    return true;
+}
+
 /* Ask when the clocks tick next of which the FMU alone knows it. */
 static bool ask(const Component *component, int32_t who, Failure *failure) {
     Clocks *clocks = component->clocks;
@@ -111,6 +129,9 @@ bool component_enter(const Component *component, FunctionIndex mode, int32_t who
 }
 
 bool component_update(Component *component, Answer *answer, int32_t who, Failure *failure) {
+    if (component->clocks && !listen(component, who, failure)) {
+        return false;
+    }
     const int status = component->calls->update_discrete_states(component, answer);
     if (!component_checked(component, UPDATE_DISCRETE_STATES, status, who, failure) ||
         (component->clocks && !ask(component, who, failure))) {

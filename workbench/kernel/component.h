@@ -31,6 +31,7 @@ typedef enum {
     GET_DIRECTIONAL,
     SET_CLOCK,
     GET_INTERVAL,
+    GET_CLOCK,
     N_FUNCTIONS
 } FunctionIndex;
 

@@ -43,6 +43,7 @@ _NAMES: Mapping[int, Mapping[str, str]] = {
         "get_directional": "fmi3GetDirectionalDerivative",
         "set_clock": "fmi3SetClock",
         "get_interval": "fmi3GetIntervalDecimal",
+        "get_clock": "fmi3GetClock",
     },
 }
 

@@ -54,6 +54,7 @@ FUNCTIONS = (
     "get_directional",
     "set_clock",
     "get_interval",
+    "get_clock",
 )
 
 
@@ -73,7 +74,7 @@ class Type:
         ctypes.c_uint64: 9,
     }
     FLOAT64 = 0
-    BOOLEAN8, BOOLEAN32 = 10, 11
+    BOOLEAN8, BOOLEAN32, TICKS = 10, 11, 12
 
 
 class Failure(ctypes.Structure):

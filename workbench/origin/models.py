@@ -44,6 +44,11 @@ def _facts_of(model: Model) -> ModelFacts:
         tolerance=_tolerance(model, recipe),
         step=recipe.step or model.grid,
         start_values=dict(recipe.start_values),
+        defaults={
+            v.name: v.start
+            for v in model.description.variables
+            if v.name in recipe.start_values and v.start is not None
+        },
         bias=dict(recipe.bias),
         fmus=_fmus(model, recipe),
         blocks={c.name: type(c).__name__.removesuffix("Component").lower() for c in components if not _is_fmu(c)},

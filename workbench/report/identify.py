@@ -12,7 +12,7 @@ from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate.bootstrap import PoleBootstrap
 from workbench.analysis.validate.overlay import Overlay
 from workbench.analysis.validate.result import Validation
-from workbench.report.data import advice_table, data_facts
+from workbench.report.data import advice_picture, advice_table, data_facts
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, matrices, number, pole_table
 from workbench.report.tones import Verdict
@@ -73,8 +73,8 @@ def _estimated(found: SubspaceEstimate) -> dict[str, str]:
 
 def _of_data(result: IdentifyResult) -> Section:
     linear = coherence(result.data, segments=20)
-    figures = [
-        (result.advice.plot, "The data and what was found in them."),
+    figures: list[tuple[Callable[[], Figure], str]] = [
+        (partial(advice_picture, result.advice), "The data; marked: what was found in them."),
         (sdf(result.data).plot, "Spectral density of inputs and outputs."),
         (linear.plot, "Coherence: 1 where the output follows the input linearly; 20 segments."),
     ]

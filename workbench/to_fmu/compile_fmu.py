@@ -19,7 +19,7 @@ from workbench.fmi.description import Description
 from workbench.fmi.library import functions_of
 from workbench.fmi.platforms import folders_of
 from workbench.fmi.reading import read_description
-from workbench.to_fmu.source_lists import ListedLibrary, SourceFile, listed_libraries
+from workbench.to_fmu.source_lists import ListedLibrary, SourceFile, every_interface, listed_libraries
 from workbench.toolchain import PLATFORMS, CFile, Platform, compile_files, host_only, require
 
 __all__ = ["CompiledFmu", "add_binaries"]
@@ -34,6 +34,7 @@ _FIRST = {
     (2, "cs"): "fmi2Instantiate",
     (3, "me"): "fmi3InstantiateModelExchange",
     (3, "cs"): "fmi3InstantiateCoSimulation",
+    (3, "se"): "fmi3InstantiateScheduledExecution",
 }
 
 
@@ -143,7 +144,7 @@ def _refuse_present(
     left: Sequence[PurePosixPath], description: Description, platforms: Sequence[Platform], source: str
 ) -> None:
     """Refuse to replace what the FMU came with, unless another file is written."""
-    names = {claims.identifier for claims in description.interfaces.values()}
+    names = {claims.identifier for claims in every_interface(description).values()}
     for platform in platforms:
         there = {f"binaries/{folder}/{n}{platform.suffix}" for folder in folders_of(platform.name) for n in names}
         if found := sorted(there & {str(file) for file in left}):
@@ -202,8 +203,8 @@ _OWN = Path(__file__).parent / "fmi1_headers"
 def _write(source: Path, target: Path, made: Mapping[str, Path]) -> None:
     """Write the FMU anew with the binaries; all else in it stays as it is."""
     with (
-        zipfile.ZipFile(source) as old,
         replacing(target) as part,
+        zipfile.ZipFile(source) as old,  # closed before it is replaced, as Windows wants it
         zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as new,
     ):
         for entry in old.infolist():

@@ -10,9 +10,9 @@ from pathlib import Path, PurePosixPath
 from lxml import etree
 
 from workbench.errors import BuildError
-from workbench.fmi.description import Description
+from workbench.fmi.description import Capabilities, Description
 
-__all__ = ["ListedLibrary", "SourceFile", "listed_libraries"]
+__all__ = ["ListedLibrary", "SourceFile", "every_interface", "listed_libraries"]
 
 _SUFFIXES = (".c", ".cc", ".cpp", ".cxx")
 _INCLUDED = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+\.(?:c|cc|cpp|cxx))"', re.MULTILINE)
@@ -42,7 +42,7 @@ class ListedLibrary:
 
     Attributes:
         identifier: its name without suffix, the FMU's modelIdentifier.
-        interfaces: "me", "cs", or both.
+        interfaces: "me", "cs", "se" (scheduled execution), those that it serves.
         files: what it is compiled from.
         notes: what the FMU asks for that was left out, one line each.
     """
@@ -74,7 +74,7 @@ def listed_libraries(
     if not sources.is_dir():
         raise BuildError(f"{source}: it has no sources, so nothing can be compiled; ask its maker for a binary")
     identifiers: dict[str, list[str]] = {}
-    for interface, claims in description.interfaces.items():
+    for interface, claims in every_interface(description).items():
         identifiers.setdefault(claims.identifier, []).append(interface)
     built = _root(sources / "buildDescription.xml", source) if description.major >= 3 else None
     asked = _root(folder / "modelDescription.xml", source) if description.major == 2 else None
@@ -88,6 +88,11 @@ def listed_libraries(
         _check(sources, files, source)
         found.append(ListedLibrary(identifier, tuple(interfaces), files, tuple(notes)))
     return tuple(found)
+
+
+def every_interface(description: Description) -> dict[str, Capabilities]:
+    """Return all interfaces of an FMU, "se" for scheduled execution."""
+    return {**description.interfaces, **({} if description.scheduled is None else {"se": description.scheduled})}
 
 
 def _root(file: Path, source: str) -> etree._Element | None:

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.analysis.check.differences import EvaluationPoint, places
 from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import CheckedFmu
+from workbench.analysis.lin.task import pass_states
 from workbench.errors import FmuError, SimulationError
 from workbench.session.base import Floats
 
@@ -69,6 +70,7 @@ def directional(subject: CheckedFmu) -> Answer:
 def _columns_of(place: EvaluationPoint, exact: Floats) -> Floats:
     """Return the columns that are states and continuous inputs."""
     n = len(place.point.states)
+    pass_states(place.point, exact)
     fast = [n + i for i, v in enumerate(place.point.inputs) if v.is_continuous_input]
     return exact[:, [*range(n), *fast]]
 

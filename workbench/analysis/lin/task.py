@@ -20,7 +20,17 @@ from workbench.model.placing import find_point
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
-__all__ = ["NOT_AT_REST", "LinTask", "Width", "columns_of", "moving_note", "open_base", "sampled_note", "width_for"]
+__all__ = [
+    "NOT_AT_REST",
+    "LinTask",
+    "Width",
+    "columns_of",
+    "moving_note",
+    "open_base",
+    "pass_states",
+    "sampled_note",
+    "width_for",
+]
 
 Width = Widths | None
 
@@ -166,6 +176,22 @@ def moving_note(moves: Sequence[str]) -> tuple[str, ...]:
             "finds a point at rest"
         ),
     )
+
+
+def pass_states(point: Point, jacobian: Floats) -> None:
+    """Write the rows of outputs that are states, of ∂(dx, y)/∂(x, …), in place: what an FMU says of them is of no use.
+
+    FMUs that derive equations only, as the Reference FMUs, answer 0 there.
+
+    Args:
+        point: the model.
+        jacobian: shape (n + q, k), states first in its columns.
+    """
+    n, states = len(point.states), {v.name: i for i, v in enumerate(point.states)}
+    for i, output in enumerate(point.outputs):
+        if output.name in states:
+            jacobian[n + i] = 0.0
+            jacobian[n + i, states[output.name]] = 1.0
 
 
 def columns_of(task: LinTask, point: Point) -> list[int]:

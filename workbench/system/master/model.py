@@ -140,7 +140,11 @@ class MasterModel(DescribedModel):
         return MethodType(named("workbench.analysis.delays.request:delays"), self)
 
     def shows_input(self, output: str) -> bool:
-        """Whether an output of the system shows what a component sees, which depends on the step by nature."""
+        """Whether an output of the system shows what a component sees, which depends on the step by nature.
+
+        Args:
+            output: its name.
+        """
         return self._ports[output][0][1].causality == "input"
 
     def all_me(self, without: int) -> DescribedModel | None:
