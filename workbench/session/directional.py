@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -61,12 +62,25 @@ def slopes_pattern(instance: Instance, recorded: Sequence[Variable]) -> Pattern:
     return replace(pattern, references=(references, np.array([v.value_reference for v in rows], dtype=np.uint32)))
 
 
+# Of the descriptions used last: a model opens many sessions.
+_known: deque[tuple[Description, NativeSparsity | None]] = deque(maxlen=4)
+
+
 def newton_sparsity(description: Description) -> NativeSparsity | None:
     """Return where the Jacobian of a large model may differ from zero, as declared; None: a dense one is no slower.
 
     Args:
         description: of one FMU.
     """
+    for other, found in tuple(_known):
+        if other is description:
+            return found
+    made = _newton_sparsity(description)
+    _known.append((description, made))
+    return made
+
+
+def _newton_sparsity(description: Description) -> NativeSparsity | None:
     n = len(description.states)
     depends = _states_of(description, description.derivatives) if n >= LARGE else [None]
     if None in depends:
