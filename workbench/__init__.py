@@ -81,7 +81,14 @@ if TYPE_CHECKING:
     from workbench.analysis.subspace.estimate import estimate
     from workbench.analysis.trim.request import trim
     from workbench.analysis.trim.result import TrimResult
-    from workbench.analysis.validate import Overlay, PoleBootstrap, Validation, bootstrap_poles
+    from workbench.analysis.validate import (
+        ModelSpread,
+        Overlay,
+        PoleBootstrap,
+        Validation,
+        bootstrap_poles,
+        model_spread,
+    )
     from workbench.analysis.validate.overlay import overlay
     from workbench.analysis.validate.validate import validate
     from workbench.build.export import ExportResult
@@ -194,6 +201,7 @@ __all__ = [
     "Mode",
     "ModeSet",
     "Model",
+    "ModelSpread",
     "ModesMeeting",
     "ModesResult",
     "Motion",
@@ -276,6 +284,7 @@ __all__ = [
     "load",
     "loop",
     "make_experiment",
+    "model_spread",
     "modes",
     "nfr",
     "nyquist",
@@ -347,7 +356,16 @@ _HOMES = {
     ),
     "workbench.analysis.spectra": ("Coherence", "SpectralDensity", "coherence", "sdf"),
     "workbench.analysis.subspace": ("SubspaceEstimate", "estimate"),
-    "workbench.analysis.validate": ("Overlay", "PoleBootstrap", "Validation", "bootstrap_poles", "overlay", "validate"),
+    "workbench.analysis.validate": (
+        "ModelSpread",
+        "Overlay",
+        "PoleBootstrap",
+        "Validation",
+        "bootstrap_poles",
+        "model_spread",
+        "overlay",
+        "validate",
+    ),
     "workbench.analysis.nfr.certificate": ("Certificate",),
     "workbench.analysis.branches.request": ("branches",),
     "workbench.analysis.branches.result": ("BranchesResult", "Fold", "Onset", "ResponseBranch"),

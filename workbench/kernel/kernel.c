@@ -17,7 +17,7 @@ size_t kernel_sizeof(const char *structure) {
         {"Link", sizeof(Link)},       {"System", sizeof(System)},           {"Fourier", sizeof(Fourier)},
         {"Record", sizeof(Record)},   {"GearLibrary", sizeof(GearLibrary)}, {"Me", sizeof(Me)},
         {"Cs", sizeof(Cs)},           {"Wires", sizeof(Wires)},           {"Lti", sizeof(Lti)},
-        {"Slopes", sizeof(Slopes)},
+        {"Predictor", sizeof(Predictor)}, {"Slopes", sizeof(Slopes)},
     };
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         if (strcmp(sizes[i].name, structure) == 0) {

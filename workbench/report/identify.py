@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.spectra import coherence, sdf
 from workbench.analysis.subspace import SubspaceEstimate
-from workbench.analysis.validate import Overlay, PoleBootstrap, Validation
+from workbench.analysis.validate import ModelSpread, Overlay, PoleBootstrap, Validation
 from workbench.report.data import advice_table, data_facts
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, matrices, number, pole_table
@@ -18,7 +18,15 @@ from workbench.report.tones import Verdict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["bootstrap_page", "estimate_page", "identify_page", "order_section", "overlay_page", "validation_page"]
+__all__ = [
+    "bootstrap_page",
+    "estimate_page",
+    "identify_page",
+    "order_section",
+    "overlay_page",
+    "spread_page",
+    "validation_page",
+]
 
 
 _BAR = 40  # length of the longest bar [characters]
@@ -29,6 +37,7 @@ def identify_page(result: IdentifyResult) -> Page:
     sections = [
         _of_data(result),
         order_section(result),
+        *_of_refinement(result),
         _of_model(result),
         _of_validation("Data of the fit", result.own),
     ]
@@ -103,6 +112,31 @@ def _order_table(found: SubspaceEstimate) -> Table:
 def _of_model(result: IdentifyResult) -> Section:
     poles = (result.validation.plot_poles, "Poles (crosses) and zeros (circles).")
     return Section("Model", tables=_poles(result.estimate), figures=[poles], parts=[_matrices(result.estimate)])
+
+
+def _of_refinement(result: IdentifyResult) -> list[Section]:
+    """Return what the refinement tried, and how well the model is known; nothing where it was not asked for."""
+    told = result.refinement
+    if not told.tried:
+        return []
+    head = ("order", "disturbance", "numbers fitted", "criterion above the best")
+    tables = [Table(head, [tuple(row) for row in told.table()], right=(0, 2, 3))]
+    known = result.uncertainty if told.taken else None
+    figures = [] if known is None else [(known.plot, "Frequency response with its 95 % regions.")]
+    items = () if known is None else known.words
+    return [Section("Refinement", paragraphs=[f"{told.words}."], tables=tables, items=items, figures=figures)]
+
+
+def spread_page(result: ModelSpread) -> Page:
+    """Return the page of the regions of poles and frequency response."""
+    words = "Frequency response with its regions."
+    return Page(
+        title=f"How well {result.name} is known",
+        lead=f"The data determine {result.determined} of {counted(len(result.regions), 'pole')}.",
+        facts={"confidence": f"{100.0 * result.confidence:g} %, each region for itself"},
+        sections=[Section("Regions", items=result.words, figures=[(result.plot, words)])],
+        kind="spread",
+    )
 
 
 def _poles(estimate: SubspaceEstimate) -> list[Table]:

@@ -65,6 +65,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.trim.result.TrimResult": ("trim:trim_page", "residual_bars:plot_residuals"),
     "analysis.validate.bootstrap.PoleBootstrap": ("identify:bootstrap_page", "identify:plot_bootstrap"),
     "analysis.validate.overlay.Overlay": ("identify:overlay_page", "overlay:plot_overlay"),
+    "analysis.validate.spread.ModelSpread": ("identify:spread_page", "identify:plot_spread"),
     "analysis.validate.result.Validation": ("identify:validation_page", "validate:plot_fit"),
     "build.export.ExportResult": ("build:export_page", ""),
     "build.fmu.BuildResult": ("build:build_page", ""),

@@ -39,6 +39,14 @@ def _read_delay(texts: Sequence[str]) -> int | str | list[int]:
     return int(parts[0]) if len(parts) == 1 else [int(part) for part in parts]
 
 
+def _read_noise(texts: Sequence[str]) -> int | str:
+    if texts[-1] in ("auto", "shared"):
+        return texts[-1]
+    if not texts[-1].isdecimal():
+        raise ValueError(f"'{texts[-1]}' is neither auto nor shared nor a number of states, 0 (white) or more")
+    return int(texts[-1])
+
+
 _ORDER = Form(metavar="auto|N|ask", read=_read_order, write=lambda value: [str(value)], take=lambda value: value)
 _DELAY = Form(
     metavar="auto|N,..",
@@ -46,12 +54,15 @@ _DELAY = Form(
     write=lambda value: [str(value) if isinstance(value, int | str) else ",".join(map(str, value))],
     take=lambda value: value,
 )
+_NOISE = Form(metavar="auto|shared|N", read=_read_noise, write=lambda value: [str(value)], take=lambda value: value)
 
 if TYPE_CHECKING:
+    _Noise = int | Literal["auto", "shared"]
     _Order = int | Literal["auto"]
     _Delay = int | Sequence[int] | Literal["auto"]
     _Data = Experiment | File
 else:
+    _Noise = Annotated[object, _NOISE]
     _Order = Annotated[object, _ORDER]
     _Delay = Annotated[object, _DELAY]
     _Data = Annotated[object, FILE]
@@ -70,9 +81,10 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
     """Identify a discrete linear model from recorded data, judge the data, and validate the model.
 
     The steps of the source report's chapter 5: the data are judged (`advise`), their operating point is subtracted, the
-    order is chosen from singular values or principal angles, the model is estimated by a subspace method, and its
-    simulation and one-step prediction are compared with other data, or else with the data of the fit, which makes
-    it look too good.
+    order is chosen from singular values or principal angles, the model is estimated by a subspace method, refined to
+    the least prediction error with a model of the disturbance beside it, and its simulation and one-step prediction are
+    compared with other data, or else with the data of the fit, which makes it look too good. The refined model is taken
+    where it validates no worse; the covariance of its parameters gives regions of poles and frequency response.
 
     Not for data from a closed loop (the estimate is biased; the advice and the cross-correlation at negative lags show
     it) and not for models whose gain depends on the amplitude, beyond the amplitude of the data.
@@ -162,6 +174,17 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         group="Estimate",
     )
     stable: bool = option("Move unstable poles inside the unit circle.", default=False, group="Estimate")
+    refine: str = option(
+        "Refine the model to the least prediction error; auto takes the refined model where it validates no worse.",
+        choices=("auto", "always", "never"),
+        default="auto",
+        group="Estimate",
+    )
+    noise: _Noise = option(
+        "States of the disturbance in the refined model, 0 for a white one; shared: it has the plant's poles.",
+        default="auto",
+        group="Estimate",
+    )
     detrend: str = option(
         "Trend to remove from the data before the fit.",
         choices=("mean", "linear", "none"),
@@ -219,6 +242,10 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         super().__post_init__()
         if self.amplitude is not None and self.nfr is None:
             raise InputError("amplitude: it selects one of nfr, which is missing")
+        if self.noise not in ("auto", "shared") and not (isinstance(self.noise, int) and self.noise >= 0):
+            raise InputError(f"noise must be auto, shared or a number of states, 0 (white) or more, not {self.noise!r}")
+        if self.noise != "auto" and self.refine == "never":
+            raise InputError("noise: it is a model of the disturbance for the refinement, which refine=never rules out")
 
     def went_well(self, record: IdentifyResult) -> bool:
         """Return whether the model has a simulation on all data.

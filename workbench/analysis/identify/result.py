@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from workbench.analysis.advice import Advice
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.prediction.result import NOT_REFINED, Refinement
 from workbench.analysis.subspace import SubspaceEstimate
-from workbench.analysis.validate import Overlay, Validation
+from workbench.analysis.validate import ModelSpread, Overlay, Validation
 from workbench.core.closed_loop import ClosedLoop, between
 from workbench.core.record import Record, entry
 
@@ -31,10 +32,12 @@ class IdentifyResult(Record):
         data: what it was identified from, without the settling part.
         advice: judgement of these data.
         estimate: the model, the order with its reason, singular values and principal angles.
+        refinement: how the model was refined, or why not.
         detrend: what was taken off before.
         settle: how much was cut off the beginning [s].
         own: the model compared with the data of the fit.
         other: compared with other data; None where there were none.
+        uncertainty: regions of poles and frequency response of a refined model; None: not refined.
         overlay: its frequency response beside those of other analyses; None where there were none.
     """
 
@@ -46,6 +49,8 @@ class IdentifyResult(Record):
     own: Validation = field(metadata=entry(key="identification", kept=False))
     other: Validation | None = field(metadata=entry(key="validation"))
     overlay: Overlay | None = None
+    refinement: Refinement = NOT_REFINED
+    uncertainty: ModelSpread | None = None
 
     _WHAT, _COMMAND = "an identification", "identify"
 
@@ -114,8 +119,13 @@ class IdentifyResult(Record):
         evidence = self.advice.finding("feedback").evidence
         unknown = f"whether the data come from a closed loop is unknown: {evidence}"
         loop = (unknown,) if self.closed_loop is None else ()
-        found = (*loop, *self.data.notes, *self.estimate.notes, *self.model.notes, *self.validation.notes, *alone)
+        found = (*loop, *self.data.notes, *self._refined_notes, *self.model.notes, *self.validation.notes, *alone)
         return tuple(dict.fromkeys(found))
+
+    @property
+    def _refined_notes(self) -> tuple[str, ...]:
+        told = () if self.refinement is NOT_REFINED else (self.refinement.words,)
+        return (*told, *self.estimate.notes)
 
     def to_ss(self) -> control.StateSpace:
         """Return the model for python-control."""

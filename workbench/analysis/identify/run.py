@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from workbench.analysis.advice import Advice, advise
-from workbench.analysis.experiment.experiment import Experiment, read_experiment
+from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.identify.preparing import Prepared, chosen, cut, prepare
+from workbench.analysis.identify.refined import refined
 from workbench.analysis.identify.request import Identify
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.preprocess import Detrended, cut_settling, detrend, remove_offset
 from workbench.analysis.subspace import SubspaceEstimate, estimate
-from workbench.analysis.validate import Overlay, PoleBootstrap, bootstrap_poles, overlay, same_settings, validate
+from workbench.analysis.validate import Overlay, PoleBootstrap, bootstrap_poles, model_spread, overlay, validate
+from workbench.analysis.validate.estimator import Estimator
 from workbench.core.job import Job
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
-__all__ = ["Prepared", "chosen", "cut", "prepare", "run"]
+__all__ = ["run"]
 
 
 def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyResult:
@@ -47,19 +44,22 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         biased=asked.biased,
         stable=asked.stable,
     )
-    advice.refuse(found.order)
-    job.done("model estimated", 2, 3)
-    model = _named(found, prepared)
     other = _other(asked, prepared.data)
-    regions = _regions(found.with_model(model), prepared, asked)
+    better, refinement, again = refined(found, prepared, other, asked, advice)
+    advice.refuse(better.order)
+    job.done("model estimated", 2, 3)
+    model = _named(better, prepared)
+    regions = _regions(model, prepared, asked, again)
     result = IdentifyResult(
         data=prepared.data,
         advice=advice,
-        estimate=found.with_model(model),
+        estimate=better.with_model(model),
+        refinement=refinement,
         detrend=asked.detrend,
         settle=asked.settle,
         own=validate(model, prepared.data, lags=asked.lags, bootstrap=regions),
         other=None if other is None else validate(model, other, lags=asked.lags, bootstrap=regions),
+        uncertainty=None if model.spread is None else model_spread(model),
         overlay=_overlay(model, asked),
     )
     job.done("model validated", 3, 3)
@@ -96,13 +96,13 @@ def _other(asked: Identify, data: Experiment) -> Experiment | None:
     return cut(other, asked.settle)
 
 
-def _regions(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> PoleBootstrap | None:
+def _regions(model: IdentifiedModel, prepared: Prepared, asked: Identify, estimator: Estimator) -> PoleBootstrap | None:
     if not asked.bootstrap:
         return None
     return bootstrap_poles(
-        found.model,
+        model,
         prepared.data,
-        same_settings(found),
+        estimator,
         replicates=asked.bootstrap,
         seed=asked.seed,
         workers=asked.place.apart,
@@ -120,97 +120,3 @@ def _overlay(model: IdentifiedModel, asked: Identify) -> Overlay | None:
         nfr=NfrResult.read(nfr) if isinstance(nfr, str | Path) else nfr,
         amplitude=asked.amplitude,
     )
-
-
-# -- what happens to the data before --------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """Data ready for the estimator.
-
-    Attributes:
-        data: as recorded, without the settling part.
-        u: shape (N, m), inputs without their operating point and trend.
-        y: shape (N, p), outputs likewise.
-        u0, y0: shape (m,), (p,), operating point that was taken off.
-    """
-
-    data: Experiment
-    u: Floats
-    y: Floats
-    u0: Floats
-    y0: Floats
-
-
-def _nothing(data: Experiment) -> Detrended:
-    return remove_offset(data, {})
-
-
-# Name → what takes the operating point off.
-_DETRENDS: Mapping[str, Callable[[Experiment], Detrended]] = {
-    "mean": detrend,
-    "linear": lambda data: detrend(data, kind="linear"),
-    "none": _nothing,
-}
-
-
-def chosen(
-    data: Experiment | str | Path, inputs: Sequence[str] | None, outputs: Sequence[str] | None, dt: float | None
-) -> Experiment:
-    """Return the data with the columns asked for.
-
-    Args:
-        data: an experiment, or a CSV file.
-        inputs: names; None: the experiment's own, or what the file says.
-        outputs: names; None: likewise.
-        dt: sampling interval of a file without times [s].
-
-    Raises:
-        InputError: no such file or column, gaps, numbers that are none.
-    """
-    if not isinstance(data, Experiment):
-        return read_experiment(data, inputs=inputs, outputs=outputs, dt=dt)
-    if inputs is None and outputs is None:
-        return data
-    return data.select(inputs or data.input_names, outputs or data.output_names)
-
-
-def prepare(data: Experiment, *, how: str, settle: float) -> Prepared:
-    """Cut the settling part off and take the operating point away.
-
-    Args:
-        data: as recorded.
-        how: "mean", "linear" or "none".
-        settle: so much is cut off the beginning [s].
-
-    Raises:
-        InputError: too little left after the cut, a column that never changes.
-    """
-    kept = cut(data, settle)
-    _check_moving(kept)
-    level = _DETRENDS[how](kept)
-    return Prepared(kept, level.experiment.u, level.experiment.y, level.u0, level.y0)
-
-
-def _check_moving(data: Experiment) -> None:
-    for kind, names, values in (("input", data.input_names, data.u), ("output", data.output_names, data.y)):
-        still = np.ptp(values, axis=0) <= 1e-12 * np.max(np.abs(values), axis=0)
-        if still.any():
-            k = int(np.argmax(still))
-            what = "it excites nothing" if kind == "input" else "there is nothing to identify"
-            raise InputError(f"{data.name}: {kind} '{names[k]}' is constant ({values[0, k]:.6g}): {what}; leave it out")
-
-
-def cut(data: Experiment, settle: float) -> Experiment:
-    """Cut the settling part off.
-
-    Args:
-        data: as recorded.
-        settle: so much is cut off the beginning [s].
-
-    Raises:
-        InputError: too little left.
-    """
-    first = int(np.ceil(settle / data.dt - 1e-9))
-    return cut_settling(data, samples=first).experiment if first else data
