@@ -145,7 +145,8 @@ def test_regions_hold_poles_and_response_and_are_read_back(tmp_path: Path) -> No
     assert known.holds(pole, pole)
     assert known.determined == 2
     z = np.exp(2j * np.pi * 0.1 * known.frequency_hz)
-    inside = known.holds_response((np.polyval(RESONANCE[0], z) / np.polyval(RESONANCE[1], z))[:, None, None])
+    truth = np.asarray(np.polyval(RESONANCE[0], z) / np.polyval(RESONANCE[1], z), dtype=np.complex128)
+    inside = known.holds_response(truth[:, None, None])
     assert np.mean(inside) > 0.5
     again = wb.IdentifyResult.from_dict(json.loads(json.dumps(found.to_dict())))
     assert again.uncertainty is not None

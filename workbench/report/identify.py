@@ -64,8 +64,9 @@ def _lead(result: IdentifyResult) -> str:
     where = "other data" if result.other is not None else "the data of the fit"
     if result.failed:
         return f"A model of order {result.order} that has no simulation on its data. {' '.join(result.warnings)}."
+    biased = result.closed_loop and result.closed_loop_method is None
     return (
-        f"{'This is not a model of the plant: the data come from a closed loop. ' if result.closed_loop else ''}"
+        f"{'This is not a model of the plant: the data come from a closed loop. ' if biased else ''}"
         f"A model of order {result.order} follows {where} with a fit of {result.fit_percent:.2f} % "
         f"(error {result.error_percent:.2f} %). The data are judged: {result.advice.worst}."
     )

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.analysis.advice import Advice
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.identify.preparing import Prepared
@@ -33,7 +32,7 @@ _WORSE = {"other": 0.02, "own": 0.1}
 
 
 def refined(
-    found: SubspaceEstimate, prepared: Prepared, other: Experiment | None, asked: Identify, advice: Advice
+    found: SubspaceEstimate, prepared: Prepared, other: Experiment | None, asked: Identify
 ) -> tuple[SubspaceEstimate, Refinement, Estimator]:
     """Return the better estimate, how it was refined, and what finds poles in other records in the same way.
 
@@ -42,7 +41,6 @@ def refined(
         prepared: the data of the fit.
         other: data to validate with; None: those of the fit.
         asked: with the options.
-        advice: judgement of the data.
     """
     same = found, same_settings(found)
     if asked.refine == "never":
@@ -51,20 +49,20 @@ def refined(
         if asked.refine == "always":
             raise InputError(f"{prepared.data.name}: the data are free of noise: there is nothing to refine")
         return found, Refinement(taken=False, reason="the data are free of noise"), same[1]
-    closed = advice.finding("feedback").verdict == "poor" or bool(prepared.data.loops)
+    direct = asked.closed_loop == "direct"
     wish = Wish(
         order=found.order if asked.order != "auto" or asked.biased else None,
         noise=None if asked.noise == "auto" else asked.noise,
         most=asked.max_order,
         feedthrough=asked.feedthrough,
         stable=asked.stable,
-        closed_loop=closed,
+        closed_loop=direct,
     )
     best = refined_model(found.model, prepared.u, prepared.y, wish)
     if best is None:
         return found, Refinement(taken=False, reason="no model has a finite prediction of these data"), same[1]
-    taken, reason = _judged(found.model, best.model, prepared, other, closed=closed)
-    if asked.refine == "always":
+    taken, reason = _judged(found.model, best.model, prepared, other, closed=direct)
+    if asked.refine == "always" or asked.closed_loop is not None:
         taken = True
     words = _refinement(best, taken=taken, reason=reason)
     if not taken:
@@ -91,7 +89,7 @@ def _judged(
     told = f"on {where} the prediction error changes by {_change(predicted, p)}"
     better = predicted[1] < predicted[0] + _SAME * p
     if not after.is_stable:
-        if before.is_stable:
+        if before.is_stable and not closed:
             return False, f"{told}, but the model is unstable and has no simulation; refine=always takes it"
         return better, told
     told += f", the simulation error by {_change(simulated, p)}" if before.is_stable else ""
@@ -131,6 +129,11 @@ def _in_place(found: SubspaceEstimate, best: RefinedModel) -> SubspaceEstimate:
     if found.order_reason == "given":
         return replace(found, model=best.model, stabilised=0)
     why = f"smallest Bayesian criterion of the prediction error among {len(best.chosen.tried)} structures"
+    least = {n: min(c.criterion for c in best.chosen.tried if c.order == n) for n in (order - 1, order, order + 1)
+             if any(c.order == n for c in best.chosen.tried)}  # fmt: skip
+    for n in (order - 1, order + 1):
+        if n in least:
+            why += f"; order {n} would raise it by {least[n] - least[order]:.3g}"
     if order != found.order:
         why += f"; the simulation error alone would take {found.order}"
     return replace(found, model=best.model, order=order, order_reason=why, stabilised=0)

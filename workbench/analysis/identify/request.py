@@ -86,8 +86,8 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
     compared with other data, or else with the data of the fit, which makes it look too good. The refined model is taken
     where it validates no worse; the covariance of its parameters gives regions of poles and frequency response.
 
-    Not for data from a closed loop (the estimate is biased; the advice and the cross-correlation at negative lags show
-    it) and not for models whose gain depends on the amplitude, beyond the amplitude of the data.
+    Not for data from a closed loop without `closed_loop` (the estimate is biased; the advice and the cross-correlation
+    at negative lags show it) and not for models whose gain depends on the amplitude, beyond the amplitude of the data.
 
     Returns:
         The model, how it came about and what it is worth.
@@ -180,6 +180,14 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         default="auto",
         group="Estimate",
     )
+    closed_loop: str | None = option(
+        "For data from a closed loop: direct (a model of the disturbance makes it consistent; needs delay or no "
+        "feedthrough in the loop), or the column with a reference that was recorded; by default the data are taken as "
+        "from an open loop, with a warning where they are not.",
+        metavar="direct|COLUMN",
+        default=None,
+        group="Estimate",
+    )
     noise: _Noise = option(
         "States of the disturbance in the refined model, 0 for a white one; shared: it has the plant's poles.",
         default="auto",
@@ -244,6 +252,8 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
             raise InputError("amplitude: it selects one of nfr, which is missing")
         if self.noise not in ("auto", "shared") and not (isinstance(self.noise, int) and self.noise >= 0):
             raise InputError(f"noise must be auto, shared or a number of states, 0 (white) or more, not {self.noise!r}")
+        if self.closed_loop is not None and self.refine == "never":
+            raise InputError("closed_loop: refine=never leaves the subspace model, which is biased in a closed loop")
         if self.noise != "auto" and self.refine == "never":
             raise InputError("noise: it is a model of the disturbance for the refinement, which refine=never rules out")
 

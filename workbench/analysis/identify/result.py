@@ -37,6 +37,9 @@ class IdentifyResult(Record):
         settle: how much was cut off the beginning [s].
         own: the model compared with the data of the fit.
         other: compared with other data; None where there were none.
+        closed_loop_method: "direct", or the reference by which the plant was identified in a closed loop; None: as
+            from an open loop.
+        delays_told: where estimated delays come from; empty: they were given.
         uncertainty: regions of poles and frequency response of a refined model; None: not refined.
         overlay: its frequency response beside those of other analyses; None where there were none.
     """
@@ -51,6 +54,8 @@ class IdentifyResult(Record):
     overlay: Overlay | None = None
     refinement: Refinement = NOT_REFINED
     uncertainty: ModelSpread | None = None
+    closed_loop_method: str | None = None
+    delays_told: str = ""
 
     _WHAT, _COMMAND = "an identification", "identify"
 
@@ -83,7 +88,7 @@ class IdentifyResult(Record):
     def closed_loop(self) -> bool | None:
         """Whether the data were recorded in closed loop, as they say or the advice finds; None: they cannot tell.
 
-        If they were, the model is not that of the plant.
+        If they were, the model is not that of the plant unless `closed_loop_method` says how it was identified.
         """
         if self._loops:
             return True
@@ -104,9 +109,11 @@ class IdentifyResult(Record):
         """What has to be known before any number of the model is used, one line each; mostly none."""
         feedback = self.advice.finding("feedback")
         found = f"NOT A MODEL OF THE PLANT: the data come from a closed loop: {feedback.evidence}; {feedback.advice}"
+        if self.closed_loop_method is not None:
+            found = ""
         missing = [f"NO FIT on {where}: {why}" for where, why in self.failed.items()]
         known = [f"NOT A MODEL OF THE PLANT: {loop.words(name)}" for name, loop in self._loops.items()]
-        return (*known, *((found,) if feedback.verdict == "poor" else ()), *missing)
+        return (*known, *((found,) if found and feedback.verdict == "poor" else ()), *missing)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -124,7 +131,18 @@ class IdentifyResult(Record):
 
     @property
     def _refined_notes(self) -> tuple[str, ...]:
-        told = () if self.refinement is NOT_REFINED else (self.refinement.words,)
+        told = [] if self.refinement is NOT_REFINED else [self.refinement.words]
+        if self.closed_loop_method == "direct":
+            told.append(
+                "identified directly in a closed loop: the plant is right if the residuals are white and no "
+                "feedthrough of plant and controller closes it within the sample"
+            )
+        elif self.closed_loop_method is not None:
+            told.append(
+                f"identified in a closed loop by what {self.closed_loop_method} makes of the inputs (two stages); "
+                "no regions are given: the first stage's error is not in the covariance of the second"
+            )
+        told += [self.delays_told] if self.delays_told else []
         return (*told, *self.estimate.notes)
 
     def to_ss(self) -> control.StateSpace:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from workbench.analysis.advice import Advice, advise
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.identify.closed_loop import driven_by, with_disturbance, with_reference
 from workbench.analysis.identify.preparing import Prepared, chosen, cut, prepare
 from workbench.analysis.identify.refined import refined
 from workbench.analysis.identify.request import Identify
@@ -24,15 +26,17 @@ __all__ = ["run"]
 
 def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyResult:
     """Identify a model; see `Identify`."""
-    prepared = prepare(chosen(data, asked.inputs, asked.outputs, asked.dt), how=asked.detrend, settle=asked.settle)
+    whole, reference = with_reference(data, asked)
+    prepared = prepare(whole, how=asked.detrend, settle=asked.settle)
     order = asked.order
     advice = advise(prepared.data, order=None if order == "auto" else order, feedthrough=asked.feedthrough)
     if order != "auto":
         advice.refuse(order)
     job.done("data judged", 1, 3)
+    driving = prepared if reference is None else driven_by(reference, prepared, asked)
     found = estimate(
-        prepared.u,
-        prepared.y,
+        driving.u,
+        driving.y,
         prepared.data.dt,
         order=order,
         max_order=asked.max_order,
@@ -45,7 +49,9 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         stable=asked.stable,
     )
     other = _other(asked, prepared.data)
-    better, refinement, again = refined(found, prepared, other, asked, advice)
+    better, refinement, again = refined(found, driving, other, asked)
+    if driving is not prepared:
+        better = with_disturbance(better, prepared, asked)
     advice.refuse(better.order)
     job.done("model estimated", 2, 3)
     model = _named(better, prepared)
@@ -55,6 +61,8 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         advice=advice,
         estimate=better.with_model(model),
         refinement=refinement,
+        closed_loop_method=asked.closed_loop,
+        delays_told=delays_told(advice, better.model.delay) if asked.delay == "auto" else "",
         detrend=asked.detrend,
         settle=asked.settle,
         own=validate(model, prepared.data, lags=asked.lags, bootstrap=regions),
@@ -72,6 +80,13 @@ def _delays(advice: Advice) -> tuple[int, ...]:
     names, outputs = advice.experiment.input_names, advice.experiment.output_names
     waits = [[found.get(f"{u} → {y}") for y in outputs] for u in names]
     return tuple(max(0, min((w for w in row if w is not None), default=1) - 1) for row in waits)
+
+
+def delays_told(advice: Advice, delays: Sequence[int]) -> str:
+    """Return where the delays of the model come from, in one line; empty where there are none."""
+    named = [f"{u}: {d}" for u, d in zip(advice.experiment.input_names, delays, strict=False) if d]
+    evidence = advice.finding("delay").evidence
+    return f"delay, by the data ({evidence}), samples taken out of the fit: {', '.join(named) or 'none'}"
 
 
 def _named(found: SubspaceEstimate, prepared: Prepared) -> IdentifiedModel:

@@ -6,12 +6,11 @@ with Λ the covariance of the one-step prediction's error and f the numbers fitt
 candidate has a model of its disturbance, the errors are white where the structure has room enough, and the criterion
 means what its theory says. The order of the disturbance is first looked for in what the plant leaves of the output; the
 order of the plant starts from what the subspaces of the whitened signals show, and goes up or down by one as long as
-that is better.
+that is better. In a closed loop the subspaces mislead; there the search begins at order 0.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,7 +32,7 @@ from workbench.core.record import Part
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["Candidate", "Chosen", "Wish", "choose"]
+__all__ = ["Candidate", "Chosen", "Wish", "choose", "noise_alone"]
 
 Record = tuple[Floats, Floats]
 _MOST_NOISE = 4  # states of the disturbance that auto tries for one output
@@ -135,14 +134,15 @@ class _Search:
     def run(self) -> Refined | None:
         if self.wish.order is not None:
             return self._at(self.wish.order)
-        n = self._first()
+        n = 0 if self.wish.closed_loop else self._first()
         best = self._at(n)
-        for way in (1, -1):
-            while 0 <= (k := n + way) <= self.wish.most:
+        for way, patience in ((1, 2 if self.wish.closed_loop else 1), (-1, 1)):
+            k = n + way
+            while 0 <= k <= self.wish.most and abs(k - n) <= patience:
                 other = self._at(k)
-                if not _better(other, best):
-                    break
-                best, n = other, k
+                if _better(other, best):
+                    best, n = other, k
+                k += way
         return best
 
     def _first(self) -> int:
@@ -176,33 +176,14 @@ class _Search:
             return []
         least = min(starts, key=lambda s: float(np.linalg.slogdet(s.left.T @ s.left + 1e-300)[1]))
         wished = self.wish.noise
-        d = wished if isinstance(wished, int) else self._noise_order(least.left)
+        alone = noise_alone(least.left, wished if isinstance(wished, int) else None)
+        d = 0 if alone is None else len(alone.model.A)
         found = []
         for start in starts:
             noise = disturbance(start.left, d)
             if noise is not None:
                 found.append(self._refined(with_own(start, noise, feedthrough=self.wish.feedthrough)))
         return found
-
-    def _noise_order(self, left: Floats) -> int:
-        """Return the order of a disturbance, by refining models of it alone."""
-        p = left.shape[1]
-        nothing = np.zeros((len(left), 0))
-        best, order, worse = math.inf, 0, 0
-        for d in range(_MOST_NOISE * p + 1):
-            noise = disturbance(left, d)
-            if noise is None:
-                break
-            A, K, C = noise
-            alone = with_shared((A, np.zeros((d, 0)), C, np.zeros((p, 0))), K, feedthrough=False)
-            found = refine(alone, (nothing, left), most=_QUICK)
-            if found is not None and found.criterion < best:
-                best, order, worse = found.criterion, d, 0
-            else:
-                worse += 1
-            if worse > _IN_A_ROW:
-                break
-        return order
 
     def _plants(self, n: int) -> list[Plant]:
         """Return plants of an order to start from."""
@@ -238,6 +219,33 @@ class _Search:
             if known is None or tried.criterion < known.criterion:
                 self.tried[tried.structure] = tried
         return found
+
+
+def noise_alone(left: Floats, order: int | None) -> Refined | None:
+    """Return a model of a disturbance alone; its order by the Bayesian criterion where none is given.
+
+    Args:
+        left: shape (N, p), the disturbance.
+        order: d; None: to be found.
+    """
+    p = left.shape[1]
+    nothing = np.zeros((len(left), 0))
+    best: Refined | None = None
+    worse = 0
+    for d in range(_MOST_NOISE * p + 1) if order is None else (order,):
+        noise = disturbance(left, d)
+        if noise is None:
+            break
+        A, K, C = noise
+        alone = with_shared((A, np.zeros((d, 0)), C, np.zeros((p, 0))), K, feedthrough=False)
+        found = refine(alone, (nothing, left), most=_QUICK)
+        if found is not None and _better(found, best):
+            best, worse = found, 0
+        else:
+            worse += 1
+        if worse > _IN_A_ROW:
+            break
+    return best
 
 
 def _better(one: Refined | None, other: Refined | None) -> bool:
