@@ -17,6 +17,7 @@ from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import NoiseModel
 from workbench.analysis.identify.preparing import Prepared, chosen, prepare
 from workbench.analysis.identify.request import Identify
+from workbench.analysis.identify.several import gathered
 from workbench.analysis.long_arx import fit_long_arx
 from workbench.analysis.prediction.choose import noise_alone
 from workbench.analysis.subspace import SubspaceEstimate
@@ -28,8 +29,8 @@ __all__ = ["driven_by", "with_disturbance", "with_reference"]
 _LEAST = 0.005  # of an input's variance that the reference must explain
 
 
-def with_reference(data: Experiment | str | Path, asked: Identify) -> tuple[Experiment, Experiment | None]:
-    """Return the data, and the same with the reference for input where one was named.
+def with_reference(data: Experiment | str | Path, asked: Identify) -> tuple[tuple[Experiment, ...], Experiment | None]:
+    """Return the experiments, and the same with the reference for input where one was named.
 
     Args:
         data: an experiment, or a file.
@@ -40,7 +41,9 @@ def with_reference(data: Experiment | str | Path, asked: Identify) -> tuple[Expe
     """
     name = asked.closed_loop
     if name in (None, "direct"):
-        return chosen(data, asked.inputs, asked.outputs, asked.dt), None
+        return gathered(data, asked), None
+    if asked.also or asked.repair:
+        raise InputError("closed_loop: by a reference it is one experiment, as recorded: not with also or repair")
     inputs = None if asked.inputs is None else [*asked.inputs, *(() if name in asked.inputs else (str(name),))]
     whole = chosen(data, inputs, asked.outputs, asked.dt)
     driving = [n for n in whole.input_names if n != name]
@@ -48,7 +51,7 @@ def with_reference(data: Experiment | str | Path, asked: Identify) -> tuple[Expe
         raise InputError(f"{whole.name}: there is no column '{name}' for the reference of the closed loop")
     if not driving:
         raise InputError(f"{whole.name}: '{name}' is the only input, so it cannot be the reference of another")
-    return whole.select(driving, whole.output_names), whole.select([str(name)], [*driving, *whole.output_names])
+    return (whole.select(driving, whole.output_names),), whole.select([str(name)], [*driving, *whole.output_names])
 
 
 def driven_by(reference: Experiment, prepared: Prepared, asked: Identify) -> Prepared:

@@ -11,6 +11,7 @@ from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.identify.preparing import Prepared
 from workbench.analysis.identify.request import Identify
+from workbench.analysis.identify.several import without_joints
 from workbench.analysis.prediction.choose import Wish
 from workbench.analysis.prediction.model import RefinedModel, refined_model, refining
 from workbench.analysis.prediction.result import NOT_REFINED, Refinement
@@ -80,9 +81,12 @@ def _judged(
 ) -> tuple[bool, str]:
     """Return whether the refined model is taken, and why."""
     where = "the data of the fit" if other is None else other.name
-    levels = (np.zeros_like(prepared.u0), np.zeros_like(prepared.y0)) if other is None else (prepared.u0, prepared.y0)
-    models = [_at(m, *levels) for m in (before, after)]
-    u, y = (prepared.u, prepared.y) if other is None else _channels(before, prepared, other)
+    models = [before, after]
+    u, y = prepared.u, prepared.y
+    if other is not None:
+        own = [without_joints(m, len(prepared.u0)) for m in models]
+        models = [_at(m, prepared.u0, prepared.y0) for m in own]
+        u, y = _channels(own[0], prepared, other)
     predicted = [cost(y - m.predict(u, y)) for m in models]
     simulated = [_simulation_cost(m, u, y) for m in models]
     p = len(before.y0)

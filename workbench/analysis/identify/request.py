@@ -55,13 +55,22 @@ _DELAY = Form(
     take=lambda value: value,
 )
 _NOISE = Form(metavar="auto|shared|N", read=_read_noise, write=lambda value: [str(value)], take=lambda value: value)
+_FILES = Form(
+    metavar="DATA,..",
+    read=lambda texts: tuple(part for text in texts for part in text.split(",") if part),
+    write=lambda value: [",".join(map(str, value))] if value else [],
+    take=lambda value: (value,) if isinstance(value, str) or not isinstance(value, Sequence) else tuple(value),
+    repeated=True,
+)
 
 if TYPE_CHECKING:
     _Noise = int | Literal["auto", "shared"]
     _Order = int | Literal["auto"]
     _Delay = int | Sequence[int] | Literal["auto"]
     _Data = Experiment | File
+    _Several = Sequence[Experiment | File]
 else:
+    _Several = Annotated[object, _FILES]
     _Noise = Annotated[object, _NOISE]
     _Order = Annotated[object, _ORDER]
     _Delay = Annotated[object, _DELAY]
@@ -114,9 +123,9 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
     subject = Subject(
         name="data",
         type="Experiment | str | Path",
-        help="An experiment, or a CSV file.",
+        help="An experiment, or a file.",
         metavar="DATA",
-        words="CSV file, as workbench excite writes it, or any other.",
+        words="CSV file, as workbench excite writes it, or any other; also .mat, .parquet, .feather, .mf4.",
     )
 
     _: KW_ONLY
@@ -133,6 +142,17 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         also="--outputs",
         metavar="Y,..",
         default=None,
+    )
+    also: _Several | None = option(
+        "More experiments with the same system, fitted together; each has an operating point and a start of its own.",
+        metavar="DATA,..",
+        default=None,
+        group="Data",
+    )
+    repair: bool = option(
+        "Replace outliers of the outputs, fill short gaps in a file, and divide the data at long ones.",
+        default=False,
+        group="Data",
     )
     order: _Order = option(
         "Number of states, 0 for a gain; ask shows the singular values and prompts for it.", default="auto"
@@ -254,6 +274,8 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
             raise InputError(f"noise must be auto, shared or a number of states, 0 (white) or more, not {self.noise!r}")
         if self.closed_loop is not None and self.refine == "never":
             raise InputError("closed_loop: refine=never leaves the subspace model, which is biased in a closed loop")
+        if self.bootstrap and self.also:
+            raise InputError("bootstrap: of one experiment only; uncertainty has the regions of several")
         if self.noise != "auto" and self.refine == "never":
             raise InputError("noise: it is a model of the disturbance for the refinement, which refine=never rules out")
 

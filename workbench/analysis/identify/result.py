@@ -37,6 +37,7 @@ class IdentifyResult(Record):
         settle: how much was cut off the beginning [s].
         own: the model compared with the data of the fit.
         other: compared with other data; None where there were none.
+        experiments: names and lengths of all that were fitted together, the first is `data`.
         closed_loop_method: "direct", or the reference by which the plant was identified in a closed loop; None: as
             from an open loop.
         delays_told: where estimated delays come from; empty: they were given.
@@ -54,6 +55,7 @@ class IdentifyResult(Record):
     overlay: Overlay | None = None
     refinement: Refinement = NOT_REFINED
     uncertainty: ModelSpread | None = None
+    experiments: tuple[str, ...] = ()
     closed_loop_method: str | None = None
     delays_told: str = ""
 
@@ -142,6 +144,8 @@ class IdentifyResult(Record):
                 f"identified in a closed loop by what {self.closed_loop_method} makes of the inputs (two stages); "
                 "no regions are given: the first stage's error is not in the covariance of the second"
             )
+        if len(self.experiments) > 1:
+            told.append(f"fitted together: {'; '.join(self.experiments)}; judged and drawn: the first")
         told += [self.delays_told] if self.delays_told else []
         return (*told, *self.estimate.notes)
 

@@ -9,13 +9,15 @@ from workbench.analysis.advice import Advice, advise
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.identify.closed_loop import driven_by, with_disturbance, with_reference
-from workbench.analysis.identify.preparing import Prepared, chosen, cut, prepare
+from workbench.analysis.identify.preparing import Prepared, chosen, cut
 from workbench.analysis.identify.refined import refined
 from workbench.analysis.identify.request import Identify
 from workbench.analysis.identify.result import IdentifyResult
+from workbench.analysis.identify.several import joined, prepared_all, without_joints
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.subspace import SubspaceEstimate, estimate
+from workbench.analysis.subspace.delays import as_tuple
 from workbench.analysis.validate import Overlay, PoleBootstrap, bootstrap_poles, model_spread, overlay, validate
 from workbench.analysis.validate.estimator import Estimator
 from workbench.core.job import Job
@@ -26,14 +28,15 @@ __all__ = ["run"]
 
 def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyResult:
     """Identify a model; see `Identify`."""
-    whole, reference = with_reference(data, asked)
-    prepared = prepare(whole, how=asked.detrend, settle=asked.settle)
+    experiments, reference = with_reference(data, asked)
+    pieces = prepared_all(experiments, asked)
+    prepared = pieces[0]
     order = asked.order
     advice = advise(prepared.data, order=None if order == "auto" else order, feedthrough=asked.feedthrough)
     if order != "auto":
         advice.refuse(order)
     job.done("data judged", 1, 3)
-    driving = prepared if reference is None else driven_by(reference, prepared, asked)
+    driving = joined(pieces) if reference is None else driven_by(reference, prepared, asked)
     found = estimate(
         driving.u,
         driving.y,
@@ -44,14 +47,15 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         basis=asked.basis,
         horizon=asked.horizon,
         feedthrough=asked.feedthrough,
-        delay=_delays(advice) if asked.delay == "auto" else asked.delay,
+        delay=_delays(asked, advice, driving.u.shape[1]),
         biased=asked.biased,
         stable=asked.stable,
     )
     other = _other(asked, prepared.data)
     better, refinement, again = refined(found, driving, other, asked)
-    if driving is not prepared:
+    if reference is not None:
         better = with_disturbance(better, prepared, asked)
+    better = better.with_model(without_joints(better.model, prepared.u.shape[1]))
     advice.refuse(better.order)
     job.done("model estimated", 2, 3)
     model = _named(better, prepared)
@@ -61,6 +65,7 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         advice=advice,
         estimate=better.with_model(model),
         refinement=refinement,
+        experiments=tuple(f"{e.name}: {e.n_samples} samples" for e in experiments),
         closed_loop_method=asked.closed_loop,
         delays_told=delays_told(advice, better.model.delay) if asked.delay == "auto" else "",
         detrend=asked.detrend,
@@ -74,8 +79,20 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
     return result
 
 
-def _delays(advice: Advice) -> tuple[int, ...]:
-    """Return the delay of each input that the advice estimates, beyond the sample that all systems take [samples]."""
+def _delays(asked: Identify, advice: Advice, inputs: int) -> tuple[int, ...]:
+    """Return the delay of each input, as asked or as the advice estimates it; the inputs that join data have none.
+
+    Args:
+        asked: with the delay.
+        advice: estimates it beyond the sample that all systems take [samples].
+        inputs: how many, with those that join experiments.
+    """
+    own = len(advice.experiment.input_names)
+    given = _estimated(advice) if asked.delay == "auto" else as_tuple(asked.delay, own)
+    return (*given, *(0,) * (inputs - own))
+
+
+def _estimated(advice: Advice) -> tuple[int, ...]:
     found = advice.finding("delay").values
     names, outputs = advice.experiment.input_names, advice.experiment.output_names
     waits = [[found.get(f"{u} → {y}") for y in outputs] for u in names]
