@@ -95,6 +95,7 @@ LINES = {
     "check": (f"{LAG_FMU} --interface me --only runs,reset", "checks"),
     "excite": (f"{LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
     "identify": ("data.csv --input u --output y --order 1", ""),
+    "bla": (f"{LAG_FMU} --input u --output y --rms 1,2 --band 0.1:1 --realisations 2", "words"),
     "reproduce": ("fig31 --list", "targets"),
     "build": ("Lag.mo --out Lag.fmu --fmi 3", "files"),
     "export": ("lin.json --out linear.fmu --fmi 3", "platforms"),

@@ -19,6 +19,9 @@ TYPE_CHECKING = False  # as type checkers know it; importing typing would take t
 if TYPE_CHECKING:
     from workbench.analysis.advice import Advice, Finding
     from workbench.analysis.advice.advise import advise
+    from workbench.analysis.bla.request import bla
+    from workbench.analysis.bla.result import BlaResult
+    from workbench.analysis.bla.run import best_linear
     from workbench.analysis.branches.request import branches
     from workbench.analysis.branches.result import BranchesResult, Fold, Onset, ResponseBranch
     from workbench.analysis.check.request import check
@@ -140,6 +143,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Advice",
     "BalancedReduction",
+    "BlaResult",
     "Block",
     "Branch",
     "BranchPoint",
@@ -257,6 +261,8 @@ __all__ = [
     "ZeroInput",
     "advise",
     "balanced_reduction",
+    "best_linear",
+    "bla",
     "bootstrap_poles",
     "branches",
     "check",
@@ -367,6 +373,9 @@ _HOMES = {
         "validate",
     ),
     "workbench.analysis.nfr.certificate": ("Certificate",),
+    "workbench.analysis.bla.request": ("bla",),
+    "workbench.analysis.bla.result": ("BlaResult",),
+    "workbench.analysis.bla.run": ("best_linear",),
     "workbench.analysis.branches.request": ("branches",),
     "workbench.analysis.branches.result": ("BranchesResult", "Fold", "Onset", "ResponseBranch"),
     "workbench.analysis.check.request": ("check",),

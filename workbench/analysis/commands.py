@@ -27,6 +27,7 @@ REQUESTS = {
     "check": "check.request:Check",
     "excite": "excite.request:Excite",
     "identify": "identify.request:Identify",
+    "bla": "bla.request:Bla",
     "reproduce": "workbench.reproduce.request:ReproduceCommand",
     "build": "workbench.to_fmu.request:Build",
     "export": "workbench.to_fmu.request:Export",

@@ -31,6 +31,7 @@ _NAMED = 12  # inputs and states of an operating point
 # shows and no more.
 SHOWN: dict[str, tuple[str, str]] = {
     "analysis.advice.result.Advice": ("data:advice_page", "advice:plot_advice"),
+    "analysis.bla.result.BlaResult": ("bla:bla_page", "bla:plot_bla"),
     "analysis.branches.result.BranchesResult": ("branches:branches_page", "branches:plot_branches"),
     "analysis.check.result.HealthCard": ("check:check_page", "check:plot_check"),
     "analysis.delays.result.DelayReport": ("delays:delays_page", ""),

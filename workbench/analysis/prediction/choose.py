@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.analysis.prediction.gradient import errors_of
 from workbench.analysis.prediction.innovations import Innovations
 from workbench.analysis.prediction.refine import Refined, refine
 from workbench.analysis.prediction.start import (
@@ -28,6 +29,7 @@ from workbench.analysis.prediction.start import (
     with_shared,
 )
 from workbench.analysis.subspace import estimate
+from workbench.analysis.subspace.delivered import cost
 from workbench.core.record import Part
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -178,12 +180,14 @@ class _Search:
         wished = self.wish.noise
         alone = noise_alone(least.left, wished if isinstance(wished, int) else None)
         d = 0 if alone is None else len(alone.model.A)
-        found = []
+        begun = []
         for start in starts:
             noise = disturbance(start.left, d)
             if noise is not None:
-                found.append(self._refined(with_own(start, noise, feedthrough=self.wish.feedthrough)))
-        return found
+                begun.append(with_own(start, noise, feedthrough=self.wish.feedthrough))
+        if self.wish.order is None:  # many orders are tried: of each the start that predicts best
+            begun = sorted(begun, key=lambda model: cost(errors_of(model, self.record)))[:1]
+        return [self._refined(model) for model in begun]
 
     def _plants(self, n: int) -> list[Plant]:
         """Return plants of an order to start from."""

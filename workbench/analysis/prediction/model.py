@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.analysis.identified.model import IdentifiedModel, NoiseModel
 from workbench.analysis.prediction.choose import Chosen, Wish, choose
+from workbench.analysis.prediction.gradient import normal_equations
 from workbench.analysis.prediction.innovations import Innovations
 from workbench.analysis.prediction.refine import Refined, refine
 from workbench.analysis.subspace.data import ScaledData, prepare
@@ -18,9 +19,10 @@ from workbench.analysis.subspace.estimate import model_of
 from workbench.analysis.subspace.simulated import InputFit
 from workbench.analysis.subspace.states import Noise
 from workbench.core.blas import one_thread
+from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["RefinedModel", "refined_model", "refining"]
+__all__ = ["RefinedModel", "refined_model", "refining", "truth_spread"]
 
 Complex = NDArray[np.complex128]
 
@@ -92,6 +94,29 @@ def _spread(found: Refined, su: Floats, sy: Floats) -> Floats | None:
         A[:n, :n], B[:n] / su[:, None], sy[:, None, None] * C[:, :n], sy[:, None, None] * D / su[:, None],
     )  # fmt: skip
     return np.concatenate([part.reshape(-1, count) for part in parts])
+
+
+def truth_spread(model: Innovations, u: Floats, y: Floats, sizes: Floats) -> Floats:
+    """Return a factor of the Cramér–Rao bound of A, B, C, D of a known model: to judge estimates by.
+
+    Args:
+        model: the truth.
+        u: shape (N, m).
+        y: shape (N, p).
+        sizes: shape (p,), standard deviations of its innovations, which are independent.
+
+    Raises:
+        InputError: the record leaves a direction open.
+    """
+    entries = model.free()
+    Q = model.coordinates(entries)
+    normal = normal_equations(model, (u, y), np.diag(1.0 / sizes), entries)
+    H = Q.T @ normal.matrix @ Q
+    truth = Refined(model, np.diag(sizes**2), 0.0, H, Q, entries, 10**9, 0, settled=True)
+    found = _spread(truth, np.ones(u.shape[1]), np.ones(y.shape[1]))
+    if found is None:
+        raise InputError("the record does not determine all parameters")
+    return found
 
 
 # -- the same for the records of a bootstrap -------------------------------------------------------
