@@ -20,7 +20,7 @@ def bla_page(result: BlaResult) -> Page:
             result.noise_rms, result.left, strict=True,
         )
     ]  # fmt: skip
-    levels = Table(heads, rows, "Levels, root mean squares", right=tuple(range(8)))
+    levels = Table(heads, rows, right=tuple(range(8)))
     figures = [
         (result.plot, "Gain and phase with 95 % errors; below, what noise and distortion make of one realisation.")
     ]
@@ -33,7 +33,7 @@ def bla_page(result: BlaResult) -> Page:
             "records": f"{result.realisations} realisations of {result.periods} periods of {result.samples} samples "
             f"every {result.dt:.4g} s, {result.transient} before",
         },
-        sections=[Section("Levels", items=result.words[:-1], tables=[levels], figures=figures)],
+        sections=[Section("Levels (root mean squares)", items=result.words[:-1], tables=[levels], figures=figures)],
         summary=[Verdict("good" if all(result.worth) else "watch", result.verdict)],
         notes=result.notes,
         kind="bla",

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 from scipy import stats
 
 from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.validate.regions import SCATTER, PoleRegion
+from workbench.analysis.validate.bootstrap import match_clouds
+from workbench.analysis.validate.regions import PoleRegion, pole_regions
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -22,7 +22,7 @@ Complex = NDArray[np.complex128]
 
 _POINTS = 60
 _DECADES = 3.0
-_TINY = 1e-12  # least variance, relative
+_DRAWN = 400  # models
 _ON_AXIS = 1e-12
 
 
@@ -109,9 +109,8 @@ class ModelSpread(Record):
 def model_spread(model: IdentifiedModel, *, frequencies: Floats | None = None, confidence: float = 0.95) -> ModelSpread:
     """Return regions of the poles and of the frequency response of a model that knows its parameters' covariance.
 
-    Linear in the parameters: a pole λ moves by wᵀ dA v, with its eigenvectors w and v of product 1; the response by
-    C (zI − A)⁻¹ (dA (zI − A)⁻¹ B + dB) + dC (zI − A)⁻¹ B + dD. Good as long as the regions are small against the
-    distances between poles; a bootstrap is not linear.
+    The response is taken as linear in the parameters, it moves by C (zI − A)⁻¹ (dA (zI − A)⁻¹ B + dB) + dC (zI − A)⁻¹ B
+    + dD. Poles are not: their regions are those of models drawn from the parameters' normal distribution.
 
     Not for: models whose prediction errors are not white, as the residual tests tell: their covariance is another.
 
@@ -176,25 +175,17 @@ def _by_entry(model: IdentifiedModel, spread: Floats) -> _ByEntry:
 
 
 def _pole_regions(model: IdentifiedModel, SA: Floats, confidence: float) -> tuple[PoleRegion, ...]:
+    """Return the regions of the poles of models drawn from the parameters' normal distribution.
+
+    They are those of a bootstrap: where two poles are as near to each other as they scatter, or where one may be found
+    anywhere, poles are not linear in the parameters.
+    """
     if not model.order:
         return ()
-    values, left, right = scipy.linalg.eig(model.A, left=True, right=True)
-    scale = np.einsum("ik,ik->k", left.conj(), right)
-    moves = np.einsum("ik,ijf,jk->kf", left.conj(), SA, right) / scale[:, None]
-    found = []
-    for pole, move in zip(values, moves, strict=True):
-        real = abs(pole.imag) < _ON_AXIS
-        parts = np.vstack([move.real, np.zeros_like(move.real) if real else move.imag])
-        covariance = parts @ parts.T
-        size = float(stats.chi2.ppf(confidence, 1 if real else 2))
-        spread = float(np.sqrt(np.trace(covariance)))
-        shape = size * (covariance + (1e-9 * np.trace(covariance) + _TINY) * np.eye(2))
-        found.append(
-            PoleRegion(
-                pole=complex(pole), spread=spread, bias=0j, shape=shape, on_axis=real, determined=spread <= SCATTER
-            )
-        )
-    return tuple(found)
+    random = np.random.default_rng(0)
+    drawn = model.A + np.einsum("ijf,fr->rij", SA, random.standard_normal((SA.shape[2], _DRAWN)))
+    replicates = match_clouds(model.poles, np.linalg.eigvals(drawn).astype(np.complex128))
+    return pole_regions(model.poles, replicates, confidence=confidence, joint=False)
 
 
 def _response_shapes(model: IdentifiedModel, S: _ByEntry, f: Floats) -> Floats:
