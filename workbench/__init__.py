@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from workbench.analysis.feedback.result import FeedbackResult
     from workbench.analysis.feedback.run import FeedbackRun
     from workbench.analysis.feedback.settling import SettlingStudy
+    from workbench.analysis.fit.request import fit
+    from workbench.analysis.fit.result import FitResult
     from workbench.analysis.identified.model import IdentifiedModel
     from workbench.analysis.identify.request import identify
     from workbench.analysis.identify.result import IdentifyResult
@@ -174,6 +176,7 @@ __all__ = [
     "FeedbackRun",
     "FilterStep",
     "Finding",
+    "FitResult",
     "FmuComponent",
     "FmuError",
     "FmuInfo",
@@ -280,6 +283,7 @@ __all__ = [
     "export_container",
     "feed_forward",
     "feedback",
+    "fit",
     "gust",
     "identify",
     "info",
@@ -348,6 +352,8 @@ _HOMES = {
     "workbench.analysis.feedback.settling": ("SettlingStudy",),
     "workbench.analysis.reduction.balanced": ("BalancedReduction", "balanced_reduction"),
     "workbench.analysis.identified.model": ("IdentifiedModel",),
+    "workbench.analysis.fit.request": ("fit",),
+    "workbench.analysis.fit.result": ("FitResult",),
     "workbench.analysis.identify.request": ("identify",),
     "workbench.analysis.info.request": ("info",),
     "workbench.analysis.info.result": ("FmuInfo", "SystemInfo"),

@@ -28,6 +28,7 @@ REQUESTS = {
     "excite": "excite.request:Excite",
     "identify": "identify.request:Identify",
     "bla": "bla.request:Bla",
+    "fit": "fit.request:Fit",
     "reproduce": "workbench.reproduce.request:ReproduceCommand",
     "build": "workbench.to_fmu.request:Build",
     "export": "workbench.to_fmu.request:Export",

@@ -42,6 +42,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.feedback.result.FeedbackResult": ("feedback:feedback_page", "feedback:plot_feedback"),
     "analysis.feedback.run.FeedbackRun": ("feedback:run_page", "feedback_run:plot_feedback_run"),
     "analysis.feedback.settling.SettlingStudy": ("feedback:settling_page", "feedback_settling:plot_settling"),
+    "analysis.fit.result.FitResult": ("fit:fit_page", "fit:plot_fit_response"),
     "analysis.identify.result.IdentifyResult": ("identify:identify_page", ""),
     "analysis.info.result.FmuInfo": ("info:info_page", ""),
     "analysis.info.result.SystemInfo": ("info:system_page", ""),

@@ -126,9 +126,10 @@ class BlaResult(Record):
         Args:
             power: number of the root mean square.
         """
+        size = np.maximum(np.abs(self.response[power]), 1e-300)
         return Response(
-            self.frequency_hz, self.response[power], input=self.input, output=self.output, input_unit=self.input_unit,
-            output_unit=self.output_unit,
+            self.frequency_hz, self.response[power], self.error[power] / size, amplitude=float(self.rms[power]),
+            input=self.input, output=self.output, input_unit=self.input_unit, output_unit=self.output_unit,
         )  # fmt: skip
 
     def derived(self) -> dict[str, Any]:
