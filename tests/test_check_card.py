@@ -20,8 +20,8 @@ from tests.platforms import needs_module, posix_signals
 from tests.reference_fmus import build_reference
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import VERDICTS
-from workbench.analysis.check.run import structured_name
 from workbench.cli.app import run
+from workbench.fmi.rules import structured_name
 from workbench.workers import Workers
 
 ROOT = Path(__file__).parent.parent

@@ -18,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from workbench.core.files import cache_folder
 from workbench.errors import BuildError
 from workbench.fmi.platforms import host
 
@@ -85,11 +86,6 @@ def host_only() -> tuple[Platform, ...]:
     return tuple(p for p in PLATFORMS if p.name == host())
 
 
-def _cache() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "fmi-workbench" / "compiler"
-
-
 def require(*packages: str) -> None:
     """Check that what writes FMUs is installed.
 
@@ -142,7 +138,7 @@ def _run(command: Sequence[str], folder: Path, platform: Platform) -> None:
     Raises:
         BuildError: it refuses; the message has its first error.
     """
-    cache = str(_cache())
+    cache = str(cache_folder("compiler"))
     environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
     whole = [sys.executable, "-m", "ziglang", *command]
     result = subprocess.run(whole, cwd=folder, env=environment, capture_output=True, text=True, check=False)

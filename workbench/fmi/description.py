@@ -160,7 +160,8 @@ class Description:
         state_count, indicator_count: numbers of continuous states and event indicators.
         shapes: value reference → shape, for FMI 3.0 arrays.
         log_categories: names of the FMU's log categories.
-        notes: rules of FMI that the file bends.
+        notes: what the file bends, as far as somebody who uses the FMU wants to know.
+        problems: every rule of FMI that the file bends.
         units: of the FMU, by name.
         enumerations: type → item → value.
         scheduled: what it is able to do in scheduled execution (FMI 3.0); None: not offered.
@@ -187,6 +188,7 @@ class Description:
     shapes: Mapping[int, tuple[int, ...]]
     log_categories: tuple[str, ...]
     notes: tuple[str, ...]
+    problems: tuple[str, ...] = ()
     units: Mapping[str, UnitDefinition] = field(default_factory=dict)
     enumerations: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     scheduled: Capabilities | None = None

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from io import BytesIO
-
-from lxml import etree
 
 from workbench.errors import InputError
+from workbench.fmi.declared import Declared
 from workbench.fmi.description import Description
 from workbench.fmi.variable import Value
 
@@ -48,15 +46,14 @@ def _whole(name: str, value: Value) -> int:
     return int(number)
 
 
-def with_structure(data: bytes, values: Mapping[str, int]) -> bytes:
-    """Return a modelDescription.xml in which structural parameters start with other values.
+def with_structure(declared: Declared, values: Mapping[str, int]) -> None:
+    """Let structural parameters start with other values.
 
     Args:
-        data: the file, well-formed and without a document type.
+        declared: changed in place.
         values: name → value.
     """
-    tree = etree.parse(BytesIO(data), etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True))
-    for element in tree.getroot().iterfind("ModelVariables/*"):
-        if element.get("causality") == STRUCTURAL and element.get("name") in values:
-            element.set("start", str(values[element.get("name", "")]))
-    return bytes(etree.tostring(tree, xml_declaration=True, encoding="UTF-8"))
+    for variable in declared.variables:
+        value = values.get(variable.name or "")
+        if variable.causality == STRUCTURAL and value is not None:
+            variable.start = str(value)

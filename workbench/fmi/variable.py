@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 __all__ = ["FLOAT_TYPES", "Value", "Variable"]
 
@@ -11,9 +11,10 @@ Value = float | int | bool | str
 FLOAT_TYPES = frozenset({"Real", "Float64", "Float32"})
 
 
-@dataclass(frozen=True)
-class Variable:
+class Variable(NamedTuple):
     """One scalar variable; an element of an FMI 3 array is a variable of its own (`u[1]`).
+
+    A tuple, because a model may have 100,000 of them.
 
     Attributes:
         name: as the FMU gives it, array elements with 1-based indices appended.
@@ -24,8 +25,8 @@ class Variable:
         description: as declared.
         causality: "input", "output", "parameter", "local", …
         variability: "continuous", "discrete", "fixed", "tunable", "constant".
-        minimum, maximum: as declared.
-        nominal: as declared; None where none is (never 0).
+        minimum, maximum: as declared, of the variable or of its type.
+        nominal: as declared, of the variable or of its type; None where none is (never 0).
         value_reference: the FMU's handle; elements of one array share it.
         element: position in the flattened array, 0 for a scalar.
         derivative_of: name of the state whose derivative this is.

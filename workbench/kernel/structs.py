@@ -21,6 +21,7 @@ __all__ = [
     "Failure",
     "Forcing",
     "Fourier",
+    "Groups",
     "Link",
     "Lti",
     "Me",
@@ -28,6 +29,7 @@ __all__ = [
     "Record",
     "Signal",
     "Slopes",
+    "Sparsity",
     "System",
     "Type",
     "Wires",
@@ -340,6 +342,7 @@ class Problem(ctypes.Structure):
         ("nz", c_size_t),
         ("derivatives", c_void_p),
         ("indicators", c_void_p),
+        ("sparsity", c_void_p),
     )
 
 
@@ -377,6 +380,29 @@ class Flights(ctypes.Structure):
     )
 
 
+class Groups(ctypes.Structure):
+    """solver.h."""
+
+    _fields_ = (
+        ("members", c_void_p),
+        ("ends", c_void_p),
+        ("n_groups", c_size_t),
+        ("first", c_void_p),
+        ("rows", c_void_p),
+    )
+
+
+class Sparsity(ctypes.Structure):
+    """solver.h."""
+
+    _fields_ = (
+        ("groups", Groups),
+        ("place", c_void_p),
+        ("below", c_size_t),
+        ("above", c_size_t),
+    )
+
+
 class Me(ctypes.Structure):
     """me.h."""
 
@@ -384,6 +410,7 @@ class Me(ctypes.Structure):
         ("system", c_void_p),
         ("solver_name", ctypes.c_char_p),
         ("gear", c_void_p),
+        ("sparsity", c_void_p),
         ("rtol", c_double),
         ("scale", c_void_p),
         ("most", c_void_p),
@@ -422,11 +449,7 @@ class Slopes(ctypes.Structure):
         ("a", c_void_p),
         ("c", c_void_p),
         ("work", c_void_p),
-        ("members", c_void_p),
-        ("ends", c_void_p),
-        ("n_groups", c_size_t),
-        ("first", c_void_p),
-        ("rows", c_void_p),
+        ("groups", Groups),
         ("knowns", c_void_p),
         ("unknowns", c_void_p),
         ("way", c_int32),
@@ -476,5 +499,5 @@ class Predictor(ctypes.Structure):
 
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
     Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
-    Wires, Lti, Slopes, Clocks, Tick, Intermediate, Predictor,
+    Wires, Lti, Slopes, Sparsity, Clocks, Tick, Intermediate, Predictor,
 )  # fmt: skip

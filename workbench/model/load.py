@@ -26,6 +26,7 @@ from workbench.kernel.gear import why_missing
 from workbench.model.fmu_model import FmuModel
 from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe, content_hash, files_of, hash_of
 from workbench.model.starts import check_biases, check_starts
+from workbench.session.directional import newton_note
 from workbench.session.fmu import Setup
 
 __all__ = [
@@ -237,7 +238,8 @@ def _choose_interface(wanted: str, description: Description, source: str) -> str
 
 def _choose_solver(wanted: str, interface: str, description: Description) -> tuple[str, str]:
     if interface == "me":
-        return choose_solver(wanted, states=description.state_count)
+        name, note = choose_solver(wanted, states=description.state_count)
+        return name, "; ".join(filter(None, (note, newton_note(description) if name == "gear" else "")))
     if wanted not in ("auto", "fmu"):
         raise InputError(f"solver {wanted}: a co-simulation FMU brings its own; leave solver at auto")
     return "fmu", ""

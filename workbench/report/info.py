@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-from workbench.analysis.info.result import FmuInfo, SystemInfo
-from workbench.fmi.description import DisplayUnit
+from workbench.analysis.info.result import ClockFacts, FmuInfo, InterfaceFacts, SystemInfo, VariableFacts, WireFacts
+from workbench.fmi.description import DefaultExperiment, DisplayUnit, Terminal, TerminalMember
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
 from workbench.report.tones import Verdict
@@ -41,84 +40,92 @@ _SELDOM = ("adjoint_derivatives",)  # shown where an interface has it
 
 def info_page(record: FmuInfo) -> Page:
     """Return the page of an FMU."""
-    data = record.to_dict()
-    here = f"runs here ({', '.join(data['runs_here'])})"
-    alone = ": scheduled execution is for a scheduler" if data["scheduled_execution"] and not data["interfaces"] else ""
-    runs = Verdict("good", here) if data["runnable"] else Verdict("poor", f"does not run here{alone}")
+    here = f"runs here ({', '.join(record.runs_here)})"
+    alone = ": scheduled execution is for a scheduler" if record.scheduled_execution and not record.interfaces else ""
+    runs = Verdict("good", here) if record.runnable else Verdict("poor", f"does not run here{alone}")
     return Page(
-        title=str(data["model"]),
-        lead=data["description"] or f"An FMU of FMI {data['fmi_version']}.",
+        title=record.model,
+        lead=record.description or f"An FMU of FMI {record.fmi_version}.",
         facts={
-            "FMI": f"{data['fmi_version']} ({', '.join(_offered(data)) or 'no interface'})",
-            **({"made by": data["generation_tool"]} if data["generation_tool"] else {}),
-            "platforms": ", ".join(data["platforms"]) or "none",
-            "experiment": _experiment(data["experiment"]),
+            "FMI": f"{record.fmi_version} ({', '.join(_offered(record)) or 'no interface'})",
+            **({"made by": record.generation_tool} if record.generation_tool else {}),
+            "platforms": ", ".join(record.platforms) or "none",
+            "experiment": _experiment(record.experiment),
         },
         sections=[
-            *_variables(data),
-            *_clocks(data["clocks"]),
-            *_terminals(data["terminals"]),
-            *_enumerations(data["enumerations"]),
+            *_variables(record),
+            *_clocks(record.clocks),
+            *_terminals(record.terminals),
+            *_enumerations(record.enumerations),
             *_display_units(record),
-            *_capabilities(data["capabilities"]),
+            *_capabilities(record.capabilities),
         ],
-        summary=[runs, *_snapshots(data["capabilities"])],
-        notes=data["notes"],
+        summary=[runs, *_snapshots(record.capabilities)],
+        notes=record.notes,
         kind="info",
     )
 
 
-def _offered(data: Mapping[str, Any]) -> list[str]:
-    return [*data["interfaces"], *(["scheduled execution, not run here"] if data["scheduled_execution"] else [])]
+def _offered(record: FmuInfo) -> list[str]:
+    return [*record.interfaces, *(["scheduled execution, not run here"] if record.scheduled_execution else [])]
 
 
-def _experiment(experiment: Mapping[str, Any]) -> str:
-    told = [text.format(experiment[key]) for key, text in _EXPERIMENT.items() if experiment.get(key) is not None]
-    return ", ".join(told) or "not told"
+def _experiment(experiment: DefaultExperiment) -> str:
+    given = {key: getattr(experiment, key) for key in _EXPERIMENT}
+    return ", ".join(_EXPERIMENT[key].format(value) for key, value in given.items() if value is not None) or "not told"
 
 
-def _snapshots(capabilities: Mapping[str, Any]) -> list[Verdict]:
+def _snapshots(capabilities: Mapping[str, InterfaceFacts]) -> list[Verdict]:
     found = []
     for interface, abilities in capabilities.items():
-        probed = abilities.get("snapshots")
+        probed = abilities.snapshots
         if probed is not None:
-            why = f": {probed['why']}" if probed["why"] else ""
-            word = "good" if probed["method"] == "state" else "watch"
-            found.append(Verdict(word, f"{interface}: snapshots by {probed['method']}{why}"))
+            why = f": {probed.why}" if probed.why else ""
+            word = "good" if probed.method == "state" else "watch"
+            found.append(Verdict(word, f"{interface}: snapshots by {probed.method}{why}"))
     return found
 
 
-def _capabilities(capabilities: Mapping[str, Any]) -> list[Section]:
-    if not capabilities:
+def _capabilities(capabilities: Mapping[str, InterfaceFacts]) -> list[Section]:
+    claims = [facts.declared for facts in capabilities.values()]
+    if not claims:
         return []
-    names = [k for k in _ABILITIES if k not in _SELDOM or any(c.get(k) for c in capabilities.values())]
-    rows = [(_ABILITIES[key], *("yes" if c.get(key) else "–" for c in capabilities.values())) for key in names]
+    names = [key for key in _ABILITIES if key not in _SELDOM or any(getattr(c, key) for c in claims)]
+    rows = [(_ABILITIES[key], *("yes" if getattr(c, key) else "–" for c in claims)) for key in names]
     return [Section("Declared capabilities", tables=[Table(("", *capabilities), rows)])]
 
 
-def _variables(data: Mapping[str, Any]) -> list[Section]:
+def _variables(record: FmuInfo | SystemInfo) -> list[Section]:
     found = []
+    items = record.enumerations if isinstance(record, FmuInfo) else {}
     for group, title in _GROUPS.items():
-        if data.get(group):
-            rows = [_variable(v, data.get("enumerations", {})) for v in data[group]]
+        variables: tuple[VariableFacts, ...] = getattr(record, group, ())
+        if variables:
+            rows = [_variable(v, items.get(v.name, {})) for v in variables]
             table = Table(("name", "type", "unit", "start", "description"), rows, right=(3,))
             found.append(Section(f"{title} ({len(rows)})", tables=[table], folded=len(rows) > _MANY))
     return found
 
 
-def _variable(v: Mapping[str, Any], enumerations: Mapping[str, Mapping[str, int]]) -> tuple[str, ...]:
-    items = {value: name for name, value in enumerations.get(v["name"], {}).items()}
-    start = items.get(v["start"], v["start"])
+def _variable(v: VariableFacts, items: Mapping[str, int]) -> tuple[str, ...]:
+    start = next((name for name, value in items.items() if value == v.start), v.start)
     shown = "" if start is None else f"{start:g}" if isinstance(start, float) else str(start)
-    return (v["name"], v["type"], v["unit"] or "", shown, v["description"] or "")
+    return (v.name, v.type, v.unit or "", shown, v.description or "")
 
 
-def _clocks(clocks: Sequence[Mapping[str, Any]]) -> list[Section]:
+def _clocks(clocks: Sequence[ClockFacts]) -> list[Section]:
     rows = [
-        (c["name"], c["causality"], c["kind"], _seconds(c["interval"]), _seconds(c["shift"] or None), _ticks(c),
-         ", ".join(c["variables"]))
+        (
+            c.name,
+            c.causality,
+            c.kind,
+            _seconds(c.interval),
+            _seconds(c.shift or None),
+            _ticks(c),
+            ", ".join(c.variables),
+        )
         for c in clocks
-    ]  # fmt: skip
+    ]
     table = Table(("name", "causality", "kind", "every", "after", "ticks", "what changes"), rows, right=(3, 4))
     return [Section(f"Clocks ({len(rows)})", tables=[table], folded=len(rows) > _MANY)] if rows else []
 
@@ -127,19 +134,18 @@ def _seconds(value: float | None) -> str:
     return "" if value is None else f"{value:g} s"
 
 
-def _ticks(clock: Mapping[str, Any]) -> str:
-    return _DRIVEN[clock["driven"]] if clock["causality"] == "input" else "by itself"
+def _ticks(clock: ClockFacts) -> str:
+    return _DRIVEN[clock.driven] if clock.causality == "input" else "by itself"
 
 
-def _terminals(terminals: Sequence[Mapping[str, Any]]) -> list[Section]:
-    rows = [(t["name"], t["rule"], t["kind"] or "", _members(t["members"]), t["description"] or "") for t in terminals]
+def _terminals(terminals: Sequence[Terminal]) -> list[Section]:
+    rows = [(t.name, t.rule, t.kind or "", _members(t.members), t.description or "") for t in terminals]
     table = Table(("name", "matching", "kind", "members", "description"), rows)
     return [Section(f"Terminals ({len(rows)})", tables=[table], folded=len(rows) > _MANY)] if rows else []
 
 
-def _members(members: Sequence[Mapping[str, Any]]) -> str:
-    words = (f"{m['name']} = {m['variable']}" + ("" if m["kind"] == "signal" else f" ({m['kind']})") for m in members)
-    return ", ".join(words)
+def _members(members: Sequence[TerminalMember]) -> str:
+    return ", ".join(f"{m.name} = {m.variable}" + ("" if m.kind == "signal" else f" ({m.kind})") for m in members)
 
 
 def _enumerations(known: Mapping[str, Mapping[str, int]]) -> list[Section]:
@@ -164,32 +170,29 @@ def _conversion(unit: str, display: DisplayUnit) -> str:
 
 def system_page(record: SystemInfo) -> Page:
     """Return the page of a system."""
-    data = record.to_dict()
-    parts, wires = data["components"], data["connections"]
+    parts, wires = record.components, record.connections
     return Page(
-        title=f"System {data['model']}",
+        title=f"System {record.model}",
         lead=f"{counted(len(parts), 'component')}, {counted(len(wires), 'connection')}.",
         facts={},
         sections=[
-            Section(
-                "Components and connections", tables=[Table(("name", "what"), [(c["name"], c["what"]) for c in parts])]
-            ),
+            Section("Components and connections", tables=[Table(("name", "what"), [(c.name, c.what) for c in parts])]),
             Section("Connections", tables=[_connections(wires)], folded=len(wires) > _MANY),
-            *_variables(data),
+            *_variables(record),
         ],
-        notes=data["notes"],
+        notes=record.notes,
         kind="info",
     )
 
 
-def _connections(wires: Sequence[Mapping[str, Any]]) -> Table:
-    rows = [(w["source"], w["destination"], _how(w)) for w in wires]
+def _connections(wires: Sequence[WireFacts]) -> Table:
+    rows = [(w.source, w.destination, _how(w)) for w in wires]
     return Table(("from", "to", "by"), rows)
 
 
-def _how(wire: Mapping[str, Any]) -> str:
-    words = [f"gain {wire['gain']:g}"] if wire["gain"] != 1.0 else []
-    words += [f"offset {wire['offset']:g}"] if wire["offset"] else []
-    words += [f"in {wire['unit']}"] if wire["unit"] else []
-    words += [f"closes at {wire['closes_at']:g} s"] if wire["closes_at"] is not None else []
+def _how(wire: WireFacts) -> str:
+    words = [f"gain {wire.gain:g}"] if wire.gain != 1.0 else []
+    words += [f"offset {wire.offset:g}"] if wire.offset else []
+    words += [f"in {wire.unit}"] if wire.unit else []
+    words += [f"closes at {wire.closes_at:g} s"] if wire.closes_at is not None else []
     return ", ".join(words)

@@ -6,23 +6,24 @@ from abc import abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from workbench.core.closable import Closable
 from workbench.errors import EndedError, InputError, SimulationError
-from workbench.fmi.instance import Instance
 from workbench.fmi.variable import FLOAT_TYPES, Variable
+from workbench.kernel.native_slopes import Pattern
 from workbench.session.base import Floats
-from workbench.session.directional import why_not_exact
+from workbench.session.directional import columns_pattern, why_not_exact
+from workbench.session.exact_jacobian import ExactJacobian
 from workbench.session.fmu import FmuSession
 from workbench.session.me import MeSession
 from workbench.session.stand import Stand, named_states
 
 __all__ = ["Evaluation", "FmuPoint", "Point"]
 
-_ADJOINT = 1e-9  # relative: the same derivatives, added up in another order
 _SAME = 1e-9  # relative: a model that is back where it was may differ by its own iterations
 
 
@@ -61,7 +62,7 @@ class Point(Closable):
         nominal: nominal values of the states, shape (n,).
         smallest: sizes of the states below which errors of the integration do not shrink with them, shape (n,).
         memory: discrete real states that the model shows and lets one start elsewhere.
-        calls: number of "derivatives" (each with the outputs) and "directional" evaluations so far.
+        calls: number of "derivatives" (each with the outputs), "directional" and "adjoint" evaluations so far.
     """
 
     states: tuple[Variable, ...]
@@ -109,6 +110,14 @@ class Point(Closable):
         Raises:
             InputError: the model offers no directional derivatives.
         """
+
+    @property
+    def pattern(self) -> Pattern | None:
+        """Which states and inputs move which derivatives and outputs, as a large model declares it; None: unknown.
+
+        It is not believed: whoever uses it compares with one more evaluation.
+        """
+        return None
 
     @abstractmethod
     def why_not_exact(self) -> str:
@@ -260,6 +269,12 @@ class FmuPoint(Point):
         names = [f"the derivative of {v.name}" for v in self.states] + [v.name for v in self.outputs]
         return names[int(np.flatnonzero(~np.isfinite(np.concatenate([dx, y])))[0])]
 
+    @cached_property
+    def pattern(self) -> Pattern | None:
+        instance = self.session.instance
+        rows = (*instance.description.derivatives, *self.outputs)
+        return columns_pattern(instance, (*self.states, *self.inputs), rows)
+
     # -- exact derivatives ----------------------------------------------------------------
 
     def jacobian(self) -> Floats:
@@ -271,34 +286,11 @@ class FmuPoint(Point):
         instance, n = self.session.instance, len(self.states)
         # Other outputs change at events alone: nothing moves them here, and an FMU may refuse to be asked.
         smooth = [i for i, v in enumerate(self.outputs) if v.type in FLOAT_TYPES and v.variability == "continuous"]
-        rows = [*instance.description.derivatives, *(self.outputs[i] for i in smooth)]
         full = np.full((n + len(self.outputs), n + len(self.inputs)), np.nan)
+        rows = {**dict(enumerate(instance.description.derivatives)), **{n + i: self.outputs[i] for i in smooth}}
         columns = [*enumerate(self.states), *((n + i, v) for i, v in enumerate(self.inputs) if v.is_continuous_input)]
-        numbers, known = [j for j, _ in columns], [v for _, v in columns]
-        full[:, numbers] = 0.0
-        full[np.ix_([*range(n), *(n + i for i in smooth)], numbers)] = self._products(instance, rows, known)
+        ExactJacobian(instance, rows, dict(columns), self.calls).fill(full, self.pattern)
         return full
-
-    def _products(self, instance: Instance, rows: Sequence[Variable], columns: Sequence[Variable]) -> Floats:
-        """Return ∂rows/∂columns: column by column, or row by row where that takes fewer calls and comes out alike."""
-        claims = instance.capabilities
-        forward, fewer = claims.directional_derivatives, len(rows) < len(columns)
-        if claims.adjoint_derivatives and (fewer or not forward):
-            self.calls["adjoint"] += len(rows)
-            found = np.array([instance.adjoint_derivative(rows, columns, e) for e in np.eye(len(rows)).tolist()])
-            found = found.reshape(len(rows), len(columns))
-            if not forward or self._agrees(instance, rows, columns, found):
-                return found
-        self.calls["directional"] += len(columns)
-        found = np.array([instance.directional_derivative(rows, [v], [1.0]) for v in columns])
-        return found.reshape(len(columns), len(rows)).T
-
-    def _agrees(self, instance: Instance, rows: Sequence[Variable], columns: Sequence[Variable], found: Floats) -> bool:
-        """Whether a matrix from adjoint derivatives is that of the directional ones, along a random direction."""
-        seed = np.random.default_rng(3).uniform(0.5, 1.5, len(columns))
-        self.calls["directional"] += 1
-        forward = instance.directional_derivative(rows, columns, seed.tolist())
-        return bool((np.abs(found @ seed - forward) <= _ADJOINT * (np.abs(found) @ seed + np.abs(forward))).all())
 
     def why_not_exact(self) -> str:
         return why_not_exact(self.session.instance)

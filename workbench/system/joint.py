@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 from workbench.fmi.description import Capabilities, DefaultExperiment, Description
@@ -20,7 +19,7 @@ def joint_description(description: SystemDescription, parts: Sequence[Part], res
     """Return the system's description."""
     own = _own_variables(parts, resolved)
     names = {v.name for v in own}
-    numbered = [dataclasses.replace(v, value_reference=i, element=0) for i, v in enumerate(own)]
+    numbered = [v._replace(value_reference=i, element=0) for i, v in enumerate(own)]
     inner = ((p.name, v) for p in parts for v in p.description.variables if f"{p.name}.{v.name}" not in names)
     numbered += [_inner(*one, number=i) for i, one in enumerate(inner, start=len(own))]
     return Description(
@@ -60,7 +59,7 @@ def joint_ports(parts: Sequence[Part], resolved: Resolved) -> Ports:
 def _own_variables(parts: Sequence[Part], resolved: Resolved) -> list[Variable]:
     inputs = [_own(parts, _strictest(ports), name) for name, ports in resolved.inputs.items()]
     outputs = [
-        dataclasses.replace(_own(parts, port, name), causality="output", dependencies=None)
+        _own(parts, port, name)._replace(causality="output", dependencies=None)
         for name, port in resolved.outputs.items()
     ]
     return [*inputs, *outputs]
@@ -68,7 +67,7 @@ def _own_variables(parts: Sequence[Part], resolved: Resolved) -> list[Variable]:
 
 def _own(parts: Sequence[Part], port: Port, name: str) -> Variable:
     declared = _type_in(parts[port.component].name, port.variable)
-    return dataclasses.replace(port.variable, name=name, declared_type=declared)
+    return port.variable._replace(name=name, declared_type=declared)
 
 
 def _type_in(component: str, variable: Variable) -> str | None:
@@ -83,8 +82,7 @@ def _strictest(ports: Sequence[Port]) -> Port:
 
 def _inner(component: str, variable: Variable, number: int | None = None) -> Variable:
     of = variable.derivative_of
-    return dataclasses.replace(
-        variable,
+    return variable._replace(
         name=f"{component}.{variable.name}",
         causality="local" if variable.causality in _OWN else variable.causality,
         derivative_of=None if of is None else f"{component}.{of}",

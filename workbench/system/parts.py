@@ -175,7 +175,7 @@ def _told(description: Description, starts: Mapping[str, Value], units: Mapping[
         start, unit = starts.get(variable.name, variable.start), variable.unit or units.get(variable.name)
         if start == variable.start and unit == variable.unit:
             return variable
-        return dataclasses.replace(variable, start=start, unit=unit)
+        return variable._replace(start=start, unit=unit)
 
     if not starts and not units:
         return description
