@@ -69,6 +69,8 @@ LINES = (
         "excite fmu:FirstOrderLag --input u --output y --prbs amplitude=1 --step 0.05 --samples 200 --json excite.json "
         "--csv data.csv"
     ),
+    "bla fmu:FirstOrderLag --input u --output y --rms 1 --band 0.1:1 --json bla.json",
+    "fit bla.json --order 1 --json fit.json",
     "identify data.csv --input u --output y --order 3 --json identify.json",
     "export lin.json --out rudder_lin.fmu --json export.json",
     "run study:rudder_specification --json run.json",

@@ -32,7 +32,9 @@ SLOW = {
     "compile",
 }
 # Files of the user's own, an FMU that has to be compiled, and measurements of many seconds.
-NOT_RUN = re.compile(r"actuator\.|^workbench export|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml")
+NOT_RUN = re.compile(
+    r"actuator\.|fit nfr\.json|^workbench export|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml"
+)
 
 
 def lines(text: str) -> list[str]:

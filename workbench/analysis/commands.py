@@ -27,6 +27,8 @@ REQUESTS = {
     "check": "check.request:Check",
     "excite": "excite.request:Excite",
     "identify": "identify.request:Identify",
+    "bla": "bla.request:Bla",
+    "fit": "fit.request:Fit",
     "reproduce": "workbench.reproduce.request:ReproduceCommand",
     "build": "workbench.to_fmu.request:Build",
     "compile": "workbench.to_fmu.request:Compile",

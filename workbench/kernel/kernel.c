@@ -17,8 +17,8 @@ size_t kernel_sizeof(const char *structure) {
         {"Link", sizeof(Link)},       {"System", sizeof(System)},           {"Fourier", sizeof(Fourier)},
         {"Record", sizeof(Record)},   {"GearLibrary", sizeof(GearLibrary)}, {"Me", sizeof(Me)},
         {"Cs", sizeof(Cs)},           {"Wires", sizeof(Wires)},           {"Lti", sizeof(Lti)},
-        {"Slopes", sizeof(Slopes)},   {"Sparsity", sizeof(Sparsity)},     {"Clocks", sizeof(Clocks)},
-        {"Tick", sizeof(Tick)},       {"Intermediate", sizeof(Intermediate)},
+        {"Slopes", sizeof(Slopes)},   {"Clocks", sizeof(Clocks)},         {"Tick", sizeof(Tick)},
+        {"Intermediate", sizeof(Intermediate)}, {"Sparsity", sizeof(Sparsity)}, {"Predictor", sizeof(Predictor)},
     };
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         if (strcmp(sizes[i].name, structure) == 0) {

@@ -15,7 +15,7 @@ from workbench.kernel.structs import FUNCTIONS, STRUCTURES
 
 __all__ = ["KernelMissingError", "intermediate_update", "kernel", "kernel_path", "why_kernel_missing"]
 
-VERSION = 12  # KERNEL_VERSION in kernel.h
+VERSION = 13  # KERNEL_VERSION in kernel.h
 FOLDER = Path(__file__).parent / "lib"
 _REMEDY = "install the package again, which compiles it: pip install . in its folder (pip install -e . to work on it)"
 
@@ -36,6 +36,8 @@ _SIGNATURES: Mapping[str, tuple[Any, list[Any]]] = {
     "kernel_fourier": (None, [c_void_p, c_void_p, c_size_t, c_size_t, c_void_p]),
     "kernel_arithmetic": (c_int64, []),
     "kernel_end_with": (None, [c_ssize_t, c_int64, c_int32]),
+    "kernel_predict": (None, [c_void_p, c_size_t, *[c_void_p] * 5]),
+    "kernel_sensitivities": (None, [c_void_p, c_void_p, *[c_size_t] * 4, *[c_void_p] * 3]),
     "kernel_fourier_result": (None, [c_void_p, c_void_p]),
     "kernel_intermediate_update": (None, [c_void_p, c_double, *[ctypes.c_bool] * 4, c_void_p, c_void_p]),
 }

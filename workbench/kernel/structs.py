@@ -25,6 +25,7 @@ __all__ = [
     "Link",
     "Lti",
     "Me",
+    "Predictor",
     "Record",
     "Signal",
     "Slopes",
@@ -480,7 +481,23 @@ class Cs(ctypes.Structure):
     )
 
 
+class Predictor(ctypes.Structure):
+    """predictor.h."""
+
+    _fields_ = (
+        ("n", c_size_t),
+        ("m", c_size_t),
+        ("p", c_size_t),
+        ("a", c_void_p),
+        ("b", c_void_p),
+        ("c", c_void_p),
+        ("d", c_void_p),
+        ("k", c_void_p),
+        ("offset", c_void_p),
+    )
+
+
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
     Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
-    Wires, Lti, Slopes, Clocks, Tick, Intermediate,
+    Wires, Lti, Slopes, Sparsity, Clocks, Tick, Intermediate, Predictor,
 )  # fmt: skip

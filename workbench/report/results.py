@@ -35,6 +35,7 @@ _NAMED = 12  # inputs and states of an operating point
 # shows and no more.
 SHOWN: dict[str, tuple[str, str]] = {
     "analysis.advice.result.Advice": ("data:advice_page", "advice:plot_advice"),
+    "analysis.bla.result.BlaResult": ("bla:bla_page", "bla:plot_bla"),
     "analysis.branches.result.BranchesResult": ("branches:branches_page", "branches:plot_branches"),
     "analysis.check.result.HealthCard": ("check:check_page", "check:plot_check"),
     "analysis.delays.result.DelayReport": ("delays:delays_page", ""),
@@ -45,6 +46,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.feedback.result.FeedbackResult": ("feedback:feedback_page", "feedback:plot_feedback"),
     "analysis.feedback.run.FeedbackRun": ("feedback:run_page", "feedback_run:plot_feedback_run"),
     "analysis.feedback.settling.SettlingStudy": ("feedback:settling_page", "feedback_settling:plot_settling"),
+    "analysis.fit.result.FitResult": ("fit:fit_page", "fit:plot_fit_response"),
     "analysis.identify.result.IdentifyResult": ("identify:identify_page", ""),
     "analysis.info.result.FmuInfo": ("info:info_page", ""),
     "analysis.info.result.SystemInfo": ("info:system_page", ""),
@@ -69,6 +71,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.trim.result.TrimResult": ("trim:trim_page", "residual_bars:plot_residuals"),
     "analysis.validate.bootstrap.PoleBootstrap": ("identify:bootstrap_page", "identify:plot_bootstrap"),
     "analysis.validate.overlay.Overlay": ("identify:overlay_page", "overlay:plot_overlay"),
+    "analysis.validate.spread.ModelSpread": ("identify:spread_page", "identify:plot_spread"),
     "analysis.validate.result.Validation": ("identify:validation_page", "validate:plot_fit"),
     "build.export.ExportResult": ("build:export_page", ""),
     "build.fmu.BuildResult": ("build:build_page", ""),
