@@ -44,11 +44,13 @@ class Linear:
         self, rows: Sequence[Variable], columns: Sequence[Variable], seed: list[float]
     ) -> Floats:
         assert self.forward
-        return self._part(rows, columns) @ np.array(seed)
+        column: Floats = self._part(rows, columns) @ np.array(seed)
+        return column
 
     def adjoint_derivative(self, rows: Sequence[Variable], columns: Sequence[Variable], seed: list[float]) -> Floats:
         assert self.adjoint
-        return np.array(seed) @ self._part(rows, columns) + self.lies
+        row: Floats = np.array(seed) @ self._part(rows, columns) + self.lies
+        return row
 
     def _part(self, rows: Sequence[Variable], columns: Sequence[Variable]) -> Floats:
         part: Floats = self.matrix[np.ix_([v.element for v in rows], [v.element for v in columns])]
