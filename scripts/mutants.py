@@ -110,7 +110,7 @@ class _Finder:
             return
         self._change(node)
         for name, value in ast.iter_fields(node):
-            if name in {"annotation", "returns", "decorator_list", "type_params", "bases", "keywords_of_class"}:
+            if name in {"annotation", "returns", "decorator_list", "type_params"}:
                 continue
             for child in value if isinstance(value, list) else [value]:
                 if isinstance(child, ast.AST):
@@ -162,11 +162,11 @@ class _Finder:
 
 
 def _is_left_alone(node: ast.AST) -> bool:
-    """Whether a change would only change words, types or what is drawn: messages, fields' metadata, `__all__`."""
-    if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom | ast.AnnAssign) and not (
-        isinstance(node, ast.AnnAssign) and node.value is not None
-    ):
+    """Whether a change would only change words, types, or how much is said: messages, declarations of fields."""
+    if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
         return True
+    if isinstance(node, ast.AnnAssign):
+        return node.value is None
     if isinstance(node, ast.Call):
         name = getattr(node.func, "id", getattr(node.func, "attr", ""))
         return name in {"entry", "field", "option", "round", "geterr", "errstate", "NewType", "TypeVar"}

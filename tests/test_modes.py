@@ -14,7 +14,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.modes.match import closeness, match
+from workbench.analysis.modes.match import closeness, coincide, match
 from workbench.analysis.modes.modes import critical_values, find_root, sign_of
 from workbench.analysis.modes.request import modes
 from workbench.analysis.modes.result import Critical, Mode
@@ -481,3 +481,22 @@ def test_a_sampled_model_without_modes_has_none(capsys: pytest.CaptureFixture[st
     """Its linear model, over a period, has no states that matter and is asked for no outputs."""
     assert run(["modes", "fmu:TwoRateQuantizer", "--vary", "fine=0.0099:0.0101", "--points", "3"]) == 0
     assert "All 0 modes" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("values", "uncertain", "expected"),
+    [
+        ([-1.0, -1.0], [0.0, 0.0], True),
+        ([-1.0, -1.2], [0.01, 0.01], False),
+        ([-1.0, -1.2], [0.2, 1e-9], True),  # one of the two is known badly: it may be the other
+        ([-1.0, -1.1, -1.2], [0.01] * 3, False),  # the middle one is their mean, the outer two are not
+        ([-1.0], [1.0], False),
+    ],
+)
+def test_poles_coincide_within_what_rounding_may_have_done(
+    values: list[float], uncertain: list[float], expected: bool
+) -> None:
+    count = len(values)
+    eye = np.eye(count, dtype=complex)
+    poles = Poles(np.array(values, dtype=complex), eye, eye, np.array(uncertain))
+    assert coincide(poles, tuple(range(count))) is expected

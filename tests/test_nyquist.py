@@ -12,7 +12,7 @@ import pytest
 from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.describing.static import StaticBlock
 from workbench.analysis.nyquist.grid import adaptive_grid
-from workbench.analysis.nyquist.nyquist import nyquist
+from workbench.analysis.nyquist.nyquist import _distortion, nyquist
 from workbench.core.blas import one_thread
 from workbench.core.linear import LinearPart
 from workbench.errors import InputError
@@ -219,3 +219,18 @@ def test_a_transfer_function_is_a_loop_too() -> None:
         nyquist(control.tf([1.0, 0.0, 0.0], [1.0, 1.0]))
     with pytest.raises(InputError, match=r"FrequencyResponseData is not a linear model: give a StateSpace"):
         nyquist(control.frd([1.0, 2.0], [1.0, 2.0]))
+
+
+def test_the_distortion_is_the_third_harmonic_that_comes_round_the_loop() -> None:
+    """A relay's third harmonic is a third of its first; the loop passes it on by |L(3jω)|, and the first by |L(jω)|."""
+    (c,) = nyquist(loop(), standard_block("relay", {"level": 2.0})).crossings
+    w = math.sqrt(3.0)  # where |L| is (1 + w²)^(−3/2) = 1/8
+    assert c.distortion == pytest.approx((1.0 + 9.0 * w**2) ** -1.5 / 3.0 * 8.0, rel=1e-6)
+
+
+def test_where_one_harmonic_meets_an_undamped_pole_the_distortion_is_not_known() -> None:
+    w = 2.0
+    undamped = LinearPart(np.array([[0.0, 3.0 * w], [-3.0 * w, 0.0]]), np.array([0.0, 1.0]), np.array([1.0, 0.0]))
+    block = standard_block("relay")
+    assert _distortion(undamped, block, 1.0, w / (2.0 * math.pi)) is None
+    assert _distortion(undamped, block, 1.0, 1.1 * w / (2.0 * math.pi)) is not None

@@ -359,3 +359,16 @@ def test_sections_realise_what_was_factored(real: int, pairs: int, less: int) ->
 def test_differentiators_are_refused() -> None:
     with pytest.raises(InputError, match="add a low-pass"):
         to_state_space(plain(zeros=[-1.0, -2.0], poles=[-3.0]))
+
+
+def test_factored_functions_are_calculated_with_as_their_values_are() -> None:
+    f: Floats = np.array([0.0, 0.1, 1.0, 7.0])
+    one = Factored(zeros=np.array([-2.0 + 0j]), poles=np.array([-1.0 + 3j, -1.0 - 3j]), gain=3.0)
+    other = Factored(zeros=np.array([4.0 + 0j]), poles=np.array([-5.0 + 0j, -0.5]), gain=-0.5)
+    s = 2j * np.pi * f
+    a = 3.0 * (s + 2.0) / ((s + 1.0) ** 2 + 9.0)
+    b = -0.5 * (s - 4.0) / ((s + 5.0) * (s + 0.5))
+    assert one.response(f) == pytest.approx(a)
+    assert one.times(other).response(f) == pytest.approx(a * b)
+    assert one.over(other).response(f) == pytest.approx(a / b)
+    assert other.negated().response(f) == pytest.approx(-b)
