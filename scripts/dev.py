@@ -33,6 +33,7 @@ VENV = ROOT / ".venv"
 BIN = VENV / ("Scripts" if os.name == "nt" else "bin")
 PYTHON = BIN / ("python.exe" if os.name == "nt" else "python")
 STAMP = VENV / "workbench-installed"
+RUNS = VENV / "workbench-runs"  # without the developers' tools
 DEMO = ROOT / "demo"
 
 # Whose results depend on the order in which BLAS adds: it takes other paths on other processors.
@@ -90,11 +91,8 @@ def main() -> int:
 
 def install() -> int:
     """Make .venv and install the project in it, editable, with everything tests and builds need."""
-    if not PYTHON.exists():
-        print(f"making {VENV.relative_to(ROOT)} ...", flush=True)
-        venv.create(VENV, with_pip=True, clear=True)
+    pip = _made()
     print("installing the project and its tools ...", flush=True)
-    pip: list[str | Path] = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     _run([*pip, "--editable", f"{ROOT}[dev]"])
     _run([*pip, "--no-deps", THIRD_PARTY_FMUS])
     download: list[str | Path] = [
@@ -111,9 +109,17 @@ def install() -> int:
     return 0
 
 
+def _made() -> list[str | Path]:
+    """Make .venv where there is none, and return the command that installs into it, with its progress."""
+    if not PYTHON.exists():
+        print(f"making {VENV.relative_to(ROOT)} ...", flush=True)
+        venv.create(VENV, with_pip=True, clear=True)
+    return [PYTHON, "-m", "pip", "install", "--disable-pip-version-check"]
+
+
 def demo() -> int:
     """Measure the bundled rudder actuator at several amplitudes and draw its Bode picture."""
-    _ensure_installed()
+    _ensure_runs()
     DEMO.mkdir(exist_ok=True)
     picture = DEMO / "rudder.png"
     command = [
@@ -216,8 +222,22 @@ def _fmus(folder: Path) -> dict[str, bytes]:
     return {file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.glob("fmi*/*.fmu")}
 
 
+def _ensure_runs() -> None:
+    """Install what the demo runs and no more, unless the developers' tools are there; that compiles the inner loop."""
+    if any(_is_fresh(stamp) for stamp in (STAMP, RUNS)):
+        return
+    pip = _made()
+    print("installing the project and what it runs on ...", flush=True)
+    _run([*pip, "--editable", ROOT])
+    RUNS.write_text(_fingerprint(), encoding="utf-8")
+
+
+def _is_fresh(stamp: Path) -> bool:
+    return PYTHON.exists() and stamp.exists() and stamp.read_text(encoding="utf-8") == _fingerprint()
+
+
 def _ensure_installed() -> None:
-    if not (PYTHON.exists() and STAMP.exists() and STAMP.read_text(encoding="utf-8") == _fingerprint()):
+    if not _is_fresh(STAMP):
         install()
     _run([PYTHON, "-c", COMPILE])
 

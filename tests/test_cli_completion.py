@@ -11,7 +11,9 @@ def completed(words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     monkeypatch.setenv("_WORKBENCH_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", words)
     monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
-    assert run([]) == 0
+    with pytest.raises(SystemExit) as ended:  # by typer
+        run([])
+    assert not ended.value.code
     return capsys.readouterr().out.split()
 
 
@@ -31,5 +33,7 @@ def test_words_are_completed(
 
 
 def test_the_script_for_a_shell_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["--show-completion", "bash"]) == 0
+    with pytest.raises(SystemExit) as ended:
+        run(["--show-completion", "bash"])
+    assert not ended.value.code
     assert "_WORKBENCH_COMPLETE" in capsys.readouterr().out
