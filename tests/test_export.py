@@ -137,7 +137,7 @@ def test_what_is_left_out_is_told() -> None:
     assert matrices_of(model(dt=1.0, K=[[0.0]])).notes == ()
     notes = matrices_of(model(dt=1.0, K=[[0.1]], intersample=between)).notes
     assert [n.split(":")[0][:20] for n in notes] == [
-        "the noise model K is",
+        "the noise model is l",
         "outputs that move be",
         "inputs act at the sa",
     ]

@@ -273,8 +273,8 @@ def _units(data: Mapping[str, Any], inputs: Sequence[str], outputs: Sequence[str
 
 def _notes(data: Mapping[str, Any], dt: float) -> list[str]:
     notes = []
-    if data.get("K") is not None and np.any(np.array(data["K"], dtype=object)):
-        notes.append("the noise model K is left out: an FMU has no noise input")
+    if data.get("noise_model") or (data.get("K") is not None and np.any(np.array(data["K"], dtype=object))):
+        notes.append("the noise model is left out: an FMU has no noise input")
     between = data.get("intersample")
     if dt > 0.0 and isinstance(between, Mapping):
         notes += _between(between, data)

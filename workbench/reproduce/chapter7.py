@@ -114,7 +114,7 @@ def _draw_step(done: _Linear) -> Figure:
 def _identified() -> Measurement:
     done = _linear(np.geomspace(0.5, 45.0, 25))
     data = [rudder(seed) for seed in SEEDS]
-    found = [identify(d.identification, order=6, validation=d.validation) for d in data]
+    found = [identify(d.identification, order=6, validation=d.validation, refine="never") for d in data]
     laid = [overlay(f.model, lin=done.nearby, nfr=done.measured) for f in found]
     near, far = ([o.difference().worst(limit) for o in laid] for limit in (30.0, 45.0))
     return Measurement(
@@ -134,7 +134,7 @@ def _lag_identified() -> Measurement:
     design = PrbsDesign(amplitude=1.0, seed=SEEDS[0])
     with load("fmu:FirstOrderLag", "me", tolerance=1e-10) as model:
         data = excite(model, ["u"], ["y"], signal=design, dt=LAG_STEP, samples=1000)
-    found = identify(data.identification, order=1, validation=data.validation)
+    found = identify(data.identification, order=1, validation=data.validation, refine="never")
     rng = np.random.default_rng(SEEDS[0])
     noisy = make_experiment(
         LAG_STEP, data.identification.u, data.identification.y + NOISE * rng.standard_normal((1000, 1))
@@ -144,7 +144,7 @@ def _lag_identified() -> Measurement:
         {
             "lag-identified": [pole, gain],
             "lag-identified-fit": found.fit_percent,
-            "lag-identified-order": float(identify(noisy).order),
+            "lag-identified-order": float(identify(noisy, refine="never").order),
         }
     )
 
