@@ -132,7 +132,8 @@ def _measured(response: Response | NfrResult | BlaResult | str | Path, asked: Fi
         return _Measured(found.curve(_power(found, asked.amplitude)), found.model, found.dt)
     if asked.amplitude is not None:
         raise InputError("amplitude: the response has one only")
-    return _Measured(found, found.output or "response", 0.0)
+    name = Path(response).name if isinstance(response, str | Path) else found.output or "response"
+    return _Measured(found, name, 0.0)
 
 
 def _power(found: BlaResult, rms: float | None) -> int:

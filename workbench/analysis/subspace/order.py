@@ -98,7 +98,8 @@ def _choice(criterion: Floats, costs: Floats) -> OrderChoice:
         why += f"; order {order - 1} would raise the error by {_percent(costs[order - 1] - costs[order])}"
     if order < last:
         above = order + 1 if np.isfinite(costs[order + 1]) else last
-        why += f"; order {above} would lower it by {_percent(costs[order] - costs[above])} only"
+        if np.isfinite(costs[above]):  # a model that cannot be simulated lowers nothing
+            why += f"; order {above} would lower it by {_percent(costs[order] - costs[above])} only"
     notes = []
     if order == last > 1:
         notes.append(f"order {order} is the largest considered: allow more, or check the data")
