@@ -51,6 +51,7 @@ GIVEN: dict[str, dict[str, Any]] = {
     "Drawing": {"svg": ""},
     "FeedbackResult": {"target_unit": "deg"},
     "Finding": {"topic": "feedback", "verdict": "good"},
+    "FitResult": linear("whole"),
     "GainRun": {"settled": {0.5: 1.0, 0.01: None}},
     "HealthLine": {"verdict": "good"},
     "IdentifiedModel": {**linear("whole"), "input_units": ("A", None), "output_units": ("m", "m")},

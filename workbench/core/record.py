@@ -294,7 +294,8 @@ class Record(Part, Reportable):
             dims = said.get("dims", ())
             if not dims or not isinstance(dims[0], str):
                 continue
-            dims = tuple(f"{axis}_2" if axis in dims[:k] else axis for k, axis in enumerate(dims))
+            named = (axis if isinstance(axis, str) else f"{declared.name}_{k}" for k, axis in enumerate(dims))
+            dims = tuple(f"{axis}_2" if axis in dims[:k] else axis for k, axis in enumerate(named))
             several = held if isinstance(held, Mapping) else {declared.name: held}
             for name, array in several.items():
                 yield name, dims, array, said["unit"] or units.get(name) or ""
