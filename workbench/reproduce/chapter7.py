@@ -108,7 +108,7 @@ def _draw_step(done: _Linear) -> Figure:
 def _identified() -> Measurement:
     done = _linear(np.geomspace(0.5, 45.0, 25))
     data = [rudder(seed) for seed in SEEDS]
-    found = [identify(d.identification, order=6, validation=d.validation) for d in data]
+    found = [identify(d.identification, order=6, validation=d.validation, refine="never") for d in data]
     laid = [overlay(f.model, lin=done.nearby, nfr=done.measured) for f in found]
     near, far = ([o.difference().worst(limit) for o in laid] for limit in (30.0, 45.0))
     return Measurement(

@@ -83,12 +83,12 @@ def rudder(seed: int) -> ExciteResult:
 
 def first_order(data: ExciteResult) -> IdentifyResult:
     """Identify a model of first order."""
-    return identify(data.identification, order=1, validation=data.validation)
+    return identify(data.identification, order=1, validation=data.validation, refine="never")
 
 
 def a_gain(data: ExciteResult) -> IdentifyResult:
     """Identify a gain: what the law is while its rate limiter rests."""
-    return identify(data.identification, order=0, validation=data.validation)
+    return identify(data.identification, order=0, validation=data.validation, refine="never")
 
 
 def coherence_of(data: Experiment, window: str, overlap: float) -> NDArray[np.float64]:
