@@ -42,6 +42,7 @@ class Bla(AtPoint, Analysis["BlaResult"]):
     Examples:
         A lag is linear: no distortion, and the gain of its sampled model, 1 − exp(−dt) over z − exp(−dt).
 
+        >>> import numpy as np
         >>> with wb.load("fmu:FirstOrderLag") as lag:
         ...     found = wb.bla(lag, "u", "y", rms=[1.0], band=(0.05, 1.0), realisations=2)
         >>> z = np.exp(2j * np.pi * found.frequency_hz * found.dt)

@@ -56,6 +56,7 @@ class Fit(Request["Response | NfrResult | BlaResult | str | Path", "FitResult"])
     Identification: A Frequency Domain Approach, 2nd ed., chapter 9.
 
     Examples:
+        >>> import numpy as np
         >>> f = np.geomspace(0.01, 10.0, 30)
         >>> value = 1.0 / (2j * np.pi * f + 1.0)
         >>> print(wb.fit(wb.Response(f, value), order=1).poles.real.round(6))
