@@ -3,6 +3,8 @@
 typedef int (*SetTime)(void *, double);
 typedef int (*Vector)(void *, double *, size_t);
 typedef int (*Enter)(void *);
+typedef int (*SaveOrFree)(void *, void **);
+typedef int (*Restore)(void *, void *);
 
 static const char *const NAMES[N_FUNCTIONS] = {
     [SET_TIME] = "set_time",
@@ -18,6 +20,9 @@ static const char *const NAMES[N_FUNCTIONS] = {
     [DO_STEP] = "do_step",
     [SET_SLOPES] = "set_slopes",
     [GET_DIRECTIONAL] = "get_directional",
+    [GET_FMU_STATE] = "get_fmu_state",
+    [SET_FMU_STATE] = "set_fmu_state",
+    [FREE_FMU_STATE] = "free_fmu_state",
 };
 
 const char *function_name(size_t index) {
@@ -57,6 +62,19 @@ bool component_states(const Component *component, FunctionIndex function, double
     }
     const Function address = component->functions[function];
     const int status = address ? ((Vector)address)(component->handle, values, n) : NOT_EXPORTED;
+    return component_checked(component, function, status, who, failure);
+}
+
+bool component_saved(const Component *component, FunctionIndex function, void **state, int32_t who, Failure *failure) {
+    const Function address = component->functions[function];
+    int status = NOT_EXPORTED;
+    if (function == FREE_FMU_STATE && !*state) {
+        return true;
+    }
+    if (address) {
+        status = function == SET_FMU_STATE ? ((Restore)address)(component->handle, *state)
+                                           : ((SaveOrFree)address)(component->handle, state);
+    }
     return component_checked(component, function, status, who, failure);
 }
 

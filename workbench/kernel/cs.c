@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "control.h"
 #include "cs_step.h"
 
 static const double GRID_ERROR = 1e-6; /* of a step: how far a point may lie off a constant grid */
@@ -25,12 +26,11 @@ static double steps_to(Cs *cs, double target) {
     return fits ? count : 0.0;
 }
 
-/* Make one step and record its two rows; at `until` the right limit is the next run's. */
-static bool communicate(Cs *cs, double end, bool last) {
+bool cs_communicate(Cs *cs, double end, bool last) {
     System *system = cs->system;
     Forcing *forcing = system->forcing;
     const double start = cs->previous = cs->time;
-    forcing_give_slopes(forcing, system->components, start, end);
+    cs_look_ahead(cs, end);
     if (!cs_step_to(cs, end)) {
         return false;
     }
@@ -51,17 +51,20 @@ static bool choose_target(Cs *cs) {
     }
     const double point = cs->n_targets ? cs->targets[0] : cs->until;
     cs->start = cs->time;
-    cs->target = fmin(point, forcing_next_break(cs->system->forcing, cs->time));
+    cs->target = cs_next_stop(cs, fmin(point, forcing_next_break(cs->system->forcing, cs->time)));
     cs->count = steps_to(cs, cs->target);
     cs->made = 0.0;
     return cs->count >= 1.0 || fail_value(&cs->system->failure, FAILED_GRID, cs->time, 0, cs->target);
 }
 
 static bool next_step(Cs *cs) {
+    if (cs->master && cs->master->control) {
+        return control_step(cs);
+    }
     cs->made++;
     const double end =
         cs->made == cs->count ? cs->target : cs->start + (cs->target - cs->start) * (cs->made / cs->count);
-    return communicate(cs, end, end == cs->until);
+    return cs_communicate(cs, end, end == cs->until);
 }
 
 static bool run_on(Cs *cs) {

@@ -1,5 +1,6 @@
 #include "lti.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "kernel.h"
@@ -83,6 +84,42 @@ int lti_update(Lti *lti, LtiEventInfo *info) {
     memset(info, 0, sizeof *info);
     info->timed = lti->dt > 0.0;
     info->next_time = tick(lti, lti->ticking);
+    return OK;
+}
+
+/* ---- saved states: the block, then its memory ---- */
+
+typedef struct {
+    Lti block;
+    double memory[];
+} LtiState;
+
+static size_t memory_size(const Lti *lti) {
+    return (lti->nu + lti->nx + lti->ny) * sizeof(double);
+}
+
+int lti_get_fmu_state(Lti *lti, void **state) {
+    LtiState *saved = *state ? *state : malloc(sizeof *saved + memory_size(lti));
+    if (!saved) {
+        return FMI_ERROR;
+    }
+    saved->block = *lti;
+    memcpy(saved->memory, lti->memory, memory_size(lti));
+    *state = saved;
+    return OK;
+}
+
+int lti_set_fmu_state(Lti *lti, const void *state) {
+    const LtiState *saved = state;
+    *lti = saved->block;
+    memcpy(lti->memory, saved->memory, memory_size(lti));
+    return OK;
+}
+
+int lti_free_fmu_state(Lti *lti, void **state) {
+    (void)lti;
+    free(*state);
+    *state = NULL;
     return OK;
 }
 

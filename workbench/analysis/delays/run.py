@@ -14,9 +14,9 @@ from workbench.model import Model
 from workbench.model.placing import standing, start_at
 from workbench.signals import Signal, signals_of
 from workbench.system.master.crossover import crossover
-from workbench.system.master.instance import MasterInstance
 from workbench.system.master.model import MasterModel
 from workbench.system.master.richardson import Halving, halving
+from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, moves
 
 __all__ = ["run"]
@@ -90,8 +90,8 @@ def _outputs(
             record = session.advance(session.time + stop, signals=inputs, record=names, points=at)
             first = np.searchsorted(record.time, at, side="left")
             found.append({n: record.values[n][first] for n in names})
-            if isinstance(session.instance, MasterInstance):
-                takes = {k: session.instance.takes(k) for k in range(len(model.decided.units.units))}
+            if isinstance(session, MasterSession):
+                takes = {k: session.takes(k) for k in range(len(model.decided.units.units))}
         job.done(f"step {1e3 * stop / count / divisor:.4g} ms", len(found), len(_DIVISORS))
     return tuple(halving(n, *(f[n] for f in found)) for n in names), takes
 

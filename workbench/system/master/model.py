@@ -32,6 +32,10 @@ if TYPE_CHECKING:
 
 __all__ = ["MasterModel"]
 
+# What a model is made of; tests put the oracle's in place.
+INSTANCE: type[MasterInstance] = MasterInstance
+SESSION: Callable[..., FmuSession] = MasterSession
+
 _LOOSER = 100.0  # tolerance of one communication step in terms of the integration's
 
 
@@ -102,11 +106,11 @@ class MasterModel(DescribedModel):
                 made.append(part.instance())
                 undo.callback(made[-1].close)
             undo.pop_all()
-        return MasterInstance(made, decided, self.description, self._ports, source=self.source)
+        return INSTANCE(made, decided, self.description, self._ports, source=self.source)
 
     def _open(self, setup: Setup) -> FmuSession:
         controlled = setup.step is None and not self._probing and not self.why_fixed_step()
-        return MasterSession(setup, tolerance=_LOOSER * setup.rtol if controlled else None)
+        return SESSION(setup, tolerance=_LOOSER * setup.rtol if controlled else None)
 
     def why_fixed_step(self) -> str:
         """Return why the communication step is not controlled; empty if it is, as long as no `step` is given."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from tests.oracle.master.course import Course, Reached
 from workbench.errors import EndedError, SimulationError
 from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.session.forcing import convert
-from workbench.system.master.course import Course, Reached
 
 __all__ = ["CsUnit"]
 
