@@ -2,7 +2,8 @@
  *
  * The FMU: dx/dt = u + k, x falls to 0 where it reaches 1, a time event every 0.25 s; y = x. Runs model exchange
  * (FMI 2.0) and co-simulation (FMI 3.0 with early returns and event mode), a pair connected by a link, failing
- * functions, and every allocation failing once (linked with -Wl,--wrap=calloc,--wrap=realloc).
+ * functions, the same pair under a master, with the second as co-simulation or as a group of its own, its step fixed
+ * and controlled, and every allocation failing once (linked with -Wl,--wrap=calloc,--wrap=realloc).
  */
 #include "kernel.h"
 
@@ -171,6 +172,26 @@ static int do_step(Fake *f, double t, double h, bool no_set, bool *wants_event, 
     return no_set ? 3 : bad(f);
 }
 
+static int get_fmu_state(Fake *f, void **state) {
+    *state = malloc(sizeof *f);
+    if (!*state) {
+        return 3;
+    }
+    *(Fake *)*state = *f;
+    return 0;
+}
+
+static int set_fmu_state(Fake *f, const void *state) {
+    *f = *(const Fake *)state;
+    return 0;
+}
+
+static int free_fmu_state(Fake *f, void **state) {
+    free(*state);
+    *state = NULL;
+    return f ? 0 : 3;
+}
+
 /* ---- a system of such FMUs ---- */
 
 typedef struct {
@@ -207,6 +228,9 @@ static void fill_functions(Bench *b, int version) {
     f[ENTER_EVENT_MODE] = f[ENTER_CONTINUOUS_MODE] = f[ENTER_STEP_MODE] = (Function)enter;
     f[UPDATE_DISCRETE_STATES] = version == 3 ? (Function)update_discrete_states : (Function)new_discrete_states;
     f[DO_STEP] = (Function)do_step;
+    f[GET_FMU_STATE] = (Function)get_fmu_state;
+    f[SET_FMU_STATE] = (Function)set_fmu_state;
+    f[FREE_FMU_STATE] = (Function)free_fmu_state;
 }
 
 static Block block(Bench *b, int version, uint32_t reference, size_t *column, void *buffer, int32_t component) {
@@ -289,6 +313,144 @@ static int32_t run_cs(Bench *b, double until) {
         done = kernel_cs_go_on(&cs);
     }
     return done;
+}
+
+/* ---- the same pair under a master: x of the first is the input of the second ---- */
+
+typedef struct {
+    bool grouped, controlled, held;
+} MasterCase;
+
+static int32_t run_master(Bench *b, double until, MasterCase kind) {
+    static const size_t order[2] = {0, 1}, stages[2] = {1, 2}, no_wire = 0, second = 1, forced = 1;
+    static const int32_t float64 = FLOAT64, yes = 1, no = 0, ones[1] = {1};
+    double numbers[2][4] = {{0}}, raw = 0.0, reached = 0.0, start = 0.0, slope = 0.0, ramps[2] = {0}, ramped[2] = {0};
+    double times[2] = {0}, table[2] = {0}, scale = 1e-3, coarse = 0.0, fine = 0.0, watched = 1e-3, saved[32];
+    double group_numbers[5] = {0}, bias = 0.0;
+    const double most = 1.0, first_tick = 0.1;
+    int32_t known = 0, group_type = FLOAT64;
+    void *states[2];
+    Block inlets[2] = {block(b, b->components[0].version, U, &b->zero, &b->reals[0], 0),
+                       block(b, b->components[0].version, U, &b->zero, &b->reals[3], 1)};
+    Block outlet = block(b, b->components[0].version, X, &b->zero, &b->reals[1], 0);
+    Component own = b->components[1];
+    Block own_input = inlets[1];
+    Signal signal = {.times = times, .values = table, .n = 2};
+    own_input.component = 0;
+    Forcing forcing = {.signals = &signal, .bias = &bias, .types = &group_type, .owners = &no, .discrete = &no,
+                       .written = &group_numbers[0], .wanted = &group_numbers[1], .seen = &group_numbers[2],
+                       .slopes = &group_numbers[3], .orders = ones, .n = 1, .fast = {&own_input, 1},
+                       .longest_step = INFINITY};
+    System group = {.components = &own, .n_components = 1, .forcing = &forcing};
+    Me me = {.system = &group, .solver_name = "vkm", .rtol = 1e-8, .scale = &scale, .most = &most};
+    Record nobody = {.bound = INFINITY, .every = 1};
+    Unit units[2];
+    for (int32_t i = 0; i < 2; i++) {
+        units[i] = (Unit){.component = i, .as_start = kind.held, .types = &float64, .moving = &yes,
+                          .sources = i ? &no_wire : &forced, .starts = &numbers[i][0], .ends = &numbers[i][1],
+                          .values = &numbers[i][2], .rates = &numbers[i][3], .orders = ones, .n = 1,
+                          .inlet = {&inlets[i], 1}, .fast = {&inlets[i], 1}};
+        b->components[i].interpolates = 1; /* which they claim only */
+    }
+    units[0].outgoing = &no_wire;
+    units[0].raw = &raw;
+    units[0].n_outgoing = 1;
+    units[0].outlet = (Access){&outlet, 1};
+    units[0].first = &first_tick;
+    units[0].n_first = 1;
+    units[0].period = 0.3;
+    CHECK(kernel_system_open(&group));
+    int32_t done = 1;
+    if (kind.grouped) {
+        units[1].component = -1;
+        units[1].members = &second;
+        units[1].n_members = 1;
+        units[1].me = &me;
+        units[1].signals = &signal;
+        units[1].times = times;
+        units[1].tables = table;
+        units[1].stale = 1;
+        done = kernel_me_open(&me);
+        b->system.failure = group.failure;
+    }
+    Control control = {.tolerance = 1e-4, .step = 1e-2, .least = 1e-6, .wires = &no_wire, .n_wires = 1,
+                       .scale = &watched, .coarse = &coarse, .fine = &fine, .saved = saved, .states = states};
+    Master master = {.units = units, .n_units = 2, .order = order, .stages = stages, .n_stages = 2, .from_held = &no,
+                     .moves = &yes, .known = &known, .start = &start, .reached = &reached, .slopes = &slope,
+                     .ramps = ramps, .ramped = ramped, .nobody = &nobody, .hold_inputs = kind.held,
+                     .control = kind.controlled ? &control : NULL};
+    Cs cs = {.system = &b->system, .master = &master, .fixed = NAN, .longest = 1e-2, .variable_step = 1};
+    CHECK(kernel_control_doubles(&cs) <= sizeof saved / sizeof saved[0]);
+    done = done && kernel_cs_run(&cs, until, &until, 1, &b->record, 1);
+    while (!done && b->system.failure.code == PAUSED) {
+        done = kernel_cs_go_on(&cs);
+    }
+    CHECK(!done || (cs.time == until && b->components[0].slopes_work == (kind.held ? 1 : 0)));
+    CHECK(!done || !kind.controlled || control.longest > 0.0);
+    if (!done && b->system.failure.code == FAILED_UNIT) {
+        CHECK(group.failure.code != NO_FAILURE);
+        b->system.failure = group.failure;
+    }
+    kernel_me_close(&me);
+    kernel_record_free(&control.trial);
+    return done;
+}
+
+static int32_t run_masters(Bench *b, double until, int number) {
+    return run_master(b, until, (MasterCase){(number & 1) != 0, (number & 2) != 0, (number & 4) != 0});
+}
+
+/* x of the second follows that of the first alike, however it is stepped. */
+static void test_masters(void) {
+    double last[8] = {0.0};
+    for (int k = 0; k < 8; k++) {
+        Bench b;
+        setup(&b, 3, 2);
+        CHECK(run_masters(&b, 3.0, k));
+        CHECK(b.system.failure.code == NO_FAILURE);
+        CHECK(b.fakes[0].falls >= 6 && b.record.rows > 50);
+        last[k] = b.fakes[1].x + b.fakes[1].falls;
+        CHECK(fabs(last[k] - last[0]) < 0.05);
+        kernel_record_free(&b.record);
+    }
+    for (int k = 0; k < 4; k++) {
+        for (size_t who = 0; who < 2; who++) {
+            Bench b;
+            setup(&b, 3, 2);
+            b.fakes[who].bad_time = 0.7;
+            CHECK(!run_masters(&b, 3.0, k));
+            CHECK(b.system.failure.code == FAILED_STATUS || b.system.failure.code == FAILED_SOLVER);
+            kernel_record_free(&b.record);
+        }
+        for (size_t i = 0; i < N_FUNCTIONS; i++) {
+            Bench b;
+            setup(&b, 3, 2);
+            b.functions[i] = i == FREE_FMU_STATE ? b.functions[i] : NULL; /* without it what is saved is lost */
+            if (!run_masters(&b, 1.0, k)) {
+                CHECK(b.system.failure.code == FAILED_MISSING && b.system.failure.function == (int32_t)i);
+            }
+            kernel_record_free(&b.record);
+        }
+    }
+}
+
+/* Every allocation fails once, those of the FMUs' saved states and of the rows of a step that is tried, too. */
+static void test_masters_short_of_memory(void) {
+    for (int k = 0; k < 4; k++) {
+        for (long granted_ones = 0;; granted_ones++) {
+            Bench b;
+            setup(&b, 3, 2);
+            allowed = granted_ones;
+            const int32_t done = run_masters(&b, 0.05, k);
+            allowed = -1;
+            const int32_t code = b.system.failure.code;
+            CHECK(done || code == FAILED_MEMORY || (code == FAILED_STATUS && b.system.failure.status == 3));
+            kernel_record_free(&b.record);
+            if (done) {
+                break;
+            }
+        }
+    }
 }
 
 typedef int32_t (*Run)(Bench *, double);
@@ -483,6 +645,8 @@ int main(void) {
     }
     test_loop(run_me, 2);
     test_slopes();
+    test_masters();
+    test_masters_short_of_memory();
     test_blocks();
     test_failures(run_me, 2);
     test_failures(run_cs, 3);

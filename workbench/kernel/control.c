@@ -78,16 +78,15 @@ size_t control_doubles(const Cs *cs) {
     return n;
 }
 
-/* `function`: to get, set or free the saved states of all FMUs. */
+/* `function`: to get, set or free the saved states of all FMUs; also after one has failed the others are freed. */
 static bool states(Cs *cs, FunctionIndex function) {
     System *system = cs->system;
     void **saved = cs->master->control->states;
-    for (size_t i = 0; i < system->n_components; i++) {
-        if (!component_saved(&system->components[i], function, &saved[i], (int32_t)i, &system->failure)) {
-            return false;
-        }
+    bool done = true;
+    for (size_t i = 0; i < system->n_components && (done || function == FREE_FMU_STATE); i++) {
+        done = component_saved(&system->components[i], function, &saved[i], (int32_t)i, &system->failure) && done;
     }
-    return true;
+    return done;
 }
 
 static bool keep(Cs *cs) {

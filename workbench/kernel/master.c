@@ -272,15 +272,16 @@ static bool give_slopes(Cs *cs, Unit *unit, double span) {
     Component *component = &cs->system->components[unit->component];
     for (size_t b = 0; b < unit->fast.n_blocks && component->slopes_work; b++) {
         const Block *block = &unit->fast.blocks[b];
+        if (!component->calls->set_slopes || block->type != FLOAT64) {
+            component->slopes_work = 0;
+            break;
+        }
         for (size_t k = 0; k < block->n; k++) {
             const size_t i = block->columns[k];
             unit->rates[block->slots[k]] = (unit->ends[i] - unit->starts[i]) / span;
         }
-        int status = NOT_EXPORTED;
-        if (component->calls->set_slopes && block->type == FLOAT64) {
-            status = component->calls->set_slopes(component, block->references, block->n_references, unit->orders,
-                                                  unit->rates);
-        }
+        const int status = component->calls->set_slopes(component, block->references, block->n_references,
+                                                        unit->orders, unit->rates);
         component->slopes_work = status >= 0 && status <= FMI_WARNING;
     }
     return component->slopes_work != 0;

@@ -136,9 +136,7 @@ class InnerLoop:
     def failed(self, recorded: Sequence[Variable] = (), *, fixed: float = math.nan) -> Exception:
         """Return what the kernel has noted, as an exception."""
         failure = self.system.structure.failure
-        return exception_of(
-            Situation(failure, self.instance, recorded, self._solver, fixed, self._names, self._unit)
-        )
+        return exception_of(Situation(failure, self.instance, recorded, self._solver, fixed, self._names, self._unit))
 
     @staticmethod
     def rows(record: NativeRecord, forcing: Forcing) -> Recorded:

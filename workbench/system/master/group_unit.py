@@ -111,7 +111,6 @@ class GroupUnit:
             session.close()
 
 
-
 def _of(name: str, error: Exception) -> Exception:
     """Return an error with the group's name in its message."""
     if not isinstance(error, SimulationError):

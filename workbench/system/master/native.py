@@ -210,9 +210,7 @@ class NativeMaster:
                 found.setdefault(decided.units.of[component], []).append(inlet)
         return found
 
-    def _unit(
-        self, number: int, inlets: Sequence[_Inlet]
-    ) -> tuple[Unit, NativeForcing | None]:
+    def _unit(self, number: int, inlets: Sequence[_Inlet]) -> tuple[Unit, NativeForcing | None]:
         decided, n = self._instance.decided, len(inlets)
         about = decided.units.units[number]
         connections = [decided.units.connections[i] for i in about.outgoing]
