@@ -154,7 +154,6 @@ class FmpyLoop:
                 found.append(last)
         return np.array(found)
 
-
     def c_run(self, name: str, steps: int, step: float) -> float:
         """Make steps with a function of bench_data/ring.c; return the last c2.y."""
         self._start()
@@ -215,7 +214,7 @@ class MasterCosts:
     same: float
 
 
-def mastered(step: float | None = None, tolerance: float | None = None, **options: Any) -> DescribedModel:  # noqa: ANN401
+def mastered(step: float | None = None, tolerance: float | None = None, **options: Any) -> DescribedModel:
     """Return the loop of three as co-simulation under a master; `options` are those of `connect`."""
     return wb.connect(
         {f"c{i}": FmuComponent(name=f"c{i}", file=str(FILE), interface="cs") for i in range(3)},
@@ -335,13 +334,16 @@ def main() -> None:
         print(f"    error {error:.2e}, {1e3 * times[1]:.1f} ms; ratio {times[1] / times[0]:.0f}")
     costs = master_costs(20_000, 5)
     print(
-        f"a communication step of three: ours {1e6 * costs.ours:.2f} µs, the same calls in C {1e6 * costs.same:.2f} µs, "
-        f"a bare loop in C {1e6 * costs.bare:.2f} µs, FMPy {1e6 * costs.fmpy:.1f} µs"
+        f"a communication step of three: ours {1e6 * costs.ours:.2f} µs, the same calls in C "
+        f"{1e6 * costs.same:.2f} µs, a bare loop in C {1e6 * costs.bare:.2f} µs, FMPy {1e6 * costs.fmpy:.1f} µs"
     )
     for order in ("gauss-seidel", "jacobi"):
-        for hold in (True, False):
-            errors = [master_error(mastered(h, order=order, hold_inputs=hold)) for h in (0.05, 0.025, 0.0125)]
-            print(f"{order}, {'held' if hold else 'linear'} inputs, steps of 50, 25, 12.5 ms: errors", errors)
+        for words, options in {
+            "held inputs": {"hold_inputs": True},
+            **{f"extrapolation of order {n}": {"extrapolation": n} for n in range(3)},
+        }.items():
+            errors = [master_error(mastered(h, order=order, **options)) for h in (0.05, 0.025, 0.0125)]
+            print(f"{order}, {words}, steps of 50, 25, 12.5 ms: errors {', '.join(f'{e:.2e}' for e in errors)}")
     for feed_through in (False, True):
         for solver in ("vkm", "gear"):
             print(

@@ -81,6 +81,8 @@ def stair(folder: Path) -> DescribedModel:
 SYSTEMS: Mapping[str, Make] = {
     "fixed": lambda _: lags(step=0.05),
     "Jacobi, FMI 3.0": lambda _: lags(step=0.05, order="jacobi", version="@3"),
+    "order 0": lambda _: lags(step=0.05, order="jacobi", extrapolation=0),
+    "order 2": lambda _: lags("me", step=0.05, order="jacobi", extrapolation=2),
     "held": lambda _: lags(step=0.05, hold_inputs=True),
     "model exchange": lambda _: lags("me", step=0.05),
     "controlled": lambda _: lags(tolerance=1e-5),

@@ -324,7 +324,7 @@ typedef struct {
 static int32_t run_master(Bench *b, double until, MasterCase kind) {
     static const size_t order[2] = {0, 1}, stages[2] = {1, 2}, no_wire = 0, second = 1, forced = 1;
     static const int32_t float64 = FLOAT64, yes = 1, no = 0, ones[1] = {1};
-    double numbers[2][4] = {{0}}, raw = 0.0, reached = 0.0, start = 0.0, slope = 0.0, ramps[2] = {0}, ramped[2] = {0};
+    double numbers[2][5] = {{0}}, bows[2] = {0}, raw = 0.0, reached = 0.0, start = 0.0, slopes[2] = {0}, spans[2] = {0}, ramps[2] = {0}, ramped[2] = {0};
     double times[2] = {0}, table[2] = {0}, scale = 1e-3, coarse = 0.0, fine = 0.0, watched = 1e-3, saved[32];
     double group_numbers[5] = {0}, bias = 0.0;
     const double most = 1.0, first_tick = 0.1;
@@ -348,7 +348,7 @@ static int32_t run_master(Bench *b, double until, MasterCase kind) {
     for (int32_t i = 0; i < 2; i++) {
         units[i] = (Unit){.component = i, .as_start = kind.held, .types = &float64, .moving = &yes,
                           .sources = i ? &no_wire : &forced, .starts = &numbers[i][0], .ends = &numbers[i][1],
-                          .values = &numbers[i][2], .rates = &numbers[i][3], .orders = ones, .n = 1,
+                          .values = &numbers[i][2], .rates = &numbers[i][3], .bows = &numbers[i][4], .orders = ones, .n = 1,
                           .inlet = {&inlets[i], 1}, .fast = {&inlets[i], 1}};
         b->components[i].interpolates = 1; /* which they claim only */
     }
@@ -376,8 +376,8 @@ static int32_t run_master(Bench *b, double until, MasterCase kind) {
     Control control = {.tolerance = 1e-4, .step = 1e-2, .least = 1e-6, .wires = &no_wire, .n_wires = 1,
                        .scale = &watched, .coarse = &coarse, .fine = &fine, .saved = saved, .states = states};
     Master master = {.units = units, .n_units = 2, .order = order, .stages = stages, .n_stages = 2, .from_held = &no,
-                     .moves = &yes, .known = &known, .start = &start, .reached = &reached, .slopes = &slope,
-                     .ramps = ramps, .ramped = ramped, .nobody = &nobody, .hold_inputs = kind.held,
+                     .moves = &yes, .known = &known, .start = &start, .reached = &reached, .slopes = slopes, .spans = spans, .extrapolation = kind.held ? 0 : 2,
+                     .ramps = ramps, .ramped = ramped, .bows = bows, .nobody = &nobody, .hold_inputs = kind.held,
                      .control = kind.controlled ? &control : NULL};
     Cs cs = {.system = &b->system, .master = &master, .fixed = NAN, .longest = 1e-2, .variable_step = 1};
     CHECK(kernel_control_doubles(&cs) <= sizeof saved / sizeof saved[0]);

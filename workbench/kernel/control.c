@@ -55,7 +55,8 @@ static void carry_all(Cs *cs, Way way) {
     at = carry(at, &cs->time, 1, way);
     at = carry(at, &cs->previous, 1, way);
     at = carry_wires(at, &system->wires, way);
-    at = carry(at, master->slopes, system->wires.n, way);
+    at = carry(at, master->slopes, 2 * system->wires.n, way);
+    at = carry(at, master->spans, 2, way);
     at = carry(at, system->forcing->written, system->forcing->n, way);
     for (size_t i = 0; i < system->n_components; i++) {
         at = carry(at, &system->components[i].due, 1, way);
@@ -70,7 +71,7 @@ static void carry_all(Cs *cs, Way way) {
 
 size_t control_doubles(const Cs *cs) {
     const System *system = cs->system;
-    size_t n = 2 + 4 * system->wires.n + system->forcing->n + 2 * system->n_components;
+    size_t n = 4 + 5 * system->wires.n + system->forcing->n + 2 * system->n_components;
     for (size_t k = 0; k < cs->master->n_units; k++) {
         const Me *me = cs->master->units[k].me;
         n += me ? 3 * me->system->wires.n + me->system->nx + 2 : 0;

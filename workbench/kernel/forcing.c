@@ -16,7 +16,7 @@ double forcing_next_break(Forcing *forcing, double t) {
     return first;
 }
 
-static double biased(const Forcing *forcing, size_t i, double t) {
+double forcing_value(const Forcing *forcing, size_t i, double t) {
     return signal_value(&forcing->signals[i], t) + forcing->bias[i];
 }
 
@@ -27,7 +27,7 @@ void forcing_evaluate(Forcing *forcing, double t) {
     forcing->has_wanted = 1;
     forcing->wanted_at = t;
     for (size_t i = 0; i < forcing->n; i++) {
-        forcing->wanted[i] = value_as_type((ValueType)forcing->types[i], biased(forcing, i, t));
+        forcing->wanted[i] = value_as_type((ValueType)forcing->types[i], forcing_value(forcing, i, t));
     }
 }
 
@@ -55,7 +55,7 @@ bool forcing_write_continuous(Forcing *forcing, Component *components, double t,
     }
     for (size_t i = 0; i < forcing->n; i++) {
         if (!forcing->discrete[i]) {
-            forcing->written[i] = biased(forcing, i, t);
+            forcing->written[i] = forcing_value(forcing, i, t);
         }
     }
     return access_write(&forcing->fast, components, forcing->written, failure);
@@ -97,7 +97,7 @@ void forcing_look_ahead(Forcing *forcing, double t, double end) {
     forcing->has_wanted = forcing->n_discrete == 0;
     forcing->wanted_at = left;
     for (size_t i = 0; i < forcing->n; i++) {
-        forcing->wanted[i] = forcing->discrete[i] ? forcing->written[i] : biased(forcing, i, left);
+        forcing->wanted[i] = forcing->discrete[i] ? forcing->written[i] : forcing_value(forcing, i, left);
     }
 }
 

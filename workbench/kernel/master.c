@@ -212,13 +212,38 @@ void master_look_ahead(Cs *cs, double end) {
         forcing_look_ahead(forcing, cs->time, end);
         copy_values(forcing->seen, forcing->wanted, forcing->n);
     }
+    const double middle = cs->time + 0.5 * (end - cs->time);
     for (size_t i = 0; i < forcing->n; i++) {
+        const bool bows = master->extrapolation > 1 && !forcing->discrete[i];
+        const double chord = 0.5 * (forcing->written[i] + forcing->seen[i]);
         master->ramps[i] = (forcing->seen[i] - forcing->written[i]) / (end - cs->time);
+        master->bows[i] = bows ? 2.0 / 3.0 * (forcing_value(forcing, i, middle) - chord) : 0.0; /* Simpson's rule */
     }
 }
 
+/* Where a value goes that is not known yet: along Newton's polynomial through the last communication points. */
+static double extrapolated(const Master *master, size_t n_wires, size_t wire, double span) {
+    const double slope = master->slopes[wire], *spans = master->spans;
+    double change = master->extrapolation > 0 ? slope * span : 0.0;
+    if (master->extrapolation > 1 && spans[0] > 0.0 && spans[1] > 0.0) {
+        const double bend = (slope - master->slopes[n_wires + wire]) / (spans[0] + spans[1]);
+        change += bend * span * (span + spans[0]);
+    }
+    return master->start[wire] + change;
+}
+
+/* By how much the mean of the parabola through the last point and both ends of the step is off that of its chord. */
+static double bow(const Master *master, size_t wire, double span, double change) {
+    const double before = master->spans[0];
+    if (master->extrapolation < 2 || !(before > 0.0)) {
+        return 0.0;
+    }
+    return -(change / span - master->slopes[wire]) / (span + before) * span * span / 6.0;
+}
+
 /* A connected value at both ends of the step, as its destination is to see it. */
-static void set_limits(const Master *master, size_t wire, double span, double *first, double *last) {
+static void set_limits(const Master *master, size_t n_wires, size_t wire, double span, double *first, double *last,
+                       double *bowed) {
     const bool known = master->known[wire];
     if (known && (master->hold_inputs || master->from_held[wire])) {
         *first = *last = master->reached[wire];
@@ -226,7 +251,8 @@ static void set_limits(const Master *master, size_t wire, double span, double *f
     }
     *first = *last = master->start[wire];
     if (!master->hold_inputs && master->moves[wire]) {
-        *last = known ? master->reached[wire] : *first + master->slopes[wire] * span;
+        *last = known ? master->reached[wire] : extrapolated(master, n_wires, wire, span);
+        *bowed = bow(master, wire, span, *last - *first);
     }
 }
 
@@ -236,14 +262,17 @@ static void set_courses(const Cs *cs, const Unit *unit, double end) {
     const size_t n_wires = cs->system->wires.n;
     for (size_t i = 0; i < unit->n; i++) {
         const size_t source = unit->sources[i];
+        unit->bows[i] = 0.0;
         if (source < n_wires) {
-            set_limits(master, source, end - cs->time, &unit->starts[i], &unit->ends[i]);
+            set_limits(master, n_wires, source, end - cs->time, &unit->starts[i], &unit->ends[i], &unit->bows[i]);
         } else {
             const size_t k = source - n_wires;
             unit->starts[i] = forcing->written[k] + master->ramps[k] * (cs->time - master->since);
             unit->ends[i] = forcing->written[k] + master->ramps[k] * (end - master->since);
+            unit->bows[i] = master->bows[k];
         }
         if (!unit->moving[i]) {
+            unit->bows[i] = 0.0;
             unit->starts[i] = unit->ends[i] = value_as_type((ValueType)unit->types[i], unit->starts[i]);
         }
     }
@@ -256,9 +285,17 @@ static bool evaluate(const Unit *unit, double part) {
         const double start = unit->starts[i];
         const bool still = unit->ends[i] == start;
         unit->values[i] = still ? start : start + (unit->ends[i] - start) * part;
-        moves = moves || !still;
+        moves = moves || !still || unit->bows[i] != 0.0;
     }
     return moves;
+}
+
+/* The same, with the mean over the step that they are to have. */
+static void evaluate_inside(const Unit *unit, double part) {
+    evaluate(unit, part);
+    for (size_t i = 0; i < unit->n && !unit->as_start; i++) {
+        unit->values[i] += unit->bows[i];
+    }
 }
 
 /* ---- one co-simulation component ---- */
@@ -294,14 +331,14 @@ static bool give(Cs *cs, Unit *unit, double part, double span) {
         return true;
     }
     const bool linear = !unit->as_start && component->interpolates && component->slopes_work;
-    evaluate(unit, unit->as_start ? 0.0 : linear ? part : 0.5 * (part + 1.0));
+    evaluate_inside(unit, unit->as_start ? 0.0 : linear ? part : 0.5 * (part + 1.0));
     if (!write_fast(cs, unit)) {
         return false;
     }
     if (!linear || give_slopes(cs, unit, span)) {
         return true;
     }
-    evaluate(unit, 0.5 * (part + 1.0));
+    evaluate_inside(unit, 0.5 * (part + 1.0));
     return write_fast(cs, unit);
 }
 
@@ -400,12 +437,26 @@ static void force_group(const Unit *unit, double start, double end) {
     unit->times[1] = end;
     for (size_t i = 0; i < unit->n; i++) {
         unit->signals[i].kind = unit->starts[i] == unit->ends[i] ? SIGNAL_CONSTANT : SIGNAL_TABLE_LINEAR;
-        unit->signals[i].p[0] = unit->starts[i];
-        unit->tables[2 * i] = unit->starts[i];
-        unit->tables[2 * i + 1] = unit->ends[i];
+        unit->signals[i].p[0] = unit->starts[i] + unit->bows[i];
+        unit->tables[2 * i] = unit->starts[i] + unit->bows[i];
+        unit->tables[2 * i + 1] = unit->ends[i] + unit->bows[i];
         forcing->written[i] = unit->moving[i] ? forcing->written[i] : unit->starts[i]; /* it stands there already */
     }
     forcing->has_break = forcing->has_wanted = 0;
+}
+
+/* Give the inputs the values that they have at the end, where the step had others for the sake of the mean. */
+static bool arrive_group(Cs *cs, Unit *unit) {
+    bool bowed = false;
+    for (size_t i = 0; i < unit->n; i++) {
+        bowed = bowed || unit->bows[i] != 0.0;
+    }
+    if (!bowed) {
+        return true;
+    }
+    evaluate(unit, 1.0);
+    return access_write(&unit->fast, cs->system->components, unit->values, failure_of(cs)) &&
+           (system_propagate(unit->me->system, false, NULL) || fail_of_group(cs, unit));
 }
 
 static bool step_group(Cs *cs, Unit *unit, double end) {
@@ -428,7 +479,7 @@ static bool step_group(Cs *cs, Unit *unit, double end) {
     for (size_t i = 0; i < unit->n_members; i++) {
         cs->system->components[unit->members[i]].time = me->system->components[i].time;
     }
-    return done || fail_of_group(cs, unit);
+    return done ? arrive_group(cs, unit) : fail_of_group(cs, unit);
 }
 
 /* ---- all units ---- */
@@ -465,6 +516,9 @@ static void mark_known(Master *master, size_t from, size_t to) {
 
 /* How connected values changed in this step; what is held goes on standing still. */
 static void note_slopes(Master *master, size_t n, double span) {
+    copy_values(master->slopes + n, master->slopes, n);
+    master->spans[1] = master->spans[0];
+    master->spans[0] = span;
     for (size_t i = 0; i < n; i++) {
         const bool moved = master->known[i] && !master->from_held[i];
         master->slopes[i] = moved ? (master->reached[i] - master->start[i]) / span : 0.0;

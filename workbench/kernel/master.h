@@ -21,6 +21,7 @@ typedef struct {
     const int32_t *types;  /* ValueType */
     const int32_t *moving; /* may change between events */
     double *starts, *ends; /* right limit at the start of the step, left limit at its end */
+    double *bows;          /* mean over the step less that of the straight line; order 2 only */
     double *values, *rates; /* scratch */
     const int32_t *orders; /* ones */
     size_t n;
@@ -57,14 +58,17 @@ typedef struct Master {
     const int32_t *moves;     /* their source may change between events */
     int32_t *known;           /* what they reach at the end of the step is known: `reached` */
     double *start, *reached;
-    double *slopes; /* how they changed in the last step [1/s] */
+    double *slopes; /* [2][n] how they changed in the last step, and in that before [1/s] */
+    double *spans;  /* [2] the lengths of these steps, 0: there was none [s] */
     /* Forced inputs, arrays [forcing->n]: linear from `since` on [s]. */
     double *ramps; /* [1/s] */
+    double *bows;  /* see Unit */
     double *ramped; /* scratch */
     double since;
     Record *nobody; /* keeps nothing */
     struct Control *control; /* of the step; NULL: it is what the caller says */
     int32_t hold_inputs;
+    int32_t extrapolation; /* order of the polynomial by which what is not known yet goes on: 0, 1, 2 */
     int32_t event_due; /* the last step waits for its event iteration */
 } Master;
 

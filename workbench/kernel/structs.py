@@ -470,6 +470,7 @@ class Unit(ctypes.Structure):
         ("moving", c_void_p),
         ("starts", c_void_p),
         ("ends", c_void_p),
+        ("bows", c_void_p),
         ("values", c_void_p),
         ("rates", c_void_p),
         ("orders", c_void_p),
@@ -507,12 +508,15 @@ class Master(ctypes.Structure):
         ("start", c_void_p),
         ("reached", c_void_p),
         ("slopes", c_void_p),
+        ("spans", c_void_p),
         ("ramps", c_void_p),
+        ("bows", c_void_p),
         ("ramped", c_void_p),
         ("since", c_double),
         ("nobody", c_void_p),
         ("control", c_void_p),
         ("hold_inputs", c_int32),
+        ("extrapolation", c_int32),
         ("event_due", c_int32),
     )
 

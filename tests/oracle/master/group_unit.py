@@ -50,6 +50,9 @@ class GroupStepper:
         except SimulationError as error:
             raise _of(self.name, error) from error
         self.instance.touch()
+        bowed = [c for c in courses if c.bow]
+        if bowed:
+            self._inlet_of(bowed).write([c.end for c in bowed])
         return Reached(end, event=self._unit.session.due() <= end)
 
     @property
@@ -59,19 +62,22 @@ class GroupStepper:
 
     def _follow(self, end: float, courses: Sequence[Course]) -> None:
         """Take static components to the end of the step."""
-        names = tuple(f"{self._names[c.component]}.{c.variable.name}" for c in courses)
-        if names not in self._accesses:
-            self._accesses[names] = self.instance.access([self._known[n] for n in names])
         self.instance.set_time(end)
         self._unit.session.time = end
         if courses:
-            self._accesses[names].write([c.end for c in courses])
+            self._inlet_of(courses).write([c.end for c in courses])
+
+    def _inlet_of(self, courses: Sequence[Course]) -> Access:
+        names = tuple(f"{self._names[c.component]}.{c.variable.name}" for c in courses)
+        if names not in self._accesses:
+            self._accesses[names] = self.instance.access([self._known[n] for n in names])
+        return self._accesses[names]
 
 
 def _signal(course: Course, start: float, end: float) -> Signal:
     if course.start == course.end:
-        return Constant(course.start)
-    return Table((start, end), (course.start, course.end))
+        return Constant(course.start + course.bow)
+    return Table((start, end), (course.start + course.bow, course.end + course.bow))
 
 
 def _of(name: str, error: SimulationError) -> SimulationError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from tests.oracle.master.group_unit import GroupStepper
 from workbench.errors import SimulationError
 from workbench.fmi.access import Access
 from workbench.fmi.instance import StepResult
+from workbench.fmi.variable import Variable
 from workbench.session.base import Floats
 from workbench.session.forcing import convert
 from workbench.system.master.instance import MasterInstance
@@ -31,6 +32,7 @@ class _Ramp:
     value: float
     slope: float
     time: float
+    bow: float = 0.0
 
     def at(self, time: float) -> float:
         return self.value + self.slope * (time - self.time)
@@ -96,6 +98,11 @@ class OracleMasterInstance(MasterInstance):
                     self._forced[number, inner.name] = _Ramp(float(value), slope, self.time)
         return True
 
+    def bow(self, variable: Variable, bow: float) -> None:
+        """Note the mean of an input of the system over the next step, less that of the straight line."""
+        for number, inner in self.ports(variable):
+            self._forced[number, inner.name] = replace(self._forced[number, inner.name], bow=bow)
+
     def do_step(self, time: float, step: float) -> StepResult:
         """Step every unit; ends earlier if the first one stops at an event of its own."""
         self.time, end = time, time + step
@@ -109,7 +116,8 @@ class OracleMasterInstance(MasterInstance):
                 end, moved = reached.time, True
                 found |= self._ends(number)
             self._known |= found
-        self.slopes = self._new_slopes(start, end - time)
+        self.slopes[1], self.slopes[0] = self.slopes[0], self._new_slopes(start, end - time)
+        self.spans[1], self.spans[0] = self.spans[0], end - time
         self.time = end
         self._stale = False  # what is read now are left limits
         self.reached = self._watched_values()
@@ -126,7 +134,8 @@ class OracleMasterInstance(MasterInstance):
             first, last = self._limits(i, float(start[i]), span)
             if not connection.destination.is_continuous_input:
                 first = last = float(convert(connection.destination, first))
-            found.append(Course(connection.to_component, connection.destination, first, last))
+            bow = self._bow(i, first, last, span) if connection.destination.is_continuous_input else 0.0
+            found.append(Course(connection.to_component, connection.destination, first, last, bow))
         return found
 
     def _limits(self, connection: int, start: float, span: float) -> tuple[float, float]:
@@ -137,14 +146,31 @@ class OracleMasterInstance(MasterInstance):
             return known, known
         if decided.hold_inputs or not moves(self._wiring.connections[connection].source):
             return start, start
-        return start, (start + float(self.slopes[connection]) * span if known is None else known)
+        return start, (self._extrapolated(connection, start, span) if known is None else known)
+
+    def _bow(self, connection: int, first: float, last: float, span: float) -> float:
+        """Return by how much the mean of the parabola through the last point is off that of its chord."""
+        before, decided = float(self.spans[0]), self.decided
+        held = decided.units.ends(connection)[0] in decided.held and connection in self._known
+        still = held or decided.hold_inputs or not moves(self._wiring.connections[connection].source)
+        if decided.extrapolation < 2 or not before or still:
+            return 0.0
+        bend = ((last - first) / span - float(self.slopes[0, connection])) / (span + before)
+        return -bend * span * span / 6.0
+
+    def _extrapolated(self, connection: int, start: float, span: float) -> float:
+        order, (slope, before), spans = self.decided.extrapolation, self.slopes[:, connection].tolist(), self.spans
+        change = slope * span if order > 0 else 0.0
+        if order > 1 and spans.all():
+            change += (slope - before) / float(spans.sum()) * span * (span + float(spans[0]))
+        return start + change
 
     def _from_outside(self, number: int, time: float, end: float) -> list[Course]:
         found = []
         for (component, name), ramp in self._forced.items():
             if self.decided.units.of[component] == number:
                 variable = self._inlet(component, name).variables[0]
-                found.append(Course(component, variable, ramp.at(time), ramp.at(end)))
+                found.append(Course(component, variable, ramp.at(time), ramp.at(end), ramp.bow))
         return found
 
     def _ends(self, number: int) -> dict[int, float]:

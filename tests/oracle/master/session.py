@@ -55,6 +55,17 @@ class OracleMasterSession(CsSession):
         if self._tolerance is not None:
             self.master.watch()
 
+    def _give_slopes(self, end: float) -> list[float]:
+        begin, written = self.time, list(self.forcing.written)
+        ends = super()._give_slopes(end)
+        if self.master.decided.extrapolation > 1 and not self.setup.hold_inputs:
+            middle = begin + 0.5 * (end - begin)
+            for i, (variable, signal, bias) in enumerate(self.forcing.inputs()):
+                if variable.is_continuous_input:
+                    bow = 2.0 / 3.0 * (signal(middle) + bias - 0.5 * (written[i] + ends[i]))
+                    self.master.bow(variable, bow)
+        return ends
+
     def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Recorded:
         rows = UndoableRows(self.instance, variables, self.forcing)
         with rows.kept():

@@ -24,6 +24,7 @@ __all__ = ["run"]
 _STEPS = 500  # where nothing says how long to run
 _MOST_POINTS = 500
 _MOST_LOOPS = 20
+_EXTRAPOLATED = {1: "extrapolated from the step before", 2: "extrapolated from the two steps before"}
 _DIVISORS = (1.0, 2.0, 4.0)  # of the step: the error is told from how the answers differ
 
 
@@ -122,11 +123,11 @@ def _judged(
         return "read at the instants of its sampled destination", 0.0, 0.0
     if not moves(connection.source) or not connection.destination.is_continuous_input:
         return "passed on at communication points, events between them are seen then", 0.5 * step, step
-    if decided.hold_inputs:
-        if known:
-            return "held at the value that its source has reached at the end of the step", -0.5 * step, 0.0
+    if decided.hold_inputs and known:
+        return "held at the value that its source has reached at the end of the step", -0.5 * step, 0.0
+    if not known and (decided.hold_inputs or decided.extrapolation == 0):
         return "held at the value from the start of the step", 0.5 * step, step
-    came = "interpolated, its source is stepped first" if known else "extrapolated from the step before"
+    came = "interpolated, its source is stepped first" if known else _EXTRAPOLATED[decided.extrapolation]
     shape = "linear" if takes.get(b) == "slope" else "held at the value in the middle of the step"
     return f"{shape}, {came}", 0.0, 0.0 if known else step
 

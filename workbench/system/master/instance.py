@@ -42,6 +42,7 @@ class MasterPlan:
         held: units that are sampled: their outputs stand still between their instants.
         ticks: unit → its instants, where they are known beforehand.
         hold_inputs: inputs stand still over a step.
+        extrapolation: order by which values go on whose source has not been stepped yet: 0, 1 or 2.
         solver: group's unit → name of its solver.
         rtol: relative tolerance of the groups' integration.
     """
@@ -52,6 +53,7 @@ class MasterPlan:
     held: frozenset[int]
     ticks: Mapping[int, Ticks]
     hold_inputs: bool
+    extrapolation: int
     solver: Mapping[int, str]
     rtol: float
 
@@ -63,6 +65,7 @@ class _Saved:
     parts: Any
     groups: tuple[Any, ...]
     slopes: Floats
+    spans: Floats
     next_events: dict[int, float]
     time: float
 
@@ -84,7 +87,8 @@ class MasterInstance(CompositeInstance):
     Attributes:
         decided: see `MasterPlan`.
         groups: unit → model exchange components that are one equation.
-        slopes: how the connected values changed in the last step, shape (number of connections,) [1/s].
+        slopes: how the connected values changed in the last step and in that before, shape (2, connections) [1/s].
+        spans: lengths of these steps, 0 where there was none, shape (2,) [s].
         next_events: component → its next time event, of those of co-simulation with event mode [s].
     """
 
@@ -94,7 +98,7 @@ class MasterInstance(CompositeInstance):
         connections = decided.units.connections
         super().__init__(parts, plan(connections, parts=len(parts)), description, ports, source=source)
         self.decided = decided
-        self.slopes = np.zeros(len(connections))
+        self.slopes, self.spans = np.zeros((2, len(connections))), np.zeros(2)
         self.next_events: dict[int, float] = {}
         self.groups = {k: self._group(k) for k, unit in enumerate(decided.units.units) if unit.group is not None}
 
@@ -225,6 +229,7 @@ class MasterInstance(CompositeInstance):
             parts=super().get_state(),
             groups=tuple(g.snapshot() for g in self.groups.values()),
             slopes=self.slopes.copy(),
+            spans=self.spans.copy(),
             next_events=dict(self.next_events),
             time=self.time,
         )
@@ -234,7 +239,7 @@ class MasterInstance(CompositeInstance):
         for group, saved in zip(self.groups.values(), state.groups, strict=True):
             group.restore(saved)
         self.time = state.time
-        self.slopes[:] = state.slopes
+        self.slopes[:], self.spans[:] = state.slopes, state.spans
         self.next_events = dict(state.next_events)
         self._stale = False
 

@@ -85,8 +85,10 @@ class NativeMaster:
             start=self._fixed_array([0.0] * n, np.float64),
             reached=self._fixed_array([0.0] * n, np.float64),
             slopes=master.slopes.ctypes.data,
+            spans=master.spans.ctypes.data,
             nobody=nobody.address,
             hold_inputs=decided.hold_inputs,
+            extrapolation=decided.extrapolation,
         )
         self.address = ctypes.addressof(self.structure)
         if tolerance is not None:
@@ -181,7 +183,8 @@ class NativeMaster:
         """Make the units for the inputs that are forced from now on."""
         self._kept = []
         n = len(forcing.names)
-        self.structure.ramps, self.structure.ramped = self._array([0.0] * n), self._array([0.0] * n)
+        for name in ("ramps", "bows", "ramped"):
+            setattr(self.structure, name, self._array([0.0] * n))
         inlets = self._forced_inlets(forcing)
         count = len(self._instance.decided.units.units)
         pairs = [self._unit(k, [*self._connected(k), *inlets.get(k, ())]) for k in range(count)]
@@ -224,7 +227,7 @@ class NativeMaster:
             sources=self._array([i.source for i in inlets], np.uintp),
             types=self._array([self._type(*port) for port in ports], np.int32),
             moving=self._array(moving, np.int32),
-            **{name: self._array([0.0] * n) for name in ("starts", "ends", "values", "rates")},
+            **{name: self._array([0.0] * n) for name in ("starts", "ends", "bows", "values", "rates")},
             orders=self._array([1] * n, np.int32),
             n=n,
             inlet=self._access(ports, range(n)),
