@@ -499,6 +499,50 @@ static void test_loop(Run run, int version) {
     CHECK(fabs(last[0] - last[1]) <= 1e-7 * fabs(last[0]));
 }
 
+/* The derivative by u that the second component gives, which shows none of it: x follows. */
+static int of_input(Fake *f, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns, size_t n_knowns,
+                    const double *seed, size_t n_seed, double *sensitivity, size_t n_sensitivity) {
+    const bool right = n_unknowns <= 1 && n_knowns == 1 && knowns[0] == U && n_seed == 1 && seed[0] == 1.0;
+    for (size_t i = 0; i < n_sensitivity; i++) {
+        sensitivity[i] = f->saying == 1 ? 2.0 : f->saying == 2 ? (double)NAN : 0.0;
+    }
+    (void)unknowns;
+    return !right ? 3 : f->saying == 3 ? 3 : f->saying == 4 ? 4 : 0;
+}
+
+/* The loop's Jacobian by what the component says, if that is true: once compared, then believed or never asked again. */
+static void test_exact_loop(void) {
+    static const int32_t self[1] = {1};
+    static const uint32_t x[1] = {X}, u[1] = {U};
+    for (int saying = 0; saying < 5; saying++) {
+        Bench b;
+        double work[8] = {0};
+        double jacobian = 0.0;
+        int32_t known = 0, exact = PERHAPS_EXACT;
+        uint32_t asked = 0;
+        Block own;
+        setup(&b, 3, 2);
+        own = b.blocks[3];
+        own.columns = &b.zero;
+        b.functions[GET_DIRECTIONAL] = (Function)of_input;
+        b.fakes[1].saying = saying;
+        b.link = (Link){.source = {&own, 1}, .destination = b.link.destination, .members = &b.zero, .n = 1,
+                        .work = work, .jacobian = &jacobian, .known = &known, .from = self, .to = self,
+                        .unknowns = x, .knowns = u, .asked = &asked, .exact = &exact};
+        b.fakes[1].x = 0.5;
+        b.linked = 0.0;
+        const bool solved = loop_solve(&b.system, &b.link, 0.0);
+        CHECK(solved == (saying != 4));
+        CHECK(solved ? exact == (saying == 0 ? EXACT : NOT_EXACT) : b.system.failure.function == GET_DIRECTIONAL);
+        CHECK(!solved || fabs(b.linked - b.gain * 0.5) < 1e-12);
+        if (saying == 0) { /* found again without a difference */
+            known = 0;
+            b.fakes[1].x = 0.7;
+            CHECK(loop_solve(&b.system, &b.link, 0.0) && jacobian == -1.0 && fabs(b.linked - b.gain * 0.7) < 1e-12);
+        }
+    }
+}
+
 /* What a component says of how rows 10 … 13 (f, then y) move with states 20 and 21; TRUE_ONES is right. */
 typedef enum { TRUE_ONES, WRONG_ONES, NOT_NUMBERS, ERRORS, FATAL_ERRORS, N_SAYINGS } Saying;
 
@@ -592,6 +636,17 @@ static void test_blocks(void) {
     double value = 0.0;
     CHECK(lti_get_real(&lti, &y, 1, &value) == 0 && value == 11.0);
     CHECK(lti_get_derivatives(&lti, &value, 1) == 0 && value == -2.0);
+    const uint32_t input_and_state[2] = {0, 1}, output_and_rate[2] = {2, 3}, nothing = 4;
+    const double seed[2] = {10.0, 1.0};
+    double moved[2] = {0.0};
+    CHECK(lti_get_directional(&lti, output_and_rate, 2, input_and_state, 2, seed, moved) == 0);
+    CHECK(moved[0] == 10.0 * d + c && moved[1] == 10.0 * bb + a);
+    CHECK(lti_get_directional(&lti, &nothing, 1, input_and_state, 2, seed, moved) == 3);
+    void *saved = NULL;
+    CHECK(lti_get_fmu_state(&lti, &saved) == 0);
+    memory[1] = 7.0;
+    CHECK(lti_set_fmu_state(&lti, saved) == 0 && memory[1] == 5.0);
+    CHECK(lti_free_fmu_state(&lti, &saved) == 0 && !saved);
     lti.dt = 0.1;
     memory[0] = 4.0;
     CHECK(lti_get_real(&lti, &y, 1, &value) == 0 && value == 11.0); /* held */
@@ -645,6 +700,7 @@ int main(void) {
     }
     test_loop(run_me, 2);
     test_slopes();
+    test_exact_loop();
     test_masters();
     test_masters_short_of_memory();
     test_blocks();

@@ -59,6 +59,8 @@ KERNEL_EXPORT int lti_get_derivatives(Lti *lti, double *dx, size_t n);
 KERNEL_EXPORT int lti_enter_event_mode(Lti *lti);
 KERNEL_EXPORT int lti_enter_continuous_mode(Lti *lti);
 KERNEL_EXPORT int lti_update(Lti *lti, LtiEventInfo *info);
+KERNEL_EXPORT int lti_get_directional(Lti *lti, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns,
+                                      size_t n_knowns, const double *seed, double *sensitivity);
 KERNEL_EXPORT int lti_get_fmu_state(Lti *lti, void **state);
 KERNEL_EXPORT int lti_set_fmu_state(Lti *lti, const void *state);
 KERNEL_EXPORT int lti_free_fmu_state(Lti *lti, void **state);

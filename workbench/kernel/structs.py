@@ -205,6 +205,12 @@ class Link(ctypes.Structure):
         ("work", c_void_p),
         ("jacobian", c_void_p),
         ("known", c_void_p),
+        ("from", c_void_p),
+        ("to", c_void_p),
+        ("unknowns", c_void_p),
+        ("knowns", c_void_p),
+        ("asked", c_void_p),
+        ("exact", c_void_p),
     )
 
 
