@@ -338,10 +338,9 @@ def main() -> None:
         f"{1e6 * costs.same:.2f} µs, a bare loop in C {1e6 * costs.bare:.2f} µs, FMPy {1e6 * costs.fmpy:.1f} µs"
     )
     for order in ("gauss-seidel", "jacobi"):
-        for words, options in {
-            "held inputs": {"hold_inputs": True},
-            **{f"extrapolation of order {n}": {"extrapolation": n} for n in range(3)},
-        }.items():
+        ways: dict[str, dict[str, Any]] = {"held inputs": {"hold_inputs": True}}
+        ways |= {f"extrapolation of order {n}": {"extrapolation": n} for n in range(3)}
+        for words, options in ways.items():
             errors = [master_error(mastered(h, order=order, **options)) for h in (0.05, 0.025, 0.0125)]
             print(f"{order}, {words}, steps of 50, 25, 12.5 ms: errors {', '.join(f'{e:.2e}' for e in errors)}")
     for feed_through in (False, True):
