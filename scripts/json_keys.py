@@ -50,6 +50,14 @@ LINES = (
     ),
     "limit-cycle system:failed_aileron --block damper --output z_wing_tip --json limit_cycle.json",
     (
+        "limit-cycle system:failed_aileron --block damper --output z_wing_tip --band 2.6:2.7 --method shooting --vary "
+        "damper.alpha2=6900:7100 --json limit_cycle_vary.json"
+    ),
+    (
+        "limit-cycle system:failed_aileron_feedforward --block damper --block actuator --output z_wing_tip --band 1:10 "
+        "--amplitude 0.01:1 --time 150 --method 'describing function' --json limit_cycle_blocks.json"
+    ),
+    (
         "feed-forward system:failed_aileron --block damper --to aircraft.inner_aileron --feedback "
         "aircraft.outer_aileron_position:-1 --orders 36,29 --cancel 3e-3 --json feed_forward.json"
     ),
@@ -61,6 +69,8 @@ LINES = (
         "excite fmu:FirstOrderLag --input u --output y --prbs amplitude=1 --step 0.05 --samples 200 --json excite.json "
         "--csv data.csv"
     ),
+    "bla fmu:FirstOrderLag --input u --output y --rms 1 --band 0.1:1 --json bla.json",
+    "fit bla.json --order 1 --json fit.json",
     "identify data.csv --input u --output y --order 3 --json identify.json",
     "export lin.json --out rudder_lin.fmu --json export.json",
     "run study:rudder_specification --json run.json",

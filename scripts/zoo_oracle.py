@@ -1,7 +1,7 @@
-"""FMPy's word on an FMU, for `scripts/zoo.py`: its description and its run, in a child process under limits.
+"""FMPy's word on an FMU, for `scripts/zoo.py`: its description and its runs, in a child process under limits.
 
-Run as a script it is the child: it reads what is asked for as JSON from standard input and prints one line of JSON.
-FMUs crash, hang and print; none of it reaches the caller.
+Run as a script it is the child, which prints a line of JSON for the description and for each run. FMUs crash, hang and
+print; none of it reaches the caller, and what was told before is not lost.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Described", "Limits", "Run", "describe", "simulate"]
+__all__ = ["Asked", "Described", "Limits", "Run", "consult"]
 
 Floats = NDArray[np.float64]
 
+MOST_STEPS = 2000
+TOLERANCE = 1e-6
+MOVED = 0.1  # of an input's start value, or of 1
+_STEPS = 500  # where the FMU names no step
 _MARK = "===== "
 _INTERFACES = {"me": ("modelExchange", "ModelExchange"), "cs": ("coSimulation", "CoSimulation")}
+_FLOATS = ("Real", "Float64", "Float32")
 _MB = 1 << 20
 
 
@@ -33,12 +38,27 @@ class Limits:
     """What a child may take.
 
     Attributes:
-        seconds: of time.
+        seconds: of time, for each run.
         megabytes: of address space, beyond what it has with FMPy loaded (Linux).
     """
 
     seconds: float
     megabytes: float
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is simulated, by FMPy and by the workbench.
+
+    Attributes:
+        start, stop, step: of the FMU's default experiment, at most `MOST_STEPS` steps [s].
+        moved: continuous input → by how much it is moved from its start value, for the whole run.
+    """
+
+    start: float = 0.0
+    stop: float = 1.0
+    step: float = 0.002
+    moved: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -48,10 +68,11 @@ class Described:
     Attributes:
         fmi: version of FMI.
         tool: that made it, "" where it does not say.
-        interfaces: "me" and "cs", as offered; with "needs_tool", "event_mode", "variable_step".
+        interfaces: "me" and "cs", as offered; with "needs_tool" and "event_mode".
         variables: name → [type, causality, unit]; elements of arrays by their own names.
         states: how many continuous states.
         experiment: "start", "stop" and "step" of its default experiment, those that it has [s].
+        asked: what is simulated.
         fails: why FMPy does not read it; "": it does.
     """
 
@@ -61,6 +82,7 @@ class Described:
     variables: Mapping[str, tuple[str, str, str | None]] = field(default_factory=dict)
     states: int = 0
     experiment: Mapping[str, float] = field(default_factory=dict)
+    asked: Asked = Asked()
     fails: str = ""
 
 
@@ -79,58 +101,67 @@ class Run:
     fails: str = ""
 
 
-def describe(file: Path, limits: Limits) -> Described:
-    """Return what FMPy reads in the description of an FMU."""
-    found = _ask({"what": "describe", "file": str(file)}, limits)
-    return Described(**found) if "fails" not in found else Described(fails=found["fails"])
+def consult(file: Path, limits: Limits) -> tuple[Described, dict[str, Run]]:
+    """Return what FMPy reads in the description of an FMU, and its run by each interface."""
+    told, why = _ask(file, "describe", limits)
+    if not told or "fails" in told[0]:
+        return Described(fails=told[0]["fails"] if told else why), {}
+    described = Described(**{**told[0], "asked": Asked(**told[0]["asked"])})
+    runs = dict(zip(described.interfaces, map(_run, told[1:]), strict=False))
+    for interface in described.interfaces:
+        if interface not in runs:  # the one before it, or its own run, ended the child
+            answers, why = _ask(file, interface, limits)
+            runs[interface] = _run(answers[0]) if answers else Run(fails=why)
+    return described, runs
 
 
-def simulate(file: Path, interface: str, limits: Limits, **settings: Any) -> Run:
-    """Return FMPy's run of an FMU.
-
-    Args:
-        file: the FMU.
-        interface: "me" or "cs".
-        limits: of the child.
-        **settings: of `fmpy.simulate_fmu`; "forced": input → value, held.
-    """
-    found = _ask({"what": "simulate", "file": str(file), "interface": interface, "settings": settings}, limits)
-    if "fails" in found:
-        return Run(fails=found["fails"])
-    signals = {name: np.array(values, dtype=float) for name, values in found["signals"].items()}
-    return Run(time=np.array(found["time"]), signals=signals)
+def _run(told: Mapping[str, Any]) -> Run:
+    if "fails" in told:
+        return Run(fails=told["fails"])
+    signals = {name: np.array(values, dtype=float) for name, values in told["signals"].items()}
+    return Run(time=np.array(told["time"]), signals=signals)
 
 
-def _ask(question: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
-    words = [sys.executable, __file__, repr(limits.megabytes)]
+def _ask(file: Path, what: str, limits: Limits) -> tuple[list[dict[str, Any]], str]:
+    """Return what a child tells about an FMU, and why it tells no more."""
+    words = [sys.executable, __file__, what, str(file), repr(limits.megabytes)]
+    why = ""
     try:
-        done = subprocess.run(
-            words, input=json.dumps(question).encode(), capture_output=True, timeout=limits.seconds, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return {"fails": f"it has not answered after {limits.seconds:g} s"}
-    told = [line for line in done.stdout.decode(errors="replace").splitlines() if line.startswith(_MARK)]
-    if not told:
-        return {"fails": f"its process ended with exit code {done.returncode}"}
-    answer: dict[str, Any] = json.loads(told[-1].removeprefix(_MARK))
-    return answer
+        done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, timeout=limits.seconds, check=False)
+        said, why = done.stdout, f"its process ended with exit code {done.returncode}"
+    except subprocess.TimeoutExpired as error:
+        said, why = error.stdout or b"", f"it has not answered after {limits.seconds:g} s"
+    lines = [line for line in said.decode(errors="replace").splitlines() if line.startswith(_MARK)]
+    return [json.loads(line.removeprefix(_MARK)) for line in lines], why
 
 
 # -- the child ------------------------------------------------------------------------------------
 
 
-def _be_child() -> None:
-    question = json.loads(sys.stdin.read())
+def _be_child(what: str, file: str, megabytes: float) -> None:
     import fmpy  # noqa: F401, PLC0415  loaded before the limit is set
 
-    _limit_memory(float(sys.argv[1]))
+    _limit_memory(megabytes)
     try:
-        answer = _describe(question["file"]) if question["what"] == "describe" else _simulate(question)
+        read, told = _describe(file)
     except Exception as error:  # noqa: BLE001  whatever FMPy says is its answer
-        text = str(error) or type(error).__name__
-        answer = {"fails": " ".join(text.split())}
-    sys.stdout.flush()
+        _tell(_failure(error))
+        return
+    if what == "describe":
+        _tell(told)
+    for interface in told["interfaces"] if what == "describe" else [what]:
+        try:
+            _tell(_simulate(file, interface, read, Asked(**told["asked"])))
+        except Exception as error:  # noqa: BLE001
+            _tell(_failure(error))
+
+
+def _tell(answer: Mapping[str, Any]) -> None:
     print("\n" + _MARK + json.dumps(answer), flush=True)
+
+
+def _failure(error: Exception) -> dict[str, str]:
+    return {"fails": " ".join((str(error) or type(error).__name__).split())}
 
 
 def _limit_memory(megabytes: float) -> None:
@@ -143,7 +174,7 @@ def _limit_memory(megabytes: float) -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _describe(file: str) -> dict[str, Any]:
+def _describe(file: str) -> tuple[Any, dict[str, Any]]:
     import fmpy  # noqa: PLC0415
 
     read = fmpy.read_model_description(file, validate=False)
@@ -153,35 +184,53 @@ def _describe(file: str) -> dict[str, Any]:
         for name, attribute in (("start", "startTime"), ("stop", "stopTime"), ("step", "stepSize"))
         if (value := getattr(experiment, attribute, None)) is not None
     }
-    return {
+    return read, {
         "fmi": read.fmiVersion,
         "tool": read.generationTool or "",
         "interfaces": dict(_interfaces(read)),
         "variables": {name: said for v in read.modelVariables for name, said in _variable(v)},
         "states": int(read.numberOfContinuousStates),
         "experiment": given,
+        "asked": asdict(_asked(read, given)),
     }
+
+
+def _asked(read: Any, given: Mapping[str, float]) -> Asked:
+    start = given.get("start", 0.0)
+    stop = given["stop"] if given.get("stop", start) > start else start + 1.0
+    step = given.get("step") or (stop - start) / _STEPS
+    moved = {
+        name: MOVED * (abs(value) or 1.0)
+        for variable in read.modelVariables
+        if _is_forced(variable)
+        for name, value in zip(_names_of(variable), _starts(variable), strict=True)
+    }
+    return Asked(start, min(stop, start + MOST_STEPS * step), step, moved)
+
+
+def _is_forced(variable: Any) -> bool:
+    return variable.causality == "input" and variable.type in _FLOATS
+
+
+def _starts(variable: Any) -> list[float]:
+    """Return the start values of a variable's elements."""
+    names = _names_of(variable)
+    values = [float(v) for v in str(variable.start or "0").split()]
+    return values if len(values) == len(names) else [values[0]] * len(names)
 
 
 def _interfaces(read: Any) -> Iterator[tuple[str, dict[str, bool]]]:
     for name, (attribute, _) in _INTERFACES.items():
         offered = getattr(read, attribute)
         if offered is not None:
-            yield (
-                name,
-                {
-                    "needs_tool": bool(offered.needsExecutionTool),
-                    "event_mode": bool(getattr(offered, "hasEventMode", False)),
-                    "variable_step": bool(getattr(offered, "canHandleVariableCommunicationStepSize", True)),
-                },
-            )
+            flags = {"needs_tool": "needsExecutionTool", "event_mode": "hasEventMode"}
+            yield name, {key: bool(getattr(offered, flag, False)) for key, flag in flags.items()}
 
 
 def _variable(variable: Any) -> Iterator[tuple[str, tuple[str, str, str | None]]]:
     unit = variable.unit or (variable.declaredType.unit if variable.declaredType is not None else None)
-    said = (variable.type, variable.causality or "local", unit)
     for name in _names_of(variable):
-        yield name, said
+        yield name, (variable.type, variable.causality or "local", unit)
 
 
 def _names_of(variable: Any) -> list[str]:
@@ -195,22 +244,27 @@ def _elements(name: str, shape: tuple[int, ...]) -> list[str]:
     return [f"{name}[{','.join(map(str, at))}]" for at in product(*(range(1, n + 1) for n in shape))]
 
 
-def _simulate(question: Mapping[str, Any]) -> dict[str, Any]:
+def _simulate(file: str, interface: str, read: Any, asked: Asked) -> dict[str, Any]:
     import fmpy  # noqa: PLC0415
 
-    kind = _INTERFACES[question["interface"]][1]
-    read = fmpy.read_model_description(question["file"], validate=False)
-    settings = dict(question["settings"])
-    if question["interface"] == "cs" and getattr(read.coSimulation, "hasEventMode", False):
+    settings = _forced(read, asked)
+    if interface == "cs" and getattr(read.coSimulation, "hasEventMode", False):
         settings |= {"use_event_mode": True, "early_return_allowed": True}
-    # An element of an array: FMPy records arrays whole.
-    known = {v.name for v in read.modelVariables}
-    wanted = [n if n in known else n.rpartition("[")[0] for n in settings.pop("output")]
-    settings |= _forced(read, settings.pop("forced"), settings["start_time"], settings["stop_time"])
+    outputs = [v.name for v in read.modelVariables if v.causality == "output" and v.type not in ("Binary", "Clock")]
+    states = [d.variable.derivative.name for d in read.derivatives if getattr(d.variable, "derivative", None)]
     found = fmpy.simulate_fmu(
-        question["file"], validate=False, fmi_type=kind, output=list(dict.fromkeys(wanted)), record_events=False,
-        model_description=read, **settings,
-    )  # fmt: skip
+        file,
+        validate=False,
+        fmi_type=_INTERFACES[interface][1],
+        model_description=read,
+        start_time=asked.start,
+        stop_time=asked.stop,
+        output_interval=asked.step,
+        relative_tolerance=TOLERANCE,
+        output=outputs or states,
+        record_events=False,
+        **settings,
+    )
     signals: dict[str, list[float]] = {}
     for name in found.dtype.names:
         column = found[name]
@@ -221,21 +275,19 @@ def _simulate(question: Mapping[str, Any]) -> dict[str, Any]:
     return {"time": signals.pop("time"), "signals": signals}
 
 
-def _forced(read: Any, values: Mapping[str, float], start: float, stop: float) -> dict[str, Any]:
+def _forced(read: Any, asked: Asked) -> dict[str, Any]:
     """Return start values and input signals for FMPy: inputs held at values, arrays whole."""
     starts: dict[str, Any] = {}
-    for variable in read.modelVariables:
-        names = _names_of(variable)
-        if set(names) <= values.keys():
-            whole = [values[n] for n in names]
-            starts[variable.name] = whole[0] if names == [variable.name] else whole
+    for variable in filter(_is_forced, read.modelVariables):
+        values = [v + asked.moved[n] for n, v in zip(_names_of(variable), _starts(variable), strict=True)]
+        starts[variable.name] = values if variable.dimensions else values[0]
     held = [n for n, v in starts.items() if isinstance(v, float)]
     if not held:
         return {"start_values": starts}
     row = tuple(starts[n] for n in held)
     types = [("time", np.float64), *((n, np.float64) for n in held)]
-    return {"start_values": starts, "input": np.array([(start, *row), (stop, *row)], dtype=types)}
+    return {"start_values": starts, "input": np.array([(asked.start, *row), (asked.stop, *row)], dtype=types)}
 
 
 if __name__ == "__main__":
-    _be_child()
+    _be_child(sys.argv[1], sys.argv[2], float(sys.argv[3]))

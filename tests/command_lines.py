@@ -95,8 +95,11 @@ LINES = {
     "check": (f"{LAG_FMU} --interface me --only runs,reset", "checks"),
     "excite": (f"{LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
     "identify": ("data.csv --input u --output y --order 1", ""),
+    "bla": (f"{LAG_FMU} --input u --output y --rms 1,2 --band 0.1:1 --realisations 2", "words"),
+    "fit": ("response.csv --max-order 4", ""),
     "reproduce": ("fig31 --list", "targets"),
     "build": ("Lag.mo --out Lag.fmu --fmi 3", "files"),
+    "compile": (f"{LAG_FMU} --out made.fmu", "binaries"),
     "export": ("lin.json --out linear.fmu --fmi 3", "platforms"),
 }  # fmt: skip
 
@@ -109,6 +112,10 @@ def write_files(path: Path) -> None:
     (path / "Lag.mo").write_text(LAG, encoding="utf-8")
     with wb.load("fmu:FirstOrderLag") as model:
         (path / "lin.json").write_text(json.dumps(wb.lin(model).to_dict()), encoding="utf-8")
+    f = np.geomspace(0.01, 1.0, 20)
+    lag = 1.0 / (2j * np.pi * f + 1.0)
+    rows = np.column_stack([f, np.abs(lag), np.degrees(np.angle(lag))])
+    np.savetxt(path / "response.csv", rows, delimiter=",", header="frequency,gain,phase", comments="")
     u = np.where(np.random.default_rng(1).random(400) < 0.5, -1.0, 1.0)
     y = np.zeros_like(u)
     for k in range(1, len(u)):  # a lag of 0.1 s, sampled every 0.05 s

@@ -6,6 +6,8 @@ FMUs of other people are taken from packages where those are installed; the rest
 from __future__ import annotations
 
 import shutil
+import sys
+import tarfile
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
@@ -48,7 +50,8 @@ class Exhibit:
 def _references() -> Iterator[Exhibit]:
     for fmi, subjects in SUBJECTS.items():
         for subject in subjects:
-            for interface in ("me", "cs") if fmi == 1 else ("",):
+            interfaces = ("",) if fmi > 1 else ("cs",) if subject == "resource" else ("me", "cs")
+            for interface in interfaces:
                 build = partial(build_reference, subject=subject, fmi=fmi, interface=interface)
                 name = f"{subject}{fmi}{interface}"
                 yield Exhibit(name, f"tests/c/reference{2 if fmi < 3 else 3}", f"Reference FMUs: {subject}", build)
@@ -127,12 +130,36 @@ _PACKAGES = {"gemseo_fmu": "problems/fmu_files/linux", "modestpy": "test/resourc
 
 
 def _packages() -> Iterator[Exhibit]:
+    """Yield those of installed packages, and of source archives that `scripts/dev.py` has fetched."""
     for module, folder in _PACKAGES.items():
         spec = find_spec(module)
         for root in (spec.submodule_search_locations or ()) if spec is not None else ():
             for file in sorted((Path(root) / folder).rglob("*.fmu")):
                 if "win" not in file.stem:
                     yield Exhibit(file.stem, f"package {module}", "itself", partial(_copied, file))
+    for path in sorted((Path(sys.prefix) / "foreign").glob("*.tar.gz")):
+        with tarfile.open(path) as archive:
+            names = [n for n in archive.getnames() if n.endswith(".fmu") and "/tests/" in n and "win" not in n]
+        for name, member in _by_stem(names).items():
+            yield Exhibit(name, f"archive {path.name}", "itself", partial(_unpacked, path, member))
+
+
+def _by_stem(members: list[str]) -> dict[str, str]:
+    """Return a name for each FMU of an archive, with its folder where others are called the same."""
+    stems = [Path(m).stem for m in members]
+    return {
+        f"{Path(m).parent.name}-{stem}" if stems.count(stem) > 1 else stem: m
+        for m, stem in zip(members, stems, strict=True)
+    }
+
+
+def _unpacked(archive: Path, member: str, folder: Path) -> Path:
+    file = folder / Path(member).name
+    with tarfile.open(archive) as opened:
+        inside = opened.extractfile(member)
+        assert inside is not None
+        file.write_bytes(inside.read())
+    return file
 
 
 def _copied(file: Path, folder: Path) -> Path:

@@ -34,14 +34,14 @@ def build_fmi1(folder: Path, model: str, interface: str) -> Path:
     with tempfile.TemporaryDirectory() as temporary:
         code = Path(temporary) / "sources"
         code.mkdir()
-        compiled = _write(code, sources, interface)
+        compiled = write_sources(code, sources, interface)
         library = compile_all(code, compiled, [host], Path(temporary) / "lib", model)[host.name].read_bytes()
     binary = f"binaries/{host.name_2}/{sources.identifier}{host.suffix}"
     pack(target, {"modelDescription.xml": describe(sources.descriptions[2], model, interface), binary: library})
     return target
 
 
-def _write(folder: Path, sources: Sources, interface: str) -> list[str]:
+def write_sources(folder: Path, sources: Sources, interface: str) -> list[str]:
     """Write all C files; return those to be compiled."""
     for name, contents in sources.c_files.items():
         (folder / name).write_bytes(contents)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-__all__ = ["gemseo_fmu", "needs_gemseo"]
+__all__ = ["gemseo_fmu", "gemseo_folder", "needs_gemseo"]
 
 _RUNNABLE = sys.platform == "linux" and platform.machine() == "x86_64"
 _spec = importlib.util.find_spec("gemseo_fmu")
@@ -22,3 +22,7 @@ def gemseo_fmu(name: str) -> Path:
     assert _spec is not None
     roots = _spec.submodule_search_locations or []
     return next(Path(root) / "problems/fmu_files/linux" / f"{name}.fmu" for root in roots)
+
+
+def gemseo_folder() -> Path:
+    return gemseo_fmu("").parent.parent

@@ -279,10 +279,7 @@ def variables(model: Hybrid) -> tuple[Variable, ...]:
         Variable(name=n, type="Integer", causality="input", variability="discrete", start=0) for n in model.integers
     ]
     found += [Variable(name=n, causality="output") for n in model.outputs]
-    return tuple(
-        Variable(**{**{f: getattr(v, f) for f in v.__dataclass_fields__}, "value_reference": i})
-        for i, v in enumerate(found)
-    )
+    return tuple(v._replace(value_reference=i) for i, v in enumerate(found))
 
 
 def describe(model: Hybrid, *, state: bool = False) -> Description:

@@ -59,6 +59,12 @@ def _aliases(text: str) -> str:
     return text.replace("</ModelVariables>", f"{more}</ModelVariables>")
 
 
+def _state_is_output(text: str) -> str:
+    """Let x itself be an output, which depends on no other variable."""
+    text = text.replace('name="x" valueReference="2"', 'name="x" valueReference="2" causality="output"')
+    return text.replace("<Outputs>", '<Outputs><Unknown index="2" dependencies="" />')
+
+
 def _latin(text: str) -> str:
     return text.replace('description=""', 'description="Prüfstand für Ventile, 20 °C"').replace("N.m", "°C")
 
@@ -90,6 +96,10 @@ MIMICS = {
     "latin": Mimic("MapleSim: the description in ISO-8859-1", change=_latin, encoding="ISO-8859-1"),
     "aliases": Mimic("Dymola, OpenModelica: second names of a value, generated names", change=_aliases),
     "two-names": Mimic("exporters with a library for each interface", change=_two_names),
+    "state-output": Mimic(
+        "Reference FMUs: a state that is an output, without dependencies and with derivatives of equations alone",
+        flags='providesDirectionalDerivative="true"', change=_state_is_output,
+    ),
     "once": Mimic("JModelica: one instance in a process", flags='canBeInstantiatedOnlyOncePerProcess="true"'),
 }  # fmt: skip
 

@@ -38,6 +38,7 @@ def _measure(size: float) -> Measure:
 
 
 RESPONSE = np.array([[1.0 + 1.0j, -2.0j], [3.0 - 0.5j, -4.0 + 0.1j]])
+TARGET = Target(name="gain", chapter="4.1", figures=[3], what="gain", value=2.0, relative=0.1, basis="predicted")
 RECORDED = {
     "time": np.array([0.0, 1.0, 2.0]),
     "signals": {"handed to the target": np.array([0.0, 1.0, 0.5]), "watched": np.array([1.0, -0.5, 0.25])},
@@ -79,13 +80,11 @@ GIVEN: dict[str, dict[str, Any]] = {
     },
     "Optimum": {"threshold": 0.5},
     "SettlingSettings": {"threshold": 0.5},
-    "Outcome": {"target": Target(name="gain", chapter="4.1", figures=[3], what="gain", value=2.0, relative=0.1)},
+    "Outcome": {"target": TARGET},
     "PoleRegion": {"shape": np.diag([4.0, 1.0])},
     "SettlingStudy": {"target_unit": "deg"},
     "Start": {"signals": {}},
-    "TargetList": {
-        "targets": (Target(name="gain", chapter="4.1", figures=[3], what="gain", value=2.0, relative=0.1),),
-    },
+    "TargetList": {"targets": (TARGET,)},
     "WindowSettings": {"window": "hann", "length": 8, "overlap": 0.5, "averages": 3},
 }
 

@@ -6,6 +6,8 @@ The subjects are those of the Reference FMUs of the Modelica Association that no
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from tests.fmi1_fmus import describe
@@ -14,7 +16,7 @@ from workbench.core.files import pack
 
 __all__ = ["SUBJECTS", "build_reference"]
 
-# Version of FMI → subjects.
+# Version of FMI → subjects. In FMI 1.0 Model Exchange is not told where its resources are.
 SUBJECTS = {
     1: ("stair", "resource", "feedthrough"),
     2: ("stair", "resource", "feedthrough"),
@@ -178,14 +180,17 @@ def _one_output_3(name: str) -> tuple[str, str]:
     )
 
 
+_WRITTEN_3: dict[str, Callable[[], tuple[str, str]]] = {
+    "stair": partial(_one_output_3, "counter"),
+    "resource": partial(_one_output_3, "y"),
+    "feedthrough": _feedthrough_3,
+    "space": _space_3,
+    "clocks": lambda: _CLOCKS_3,
+}
+
+
 def _description_3(subject: str) -> str:
-    variables, structure = {
-        "stair": lambda: _one_output_3("counter"),
-        "resource": lambda: _one_output_3("y"),
-        "feedthrough": _feedthrough_3,
-        "space": _space_3,
-        "clocks": lambda: _CLOCKS_3,
-    }[subject]()
+    variables, structure = _WRITTEN_3[subject]()
     saves = 'canGetAndSetFMUState="true"'
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="{subject}" instantiationToken="{{reference-{subject}}}"

@@ -31,7 +31,7 @@ def stub_library(name: str, fmi1: str = "") -> bytes:
     with TemporaryDirectory() as temporary:
         folder, sources = Path(temporary), [f"{name}.c", "absent.c"]
         headers = (Path(fmpy.__file__).parent / "c-code").glob("fmi*.h")
-        for file in (_C / name / f"{name}.c", _C / "fmi2_stub.h", *headers):
+        for file in (_C / name / f"{name}.c", _C / "fmi2_stub.h", _C / "fmi3_stub.h", *headers):
             (folder / file.name).write_bytes(file.read_bytes())
         if fmi1:
             added = ["fmi1_values.c", f"fmi1_{fmi1}.c"]

@@ -232,6 +232,17 @@ def test_outliers_drift_steps_and_a_line_are_found_at_their_place() -> None:
     assert hum.values["y"]["frequency_hz"] == pytest.approx(7.3, abs=0.1)
 
 
+@pytest.mark.parametrize(("part", "told"), [(0.1, False), (0.2, False), (0.45, True)])
+def test_a_drift_is_told_where_it_is_large_not_where_it_is_only_sure(part: float, told: bool) -> None:
+    """With little noise all of these are known to a few hundredths; from 0.3 of a standard deviation on they matter."""
+    u = prbs(N)
+    y = with_noise(response(u), 60.0)
+    size = float(np.std(y))
+    found = advise(data(u, y + np.linspace(-0.5, 0.5, N) * part * size)).finding("trend")
+    assert found.values["drift"]["y"] == pytest.approx(part * size, rel=0.05)
+    assert ("drifts" in found.evidence) == told
+
+
 def test_a_gain_of_a_two_level_input_is_not_quantised() -> None:
     u = prbs(N)
     found = advise(data(u, 3.0 * u))

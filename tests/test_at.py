@@ -70,6 +70,10 @@ COMMANDS = {
         "excite", "fmu:Rudder", "--input", "delC", "--output", "del", "--prbs", "amplitude=0.1", "--step", "0.01",
         "--samples", "20", "--in-process",
     ],
+    "bla": [
+        "bla", "fmu:Rudder", "--input", "delC", "--output", "del", "--rms", "0.1", "--band", "2:10", "--realisations",
+        "2",
+    ],
     "modes": ["modes", "fmu:Rudder", "--vary", "mH=0:1", "--points", "2"],
     "feedback": ["feedback", "fmu:Rudder", "--from", "del", "--to", "delC"],
 }  # fmt: skip

@@ -15,11 +15,13 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
+from tests.mimic_fmus import build_mimic
 from tests.platforms import needs_module, posix_signals
+from tests.reference_fmus import build_reference
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.result import VERDICTS
-from workbench.analysis.check.run import structured_name
 from workbench.cli.app import run
+from workbench.fmi.rules import structured_name
 from workbench.workers import Workers
 
 ROOT = Path(__file__).parent.parent
@@ -305,7 +307,7 @@ def test_the_command_writes_every_kind_of_file(tmp_path: Path, capsys: pytest.Ca
     assert "diverging at its own step 0.01 s" in " ".join(capsys.readouterr().out.split())
     data = json.loads(files["json"].read_text(encoding="utf-8"))
     assert (data["command"], data["verdict"], data["passed"]) == ("check", "broken", False)
-    wanted = {"component", "interface", "name", "verdict", "evidence", "consequence", "numbers", "seconds"}
+    wanted = {"component", "interface", "name", "verdict", "evidence", "consequence", "numbers", "seconds", "finished"}
     assert all(set(line) == wanted for line in data["checks"])
     assert [c["name"] for c in data["checks"]] == ["validation", "runs", "memory", "runs", "step", "memory"]
     assert {c["verdict"] for c in data["checks"]} <= set(VERDICTS)
@@ -368,3 +370,25 @@ def test_lin_and_trim_say_what_they_met(tmp_path: Path, capsys: pytest.CaptureFi
     assert "directional derivatives disagree with differences in 1 entries; use method difference" in err
     assert run(["trim", derivative]) == 0
     assert "differences are used" in capsys.readouterr().err
+
+
+def test_an_output_that_is_a_state_need_not_name_itself(tmp_path: Path) -> None:
+    """As in the Modelica Association's Reference FMUs: no dependency, and a directional derivative of 0."""
+    file = build_mimic(tmp_path, "state-output")
+    card = wb.check(file, only=["dependencies", "directional"], workers=HERE)
+    assert {line.name: line.verdict for line in card.checks if line.interface == "me"} == {
+        "dependencies": "good",
+        "directional": "good",
+    }
+    with wb.load(file, "me") as model:
+        found = wb.lin(model, method="exact").result
+    assert dict(zip(found.output_names, found.C.tolist(), strict=True)) == {"x": [1.0, 0.0], "y": [1.0, 0.0]}
+    assert not found.doubts
+
+
+def test_an_fmu_that_ends_its_run_breaks_no_promise(tmp_path: Path) -> None:
+    card = wb.check(build_reference(tmp_path, "stair", 3), only=["runs", "snapshots", "determinism"], workers=HERE)
+    for interface in ("me", "cs"):
+        line = card.line("runs", interface)
+        assert (line.verdict, line.evidence) == ("watch", "the FMU ended its run (at t = 9 s)")
+    assert card.passed

@@ -20,6 +20,7 @@ import pytest
 
 import workbench as wb
 from tests.platforms import needs, posix_signals
+from tests.programs import ended
 from tests.worker_tasks import obey
 from workbench.cli.app import run
 from workbench.core.where import Limits
@@ -29,7 +30,7 @@ from workbench.workers import InProcess, Lost, Reply, Runner, Workers, choose
 from workbench.workers import cluster as at_client
 from workbench.workers.cluster import Cluster, OnCluster
 from workbench.workers.in_cluster import do_batch, proof
-from workbench.workers.local_cluster import LocalCluster
+from workbench.workers.local_cluster import LocalCluster, started
 from workbench.workers.pool import Pool
 from workbench.workers.stamp import Stamp, stamp
 
@@ -305,6 +306,31 @@ def test_a_cluster_checks_what_it_is_given() -> None:
     for place in (lambda: Workers(scheduler="tls://x", tls=("ca.pem",)), lambda: Cluster("tls://x", tls=("ca.pem",))):
         with pytest.raises(wb.InputError, match="three files"):
             place()
+
+
+def test_a_place_where_no_cluster_can_begin_is_one_line() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(wb.InputError, match=f"cannot listen at 127.0.0.1:{port}: Address already in use; give"):  # noqa: SIM117
+            with started(1, port=port):
+                pass
+    for tls, why in ((["ca.pem"], "three files"), (["ca.pem", "own.pem", "own.key"], "ca.pem: no such file")):
+        with pytest.raises(wb.InputError, match=why), started(1, tls=tls):
+            pass
+
+
+@posix_signals
+def test_a_cluster_that_does_not_end_by_itself_is_ended_soon_with_its_workers() -> None:
+    """Ctrl-C ends a command within two seconds, also while its own cluster is busy or stopped."""
+    psutil = pytest.importorskip("psutil")
+    cluster = LocalCluster(1)
+    main = psutil.Process(cluster.pid)
+    those = [main, *main.children(recursive=True)]
+    assert len(those) > 1
+    os.killpg(cluster.pid, signal.SIGSTOP)
+    cluster.close()
+    cluster.close()
+    assert all(ended(p.pid) for p in those)
 
 
 # -- batches -----------------------------------------------------------------------------------

@@ -18,9 +18,23 @@ from workbench.cli.program import command_of
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 SERVE = {"ui"}  # until they are ended
-SLOW = {"limit-cycle", "feedback", "feed-forward", "modes", "compare", "check", "identify", "run", "reproduce", "build"}
+SLOW = {
+    "limit-cycle",
+    "feedback",
+    "feed-forward",
+    "modes",
+    "compare",
+    "check",
+    "identify",
+    "run",
+    "reproduce",
+    "build",
+    "compile",
+}
 # Files of the user's own, an FMU that has to be compiled, and measurements of many seconds.
-NOT_RUN = re.compile(r"actuator\.|^workbench export|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml")
+NOT_RUN = re.compile(
+    r"actuator\.|fit nfr\.json|^workbench export|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml"
+)
 
 
 def lines(text: str) -> list[str]:

@@ -103,3 +103,12 @@ def test_the_events_ahead_end_where_the_fmu_ends_its_run(tmp_path: Path) -> None
     with load(build_foreign(tmp_path, "event"), "me") as model, model.open_point() as point:
         np.testing.assert_allclose(point.ticks(5, math.inf), [0.5])
         assert point.at(np.array([0.25]), np.array([1.0])).dx == pytest.approx([0.75])
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_no_step_is_shortened_for_a_run_that_ends(tmp_path: Path, interface: str) -> None:
+    """The reason is that the FMU ends its run, and a shorter communication step would not help."""
+    with load(build_foreign(tmp_path, "event"), interface) as model:
+        found = nfr(model, "u", "y[1,2]", [5.0], [0.1], workers=Workers(in_process=True))
+    (failed,) = found.failed
+    assert failed.reason == "the FMU ended its run (at t = 0.5 s)"

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import workbench as wb
 from tests.random_systems import pole_error
 from workbench.analysis.feed_forward.plant import linear_plant
 from workbench.analysis.feed_forward.remaining import Remaining, remaining, with_filter
 from workbench.analysis.feed_forward.trial import Run, run_trial
+from workbench.analysis.feed_forward.weighting import weighted
 from workbench.analysis.feed_forward.wiring import Loops
 from workbench.analysis.opened import find_ports
-from workbench.core.linear import LinearPart
+from workbench.core.linear import Complex, LinearPart
 
 Numbers = list[float]
 
@@ -302,3 +305,79 @@ def test_what_makes_no_sense_is_refused(options: dict[str, object], words: str) 
 def test_a_single_fmu_is_no_system() -> None:
     with wb.load("fmu:FirstOrderLag") as model, pytest.raises(wb.InputError, match="is not a system"):
         wb.feed_forward(model, block="a", target="a.u")
+
+
+# -- two control inputs ----------------------------------------------------------------------------------
+
+
+def response(numerator: Numbers, f: np.ndarray) -> Complex:
+    s = 2j * np.pi * f
+    return np.asarray(np.polyval(numerator, s) / np.polyval(POLES, s), dtype=np.complex128)
+
+
+@pytest.mark.parametrize("method", ["absolute", "relative"])
+@pytest.mark.parametrize("weights", [(0.9, 0.1), (0.6, -0.4), (1.0, 0.0)])
+def test_a_combination_that_is_the_effect_itself_is_found(method: str, weights: tuple[float, float]) -> None:
+    f = np.geomspace(0.01, 10.0, 200)
+    first, second = response(G, f), response(H, f)
+    # The scale belongs to the filter: its sign, too.
+    found = weighted(first, second, -3.0 * (weights[0] * first + weights[1] * second), method=method)
+    assert found.weights == pytest.approx(weights, abs=1e-9)
+    assert found.left < 1e-9
+    assert (found.left_alone < 1e-9) == (weights[1] == 0.0)
+
+
+def test_which_error_is_least_decides() -> None:
+    """Minimise |a − 1|² + |0.1 (a + b) − 0.2|² + |0.3 b|²: closed form by the normal equations."""
+    h = np.array([1.0, 0.2, 1e-9], dtype=complex)
+    first, second = np.array([1.0, 0.1, 0.0], dtype=complex), np.array([0.0, 0.1, 0.3], dtype=complex)
+    normal = np.array([[1.01, 0.01], [0.01, 0.1]])
+    a, b = np.linalg.solve(normal, [1.02, 0.02])
+    assert weighted(first, second, h).weights == pytest.approx((a / (a + b), b / (a + b)), rel=1e-6)
+
+
+def test_inputs_that_cannot_be_told_apart_are_refused() -> None:
+    f = np.geomspace(0.01, 10.0, 50)
+    with pytest.raises(wb.InputError, match="act alike"):
+        weighted(response(G, f), response([2.0 * g for g in G], f), response(H, f))
+    with pytest.raises(wb.InputError, match="weighting 'both' is unknown"):
+        weighted(response(G, f), response(H, f), response(H, f), method="both")
+
+
+def two_inputs() -> wb.DescribedModel:
+    """As `system`, with a second control: w acts as 0.75 of the first and 0.25 of the second."""
+    alone = plant(G, H, POLES, x0=[1.0, 0.0, 0.0, 0.0])
+    second = (alone.B[:, 1] - 0.75 * alone.B[:, 0]) / 0.25
+    part = replace(
+        alone, B=np.column_stack([alone.B, second]), D=np.zeros((1, 3)), input_names=("u", "w", "v"),
+        units={"u": "rad", "w": "N.m", "v": "rad", "y": "rad/s"},
+    )  # fmt: skip
+    block = wb.FunctionComponent(name="block", function=drag, units={"u": "rad/s", "y": "N.m"})
+    brake = wb.Connection(source="block.y", destination="plant.w", gain=-1.0)
+    wires = [wb.Connection(source="plant.y", destination="block.u"), brake]
+    inputs = {"u": "plant.u", "v": "plant.v"}
+    return wb.connect({"plant": part, "block": block}, wires, inputs=inputs, outputs={"y": "plant.y"})
+
+
+def test_two_controls_take_the_block_out_of_the_motion() -> None:
+    """Together they act as the block does, so that the filter is 1 and nothing of the block is left."""
+    with two_inputs() as model:
+        found = design(model, second="plant.v", orders=(4, 4), cancel=1e-3, inputs={}, stop=2.0)
+    assert found.shared is not None
+    assert found.shared.weights == pytest.approx((0.75, 0.25), rel=1e-6)
+    assert abs(found.steps[-1].response - 1.0) == pytest.approx(0.0, abs=1e-6)
+    # The block brakes the motion; with the controls it moves as the linear part alone does.
+    time, moved = found.trials[-1].time, found.trials[-1].signals["block.u"]
+    A = plant(G, H, POLES).A
+    for k in (5000, 12000, 20000):
+        assert moved[k] == pytest.approx(expm(A * time[k])[0, 0], abs=1e-4)
+    assert any("plant.u with 0.75 and to plant.v with 0.25" in note for note in found.notes)
+    assert wb.FeedForwardResult.from_dict(found.to_dict()).shared == found.shared
+
+
+def test_the_second_control_must_be_another_one() -> None:
+    with two_inputs() as model:
+        with pytest.raises(wb.InputError, match=r"plant\.u is the target itself"):
+            design(model, second="plant.u")
+        with pytest.raises(wb.InputError, match=r"second target 'plant\.q'"):
+            design(model, second="plant.q")

@@ -32,8 +32,7 @@ POSITION, RATE, INNER = "aircraft.outer_aileron_position", "aircraft.outer_ailer
 
 
 def within(name: str, measured: object) -> bool:
-    low, high = read_targets()[name].limits
-    return bool(np.all((low <= np.asarray(measured)) & (np.asarray(measured) <= high)))
+    return read_targets()[name].expects(np.asarray(measured, dtype=np.float64))
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from tests.platforms import posix_signals
 from workbench.cli.app import run
 from workbench.core.files import content_of, replacing
 from workbench.core.parsing import from_json, from_toml
+from workbench.ui.root import Root
 
 
 @pytest.fixture
@@ -94,6 +95,17 @@ def test_a_pipe_is_read(tmp_path: Path) -> None:
     writer.start()
     assert content_of(pipe) == b"0,1\n2,3\n"
     writer.join()
+
+
+@posix_signals
+def test_the_browser_s_list_does_not_wait_for_pipes(tmp_path: Path) -> None:
+    for name in ("a.json", "a.toml", "a.fmu"):
+        os.mkfifo(tmp_path / name)
+    (tmp_path / "b.toml").write_text("[components]\n", encoding="utf-8")
+    root = Root(tmp_path)
+    assert [entry["name"] for entry in root.listing() if ":" not in entry["name"]] == ["b.toml"]
+    with pytest.raises(wb.InputError, match=r"a\.toml: cannot be read as text"):
+        root.text_of("a.toml")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no such device")

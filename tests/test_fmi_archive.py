@@ -15,8 +15,8 @@ import pytest
 from workbench.core.scratch import _Mine
 from workbench.errors import FmuError, InputError
 from workbench.fmi.archive import unpack
-from workbench.fmi.description import read_description
 from workbench.fmi.platforms import binary_path, host
+from workbench.fmi.reading import read_description
 from workbench.model.load import load
 
 XML = """<?xml version="1.0" encoding="UTF-8"?>

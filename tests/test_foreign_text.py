@@ -36,6 +36,9 @@ LINES: dict[str, tuple[list[str], str]] = {
         "{fmu}", "--input", U, "--output", Y, "--prbs", "amplitude=1", "--step", "0.1", "--samples", "100",
         "--validation", "0",
     ], "csv svg html"),
+    "bla": ([
+        "{fmu}", "--input", U, "--output", Y, "--rms", "1", "--band", "0.5:4", "--step", "0.05", "--realisations", "2",
+    ], "csv svg html"),
     "modes": (["{fmu}", "--vary", f"{U}=0:1"], "csv html"),
     "compare": (["{fmu}", "{fmu}", "--signal", Y, "--window", "0:1"], "csv svg html"),
     "loop": (["{system}", "--open", f"{SYSTEM}.{Y}"], "csv html"),

@@ -62,13 +62,13 @@ HUGE = "1" + "0" * 400
 
 @pytest.mark.parametrize("text", [DEEP, "[" * 150 + "]" * 150, '{"a": ' * 5000, HUGE, "9" * 5000, f"[{HUGE}]"])
 def test_json_is_refused_with_one_reason(text: str) -> None:
-    with pytest.raises(ValueError, match=r"nested|too large|Exceeds the limit|Expecting"):
+    with pytest.raises(ValueError, match=r"nested|too large|has more than|Expecting"):
         from_json(text)
 
 
 @pytest.mark.parametrize("text", [f"a = {DEEP}", f"a = {HUGE}", f"a = {'9' * 5000}", "a = " + "{b = " * 3000])
 def test_toml_is_refused_with_one_reason(text: str) -> None:
-    with pytest.raises(ValueError, match=r"nested|too large|Exceeds the limit|Invalid|Unclosed"):
+    with pytest.raises(ValueError, match=r"nested|too large|has more than|Invalid|Unclosed"):
         from_toml(text)
 
 

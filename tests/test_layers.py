@@ -38,7 +38,7 @@ COMMON = {
     "shift_register": set(),
     "store": {"core", "errors"},
     "build": {"core", "errors", "origin", "toolchain"},
-    "toolchain": {"errors", "fmi"},
+    "toolchain": {"core", "errors", "fmi"},
     "origin": {"core", "errors", "fmi", "model", "system", "report"},
 }
 

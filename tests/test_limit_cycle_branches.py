@@ -287,3 +287,54 @@ def test_the_cycle_of_the_failed_aileron_over_its_damper() -> None:
         assert p.frequency_hz == pytest.approx(cycle.frequency_hz, rel=1e-6)
         assert p.stable
     assert len(branch.points) < 30  # a branch of many states takes no more places than one of few
+
+
+def test_a_cycle_that_grows_without_bound_has_no_folds_by_rounding() -> None:
+    """A play around 3/(s (s + 1)): without it s (s + 1)(s + 10) + 60 g is unstable from g = 110/60 on."""
+    plant = control.ss(control.tf([1.0], [1.0, 1.0, 0.0]))
+    with connect(
+        {"block": "fmu:Hysteresis", "plant": plant},
+        [("plant.y", "block.u", {"gain": -3.0}), ("block.y", "plant.u")],
+    ) as system:
+        result = limit_cycle(
+            system, block="block", methods=("describing function", "shooting"), band=(0.02, 10.0),
+            amplitudes=(0.55, 50.0), vary={"block.halfWidth": (0.4, 0.6), "gain": (0.9, 3.0)}, in_process=True,
+        )  # fmt: skip
+    (cycle,) = (c for c in result.limit_cycles if c.method == "shooting")
+    over_play, over_gain = result.branches
+    for p in over_play.points:  # nothing else has a size
+        assert p.amplitude / p.value == pytest.approx(cycle.amplitude / 0.5, rel=1e-6)
+        assert p.frequency_hz == pytest.approx(cycle.frequency_hz, rel=1e-6)
+    assert over_gain.folds == over_gain.bifurcations == ()
+    assert over_gain.ends == ("the parameter's bound", "the cycle grows beyond 1000 times the first one")
+    values = [p.value for p in over_gain.points]
+    assert values == sorted(values)
+    assert values[-1] == pytest.approx(110.0 / 60.0, rel=1e-3)
+    assert values[-1] < 110.0 / 60.0
+
+
+def test_two_blocks_whose_cycle_no_crossing_predicts_to_their_hopf_point() -> None:
+    """x' = y − F(x), y' = −x − x³/2 with F = c x + x³/3: at the cycle the gain of F is zero, and L infinite there."""
+    cubic = "fmu:AlgebraicExpression"
+    both = {f"{n}.{name}": value for n in "fg" for name, value in (("C[1]", 0.0), ("C[2]", 0.0), ("D", 1.0))}
+    plant = control.ss([[0.0]], [[1.0, -1.0]], [[1.0]], [[0.0, 0.0]], inputs=["a", "b"], outputs=["y"])
+    with connect(
+        {"f": cubic, "g": cubic, "x": plant, "y": control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]])},
+        [("x.y", "f.u"), ("x.y", "g.u"), ("f.y", "x.b"), ("y.y", "x.a"), ("g.y", "y.u", {"gain": -1.0})],
+        start_values={
+            **both, "f.c0": 0.0, "f.c1": -0.5, "f.c2": 0.0, "f.c3": 1.0 / 3.0,
+            "g.c0": 0.0, "g.c1": 1.0, "g.c2": 0.0, "g.c3": 0.5,
+        },
+    ) as system:  # fmt: skip
+        result = limit_cycle(system, block=("f", "g"), band=(0.02, 5.0), vary={"f.c1": (-0.7, 0.3)}, in_process=True)
+    assert result.crossings == () or all(c.amplitude is None for c in result.crossings)
+    (cycle,) = (c for c in result.limit_cycles if c.method == "shooting")
+    run = solve_ivp(
+        lambda _, z: [z[1] + 0.5 * z[0] - z[0] ** 3 / 3.0, -z[0] - 0.5 * z[0] ** 3], (0.0, 120.0), [1.0, 0.0],
+        method="DOP853", rtol=1e-10, atol=1e-12, events=lambda _, z: z[1],
+    )  # fmt: skip
+    assert run.t_events is not None
+    assert cycle.frequency_hz == pytest.approx(10.0 / (run.t_events[0][-1] - run.t_events[0][-21]), rel=1e-6)
+    (hopf,) = result.branches[0].hopf
+    assert hopf.value == pytest.approx(0.0, abs=1e-6)
+    assert hopf.frequency_hz == pytest.approx(0.5 / math.pi, rel=1e-6)

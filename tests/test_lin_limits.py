@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import workbench as wb
 from tests.lin_fmus import built
 from workbench.analysis.lin.realise import realise
+from workbench.cli.app import run
 
 # All-pass: its gain is 1 at every pole, so that another pole changes the phase alone.
 TURNING = """
@@ -112,3 +114,64 @@ def test_a_plateau_of_singular_values_is_not_dynamics_and_what_stands_out_of_it_
     found = realise((true + errors)[:, None, None], noise=0.0)
     assert len(found.A) == 2
     assert sorted(np.linalg.eigvals(found.A).real) == pytest.approx([-0.8, 0.9], abs=0.05)
+
+
+AUTONOMOUS = """
+model Autonomous
+  output Real y;
+  Real x(start = 1, fixed = true);
+  Real v(start = 0, fixed = true);
+equation
+  der(x) = v;
+  der(v) = -4 * x - 0.4 * v;
+  y = 3 * x;
+end Autonomous;
+"""
+
+
+def test_a_model_without_inputs_has_poles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = built(AUTONOMOUS, "Autonomous")
+    with wb.load(file, "me") as model:
+        system = wb.lin(model)
+    result = system.result
+    np.testing.assert_allclose(system.A, [[0.0, 1.0], [-4.0, -0.4]], atol=1e-6)
+    np.testing.assert_allclose(result.C, [[3.0, 0.0]], atol=1e-6)
+    assert (result.B.shape, system.input_labels) == ((2, 0), ["no_input"])
+    pages = {name: tmp_path / f"lin.{name}" for name in ("json", "csv", "html")}
+    files = [
+        word for name, page in pages.items() for word in ("--report" if name == "html" else f"--{name}", str(page))
+    ]
+    assert run(["lin", file, *files]) == 0
+    assert all(page.exists() for page in pages.values())
+    assert run(["lin", file, "--plot", str(tmp_path / "lin.png")]) == 2
+    assert "the linear model has no input, so it has no response to draw" in capsys.readouterr().err
+    assert run(["lin", file, "--interface", "cs"]) == 2
+    assert "a linear model needs an input or states, and this interface shows neither" in capsys.readouterr().err
+
+
+IRREGULAR = """
+model Irregular
+  input Real u(start = 0);
+  output Real y;
+  Real x(start = 0, fixed = true);
+  discrete Real z(start = 0, fixed = true);
+  discrete Real due(start = 0.1, fixed = true);
+equation
+  der(x) = u - 2 * x + z;
+  when time >= pre(due) then
+    z = 0;
+    due = pre(due) * 1.5;
+  end when;
+  y = x;
+end Irregular;
+"""
+
+
+def test_time_events_without_rates_are_held_where_the_method_is_chosen() -> None:
+    with wb.load(built(IRREGULAR, "Irregular"), "me") as model:
+        result = wb.lin(model).result
+        assert (result.dt, result.method) == (0.0, "difference")
+        assert "the time events have no constant rates; what is discrete is held" in result.why
+        np.testing.assert_allclose(result.A, [[-2.0]], atol=1e-6)
+        with pytest.raises(wb.WorkbenchError, match="no constant rates; give periods"):
+            wb.lin(model, method="kalman-bertram")

@@ -475,3 +475,9 @@ def test_modes_away_from_an_equilibrium_say_so() -> None:
     assert any("not at rest" in note and "--trim" in note for note in found.notes)
     with load("fmu:Rudder") as rudder:
         assert not any("not at rest" in note for note in modes(rudder, vary="delC", values=[0.0, 1e-12]).notes)
+
+
+def test_a_sampled_model_without_modes_has_none(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its linear model, over a period, has no states that matter and is asked for no outputs."""
+    assert run(["modes", "fmu:TwoRateQuantizer", "--vary", "fine=0.0099:0.0101", "--points", "3"]) == 0
+    assert "All 0 modes" in capsys.readouterr().out

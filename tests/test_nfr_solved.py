@@ -257,7 +257,7 @@ def test_a_second_response_at_a_peak_that_the_sweep_steps_over_is_told(
 
 def test_a_jump_is_guessed_only_where_nobody_looked(monkeypatch: pytest.MonkeyPatch) -> None:
     """A narrow resonance between two frequencies looks like a jump."""
-    monkeypatch.setattr("workbench.analysis.nfr.run.jumps", lambda _, carried: ["it may jump"])
+    monkeypatch.setattr("workbench.analysis.nfr.run.jumps", lambda _, **__: ["it may jump"])
     found = {}
     for method in ("auto", "settle"):
         with wb.load("fmu:Duffing") as model:

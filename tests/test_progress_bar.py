@@ -32,14 +32,15 @@ def test_in_a_file_there_is_a_line_now_and_then(
 ) -> None:
     now = 0.0
     monkeypatch.setattr("workbench.core.progress.time.monotonic", lambda: now)
-    with progress.Bar(200.0) as bar:
-        for second in range(0, 200, 2):
+    monkeypatch.setattr(progress, "FIRST_LINE", 30.0)
+    with progress.Bar(400.0) as bar:
+        for second in range(0, 402, 2):
             now = float(second)
             bar.update(now, f"gain = {second}\n")
     lines = capsys.readouterr().err.splitlines()  # a name breaks no line
     times = [float(line.partition("gain = ")[2]) for line in lines]
-    assert [line.partition("%")[0].strip() for line in lines] == [f"{time / 2.0:.0f}" for time in times]
-    assert 10.0 < times[0] < 14.0  # what is quick says nothing
+    assert [line.partition("%")[0].strip() for line in lines] == [f"{time / 4.0:.0f}" for time in times]
+    assert 30.0 < times[0] < 34.0  # what is quick says nothing
     gaps = np.diff(times).tolist()
     assert gaps == sorted(gaps)
     assert 40.0 < gaps[-1] < 64.0

@@ -174,8 +174,8 @@ def all_parts() -> list[type[Part]]:
 
 
 NO_TABLE = {
-    "BalancedReduction", "BuildResult", "BuiltModels", "ContainerResult", "DelayReport", "ExportResult", "FmuInfo",
-    "NoDelays", "SubspaceEstimate", "SystemInfo",
+    "BalancedReduction", "BuildResult", "BuiltModels", "CompiledFmu", "ContainerResult", "DelayReport", "ExportResult",
+    "FmuInfo", "NoDelays", "SubspaceEstimate", "SystemInfo",
 }  # fmt: skip
 
 # What a file does not hold: of each gain the curve that a picture shows, whose block is not in the file either.

@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
 import pytest
 
 from workbench.cli.app import run
@@ -29,7 +30,8 @@ from workbench.workers import Workers
 HERE = Workers(in_process=True)
 # Measured by no other test, and in well under a second each.
 QUICK = (
-    "lag", "quantiser", "rudder-10hz-ratio", "rudder-errcrit", "rudder-gear", "rudder-trim", "rudder-lin",
+    "hybrid", "lag", "law-mean", "law-fundamental", "quantiser",
+    "rudder-10hz-ratio", "rudder-errcrit", "rudder-gear", "rudder-trim", "rudder-lin",
     "rudder-default", "rudder-step", "law-failed", "8.1", "unstable-pair", "describing-function",
 )  # fmt: skip
 Changed = Callable[[str, Callable[[], Measurement]], None]
@@ -181,11 +183,56 @@ def test_a_process_that_dies_costs_its_targets() -> None:
     assert "0.05 s" in str(found.reason)
 
 
-def test_a_reason_counts_only_where_the_target_is_not_met() -> None:
-    target = parse_targets('[a]\nchapter = "3"\nwhat = "w"\nhigh = 1\nreason = "why"', "file")["a"]
-    assert [Outcome(target, "e", x).verdict for x in (0.5, 2.0, None)] == [MET, NOT_REACHABLE, MISSED]
-    assert [Outcome(target, "e", x).reason for x in (0.5, 2.0)] == [None, "2 measured; why"]
-    assert Outcome(target, "e", 2.0, remark="seen").reason == "2 measured; why; seen"
+EXPLAINED = """
+[a]
+chapter = "3"
+what = "w"
+basis = "predicted"
+high = 1
+{why} = "because"
+instead = {{low = 2, high = 3, why = "theory"}}
+"""
+
+
+def explained(why: str, measured: float | None) -> Outcome:
+    return Outcome(parse_targets(EXPLAINED.format(why=why), "file")["a"], "e", measured)
+
+
+def test_a_reason_counts_only_where_what_is_measured_instead_is_measured() -> None:
+    found = [explained("reason", x) for x in (0.5, 2.5, 3.5, math.nan, None)]
+    assert [o.verdict for o in found] == [MET, NOT_REACHABLE, MISSED, MISSED, MISSED]
+    assert [o.known for o in found] == [False] * 5
+    assert found[0].reason is None
+    assert found[1].reason == "2.5 measured; because"
+    assert "outside 2 … 3, which is to be measured instead: theory" in str(found[2].reason)
+    assert replace(found[1], remark="seen").reason == "2.5 measured; because; seen"
+
+
+def test_a_shortfall_is_a_miss_that_is_known_while_it_stays_as_it_is() -> None:
+    found = [explained("shortfall", x) for x in (0.5, 2.5, 3.5, None)]
+    assert [o.verdict for o in found] == [MET, MISSED, MISSED, MISSED]
+    assert [o.known for o in found] == [False, True, False, False]
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_a_known_miss_alone_is_exit_code_0(change: Changed, code: int, tmp_path: Path) -> None:
+    name = "figure-31-phase-half-hz"
+    target = read_targets()[name]
+    assert target.instead is not None
+    edge = np.asarray(target.instead.high)
+    change("widths of figure 31", lambda: Measurement({name: edge * 1.001 if code else edge}))
+    out = tmp_path / "out.json"
+    assert run(["reproduce", name, "--in-process", "--json", str(out)]) == code
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["targets"][0]["verdict"] == MISSED
+    assert found["targets"][0]["known"] == found["passed"] == (code == 0)
+    assert found["counts"]["predicted"] == {MET: 0, MISSED: 1, NOT_REACHABLE: 0}
+
+
+def test_predictions_are_counted_first() -> None:
+    result = reproduce(["3.3.6", "3.3.7", "lag-rule"], workers=HERE)
+    counted = "2 predicted: 2 met; 1 fitted: 1 met; 1 structural: 1 met; "
+    assert result.words.startswith(counted)
 
 
 def test_no_executor_and_no_pictures_from_a_cluster(tmp_path: Path) -> None:
@@ -266,7 +313,7 @@ def test_a_picture_that_fails_is_told(change: Changed) -> None:
     ],
 )
 def test_many_numbers_are_a_range(measured: Measured, text: str) -> None:
-    target = parse_targets('[a]\nchapter = "3"\nwhat = "w"\nhigh = 1\nunit = "dB"', "file")["a"]
+    target = parse_targets('[a]\nchapter = "3"\nwhat = "w"\nbasis = "predicted"\nhigh = 1\nunit = "dB"', "file")["a"]
     assert Outcome(target, "e", plain(measured)).text == text
 
 

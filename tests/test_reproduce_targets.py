@@ -9,17 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from docs.tools.fitted import fitted_section, fitted_section_of
 from workbench.errors import InputError
 from workbench.reproduce.registry import experiments
 from workbench.reproduce.select import select
 from workbench.reproduce.targets import Target, parse_targets, read_targets
 
 TARGETS = read_targets()
-WHOLE = '[a]\nchapter = "3"\nwhat = "w"\n'
+WHOLE = '[a]\nchapter = "3"\nwhat = "w"\nbasis = "predicted"\n'
+FITTED = 'value = 1\nabsolute = 1\nbasis = "fitted"\n'
+INSTEAD = 'instead = {low = 3, high = 4, why = "w"}'
 
 
 def one(lines: str) -> Target:
-    return parse_targets(WHOLE + lines, "file")["a"]
+    head = "\n".join(line for line in WHOLE.splitlines() if not (line.startswith("basis") and "basis =" in lines))
+    return parse_targets(f"{head}\n{lines}", "file")["a"]
 
 
 # -- the file ---------------------------------------------------------------------------------------
@@ -66,6 +70,18 @@ def test_no_target_or_tolerance_stands_in_the_code_that_measures() -> None:
         ("value = 'one'\nabsolute = 1", "key 'value'"),
         ("high = 1\norigin = 'guessed'", "key 'origin'"),
         ("high = 1\nfigures = 3", "key 'figures'"),
+        ("high = 1\nbasis = 'guessed'", "key 'basis'"),
+        ("value = [1, 2]\nabsolute = [1, 1, 1]", "as many as it has numbers"),
+        ("value = 1\nabsolute = [1]", "as many as it has numbers"),
+        ("value = [1, 2]\nabsolute = [1, -1]", "negative tolerance"),
+        (FITTED, "needs fmu and fitted_by"),
+        (FITTED + "fitted_by = 'b'", "needs fmu and fitted_by"),
+        ("high = 1\nfitted_by = 'b'\nfmu = 'Rudder'", "needs fmu and fitted_by"),
+        ("high = 1\nreason = 'r'", "needs instead"),
+        ("high = 1\nshortfall = 's'", "needs instead"),
+        ("high = 1\n" + INSTEAD, "needs instead"),
+        ("high = 1\nreason = 'r'\nshortfall = 's'\n" + INSTEAD, "either a reason or a shortfall"),
+        ("high = 1\nreason = 'r'\ninstead = {low = 1, high = 2}", "why"),
     ],
 )
 def test_a_broken_target_is_one_line(lines: str, message: str) -> None:
@@ -73,6 +89,11 @@ def test_a_broken_target_is_one_line(lines: str, message: str) -> None:
         one(lines)
     assert "\n" not in str(caught.value)
     assert "[a]" in str(caught.value)
+
+
+def test_the_basis_is_asked_for() -> None:
+    with pytest.raises(InputError, match="key 'basis' is missing"):
+        parse_targets('[a]\nchapter = "3"\nwhat = "w"\nhigh = 1', "file")
 
 
 @pytest.mark.parametrize("text", ["[a", "a = 1"])
@@ -83,7 +104,31 @@ def test_a_broken_file_is_one_line(text: str) -> None:
 
 def test_a_missing_key_is_named() -> None:
     with pytest.raises(InputError, match="key 'what' is missing"):
-        parse_targets('[a]\nchapter = "3"\nhigh = 1', "file")
+        parse_targets('[a]\nchapter = "3"\nhigh = 1\nbasis = "predicted"', "file")
+
+
+def test_the_tolerance_of_a_printed_number_is_half_of_its_last_digit_or_says_why() -> None:
+    """At most 0.51 of the last digit that stands in the file; else the note says why."""
+    text = (Path(__file__).parents[1] / "workbench" / "reproduce" / "targets.toml").read_text(encoding="utf-8")
+    for name, target in TARGETS.items():
+        if target.origin != "printed" or target.value is None or target.note is not None:
+            continue
+        table = text.split(f"[{name}]\n", maxsplit=1)[1]
+        written = re.findall(r"-?[\d.]+(?:e\d+)?", table.split("\nvalue = ", maxsplit=1)[1].split("\n")[0])
+        low, high = target.limits
+        for number, half in zip(written, np.atleast_1d((high - low) / 2.0), strict=True):
+            mantissa, _, power = number.partition("e")
+            last = 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
+            assert half <= 0.51 * last * (1 + 1e-9), (name, number, half)
+
+
+def test_what_was_fitted_is_listed_in_the_readme_of_its_model() -> None:
+    folder = Path(__file__).resolve().parents[1] / "modelica_src"
+    fitted = {model: fitted_section(model) for model in {t.fmu for t in TARGETS.values() if t.fmu is not None}}
+    for readme in folder.glob("*/README.md"):
+        text = readme.read_text(encoding="utf-8")
+        model = readme.parent.name
+        assert fitted_section_of(text) == fitted.get(model, ""), f"{model}: run python -m docs.tools.fitted"
 
 
 # -- what a target accepts ----------------------------------------------------------------------------
@@ -99,6 +144,7 @@ def test_a_missing_key_is_named() -> None:
         ("high = 1.0", [1.0, -1e9], [1.001, np.nan]),
         ("low = 1.0\nhigh = 2.0", [1.0, 2.0, 1.5], [0.9, 2.1]),
         ("value = [1.0, 2.0]\nabsolute = 0.1", [(1.0, 2.0), (1.05, 1.95)], [(1.0, 2.2), (2.0, 1.0), (1.0, np.nan)]),
+        ("value = [1, 10]\nabsolute = [0.1, 1]", [(1.1, 10.9), (0.9, 9.1)], [(1.2, 10.0), (1.0, 11.1)]),
         ("low = [0, 5]\nhigh = [5, 9]", [(4.0, 6.0)], [(6.0, 6.0), (4.0, 4.0)]),
         ("high = 1.0\nunit = 'dB'", [(0.5, 0.9)], [(0.5, 1.1)]),
     ],
@@ -122,6 +168,7 @@ def test_as_many_numbers_as_the_target_has(measured: list[float]) -> None:
         ("value = 2.5\nrelative = 0.01", "2.5", "± 1 %"),
         ("value = [2, 0]\nabsolute = 0", "2, 0", "exact"),
         ("low = 90\nunit = '%'", "≥ 90 %", "limit"),
+        ("value = [1, 10]\nabsolute = [0.1, 1]", "1, 10", "± 0.1, 1"),
         ("high = 1.5", "≤ 1.5", "limit"),
         ("low = [0, 1]\nhigh = 2", "0 … 2, 1 … 2", "limits"),
     ],
@@ -168,7 +215,7 @@ def test_a_name_and_how_names_begin() -> None:
     [
         (("cycle-rat",), "'cycle-rat' is not a chapter, figure or target; did you mean cycle-rate"),
         (("rudde",), "did you mean rudder"),
-        (("5",), "chapter 5: no target belongs to it; there are 3.3.1"),
+        (("5",), "chapter 5: no target belongs to it; there are 3.1.3"),
         (("8.9",), "chapter 8.9"),
         (("fig27",), "figure 27: no target belongs to it; the nearest are 25, 26, 28, 29"),
         (("figure",), "'figure': the number is missing"),

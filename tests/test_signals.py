@@ -116,7 +116,7 @@ def test_table_refuses(times: list[float], values: list[float], words: str) -> N
         Table(times, values)
 
 
-@pytest.mark.parametrize("wrong", [lambda t: t, [1.0, 2.0], None])
+@pytest.mark.parametrize("wrong", [lambda t: t, {1.0, 2.0}, None])
 def test_what_is_no_signal_is_refused_in_one_line(wrong: object) -> None:
     with pytest.raises(wb.InputError, match=r"input u: a \w+ is not a signal; give a number"):
         signals_of({"u": cast("Any", wrong)})

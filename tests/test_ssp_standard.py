@@ -26,7 +26,7 @@ from tests.ssp_packages import (
 )
 from tests.system_fmus import plain_fmu
 from workbench.analysis.simulate.request import simulate
-from workbench.model.recipe import Loading
+from workbench.core.loading import Loading
 from workbench.signals import Constant
 from workbench.system.connect import open_description
 from workbench.system.description import Connection, FmuComponent, SystemDescription
@@ -105,7 +105,7 @@ def test_two_dictionaries_are_mapped_to_each_other(tmp_path: Path) -> None:
     )
     found = read_system(two(tmp_path, minimal(system)))
     (wired,) = resolve(found, variables_of(found)).wires
-    assert (wired.gain, wired.offset) == (pytest.approx(3e-3), pytest.approx(1.0))
+    np.testing.assert_allclose((wired.gain, wired.offset), (3e-3, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,7 @@ def _with_inner(folder: Path, kind: str) -> Path:
     ssp = two(folder, minimal(elements(A, _nested(source, kind, extra)) + connections(wire("a.y", "part.in"))))
     with zipfile.ZipFile(ssp, "a") as archive:
         if kind == "package":
-            files = {"SystemStructure.ssd": _inner(), "resources/c.fmu": c}
+            files: dict[str, str | bytes] = {"SystemStructure.ssd": _inner(), "resources/c.fmu": c}
             archive.writestr("resources/inner.ssp", package(folder / "inner.ssp", files).read_bytes())
         else:
             archive.writestr("resources/sub/SystemStructure.ssd", _inner().replace("resources/c.fmu", "../c.fmu"))

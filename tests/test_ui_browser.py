@@ -237,6 +237,26 @@ def test_a_store_appears_at_once(page: Page, ui: Ui) -> None:
     picture(page, "store")
 
 
+def saved(page: Page, button: str) -> bytes:
+    with page.expect_download() as download:
+        page.get_by_role("button", name=button, exact=True).click()
+    return Path(download.value.path()).read_bytes()
+
+
+def test_pictures_are_saved_with_what_their_curves_are(page: Page, ui: Ui) -> None:
+    measure(page, ui, amplitudes="1")
+    drawing = saved(page, "SVG").decode()
+    for words in ("gain [dB]", "phase [deg]", "frequency [Hz]", "1 deg"):
+        assert words in drawing
+    width, height = (int(size) for size in re.findall(r'^<svg[^>]* width="(\d+)" height="(\d+)"', drawing)[0])
+    image = saved(page, "PNG")
+    assert image.startswith(b"\x89PNG")
+    assert [int.from_bytes(image[at : at + 4], "big") for at in (16, 20)] == [2 * width, 2 * height]
+    heading, first, *_ = saved(page, "CSV").decode().splitlines()
+    assert heading == "curve,frequency_hz,gain,gain_db,phase_deg,error,status,stable"
+    assert first.startswith('"1 deg",0.5,')
+
+
 MANY = 5000
 LEFT, RIGHT = 68, 14  # beside the axes of a picture [pixel]
 

@@ -203,7 +203,7 @@ def test_ctrl_c_at_once_does_not_end_a_worker_that_still_starts(
     try:
         os.kill(worker.pid, signal.SIGINT)
         select.select([worker.channel], [], [])
-        assert list(worker.channel.receive()) == [(READY, None)]
+        assert list(worker.channel.receive()) == [(READY, False)]
         assert worker.said() == ""
     finally:
         worker.kill()
@@ -240,7 +240,7 @@ def test_a_model_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
         (3, "win32", "exit code 3"),
         (-9, "linux", "killed (SIGKILL)"),
         (-8, "linux", "arithmetic"),
-        *((-n, "linux", "was my.fmu changed or removed while it ran") for n in [getattr(signal, "SIGBUS", None)] if n),
+        *((-n, "linux", "is my.fmu whole, was it left unchanged") for n in [getattr(signal, "SIGBUS", None)] if n),
         (-60, "linux", "signal"),
         (0, "linux", "exit code 0"),
         (None, "linux", "closed the connection"),

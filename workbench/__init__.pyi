@@ -1,6 +1,9 @@
 from workbench.analysis.advice import Advice as Advice
 from workbench.analysis.advice import Finding as Finding
 from workbench.analysis.advice.advise import advise as advise
+from workbench.analysis.bla.request import bla as bla
+from workbench.analysis.bla.result import BlaResult as BlaResult
+from workbench.analysis.bla.run import best_linear as best_linear
 from workbench.analysis.branches.request import branches as branches
 from workbench.analysis.branches.result import BranchesResult as BranchesResult
 from workbench.analysis.branches.result import Fold as Fold
@@ -31,6 +34,8 @@ from workbench.analysis.feedback.request import feedback as feedback
 from workbench.analysis.feedback.result import FeedbackResult as FeedbackResult
 from workbench.analysis.feedback.run import FeedbackRun as FeedbackRun
 from workbench.analysis.feedback.settling import SettlingStudy as SettlingStudy
+from workbench.analysis.fit.request import fit as fit
+from workbench.analysis.fit.result import FitResult as FitResult
 from workbench.analysis.identified.model import IdentifiedModel as IdentifiedModel
 from workbench.analysis.identify.request import identify as identify
 from workbench.analysis.identify.result import IdentifyResult as IdentifyResult
@@ -108,6 +113,8 @@ from workbench.analysis.validate.bootstrap import bootstrap_poles as bootstrap_p
 from workbench.analysis.validate.overlay import Overlay as Overlay
 from workbench.analysis.validate.overlay import overlay as overlay
 from workbench.analysis.validate.result import Validation as Validation
+from workbench.analysis.validate.spread import ModelSpread as ModelSpread
+from workbench.analysis.validate.spread import model_spread as model_spread
 from workbench.analysis.validate.validate import validate as validate
 from workbench.build.export import ExportResult as ExportResult
 from workbench.core.linear import Linear as Linear
@@ -160,6 +167,8 @@ from workbench.system.master.model import MasterModel as MasterModel
 from workbench.system.model import SystemModel as SystemModel
 from workbench.system.read import read_system as read_system
 from workbench.system.ssp_write import write_ssp as write_ssp
+from workbench.to_fmu.compile_fmu import CompiledFmu as CompiledFmu
+from workbench.to_fmu.request import compile_fmu as compile_fmu
 from workbench.to_fmu.request import export as export
 from workbench.workers import Workers as Workers
 from workbench.workers.cluster import Cluster as Cluster

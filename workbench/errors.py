@@ -41,7 +41,7 @@ class WorkbenchError(Exception):
     Attributes:
         message: one line; line breaks in it become blanks.
         kind: what went wrong, in words that a program can compare: "failed", "bad input", "refused", "crashed",
-            "exited", "timed out", "out of memory".
+            "exited", "timed out", "out of memory", "ended".
     """
 
     kind: ClassVar[str] = "failed"
@@ -144,6 +144,8 @@ class EndedError(SimulationError):
         message: one line, the time is appended.
         time: session time at which it ended [s].
     """
+
+    kind = "ended"
 
 
 def one_line(text: str) -> str:

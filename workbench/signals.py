@@ -22,7 +22,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from workbench.core.csv_file import is_number
 from workbench.core.files import content_of
 from workbench.core.forms import Form, pairs, table
+from workbench.core.names import split_names
 from workbench.errors import InputError, shortened, suggest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = [
     "Constant",
@@ -58,7 +62,11 @@ class Signal(ABC):
 
     @abstractmethod
     def next_break(self, t: float) -> float:
-        """Return the first time > t [s] where value or slope jumps, else `math.inf`."""
+        """Return the next time at which value or slope jumps [s]; `math.inf`: there is none.
+
+        Args:
+            t: time after which it is [s].
+        """
 
     @property
     def longest_step(self) -> float:
@@ -84,6 +92,9 @@ def _positive(owner: str, **values: float) -> None:
 @dataclass(frozen=True)
 class Constant(Signal):
     """`value` at all times.
+
+    Attributes:
+        value: in the unit of the input.
 
     Examples:
         >>> print(wb.Constant(2.0)(0.5))
@@ -147,6 +158,11 @@ class Sine(Signal):
 @dataclass(frozen=True, kw_only=True)
 class Step(Signal):
     """`initial` before `time` [s], `value` from `time` on.
+
+    Attributes:
+        time: of the step [s].
+        value: from then on, in the unit of the input.
+        initial: before, likewise.
 
     Examples:
         >>> step = wb.Step(time=0.1, value=5.0)
@@ -359,7 +375,12 @@ def read_table(path: str | Path) -> Table:
     Raises:
         InputError: no such file, not two columns of numbers.
     """
-    path = Path(path)
+    _, rows = _rows(Path(path))
+    return _column(Path(path), rows, 1)
+
+
+def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Return the headings of a CSV file, without units, and its rows; no headings: empty."""
     try:
         text = content_of(path).decode("utf-8-sig")
     except OSError as error:
@@ -371,12 +392,39 @@ def read_table(path: str | Path) -> Table:
         rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
     except csv.Error as error:
         raise InputError(f"{path}: is not a table of time and value: {error}") from None
-    if rows and not is_number(rows[0][0]):
-        rows = rows[1:]
+    return [] if not rows or is_number(rows[0][0]) else [_bare(cell.strip()) for cell in rows.pop(0)], rows
+
+
+def _column(path: Path, rows: Sequence[Sequence[str]], number: int) -> Table:
     try:
-        return Table([float(r[0]) for r in rows], [float(r[1]) for r in rows])
+        return Table([float(r[0]) for r in rows], [float(r[number]) for r in rows])
     except (ValueError, IndexError):
-        raise InputError(f"{path}: needs two columns of numbers, time [s] and value") from None
+        words = "two columns of numbers" if number == 1 else f"numbers in its columns 1 and {number + 1}"
+        raise InputError(f"{path}: needs {words}, time [s] and value") from None
+
+
+def _named_columns(name: str, path: Path) -> dict[str, Signal]:
+    """Return what a CSV file holds for an input: its column, or those of an array's elements.
+
+    A file of two columns holds it whatever they are called.
+    """
+    headings, rows = _rows(path)
+    known = {heading: number for number, heading in enumerate(headings) if number}
+    if name in known:
+        return {name: _column(path, rows, known[name])}
+    if elements := [heading for heading in known if heading.startswith(f"{name}[")]:
+        return {heading: _column(path, rows, known[heading]) for heading in elements}
+    width = len(headings) or max((len(row) for row in rows), default=0)
+    if width <= 2:
+        return {name: _column(path, rows, 1)}
+    which = suggest(name, known) if known else "give it a line of headings"
+    raise InputError(f"{path}: none of its {width} columns is called {name}; {which}")
+
+
+def _bare(heading: str) -> str:
+    """Return a column's name without its unit: "u" for "u [m]"."""
+    name, bracket, _ = heading.rpartition(" [")
+    return name if bracket else heading
 
 
 _KEYS: Mapping[str, tuple[str, ...]] = {
@@ -426,6 +474,7 @@ def _gust(k: Mapping[str, float]) -> Signal:
 
 
 _TABLE, _HOLD = "table", "hold"
+_FILES = (".csv", ".txt")
 _MAKERS: Mapping[str, Callable[[Mapping[str, float]], Signal]] = {
     "sine": _sine,
     "step": _step,
@@ -492,7 +541,7 @@ def parse_signal(text: str) -> Signal:
 
 
 def _is_file(text: str) -> bool:
-    return text.strip().lower().endswith((".csv", ".txt"))
+    return text.strip().lower().endswith(_FILES)
 
 
 # -- several of them ---------------------------------------------------------------------------
@@ -533,19 +582,56 @@ def _table(text: str) -> Table:
     return Table([float(t) for t, _ in points], [float(x) for _, x in points], "hold" if held else "linear")
 
 
-def signals_of(given: Mapping[str, Signal | float | str]) -> dict[str, Signal]:
-    """Return name → signal.
+def signals_of(given: Mapping[str, Signal | float | str | Sequence[Any] | NDArray[Any]]) -> dict[str, Signal]:
+    """Return name → signal; those of a whole array by its elements, `u[1]`, `u[2]`.
 
     Args:
-        given: name → a signal, a number, or what `parse_signal` reads.
+        given: name → a signal, a number, or what `parse_signal` reads; of a whole array a list of such, or a CSV file
+            with a column for each element. Of a file with several columns that with the input's name is taken.
 
     Raises:
         InputError: a text that `parse_signal` refuses, or something else.
+
+    Examples:
+        >>> signals_of({"u": [1.0, "step:time=1,value=2"]})
+        {'u[1]': Constant(value=1.0), 'u[2]': Step(time=1.0, value=2.0, initial=0.0)}
     """
-    return {name: _signal(name, value) for name, value in given.items()}
+    found: dict[str, Signal] = {}
+    for name, value in given.items():
+        for one, signal in _signals(name, value).items():
+            if one in found:
+                raise InputError(f"input {one}: is forced twice, by itself and with the whole array")
+            found[one] = signal
+    return found
 
 
-def _signal(name: str, value: Signal | float | str) -> Signal:
+def _signals(name: str, value: Signal | float | str | Sequence[Any] | NDArray[Any]) -> dict[str, Signal]:
+    if isinstance(value, str):
+        text = value.strip()
+        if text.startswith("[") and text.endswith("]"):
+            return _elements(name, split_names(text[1:-1]))
+        if _is_file(text) and ":" not in text:
+            try:
+                return _named_columns(name, Path(text))
+            except InputError as error:
+                raise InputError(f"input {name}: {error}") from None
+    elif isinstance(value, Sequence):
+        return _elements(name, value)
+    elif hasattr(value, "tolist"):  # an array
+        return _elements(name, value.tolist())
+    return {name: _signal(name, value)}
+
+
+def _elements(name: str, values: Sequence[Any]) -> dict[str, Signal]:
+    """Return element → signal of a whole array, nested where it has several dimensions."""
+    found = {}
+    for number, value in enumerate(values, 1):
+        for one, signal in _signals(f"{name}[{number}]", value).items():
+            found[one.replace("][", ",")] = signal
+    return found
+
+
+def _signal(name: str, value: object) -> Signal:
     if isinstance(value, str):
         try:
             return parse_signal(value)
@@ -573,6 +659,6 @@ _SIGNALS = Form(
 )
 
 if TYPE_CHECKING:
-    Signals = Mapping[str, Signal | float | str]
+    Signals = Mapping[str, Signal | float | str | Sequence[Any] | NDArray[Any]]
 else:
     Signals = Annotated[object, _SIGNALS]

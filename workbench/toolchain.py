@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from workbench.core.files import cache_folder
 from workbench.errors import BuildError
 from workbench.fmi.platforms import host
 
@@ -24,8 +26,10 @@ __all__ = [
     "FLAGS",
     "KERNEL",
     "PLATFORMS",
+    "CFile",
     "Platform",
     "compile_all",
+    "compile_files",
     "compile_kernel",
     "compile_library",
     "host_only",
@@ -82,11 +86,6 @@ def host_only() -> tuple[Platform, ...]:
     return tuple(p for p in PLATFORMS if p.name == host())
 
 
-def _cache() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "fmi-workbench" / "compiler"
-
-
 def require(*packages: str) -> None:
     """Check that what writes FMUs is installed.
 
@@ -125,19 +124,117 @@ def compile_library(
     output.parent.mkdir(parents=True, exist_ok=True)
     # Relative names and a fixed working folder: no path of this machine reaches the binary.
     command = [
-        sys.executable, "-m", "ziglang", "cc", "-target", platform.target, *FLAGS, *_AS_ONE.get(platform.suffix, ()),
+        "cc", "-target", platform.target, *FLAGS, *_AS_ONE.get(platform.suffix, ()),
         "-I.", *sources,
         "-o", str(output.resolve()), *(option.format(stem=install_stem) for option in platform.link),
     ]  # fmt: skip
-    cache = str(_cache())
+    _run(command, folder, platform)
+    _tidy(output)
+
+
+def _run(command: Sequence[str], folder: Path, platform: Platform) -> None:
+    """Run the compiler in a folder.
+
+    Raises:
+        BuildError: it refuses; the message has its first error.
+    """
+    cache = str(cache_folder("compiler"))
     environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": cache, "ZIG_LOCAL_CACHE_DIR": cache}
-    result = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    whole = [sys.executable, "-m", "ziglang", *command]
+    result = subprocess.run(whole, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     if result.returncode != 0:
         lines = [line for line in result.stderr.splitlines() if "error" in line] or result.stderr.splitlines()
         reason = lines[0] if lines else f"it ended with code {result.returncode}"
-        raise BuildError(f"the C compiler failed for {platform.name}: {reason}")
+        raise BuildError(f"the C compiler failed for {platform.name}: {_meant(reason)}")
+
+
+def _meant(reason: str) -> str:
+    """Return the compiler's first error, and what it means where that is not obvious."""
+    for pattern, words in _MEANINGS:
+        if found := pattern.search(reason):
+            return f"{reason} ({words.format(found[1])})"
+    return reason
+
+
+_MEANINGS = (
+    (re.compile(r"'([^']+)' file not found"), "{} is neither in the sources nor among the headers that come with C"),
+    (re.compile(r"undefined symbol: (\S+)"), "no source defines {}; is a file missing in the list of sources?"),
+)
+
+
+def _tidy(output: Path) -> None:
+    """Remove what the linker for Windows leaves beside a library."""
     for leftover in (output.with_suffix(".lib"), output.with_suffix(".pdb")):
         leftover.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True, slots=True)
+class CFile:
+    """A file of C or C++ by somebody else.
+
+    Attributes:
+        name: in the folder of the sources.
+        definitions: macros, "NAME" or "NAME=VALUE".
+        folders: where its headers are looked for, in the folder of the sources.
+    """
+
+    name: str
+    definitions: tuple[str, ...] = ()
+    folders: tuple[str, ...] = ()
+
+
+# What older compilers let pass is no error here, and nobody reads the warnings of foreign code.
+_FOREIGN = (
+    "-O2", "-w", "-ffp-contract=off", "-fno-sanitize=undefined", "-Wno-error=implicit-function-declaration",
+    "-Wno-error=implicit-int", "-Wno-error=int-conversion", "-Wno-error=incompatible-function-pointer-types",
+    "-Wno-error=return-mismatch", "-Wno-unknown-warning-option",
+)  # fmt: skip
+_C = ".c"
+# By suffix of the library: how its objects are compiled, and how it is linked. What is missing is found now, not when
+# it is loaded; nothing of another library is taken in place of its own.
+_OBJECTS: Mapping[str, tuple[str, ...]] = {".so": ("-fPIC",), ".dylib": ("-fPIC",)}
+_LINKED: Mapping[str, tuple[str, ...]] = {".so": ("-Wl,-z,defs", "-Wl,-Bsymbolic", "-lpthread", "-ldl")}
+
+
+def compile_files(
+    folder: Path, files: Sequence[CFile], platform: Platform, output: Path, *, install_stem: str = "model"
+) -> None:
+    """Compile somebody else's files, each in its own way, into one shared library.
+
+    Args:
+        folder: where they and their headers are.
+        files: what to compile.
+        platform: what to compile for.
+        output: the library to write; its folder is made.
+        install_stem: name that a library for macOS carries inside.
+
+    Raises:
+        BuildError: the compiler is missing or refuses the code; the message has its first error.
+    """
+    require("ziglang")
+    output.parent.mkdir(parents=True, exist_ok=True)
+    objects = [f"{output.resolve()}.{number}.o" for number in range(len(files))]
+
+    def compile_one(file: CFile, object_file: str) -> None:
+        language = ("cc", "-std=gnu11") if file.name.endswith(_C) else ("c++", "-std=c++17")
+        command = [
+            *language[:1], "-target", platform.target, "-c", *language[1:], *_FOREIGN,
+            *_OBJECTS.get(platform.suffix, ()), *(f"-D{d}" for d in file.definitions),
+            *(f"-I{f}" for f in file.folders), file.name, "-o", object_file,
+        ]  # fmt: skip
+        _run(command, folder, platform)
+
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        list(pool.map(compile_one, files, objects))
+    linker = "cc" if all(f.name.endswith(_C) for f in files) else "c++"
+    command = [
+        linker, "-target", platform.target, "-shared", "-s", *objects, *_LINKED.get(platform.suffix, ()),
+        "-o", str(output.resolve()), *(option.format(stem=install_stem) for option in platform.link),
+    ]  # fmt: skip
+    _run(command, folder, platform)
+    for made in objects:
+        Path(made).unlink()
+    _tidy(output)
 
 
 def compile_all(

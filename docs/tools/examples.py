@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import os
 import re
 import shlex
@@ -191,6 +192,11 @@ _RUNNERS = {"sh": _run_shell, "python": _run_python}
 def _captured(out: io.StringIO) -> Iterator[None]:
     """Standard output and error go to `out`, as one stream without a terminal."""
     plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "110"}
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out), mock.patch.dict(os.environ, plain):
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(out),
+        mock.patch.dict(os.environ, plain),
+        mock.patch("workbench.core.progress.FIRST_LINE", math.inf),  # a slow machine shows no more than another
+    ):
         os.environ.pop("FORCE_COLOR", None)
         yield

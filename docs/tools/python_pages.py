@@ -21,8 +21,8 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         "identification",
         "Identification",
         (
-            "analysis.advice", "analysis.excite", "analysis.experiment", "analysis.identif", "analysis.preprocess",
-            "analysis.spectra", "analysis.subspace", "analysis.validate",
+            "analysis.advice", "analysis.bla", "analysis.excite", "analysis.experiment", "analysis.fit",
+            "analysis.identif", "analysis.preprocess", "analysis.spectra", "analysis.subspace", "analysis.validate",
         ),
     ),
     ("systems", "Systems", ("system", "analysis.delays")),

@@ -13,8 +13,10 @@ _INTRODUCTION = """# Published figures
 Every figure of the source report that the bundled FMUs are compared with, with its tolerance, from the one file that
 tests, scripts and [`workbench reproduce`](commands/reproduce.md) read. *Printed*: a number of the source report;
 *described*: its words, the limits are our reading; *asked*: a bound of our own where the source report gives no number.
-Where digits are printed, the tolerance is half of the last one. What is measured today is not on this page: run
-`workbench reproduce`.
+*Predicted*: it could have come out otherwise; *fitted*: data of a bundled model were chosen to give it; *structural*:
+it follows from how the model is made, or is a printed number that the model was given. Where digits are printed, the
+tolerance is half of the last one, or the note says why not. What is measured today is not on this page, but for targets
+that are not met: run `workbench reproduce`.
 """
 
 
@@ -29,13 +31,15 @@ def targets_page() -> str:
 
 
 def _table(targets: list[Target]) -> Iterator[str]:
-    yield from ("| target | chapter | what | published | tolerance | origin |", "|---|---|---|---|---|---|")
+    yield "| target | chapter | what | published | tolerance | origin | basis |"
+    yield "|---|---|---|---|---|---|---|"
     for t in targets:
-        why = "".join(
-            f"<br>{word}: {_cell(text)}" for word, text in (("note", t.note), ("cannot be met", t.reason)) if text
-        )
+        chosen = f"{t.fmu}, {t.fitted_by}" if t.fitted_by else None
+        instead = f"{t.instead.text}: {t.instead.why}" if t.instead else None
+        said = {"note": t.note, "chosen for it": chosen, "cannot be met": t.reason, "falls short": t.shortfall}
+        why = "".join(f"<br>{word}: {_cell(text)}" for word, text in {**said, "here": instead}.items() if text)
         what = f"{_cell(t.what)}{why}"
-        yield f"| `{t.name}` | {t.chapter} | {what} | {_cell(t.text)} | {t.tolerance} | {t.origin} |"
+        yield f"| `{t.name}` | {t.chapter} | {what} | {_cell(t.text)} | {t.tolerance} | {t.origin} | {t.basis} |"
 
 
 def _cell(text: str) -> str:

@@ -39,13 +39,13 @@ class Figure:
 
     @property
     def met(self) -> bool:
-        """Whether it lies within its tolerance, or the target itself says why it cannot."""
-        return self.target is None or self.target.reason is not None or self.target.accepts(self.achieved)
+        """Whether it lies within its tolerance, or is what the target itself says is measured instead."""
+        return self.target is None or self.target.expects(self.achieved)
 
     @property
     def verdict(self) -> str:
         """In a word."""
-        if self.target is None or (self.target.reason is not None and not self.target.accepts(self.achieved)):
+        if self.target is None or (self.met and not self.target.accepts(self.achieved)):
             return "told"
         return "met" if self.met else "MISSED"
 

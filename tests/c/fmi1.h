@@ -41,13 +41,19 @@ static inline void forward_log(fmi2ComponentEnvironment environment, fmi2String 
                                fmi2String category, fmi2String message, ...)
 {
     Component *component = environment;
+    char text[1024];
+    va_list arguments;
+    va_start(arguments, message);
+    vsnprintf(text, sizeof text, message, arguments);
+    va_end(arguments);
     if (component->environment.logger != NULL) {
         name = component->name != NULL ? component->name : name;
-        component->environment.logger(component, name, (fmi1Status)status, category, message);
+        component->environment.logger(component, name, (fmi1Status)status, category, "%s", text);
     }
 }
 
-static inline fmi1Component component_new(fmi2Type type, fmi1String name, fmi1String guid,
+/* location: of the unpacked FMU; Model Exchange of FMI 1.0 is not told. */
+static inline fmi1Component component_new(fmi2Type type, fmi1String name, fmi1String guid, fmi1String location,
                                           fmi1CallbackFunctions functions, fmi1Boolean logging)
 {
     Component *component = calloc(1, sizeof *component);
@@ -58,7 +64,8 @@ static inline fmi1Component component_new(fmi2Type type, fmi1String name, fmi1St
     component->name = name;
     fmi2CallbackFunctions callbacks = {forward_log, calloc, free, NULL, component};
     component->callbacks = callbacks;
-    component->inner = fmi2Instantiate(name, type, guid, "", &component->callbacks, fmi2False, logging != fmi1False);
+    component->inner =
+        fmi2Instantiate(name, type, guid, location, &component->callbacks, fmi2False, logging != fmi1False);
     if (component->inner == NULL) {
         free(component);
         return NULL;

@@ -15,12 +15,11 @@ EXPORT fmi1Component FMI1(fmiInstantiateSlave)(fmi1String name, fmi1String guid,
                                                fmi1Real timeout, fmi1Boolean visible, fmi1Boolean interactive,
                                                fmi1CallbackFunctions functions, fmi1Boolean logging)
 {
-    (void)location;
     (void)mime;
     (void)timeout;
     (void)visible;
     (void)interactive;
-    return component_new(fmi2CoSimulation, name, guid, functions, logging);
+    return component_new(fmi2CoSimulation, name, guid, location, functions, logging);
 }
 
 EXPORT void FMI1(fmiFreeSlaveInstance)(fmi1Component c)

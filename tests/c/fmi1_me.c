@@ -16,7 +16,7 @@ EXPORT const char *FMI1(fmiGetModelTypesPlatform)(void)
 EXPORT fmi1Component FMI1(fmiInstantiateModel)(fmi1String name, fmi1String guid, fmi1CallbackFunctions functions,
                                                fmi1Boolean logging)
 {
-    return component_new(fmi2ModelExchange, name, guid, functions, logging);
+    return component_new(fmi2ModelExchange, name, guid, "", functions, logging);
 }
 
 EXPORT void FMI1(fmiFreeModelInstance)(fmi1Component c)

@@ -5,6 +5,7 @@
  * functions, the same pair under a master, with the second as co-simulation or as a group of its own, its step fixed
  * and controlled, and every allocation failing once (linked with -Wl,--wrap=calloc,--wrap=realloc).
  */
+#include "banded.h"
 #include "kernel.h"
 
 #include <math.h>
@@ -583,12 +584,15 @@ static void check_slopes(const SlopesCase *one) {
     static const size_t first[3] = {0, 2, 3}, rows[3] = {1, 2, 3}, hidden_first[3] = {0, 1, 2}, hidden_rows[2] = {2, 3};
     static const uint32_t knowns[2] = {20, 21}, unknowns[4] = {10, 11, 12, 13};
     Bench b;
-    double x[8] = {0}, dx[8] = {0}, a[16] = {0}, c[16] = {0}, work[12];
+    double x[8] = {0}, dx[8] = {0}, a[16] = {0}, c[16] = {0}, work[24];
     Slopes slopes = {
-        .times = times, .n_times = 4, .x = x, .dx = dx, .a = a, .c = c, .work = work, .members = members,
-        .ends = one->grouped ? &together : ends, .n_groups = one->grouped ? 1 : 2,
-        .first = one->hidden ? hidden_first : one->grouped ? first : NULL,
-        .rows = one->hidden ? hidden_rows : rows, .knowns = knowns, .unknowns = unknowns, .way = (int32_t)one->way,
+        .times = times, .n_times = 4, .x = x, .dx = dx, .a = a, .c = c, .work = work,
+        .groups = {
+            .members = members, .ends = one->grouped ? &together : ends, .n_groups = one->grouped ? 1 : 2,
+            .first = one->hidden ? hidden_first : one->grouped ? first : NULL,
+            .rows = one->hidden ? hidden_rows : rows,
+        },
+        .knowns = knowns, .unknowns = unknowns, .way = (int32_t)one->way,
     };
     setup(&b, one->version, 2);
     b.functions[GET_DIRECTIONAL] = one->version == 3 ? (Function)directional3 : (Function)directional;
@@ -610,6 +614,57 @@ static void check_slopes(const SlopesCase *one) {
         CHECK(one->way != BY_DIRECTIONAL || !believed || f[1] == b.gain);
     }
     kernel_record_free(&b.record);
+}
+
+/* A band with zeros on its diagonal, which only pivoting solves: the residual, and copies and sums. */
+static void check_banded(size_t n, size_t below, size_t above) {
+    Banded *m = banded_new(n, below, above), *factors = banded_new(n, below, above);
+    size_t pivots[40];
+    double x[40], b[40];
+    CHECK(m && factors);
+    if (!m || !factors) {
+        free(m);
+        free(factors);
+        return;
+    }
+    uint32_t random = 1;
+    for (size_t j = 0; j < n; j++) {
+        for (size_t i = j > above ? j - above : 0; i < n && i <= j + below; i++) {
+            random = 1664525u * random + 1013904223u;
+            *banded_at(m, i, j) = i == j && below && above && j % 3 == 0 ? 0.0 : (double)random / 4294967296.0 - 0.5;
+        }
+        x[j] = b[j] = (double)(j + 1);
+    }
+    banded_copy(factors, m);
+    CHECK(banded_factor(factors, pivots));
+    banded_solve(factors, pivots, x);
+    double residual = 0.0, size = 0.0; /* the largest, and of what it is made */
+    for (size_t i = 0; i < n; i++) {
+        double sum = -b[i], of = fabs(b[i]);
+        for (size_t j = i > below ? i - below : 0; j < n && j <= i + above; j++) {
+            sum += *banded_at(m, i, j) * x[j];
+            of += fabs(*banded_at(m, i, j) * x[j]);
+        }
+        residual = fmax(residual, fabs(sum));
+        size = fmax(size, of);
+    }
+    CHECK(residual <= 1e-13 * size);
+    const double corner = *banded_at(m, 0, 0), beside = above && n > 1 ? *banded_at(m, 0, 1) : 0.0;
+    banded_scale_add_identity(m, -2.0);
+    CHECK(*banded_at(m, 0, 0) == 1.0 - 2.0 * corner && (!above || n < 2 || *banded_at(m, 0, 1) == -2.0 * beside));
+    banded_zero(m);
+    CHECK(!banded_factor(m, pivots));
+    free(m);
+    free(factors);
+}
+
+static void test_banded(void) {
+    for (size_t below = 0; below < 5; below++) {
+        for (size_t above = 0; above < 5; above++) {
+            check_banded(below > above ? below + 1 : above + 1, below, above);
+            check_banded(40, below, above);
+        }
+    }
 }
 
 static void test_slopes(void) {
@@ -703,6 +758,7 @@ int main(void) {
     test_exact_loop();
     test_masters();
     test_masters_short_of_memory();
+    test_banded();
     test_blocks();
     test_failures(run_me, 2);
     test_failures(run_cs, 3);

@@ -234,7 +234,8 @@ EXPORT Bench *bench_open(const char *solver, const char *name, double rtol, doub
     }
     bench->named = find(name);
     bench->scale[0] = bench->scale[1] = scale;
-    const Problem problem = {bench, bench->named->n, bench->named->nz, bench_derivatives, bench_indicators};
+    const Problem problem = {bench, bench->named->n, bench->named->nz, bench_derivatives, bench_indicators,
+                             NULL};
     const Tolerance tolerance = {rtol, bench->scale, NULL};
     for (size_t i = 0; i < 3; i++) {
         if (strcmp(methods[i]->name, solver) == 0) {

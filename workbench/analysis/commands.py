@@ -27,8 +27,11 @@ REQUESTS = {
     "check": "check.request:Check",
     "excite": "excite.request:Excite",
     "identify": "identify.request:Identify",
+    "bla": "bla.request:Bla",
+    "fit": "fit.request:Fit",
     "reproduce": "workbench.reproduce.request:ReproduceCommand",
     "build": "workbench.to_fmu.request:Build",
+    "compile": "workbench.to_fmu.request:Compile",
     "export": "workbench.to_fmu.request:Export",
 }
 

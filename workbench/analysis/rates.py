@@ -14,10 +14,14 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
 
-__all__ = ["TOGETHER", "basic_period", "rates_of", "sample_periods", "sample_rates", "time_events"]
+__all__ = ["TOGETHER", "NoRatesError", "basic_period", "rates_of", "sample_periods", "sample_rates", "time_events"]
 
 _LARGEST_FACTOR = 10_000  # of a period in the basic period
 _AGREE = 1e-6  # of the smallest distance: how exactly events keep their rate
+
+
+class NoRatesError(InputError):
+    """Time events that follow no constant rates, or too few to tell."""
 
 
 def sample_periods(times: Floats) -> tuple[float, ...]:
@@ -30,10 +34,10 @@ def sample_periods(times: Floats) -> tuple[float, ...]:
         times: shape (n,) [s], rising, all events of a stretch of time.
 
     Raises:
-        InputError: fewer than three events, or they follow no constant rates.
+        NoRatesError: fewer than three events, or they follow no constant rates.
     """
     if len(times) < 3:
-        raise InputError("too few time events to find the sample periods; give periods")
+        raise NoRatesError("too few time events to find the sample periods; give periods")
     tolerance = _AGREE * float(np.diff(times).min())
     left, found = times, list[float]()
     while len(left):
@@ -48,11 +52,14 @@ def _period(left: Floats, times: Floats, tolerance: float) -> float:
     """Return the period of the sequence that the first of `left` begins."""
     for candidate in left[1:] if len(left) > 1 else ():
         period = float(candidate - left[0])
-        count = math.floor((times[-1] - left[0] + tolerance) / period)
+        points = (times[-1] - left[0] + tolerance) / period
+        if not points < len(times):  # each belongs to an event, and events may go on to the end of all numbers
+            continue
+        count = math.floor(points)
         grid = left[0] + period * np.arange(count + 1)
         if count >= 2 and all(np.abs(times - t).min() <= tolerance for t in grid):
             return float(grid_fit(times, grid))
-    raise InputError("the time events have no constant rates; give periods, or use method difference or response")
+    raise NoRatesError("the time events have no constant rates; give periods, or use method difference or response")
 
 
 def grid_fit(times: Floats, grid: Floats) -> float:

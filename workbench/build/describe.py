@@ -269,7 +269,7 @@ def _structure_2(root: ET.Element, description: Description) -> None:
     found = dependencies(model, description.order)
     structure = ET.SubElement(root, "ModelStructure")
     outputs = [r for r, v in enumerate(model.variables) if v.output]
-    derivatives = [model.derivative(s) for s in model.states]
+    derivatives = _of_states(model)
     for tag, references in (("Outputs", outputs), ("Derivatives", derivatives)):
         if references:
             group = ET.SubElement(structure, tag)
@@ -318,8 +318,7 @@ def _structure_3(root: ET.Element, description: Description) -> None:
     for reference, variable in enumerate(model.variables):
         if variable.output:
             unknown("Output", reference, of_variable(model, found, reference))
-    for state in model.states:
-        derivative = model.derivative(state)
+    for derivative in _of_states(model):
         unknown("ContinuousStateDerivative", derivative, of_variable(model, found, derivative))
     for reference in _initial_unknowns(model):
         ET.SubElement(structure, "InitialUnknown", {"valueReference": str(reference)})
@@ -332,3 +331,9 @@ def _bytes(root: ET.Element) -> bytes:
     ET.indent(root)
     text = str(ET.tostring(root, encoding="unicode"))
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+
+
+def _of_states(model: ScalarModel) -> list[int]:
+    """Return the derivatives in the order of the states."""
+    known = model.derivatives
+    return [known[s] for s in model.states]

@@ -180,7 +180,7 @@ def tangent(graph: ExpressionGraph, expression: int, moving: Mapping[int, int] |
     Raises:
         KeyError: An operation has no rule (a defect of this module, not of the model).
     """
-    seeds = moving if isinstance(moving, Mapping) else {k: graph.leaf(TANGENT, k) for k in moving}
+    seeds = moving if isinstance(moving, Mapping) else graph.tangents_of(moving)
     tangents: dict[int, int] = {}
     for number in graph.reachable([expression]):
         node = graph[number]

@@ -119,6 +119,7 @@ def tables(model: ScalarModel, token: str, *, stiff: bool, tolerance: float) -> 
     discrete = [r for r, v in enumerate(model.variables) if v.kind == "discrete"]
     nominals = [c_number(model.variables[s].nominal or 1.0) for s in model.states]
     clocks = [f"    {{{c.period[0]}, {c.period[1]}, {c.phase[0]}, {c.phase[1]}}}," for c in model.clocks]
+    of_state = model.derivatives
     has_time_events = bool(model.clocks) or any(r.deadline is not None for r in model.relations)
     rows = [_info_row(model, v, remembers=r in remember) for r, v in enumerate(model.variables)]
     return "\n".join(
@@ -126,7 +127,7 @@ def tables(model: ScalarModel, token: str, *, stiff: bool, tolerance: float) -> 
             _table("VariableInfo variables", rows + [indicator] * model.n_indicators, "{0}"),
             _table("char *const names", [f"    {c_string(n)}," for n in names], "NULL"),
             _references("states", model.states),
-            _references("derivatives", [model.derivative(s) for s in model.states]),
+            _references("derivatives", [of_state[s] for s in model.states]),
             _references("discrete", discrete),
             _references("indicators", range(len(model.variables), n_all)),
             _table("double state_nominals", [f"    {n}," for n in nominals], "0.0"),

@@ -9,7 +9,7 @@ constructors fold constants and remove neutral elements, which keeps forward-mod
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 # Leaves carry a number, a reference or a row; all other nodes carry operands.
@@ -64,6 +64,8 @@ class ExpressionGraph:
         self._nodes: list[Node] = []
         self._numbers: dict[tuple[object, ...], int] = {}
         self.table: list[float] = []  # numbers of all matrix rows
+        self._moving: set[int] = set()
+        self._tangents: Mapping[int, int] = {}
 
     def __getitem__(self, expression: int) -> Node:
         return self._nodes[expression]
@@ -286,6 +288,16 @@ class ExpressionGraph:
         }
         build = special.get(operation)
         return build(*operands) if build is not None else self.apply(operation, *operands)
+
+    def tangents_of(self, moving: set[int]) -> Mapping[int, int]:
+        """Return the leaves ``tangent(k)`` of value references; those of the last set are kept.
+
+        Args:
+            moving: the references; it must not change.
+        """
+        if self._moving is not moving:
+            self._moving, self._tangents = moving, {k: self.leaf(TANGENT, k) for k in moving}
+        return self._tangents
 
     # Walks
 

@@ -123,11 +123,9 @@ class ScalarModel:
         """Return the value references of the continuous states, in FMI's order."""
         return self.references("state")
 
-    def derivative(self, state: int) -> int:
-        """Return the value reference of der(state)."""
-        return self._derivatives()[state]
-
-    def _derivatives(self) -> dict[int, int]:
+    @property
+    def derivatives(self) -> dict[int, int]:
+        """Return the value reference of each state → that of its derivative."""
         return {v.derivative_of: vr for vr, v in enumerate(self.variables) if v.derivative_of is not None}
 
     @property

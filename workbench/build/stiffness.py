@@ -31,6 +31,8 @@ from workbench.build.expressions import (
     evaluate,
 )
 from workbench.build.scalar_model import ScalarModel
+from workbench.core.blas import one_thread
+from workbench.core.grouping import groups_of, rows_by_column
 
 STIFF_RATIO = 1.0e3
 _ROWS = {DOT, DOT_TANGENT, MATRIX, MATRIX_PRE, MATRIX_TANGENT}
@@ -104,14 +106,36 @@ def jacobian(model: ScalarModel, order: Sequence[Assignment]) -> NDArray[np.floa
         if s.kind == "variable" and s.expression is not None
     ]
     states = model.states
-    rows = [model.derivative(s) for s in states]
+    of_state = model.derivatives
+    rows = [of_state[s] for s in states]
+    depends, place = _depends(model, steps), {s: i for i, s in enumerate(states)}
+    moved = rows_by_column(((place[s] for s in depends[r]) for r in rows), len(states))
     matrix = np.zeros((len(states), len(states)))
-    for column, state in enumerate(states):
-        point.tangents = {state: 1.0}
+    for group in groups_of(moved):
+        point.tangents = {states[column]: 1.0 for column in group}
         for target, expression in steps:
             point.tangents[target] = point.number(expression)
-        matrix[:, column] = [point.tangents[r] for r in rows]
+        for column in group:
+            for row in moved[column]:
+                matrix[row, column] = point.tangents[rows[row]]
     return matrix
+
+
+def _depends(model: ScalarModel, steps: Sequence[tuple[int, int]]) -> dict[int, set[int]]:
+    """Return the states on which the tangent of each variable depends."""
+    graph = model.graph
+    found: dict[int, set[int]] = {s: {s} for s in model.states}
+    for target, expression in steps:
+        mine = set[int]()
+        for number in graph.reachable([expression]):
+            node = graph[number]
+            if node.operation == TANGENT:
+                mine |= found.get(node.reference, set())
+            elif node.operation in {DOT_TANGENT, MATRIX_TANGENT}:
+                _, _, x, stride, length = node.row
+                mine = mine.union(*(found.get(x + i * stride, set()) for i in range(length)))
+        found[target] = mine
+    return found
 
 
 def is_stiff(model: ScalarModel, order: Sequence[Assignment]) -> bool:
@@ -125,7 +149,8 @@ def is_stiff_matrix(matrix: NDArray[np.float64]) -> bool:
     """Return the same for ∂ẋ/∂x = `matrix` [1/s], shape (n, n)."""
     if not np.isfinite(matrix).all():
         return True
-    eigenvalues = np.linalg.eigvals(matrix)
+    with one_thread():
+        eigenvalues = np.linalg.eigvals(matrix)
     decay = float(np.max(-eigenvalues.real, initial=0.0))
     moving = np.abs(eigenvalues)[np.abs(eigenvalues) > 1e-9 * max(1.0, decay)]
     slowest = float(np.min(moving, initial=np.inf))

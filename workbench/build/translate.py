@@ -77,6 +77,7 @@ class Translator:
     ) -> None:
         self.dae, self.graph = dae, graph
         self.layout, self.derivatives, self.constants, self.continuous = layout, derivatives, constants, continuous
+        self._leaves: dict[tuple[str, int], Array] = {}
         self.relations: list[Relation] = []
         self.quotients: list[Quotient] = []
         self._slots: dict[tuple[object, ...], int] = {}
@@ -135,7 +136,11 @@ class Translator:
         first = self.derivatives[index] if kind == "derivative" else self.layout[index]
         # pre(state) is the state itself: a reinit acts at the end of the iteration.
         leaf = PRE if kind in {"pre_discrete_real", "pre_discrete_value"} else VARIABLE
-        return Array(shape, tuple(self.graph.leaf(leaf, first + k) for k in range(math.prod(shape))))
+        known = leaf, first
+        if known not in self._leaves:  # an index takes one of them at a time
+            elements = tuple(self.graph.leaf(leaf, first + k) for k in range(math.prod(shape)))
+            self._leaves[known] = Array(shape, elements)
+        return self._leaves[known]
 
     # Operators
 

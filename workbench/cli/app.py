@@ -10,7 +10,7 @@ import typer
 from workbench.analysis.commands import REQUESTS, request_of
 from workbench.cli import asked, notes
 from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
-from workbench.cli.program import options_of, program, said
+from workbench.cli.program import completing, options_of, program, said
 from workbench.core.where import InWorker
 from workbench.endings import INTERRUPTED
 from workbench.errors import WorkbenchError, one_line
@@ -31,9 +31,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """
     notes.drop()
     words = sys.argv[1:] if arguments is None else arguments
-    name = next((w for w in words if not w.startswith("-")), None)
+    begun = completing()
+    name = next((w for w in begun[1:] or words if not w.startswith("-")), None)
     try:
-        _expect(name, words)
+        if not begun:
+            _expect(name, words)
         command = program(name)
         asked.keep(arguments, options_of(command, name))
         code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)

@@ -158,7 +158,7 @@ def _show(
     how = ", ".join(getattr(record, name) for name in ("interface", "solver") if hasattr(record, name))
     out.say(lambda width: text_of(page, width, how))
     out.write(
-        {"asked": asked_in_json(asked), **record.to_dict(), **failure_in_json(stopped)},
+        lambda: {"asked": asked_in_json(asked), **record.to_dict(), **failure_in_json(stopped)},
         csv=getattr(record, "to_csv", None),
         plot=lambda path: record.plot(path, **written.told((*written.drawn, *written.plotted))),
         report=record,

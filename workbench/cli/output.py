@@ -132,7 +132,7 @@ class Output:
 
     def write(
         self,
-        result: Mapping[str, Any],
+        result: Callable[[], Mapping[str, Any]],
         *,
         csv: Callable[[str | TextIO], Iterable[Path] | None] | None = None,
         plot: Callable[[Path], object] | None = None,
@@ -143,7 +143,7 @@ class Output:
         """Write what was asked for; a signal that asks to end meanwhile is obeyed when all of it is written.
 
         Args:
-            result: for JSON; command, version and seconds are added.
+            result: makes what stands in JSON, where that is wanted; command, version and seconds are added.
             csv: writes the CSV to a path or stream; it may return the files that it wrote.
             plot: writes the picture.
             report: the result itself, whose class has a page in `workbench.report.results.SHOWN`.
@@ -161,7 +161,7 @@ class Output:
             if point is not None and was_given("--at"):
                 self.say(lambda _: f"at {point.words()}\n")
             wanted = self.json_path is not None or self.report is not None
-            full = self._full(result) if wanted else {}
+            full = self._full(result()) if wanted else {}
             written: list[Path] = []
             if self.csv_path is not None and csv is not None:
                 with self._writing(self.csv_path):

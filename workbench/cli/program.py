@@ -6,6 +6,7 @@ Importing all of them, and reading their options, takes several times as long as
 from __future__ import annotations
 
 import inspect
+import os
 import re
 from collections.abc import Callable
 from functools import cache
@@ -19,7 +20,7 @@ from workbench.analysis.commands import REQUESTS, request_of
 from workbench.core.named import named
 from workbench.errors import one_line
 
-__all__ = ["COMMANDS", "command_of", "function_of", "options_of", "program", "said"]
+__all__ = ["COMMANDS", "command_of", "completing", "function_of", "options_of", "program", "said"]
 
 _FUNCTIONS = {"run": "cli.run:run", "ui": "cli.ui:ui"}
 # Of requests, and of functions that typer calls.
@@ -28,6 +29,7 @@ COMMANDS = (*(name for one in REQUESTS for name in (("run", one) if one == "repr
 
 _WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses
 _NO_PARTS = r"No such option: (--scheduler\S*).*"
+_COMPLETE = "_WORKBENCH_COMPLETE"  # set by the shell scripts that typer installs
 _IDLE = r" \(Possible options: --help\)|--help, "  # what typer proposes for any word
 
 
@@ -49,7 +51,7 @@ def program(name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a g
         name="workbench",
         help="Analyse FMUs: time histories, operating points, linear models, frequency responses; identify; build.",
         no_args_is_help=True,
-        add_completion=False,
+        add_completion=name not in COMMANDS or bool(completing()),
         rich_markup_mode="markdown",
         context_settings={"help_option_names": ["-h", "--help"]},
         pretty_exceptions_enable=False,
@@ -57,10 +59,17 @@ def program(name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a g
     app.callback()(_options)
     if name in COMMANDS:
         app.command(name, cls=_Command)(function_of(name))
-        return typer.main.get_group(app)
+        return typer.main.get_command(app)
     for other in COMMANDS:
         app.command(other)(_words(other))
-    return typer.main.get_group(app)
+    return typer.main.get_command(app)
+
+
+def completing() -> list[str]:
+    """Return the words of a command line that a shell asks to complete; none: the program was called as usual."""
+    if _COMPLETE not in os.environ:
+        return []
+    return (os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or "workbench").split()
 
 
 def function_of(name: str) -> Callable[..., int | None]:

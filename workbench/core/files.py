@@ -13,7 +13,7 @@ from pathlib import Path
 
 from workbench.errors import InputError, one_line
 
-__all__ = ["content_of", "file_to_write", "named_path", "pack", "replacing"]
+__all__ = ["cache_folder", "content_of", "file_to_write", "named_path", "pack", "replacing"]
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows
 _UNIX = 3
@@ -58,6 +58,16 @@ def content_of(path: Path) -> bytes:
         if stat.S_ISCHR(kind) or stat.S_ISBLK(kind):
             raise OSError(errno.EINVAL, "it is a device, not a file")
         return file.read()
+
+
+def cache_folder(name: str) -> Path:
+    """Return the folder for what can be made again, of this user; it may not exist.
+
+    Args:
+        name: of what lies there.
+    """
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "fmi-workbench" / name
 
 
 def file_to_write(path: str | Path, suffix: str = "", *, option: str = "") -> Path:

@@ -29,6 +29,7 @@ __all__ = [
     "Numbers",
     "Ranges",
     "Settings",
+    "Starts",
     "Values",
     "Widths",
     "number",
@@ -38,6 +39,7 @@ __all__ = [
     "table",
     "two_numbers",
     "varied",
+    "whole",
     "written",
 ]
 
@@ -331,11 +333,26 @@ def written(value: object) -> str:
     return _short(value) if isinstance(value, float) else str(value)
 
 
+def whole(value: Any) -> str:  # noqa: ANN401 - what Python or a TOML file holds
+    """Return the text of a whole array: "[1,2]", "[[1,2],[3,4]]".
+
+    Args:
+        value: a list, a tuple or an array; of texts, numbers, or such again.
+    """
+    items = value.tolist() if hasattr(value, "tolist") else value
+    return f"[{','.join(whole(x) if isinstance(x, list | tuple) else written(x) for x in items)}]"
+
+
+def _take_settings(value: Any) -> dict[str, Any]:  # noqa: ANN401
+    found = table(value)
+    return {n: x if isinstance(x, str) or not hasattr(x, "__len__") else whole(x) for n, x in found.items()}
+
+
 _SETTINGS = Form(
     metavar="NAME=VALUE",
     read=lambda texts: {name: setting(text) for name, text in pairs(texts).items()},
     write=lambda value: [f"{name}={written(x)}" for name, x in value.items()],
-    take=table,
+    take=_take_settings,
     repeated=True,
 )
 
@@ -395,6 +412,7 @@ if TYPE_CHECKING:
     Grid = Mapping[str, Sequence[float]]
     Widths = float | Sequence[float] | Mapping[str, float]
     Settings = Mapping[str, float | int | bool | str]
+    Starts = Mapping[str, float | int | bool | str | Sequence[Any] | NDArray[Any]]
     Configurations = Sequence[Settings]
     File = str | Path
 else:
@@ -407,5 +425,6 @@ else:
     Grid = Annotated[object, _GRID]
     Widths = Annotated[object, _WIDTHS]
     Settings = Annotated[object, _SETTINGS]
+    Starts = Annotated[object, _SETTINGS]
     Configurations = Annotated[object, _CONFIGURATIONS]
     File = Annotated[object, FILE]

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.core.matrices import Complex, Floats, balance, held, resolvent
+from workbench.core.blas import one_thread
+from workbench.core.matrices import Complex, Floats, balance, held, is_sparse, product, resolvent
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import continuous, growth_rates, vanished
 from workbench.core.record import Part, entry
@@ -23,8 +24,9 @@ if TYPE_CHECKING:
 
     import control
 
-__all__ = ["Complex", "Floats", "Linear", "LinearPart"]
+__all__ = ["NO_INPUT", "Complex", "Floats", "Linear", "LinearPart"]
 
+NO_INPUT = "no_input"  # of models without inputs, in python-control
 _EPS = float(np.finfo(np.float64).eps)
 _ROUNDED = 100.0  # what is below so many times its rounding bound is no response
 _LOOKED_AT = 50  # frequencies that show whether an input has an effect
@@ -77,6 +79,22 @@ class Linear(Part):
             if names and len(names) != size:
                 raise InputError(f"{len(names)} {kind}_names are given for {size} {kind}s")
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: of a large sparse A its entries only."""
+        state = dict(vars(self))
+        if is_sparse(self.A):
+            rows, columns = np.nonzero(self.A)
+            state["A"] = (len(self.A), rows.astype(np.int32), columns.astype(np.int32), self.A[rows, columns])
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        if isinstance(state["A"], tuple):
+            n, rows, columns, values = state["A"]
+            full = np.zeros((n, n))
+            full[rows, columns] = values
+            state = {**state, "A": full}
+        vars(self).update(state)
+
     @classmethod
     def from_state_space(cls, system: Any) -> Linear:  # noqa: ANN401 - python-control has no types
         """Return a linear model of python-control.
@@ -101,7 +119,8 @@ class Linear(Part):
     @cached_property
     def poles(self) -> Complex:
         """Eigenvalues of A, shape (n,) [1/s], discrete ones without unit."""
-        return np.linalg.eigvals(self.A).astype(np.complex128)
+        with one_thread():  # others wait for each other on a machine that has other work
+            return np.linalg.eigvals(self.A).astype(np.complex128)
 
     @cached_property
     def invariant_zeros(self) -> Complex:
@@ -192,7 +211,7 @@ class Linear(Part):
         s = self.at_frequency(frequency_hz)
         states = np.abs(resolvent(self.A, self.B, s))
         outputs = np.abs(resolvent(self.A.T, self.C.T, s)).swapaxes(1, 2)
-        residual = np.abs(s)[:, None, None] * states + np.abs(self.A) @ states + np.abs(self.B)
+        residual = np.abs(s)[:, None, None] * states + product(np.abs(self.A), states) + np.abs(self.B)
         return np.asarray(_EPS * (outputs @ residual + np.abs(self.C) @ states + np.abs(self.D)))
 
     def vanishes(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:
@@ -322,17 +341,27 @@ class Linear(Part):
         """
         import control as ct  # noqa: PLC0415  slow to import
 
-        return ct.StateSpace(self.A, self.B, self.C, self.D, self.dt, **self.labels(name))
+        matrices, labels = self.for_control(name)
+        return ct.StateSpace(*matrices, self.dt, **labels)
 
-    def labels(self, name: str | None) -> dict[str, Any]:
-        """Return names as python-control's StateSpace takes them.
+    def for_control(self, name: str | None) -> tuple[tuple[Floats, Floats, Floats, Floats], dict[str, Any]]:
+        """Return A, B, C, D and the names as python-control's StateSpace takes them.
+
+        It has no model without inputs: one is added, `NO_INPUT`, which does nothing.
 
         Args:
             name: name of the model.
         """
-        names = {"states": self.state_names, "inputs": self.input_names, "outputs": self.output_names}
+        B, D, inputs = self.B, self.D, self.input_names
+        if not B.shape[1]:
+            B, D, inputs = np.zeros((len(self.A), 1)), np.zeros((len(self.C), 1)), (NO_INPUT,)
+        names = {"states": self.state_names, "inputs": inputs, "outputs": self.output_names}
         given: dict[str, Any] = {key: _undotted(value) for key, value in names.items() if value}
-        return {**given, "name": name and name.replace(".", "_"), "remove_useless_states": False}
+        return (self.A, B, self.C, D), {
+            **given,
+            "name": name and name.replace(".", "_"),
+            "remove_useless_states": False,
+        }
 
 
 @dataclass(frozen=True, eq=False, init=False)

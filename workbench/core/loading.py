@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY
 
-from workbench.core.forms import Settings, Values
+from workbench.core.forms import Starts, Values
 from workbench.core.option import Options, documented, option
 
 __all__ = ["INTERFACES", "Loading"]
@@ -66,8 +66,11 @@ class Loading(Options):
         finite=True,
         default=None,
     )
-    start_values: Settings = option(
-        "Value of a parameter, or start value of a variable.", flag="--set", default_factory=dict
+    start_values: Starts = option(
+        "Value of a parameter, or start value of a variable; of a whole array as NAME=[1,2]; an item of an enumeration "
+        "by its name. A structural parameter changes the sizes of arrays.",
+        flag="--set",
+        default_factory=dict,
     )
     bias: Values = option("Constant added to an input, whether it is forced or not.", default_factory=dict)
     hold_inputs: bool = option(

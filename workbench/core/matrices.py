@@ -16,6 +16,9 @@ __all__ = [
     "balance",
     "exponentials",
     "held",
+    "is_sparse",
+    "light",
+    "product",
     "resolvent",
     "unheld",
 ]
@@ -23,6 +26,8 @@ __all__ = [
 Complex = NDArray[np.complex128]
 Floats = NDArray[np.float64]
 
+# Matrices from this size on, with no more than this part of their entries, are eliminated as sparse ones.
+_LARGE, _SPARSE = 128, 0.05
 # Above so many operations (points · n³) one Schur form serves all points.
 _DIRECT = 2e7
 _AT_ZERO = 1e-9  # a sampled pole this small has decayed by nine decades within one sample
@@ -32,6 +37,7 @@ _ON_REAL_AXIS = 1e-9
 def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
     """Return (pI − A)⁻¹ R at points p, shape (k, n, m); NaN where a point is a pole.
 
+    Large sparse matrices are solved by sparse elimination at each point, with a step of refinement.
     Few points are solved by elimination, which keeps the digits of matrices of very different entries; for many, one
     Schur form of the balanced matrix serves all, and a step of refinement gives these digits back.
 
@@ -46,6 +52,8 @@ def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
     n, k = len(A), len(points)
     if not n or not k:
         return np.zeros((k, n, right.shape[1]), dtype=np.complex128)
+    if is_sparse(A):
+        return _by_sparse(A, right, points)
     with np.errstate(all="ignore"):
         if k > 1 and k * n**3 > _DIRECT and np.isfinite(A).all():
             return _by_schur(A, right, points)
@@ -56,6 +64,61 @@ def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
             if k == 1:
                 return np.full((1, n, right.shape[1]), np.nan, dtype=np.complex128)
             return np.concatenate([resolvent(A, right, points[i : i + 1]) for i in range(k)])
+
+
+def is_sparse(A: Floats) -> bool:
+    """Whether a matrix is so large, and has so few entries, that it is worth to keep to them.
+
+    Args:
+        A: shape (m, n).
+    """
+    return bool(len(A) >= _LARGE and np.count_nonzero(A) <= _SPARSE * A.size and np.isfinite(A).all())
+
+
+def light(A: Floats) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types
+    """Return a matrix as a sparse array where it is large and sparse: products with vectors, and `abs`, are as before.
+
+    Args:
+        A: shape (m, n).
+    """
+    if not is_sparse(A):
+        return A
+    from scipy.sparse import csr_array  # noqa: PLC0415  slow to import
+
+    return csr_array(A)
+
+
+def product(A: Floats, stack: NDArray[Any]) -> NDArray[Any]:
+    """Return A times each of some matrices, shape (k, n, m).
+
+    Args:
+        A: shape (n, n); its zeros cost nothing where it is large and sparse.
+        stack: shape (k, n, m).
+    """
+    matrix = light(A)
+    if matrix is A:
+        return np.asarray(A @ stack)
+    k, n, m = stack.shape
+    flat = matrix @ stack.transpose(1, 0, 2).reshape(n, k * m)
+    return np.asarray(flat).reshape(n, k, m).transpose(1, 0, 2)
+
+
+def _by_sparse(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
+    from scipy.sparse import csc_array, eye_array  # noqa: PLC0415  slow to import
+    from scipy.sparse.linalg import splu  # noqa: PLC0415
+
+    inner, unit = csc_array(A), eye_array(len(A), format="csc")
+    wanted = np.asarray(right, dtype=np.complex128)
+    found = np.full((len(points), *wanted.shape), np.nan, dtype=np.complex128)
+    for i, point in enumerate(points):
+        matrix = (point * unit - inner).tocsc()
+        try:
+            factors = splu(matrix)
+        except RuntimeError:  # on a pole
+            continue
+        first = factors.solve(wanted)
+        found[i] = first + factors.solve(wanted - matrix @ first)
+    return found
 
 
 def _by_schur(A: Floats, right: NDArray[Any], points: Complex) -> Complex:

@@ -7,16 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig, schur
+from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from workbench.core.blas import one_thread
-from workbench.core.matrices import Complex, Floats, balance
+from workbench.core.matrices import Complex, Floats, balance, is_sparse
 from workbench.core.poles import VANISHED, continuous
+from workbench.errors import SimulationError
 
-__all__ = ["Complex", "Poles", "poles_of"]
+__all__ = ["Complex", "Poles", "poles_near", "poles_of"]
 
 _ROUNDING = 20.0
+_LARGE = 300  # states; of fewer all poles are found as fast
+_BESIDE = 1e-3  # of its size, beside the point whose neighbours are looked for
+_SMALLEST = 1e-9  # of the norm of A: what counts as the size of a pole at 0
+_SAME = 1e-6  # relative: an eigenvalue of A and one of its transpose
 _MOST_EQUAL = 4  # eigenvalues that may coincide, as those of a chain of integrators
 
 
@@ -45,6 +51,24 @@ class Poles:
     def real(self) -> NDArray[np.bool_]:
         """Which of them are real, shape (m,)."""
         return np.asarray(self.value.imag == 0.0)
+
+    def nearest(self, count: int, aim: complex) -> Poles:
+        """Return those that are nearest to a point, in the same order.
+
+        Args:
+            count: so many at most.
+            aim: the point [1/s].
+        """
+        return self.some(np.argsort(np.abs(self.value - aim), kind="stable")[:count])
+
+    def some(self, places: NDArray[np.intp]) -> Poles:
+        """Return some of them, in the same order.
+
+        Args:
+            places: which.
+        """
+        kept = np.sort(places)
+        return Poles(self.value[kept], self.right[:, kept], self.left[:, kept], self.uncertain[kept])
 
     def participation(self) -> Floats:
         """Return how much each state takes part in each mode, shape (n, m), columns with sum 1.
@@ -76,7 +100,8 @@ def poles_of(a: Floats, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:
     with one_thread():
         balanced, scale = balance(a)
         value, left, right = (np.asarray(x, dtype=np.complex128) for x in eig(balanced, left=True, right=True))
-        uncertain = _uncertain(balanced, value, left, right, accuracy)
+        size = max(float(np.linalg.norm(balanced)), np.finfo(float).tiny)
+        uncertain = _uncertain(size, value, left, right, accuracy)
         value = np.where(np.abs(value.imag) <= 2.0 * uncertain, value.real + 0.0j, value)
         along = np.einsum("ij,ij->j", left, right.conj())
         left = left / np.where(along == 0.0, 1.0, along)
@@ -89,12 +114,65 @@ def poles_of(a: Floats, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:
     return Poles(shown[order], right[:, order], left[:, order], uncertain[order])
 
 
-def _uncertain(a: Floats, value: Complex, left: Complex, right: Complex, accuracy: float) -> Floats:
+def poles_near(a: Floats, count: int, about_hz: float = 0.0, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:
+    """Return the poles of dx/dt = A x nearest to j2πf, or those that the samples of x(k+1) = A x(k) show.
+
+    Of a large sparse matrix by the Arnoldi method on (A − σI)⁻¹, σ beside that point, with sparse elimination: time and
+    memory grow with the entries, not with n³. Of others all are found, and these taken.
+
+    Args:
+        a: shape (n, n).
+        count: so many, of a pair the one with the positive imaginary part.
+        about_hz: f [Hz].
+        dt: 0 for a continuous model, else the period [s].
+        accuracy: relative accuracy of the entries; 0: rounding.
+
+    Source: R. Lehoucq, D. Sorensen, C. Yang, ARPACK Users' Guide, 1998, 3.2 (shift and invert).
+
+    Raises:
+        SimulationError: the Arnoldi method does not converge.
+    """
+    aim = 2j * np.pi * about_hz
+    if not is_sparse(a) or len(a) < _LARGE or dt > 0.0 or 4 * (count + 2) > len(a):
+        return poles_of(a, dt=dt, accuracy=accuracy).nearest(count, aim)
+    with one_thread():
+        value, right, left = _arnoldi(a, min(2 * count + 4, len(a) - 2), aim)
+    size = max(float(np.linalg.norm(a)), np.finfo(float).tiny)
+    uncertain = _uncertain(size, value, left / np.linalg.norm(left, axis=0), right, accuracy)
+    value = np.where(np.abs(value.imag) <= 2.0 * uncertain, value.real + 0.0j, value)
+    keep = np.flatnonzero(value.imag >= 0.0)
+    order = keep[np.lexsort((-value[keep].real, value[keep].imag))]
+    return Poles(value[order], right[:, order], left[:, order], uncertain[order]).nearest(count, aim)
+
+
+def _arnoldi(a: Floats, count: int, aim: complex) -> tuple[Complex, Complex, Complex]:
+    """Return eigenvalues near a point with right and left vectors, leftᴴ right = I."""
+    from scipy.sparse import csc_array  # noqa: PLC0415  slow to import
+    from scipy.sparse.linalg import ArpackError, eigs  # noqa: PLC0415
+
+    matrix = csc_array(a)
+    start = np.random.default_rng(0).standard_normal(len(a))  # the same answer each time
+    norm = float(abs(matrix).sum(axis=0).max())
+    beside = aim + _BESIDE * max(abs(aim), _SMALLEST * norm)  # on a pole there is no inverse
+    sigma = beside if aim.imag else beside.real
+    try:
+        value, right = eigs(matrix, k=count, sigma=sigma, v0=start)
+        other, left = eigs(matrix.T.tocsc(), k=count, sigma=sigma, v0=start)
+    except (ArpackError, RuntimeError) as error:
+        raise SimulationError(f"the poles near {abs(aim) / (2.0 * np.pi):g} Hz were not found: {error}") from None
+    apart = np.abs(value[:, None] - other)
+    rows, columns = linear_sum_assignment(apart)
+    same = apart[rows, columns] <= _SAME * np.maximum(np.abs(value[rows]), _SMALLEST * norm)
+    value, right, left = value[rows[same]], right[:, rows[same]], left[:, columns[same]].conj()
+    across = left.conj().T @ right
+    return value, right, np.asarray(left @ np.linalg.inv(across).conj().T, dtype=np.complex128)
+
+
+def _uncertain(size: float, value: Complex, left: Complex, right: Complex, accuracy: float) -> Floats:
     """Return how far each eigenvalue may be off: size of the error times condition.
 
     Of m eigenvalues that an error ε may have split, each is off by ε^(1/m) of the size of A at most (7.2.2, there).
     """
-    size = max(float(np.linalg.norm(a)), np.finfo(float).tiny)
     relative = max(accuracy, _ROUNDING * np.finfo(float).eps)
     apart = np.sort(np.abs(value[:, None] - value), axis=1)
     most = relative ** (1.0 / np.arange(1, _MOST_EQUAL + 1))  # for 1, 2, … that coincide

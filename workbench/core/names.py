@@ -50,8 +50,9 @@ def check_names(
         InputError: one is not accepted; the message has near ones, or says what it is.
     """
     accepted = list(known)
+    inside = set(accepted)
     for name in names:
-        if name in accepted:
+        if name in inside:
             continue
         where = f"{what}: " if what else ""
         if others and name in others:

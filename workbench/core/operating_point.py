@@ -67,10 +67,13 @@ class OperatingPoint(Part):
         Args:
             most: largest number of each that is named.
         """
-        shown = [self._listed(values, most) for values in (self.u, self.x, self.discrete)]
+        sets = {"inputs": self.u, "states": self.x, "discrete states": self.discrete}
+        shown = [self._listed(kind, values, most) for kind, values in sets.items()]
         return "; ".join([*filter(None, shown), f"t = {self.time:g} s"])
 
-    def _listed(self, values: Mapping[str, float], most: int) -> str:
+    def _listed(self, kind: str, values: Mapping[str, float], most: int) -> str:
+        if len(values) > most and not any(values.values()):
+            return f"all {len(values)} {kind} 0"
         units = {name: unit for name in values if (unit := self.units.get(name)) and unit != "1"}
         texts = [f"{n} = {v:.6g}" + (f" {units[n]}" if n in units else "") for n, v in list(values.items())[:most]]
         more = [f"… ({len(values)} in all)"] if len(values) > most else []

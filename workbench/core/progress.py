@@ -12,10 +12,10 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 from workbench.core.closable import Closable
 from workbench.errors import one_line, shortened
 
-__all__ = ["Bar", "in_notebook"]
+__all__ = ["FIRST_LINE", "Bar", "in_notebook"]
 
 # A bar is shown after so long [s]; in a file or a pipe a line, the next when twice the time has gone, or so often.
-_PATIENCE, _FIRST_LINE, _OFTEN = 1.0, 10.0, 60.0
+_PATIENCE, FIRST_LINE, _OFTEN = 1.0, 30.0, 60.0
 _WORD, _LINE = 60, 200  # longest word and text beside the bar [characters]
 
 
@@ -38,7 +38,7 @@ class Bar(Closable):
         self._console = Console(stderr=True)
         self._progress: Progress | None = None
         self._task = TaskID(0)
-        self._line = self._begin + _FIRST_LINE
+        self._line = self._begin + FIRST_LINE
 
     def update(self, done: float, text: str) -> None:
         """Tell what was done.
@@ -49,7 +49,7 @@ class Bar(Closable):
         """
         now = time.monotonic()
         if not (self._console.is_terminal or self._console.is_jupyter):
-            if now > self._line:
+            if now > self._line and done < self._total:
                 self._line = now + min(now - self._begin, _OFTEN)
                 sys.stderr.write(f"{done / self._total:.0%} {self._words(text)}\n")
             return

@@ -39,6 +39,7 @@ __all__ = [
     "Part",
     "Record",
     "Reportable",
+    "brief",
     "complex_of",
     "drawn",
     "entry",
@@ -50,6 +51,9 @@ __all__ = [
 
 # The module that knows pages and pictures, by name: it knows the records, they do not know it.
 _SHOWS = "workbench.report.results"
+
+
+_LONG, _WORDY, _FEW = 240, 80, 6  # characters of a part in a line, of one value; entries that are written out
 
 
 def drawn(name: str, path: str | Path | None, *shown: object, **options: object) -> Figure:
@@ -64,7 +68,9 @@ def drawn(name: str, path: str | Path | None, *shown: object, **options: object)
     Raises:
         InputError: unknown suffix, file cannot be written, or the function refuses.
     """
-    figure: Figure = named(f"workbench.plotting.{name}")(*shown, **options)
+    figure: Figure = named("workbench.plotting.figure:with_point")(
+        named(f"workbench.plotting.{name}")(*shown, **options), shown[0]
+    )
     if path is not None:
         named("workbench.plotting.figure:save")(figure, path)
     return figure
@@ -89,6 +95,23 @@ def entry(
     return {"key": key, "kept": kept, "inline": inline, "named": named, "dims": tuple(dims), "unit": unit, "null": null}
 
 
+def brief(value: object) -> str:
+    """Return a value in a few words: arrays and long collections by their sizes.
+
+    Args:
+        value: of a field.
+    """
+    shape = getattr(value, "shape", ())  # without numpy, which is slow to import
+    if shape and math.prod(shape) > _FEW:
+        return f"array of shape {shape}"
+    if isinstance(value, Mapping) and len(value) > _FEW:
+        return f"{{{len(value)} entries}}"
+    if isinstance(value, list | tuple) and len(value) > _FEW:
+        return f"[{len(value)} values]"
+    text = repr(value)
+    return text if len(text) <= _WORDY else f"{text[: _WORDY - 1]}…"
+
+
 class Part:
     """A part of a record that is written to JSON and read back; a frozen dataclass.
 
@@ -97,6 +120,17 @@ class Part:
 
     _WHAT: ClassVar[str] = ""  # with its article, for messages
     _COMMAND: ClassVar[str] = ""  # that writes it
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "__repr__" not in vars(cls):  # a dataclass leaves it as it is then
+            cls.__repr__ = Part.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """Return the fields in a line that a notebook can show: long arrays and tables by their sizes."""
+        shown = [f"{f.name}={brief(getattr(self, f.name))}" for f in fields(self) if f.repr]  # type: ignore[arg-type]
+        text = f"{type(self).__name__}({', '.join(shown)})"
+        return text if len(text) <= _LONG else f"{text[: _LONG - 2]}…)"
 
     def derived(self) -> Mapping[str, Any]:
         """Return further keys for JSON → value: what follows from the fields."""

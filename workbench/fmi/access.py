@@ -14,7 +14,7 @@ from workbench.fmi.variable import Value, Variable
 if TYPE_CHECKING:
     from workbench.fmi.instance import Instance
 
-__all__ = ["Access", "Block", "TypeCalls", "is_good"]
+__all__ = ["Access", "Block", "TypeCalls", "is_good", "laid_out"]
 
 _WARNING = 1
 
@@ -68,22 +68,22 @@ class Block:
         plain: whether they are the whole buffer, in its order, and need no decoding.
         buffer, references: C arrays of the values and of the value references.
         partial: whether the buffer holds array elements that are none of them.
+        counts: whether they are clocks, whose ticks so far stand in `buffer`: the FMU is not asked.
     """
 
+    counts = False
+
     def __init__(self, instance: Instance, calls: TypeCalls, variables: Sequence[Variable]) -> None:
-        references = list(dict.fromkeys(v.value_reference for v in variables))
-        sizes = [_size(instance.description.shapes, r) for r in references]
-        offsets = {r: sum(sizes[:i]) for i, r in enumerate(references)}
+        references, self.slots, total = laid_out(instance.description.shapes, variables)
         self.calls = calls
         self.instance = instance
-        self.slots = [offsets[v.value_reference] + v.element for v in variables]
-        self.plain = self.slots == list(range(sum(sizes))) and calls.decode is _same
-        self.buffer: Any = array_type(calls.ctype, sum(sizes))()
+        self.plain = self.slots == list(range(total)) and calls.decode is _same
+        self.buffer: Any = array_type(calls.ctype, total)()
         self.references: Any = array_type(ctypes.c_uint, len(references))(*references)
         # FMI 3.0 functions also take the number of values, which differs for arrays.
-        tail = (sum(sizes),) if instance.version == 3 else ()
+        tail = (total,) if instance.version == 3 else ()
         self.arguments = (self.references, len(references), self.buffer, *tail)
-        self.partial = len(self.slots) < sum(sizes)
+        self.partial = len(self.slots) < total
         library = instance.library
         self.get = library[calls.getter]
         self.set = library[calls.setter] if calls.setter else None
@@ -112,6 +112,45 @@ class Block:
             self.instance.fail(self.calls.setter, status)
 
 
+class Ticks(Block):
+    """Clocks: how often each has ticked so far."""
+
+    counts = True
+
+    def __init__(self, instance: Instance, variables: Sequence[Variable]) -> None:  # no FMI function reads it
+        found = instance.ticks_so_far
+        if found is None:
+            raise InputError(f"{variables[0].name}: clocks tick in event mode, which this interface does not have")
+        self.calls = TypeCalls("", "", ctypes.c_double)
+        self.instance, (self.buffer, places) = instance, found
+        self.slots = [places[v.name] for v in variables]
+        self.references: Any = array_type(ctypes.c_uint, 1)()
+        self.plain = self.partial = False
+
+    def read(self) -> list[Any]:
+        return [self.buffer[s] for s in self.slots]
+
+    def write(self, values: Sequence[Any]) -> None:
+        raise InputError("clocks cannot be set")
+
+
+def laid_out(shapes: Mapping[int, tuple[int, ...]], variables: Sequence[Variable]) -> tuple[list[int], list[int], int]:
+    """Return the value references of variables, each once, where their values stand, and how many values there are.
+
+    Arrays are taken as wholes: all their elements stand there, whatever of them is in `variables`.
+
+    Args:
+        shapes: value reference → shape, of arrays.
+        variables: in any order.
+    """
+    references = list(dict.fromkeys(v.value_reference for v in variables))
+    offsets, total = {}, 0
+    for reference in references:
+        offsets[reference] = total
+        total += _size(shapes, reference)
+    return references, [offsets[v.value_reference] + v.element for v in variables], total
+
+
 def _size(shapes: Mapping[int, tuple[int, ...]], reference: int) -> int:
     size = 1
     for extent in shapes.get(reference, ()):
@@ -136,14 +175,7 @@ class Access:
         for i, variable in enumerate(self.variables):
             groups.setdefault(_getter(instance, variable), []).append(i)
         self.order = list(groups.values())
-        self.blocks = [
-            Block(
-                instance,
-                instance.TYPES[self.variables[indices[0]].type],
-                [self.variables[i] for i in indices],
-            )
-            for indices in self.order
-        ]
+        self.blocks = [_block(instance, [self.variables[i] for i in indices]) for indices in self.order]
 
     def read(self) -> list[Any]:
         """Return the present values."""
@@ -164,7 +196,18 @@ class Access:
             block.write([values[i] for i in indices])
 
 
+def _block(instance: Instance, variables: Sequence[Variable]) -> Block:
+    """Return the block of variables that one function reads."""
+    kind = variables[0].type
+    return Ticks(instance, variables) if kind == _CLOCK else Block(instance, instance.TYPES[kind], variables)
+
+
+_CLOCK = "Clock"
+
+
 def _getter(instance: Instance, variable: Variable) -> str:
+    if variable.type == _CLOCK:
+        return _CLOCK
     calls = instance.TYPES.get(variable.type)
     if calls is None:
         raise InputError(f"{variable.name}: variables of type {variable.type} are not supported")

@@ -18,7 +18,7 @@ from workbench.core.files import named_path
 from workbench.core.scratch import remove, scratch_folder
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, what_is_meant
-from workbench.fmi.platforms import is_foreign, note_foreign
+from workbench.fmi.platforms import is_foreign, note_foreign, note_sources
 
 __all__ = ["DAMAGED", "Unpacked", "extract", "locate", "unpack"]
 
@@ -91,6 +91,7 @@ def unpack(model: str | Path) -> Unpacked:
     try:
         left = extract(path, folder, wanted=_is_needed)
         note_foreign(folder, [file for file in left if is_foreign(file)])
+        note_sources(folder, left)
         return _checked(unpacked)
     except BaseException:
         unpacked.close()

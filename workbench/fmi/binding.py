@@ -27,6 +27,7 @@ def instantiate(
     source: str,
     library: Library | None = None,
     event_mode: bool = True,
+    update: int | None = None,
 ) -> Instance:
     """Return a new instance of an unpacked FMU.
 
@@ -37,6 +38,7 @@ def instantiate(
         source: what the user named.
         library: its binary, if it is loaded already; the instance closes it.
         event_mode: co-simulation: use event mode where the FMU declares it.
+        update: co-simulation: address of what answers an FMU that asks for inputs inside a step; None: nobody.
 
     Raises:
         InputError: it does not offer `interface`.
@@ -48,5 +50,11 @@ def instantiate(
         offered = ", ".join(description.interfaces) or "neither me nor cs"
         raise InputError(f"{source}: interface {interface} is not offered; it has: {offered}")
     return VERSIONS[description.major](
-        description, folder, interface=interface, source=source, library=library, event_mode=event_mode
+        description,
+        folder,
+        interface=interface,
+        source=source,
+        library=library,
+        event_mode=event_mode,
+        update=update,
     )

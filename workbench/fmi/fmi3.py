@@ -1,4 +1,4 @@
-"""FMI 3.0: model exchange and co-simulation (no clocks, no intermediate update)."""
+"""FMI 3.0: model exchange and co-simulation."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.fmi.access import TypeCalls, decode_flag
+from workbench.fmi.access import TypeCalls, decode_flag, laid_out
 from workbench.fmi.fmpy_access import fmi3
 from workbench.fmi.instance import NEVER_BACK, EventInfo, Instance, StepResult
+from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.log import log_callback3
-from workbench.fmi.variable import Variable
+from workbench.fmi.ticking import Ticking
+from workbench.fmi.variable import Value, Variable
 
 __all__ = ["Instance3"]
 
@@ -69,23 +71,65 @@ class Instance3(Instance):
         common = (name, token, resources.encode(), False, logging)
         if self.interface == "me":
             return self.library["fmi3InstantiateModelExchange"](*common, None, self._callback)
-        no_update = fmi3.fmi3IntermediateUpdateCallback()
+        references = sorted(self.description.intermediate)
+        asks = self.capabilities.intermediate_update and self._answerer is not None and bool(references)
+        self._intermediate = Intermediate() if asks else None
+        update = fmi3.fmi3IntermediateUpdateCallback(*([self._answerer] if asks else []))
         event_mode = self.event_mode
         return self.library["fmi3InstantiateCoSimulation"](
-            *common, event_mode, event_mode, None, 0, None, self._callback, no_update
+            *common,
+            event_mode,
+            event_mode,
+            (ctypes.c_uint * len(references))(*references) if asks else None,
+            len(references) if asks else 0,
+            None if self._intermediate is None else ctypes.addressof(self._intermediate),
+            self._callback,
+            update,
         )
+
+    _intermediate: Intermediate | None = None
+
+    @property
+    def intermediate(self) -> Intermediate | None:
+        return self._intermediate
+
+    def configure(self, variables: Sequence[Variable], values: Sequence[Value]) -> None:
+        self.call("fmi3EnterConfigurationMode")
+        for variable, value in zip(variables, values, strict=True):  # the Reference FMUs take one in a call
+            self.access([variable]).write([value])
+        self.call("fmi3ExitConfigurationMode")
+
+    _ticking: Ticking | None = None
+
+    @property
+    def clocks_address(self) -> int | None:
+        return None if self._ticking is None else self._ticking.address
+
+    @property
+    def ticks_so_far(self) -> tuple[Any, Mapping[str, int]] | None:
+        return None if self._ticking is None else (self._ticking.counts, self._ticking.places)
+
+    @property
+    def next_tick(self) -> float:
+        return math.inf if self._ticking is None else self._ticking.next_tick
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time
         use = self.interface == "cs" and tolerance is not None
         begin = start_time + self.clock
         self.call("fmi3EnterInitializationMode", use, tolerance if use else 0.0, begin, False, 0.0)
+        clocks = self.description.clocks if self.event_mode else {}
+        self._ticking = Ticking(clocks, self.call, self.description.model_name) if clocks else None
 
     def exit_initialisation(self) -> None:
+        if self._ticking is not None:
+            self._ticking.start(self.time)
         self.call("fmi3ExitInitializationMode")
         self._running = True
         if self.interface == "me":
             self._count_again()
+        if self._ticking is not None:
+            self._ticking.tick(self.time)
 
     def _count_again(self) -> None:
         """Take the run-time sizes: structural parameters may change the declared ones."""
@@ -98,6 +142,8 @@ class Instance3(Instance):
 
     def enter_event_mode(self) -> None:
         self.call("fmi3EnterEventMode")
+        if self._ticking is not None:
+            self._ticking.tick(self.time)
 
     def enter_continuous_mode(self) -> None:
         self.call("fmi3EnterContinuousTimeMode")
@@ -108,9 +154,26 @@ class Instance3(Instance):
     def update_discrete_states(self) -> tuple[bool, EventInfo]:
         flags = [ctypes.c_bool() for _ in range(5)]
         time = ctypes.c_double(math.inf)
+        if self._ticking is not None:
+            self._ticking.listen()
         self.call("fmi3UpdateDiscreteStates", *(byref(f) for f in flags), byref(time))
         again, terminate, nominals, states, timed = (bool(f.value) for f in flags)
-        return again, EventInfo(terminate, states, nominals, time.value - self.clock if timed else math.inf)
+        due = time.value - self.clock if timed else math.inf
+        if self._ticking is not None:
+            self._ticking.ask(self.time)
+            due = due if math.isnan(due) else min(due, self._ticking.next_tick)
+        return again, EventInfo(terminate, states, nominals, due)
+
+    def get_state(self) -> Any:
+        state = super().get_state()
+        if self._ticking is not None:
+            state.ticks = self._ticking.saved()
+        return state
+
+    def set_state(self, state: Any) -> None:
+        super().set_state(state)
+        if self._ticking is not None:
+            self._ticking.restore(state.ticks)
 
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
@@ -124,10 +187,35 @@ class Instance3(Instance):
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
     ) -> NDArray[np.float64]:
-        m, n = len(unknowns), len(knowns)
-        rows = (ctypes.c_uint * m)(*(v.value_reference for v in unknowns))
-        columns = (ctypes.c_uint * n)(*(v.value_reference for v in knowns))
-        values = (ctypes.c_double * n)(*seed)
-        result = (ctypes.c_double * m)()
-        self.call("fmi3GetDirectionalDerivative", rows, m, columns, n, values, n, result, m)
-        return np.array(result, dtype=np.float64)
+        return self._product("fmi3GetDirectionalDerivative", (unknowns, knowns), seed, adjoint=False)
+
+    def adjoint_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
+    ) -> NDArray[np.float64]:
+        return self._product("fmi3GetAdjointDerivative", (unknowns, knowns), seed, adjoint=True)
+
+    def _product(
+        self, name: str, ends: tuple[Sequence[Variable], Sequence[Variable]], seed: Sequence[float], *, adjoint: bool
+    ) -> NDArray[np.float64]:
+        """Return a product with the Jacobian, of whole arrays; unknowns and knowns may be elements of them."""
+        unknowns, knowns = ends
+        rows, row_slots, m = laid_out(self.description.shapes, unknowns)
+        columns, column_slots, n = laid_out(self.description.shapes, knowns)
+        given, taken = (row_slots, column_slots) if adjoint else (column_slots, row_slots)
+        seeds, result = np.zeros(m if adjoint else n), np.zeros(n if adjoint else m)
+        np.add.at(seeds, given, seed)
+        self.call(
+            name,
+            (ctypes.c_uint * len(rows))(*rows),
+            len(rows),
+            (ctypes.c_uint * len(columns))(*columns),
+            len(columns),
+            seeds.ctypes.data_as(_DOUBLES),
+            len(seeds),
+            result.ctypes.data_as(_DOUBLES),
+            len(result),
+        )
+        return result[taken]
+
+
+_DOUBLES = ctypes.POINTER(ctypes.c_double)

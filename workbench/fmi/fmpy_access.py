@@ -15,14 +15,12 @@ with contextlib.redirect_stdout(io.StringIO()):
     import fmpy.fmi1
     import fmpy.fmi2
     import fmpy.fmi3
-    import fmpy.model_description
 
-__all__ = ["add_logger_proxy", "fmi1", "fmi2", "fmi3", "fmpy", "model_description"]
+__all__ = ["add_logger_proxy", "fmi1", "fmi2", "fmi3", "fmpy"]
 
 fmi1: Any = fmpy.fmi1
 fmi2: Any = fmpy.fmi2
 fmi3: Any = fmpy.fmi3
-model_description: Any = fmpy.model_description
 
 # C function that replaces the logger of a callback structure by one that formats the variadic
 # message. It keeps the Python callback in ONE process-wide variable, so there must be one

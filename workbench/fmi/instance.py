@@ -16,14 +16,15 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import FmuError, SimulationError
+from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.access import Access, TypeCalls, is_good
 from workbench.fmi.c_array import array_type, c_array
 from workbench.fmi.description import Capabilities, Description
+from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.library import Library, load_library
 from workbench.fmi.log import open_log
 from workbench.fmi.platforms import binary_path
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wiring
 
 __all__ = [
@@ -125,7 +126,8 @@ class Instance(ABC):
 
     Obligations of the caller, in this order:
       1. Construct: the FMU is instantiated.
-      2. Write start values; `enter_initialisation`; write inputs; `exit_initialisation`.
+      2. `configure` where sizes are others. Write start values; `enter_initialisation`; write inputs;
+         `exit_initialisation`.
          Model exchange, and co-simulation with `event_mode`, is then in event mode.
       3. Model exchange: `iterate_events`, `enter_continuous_mode`; then `set_time`,
          `set_states`, continuous inputs, `get_…` in any number; the FMU's own function for a completed
@@ -140,6 +142,8 @@ class Instance(ABC):
          time of the last `set_time` or `do_step`.
       3. `x`, `dx`, `z` are views of buffers the FMU writes to; they change with the next call.
       4. `close` frees the instance except after a fatal error, when FMI forbids it.
+
+    `update` is the address of a C function that answers an FMU of FMI 3.0 which asks for inputs inside a step.
 
     Attributes:
         event_mode: model exchange, and co-simulation that was instantiated with event mode.
@@ -160,7 +164,9 @@ class Instance(ABC):
         source: str,
         library: Library | None = None,
         event_mode: bool = True,
+        update: int | None = None,
     ) -> None:
+        self._answerer = update
         if library is None:
             name = description.interfaces[interface].identifier
             path = binary_path(folder, name, source=source)
@@ -251,6 +257,26 @@ class Instance(ABC):
         )
 
     @property
+    def clocks_address(self) -> int | None:
+        """Where the memory of the clocks is that the importer lets tick; None: it has none."""
+        return None
+
+    @property
+    def ticks_so_far(self) -> tuple[Any, Mapping[str, int]] | None:
+        """How often each clock has ticked, an array of c_double, and where a clock stands in it; None: none can."""
+        return None
+
+    @property
+    def intermediate(self) -> Intermediate | None:
+        """What its callback for inputs between communication points works on; None: it does not ask."""
+        return None
+
+    @property
+    def next_tick(self) -> float:
+        """When the next of these clocks ticks [s]; infinite: none does, or it is not known yet."""
+        return math.inf
+
+    @property
     def healthy(self) -> bool:
         """Whether it lives and no call has failed for good."""
         return not self._closed and self._worst < ERROR
@@ -286,6 +312,10 @@ class Instance(ABC):
     @abstractmethod
     def _instantiate(self, *, logging: bool) -> Any:
         """Return the component, None if the FMU refuses."""
+
+    def configure(self, variables: Sequence[Variable], values: Sequence[Value]) -> None:
+        """Set structural parameters, before anything else: sizes of arrays follow from them."""
+        raise InputError(f"{self.source}: FMI {self.description.fmi_version} has no structural parameters")
 
     @abstractmethod
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
@@ -421,7 +451,13 @@ class Instance(ABC):
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
     ) -> NDArray[np.float64]:
-        """Return Σ ∂unknown/∂known · seed, shape (len(unknowns),); scalars only."""
+        """Return Σ ∂unknown/∂known · seed over `knowns`, shape (len(unknowns),)."""
+
+    def adjoint_derivative(
+        self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
+    ) -> NDArray[np.float64]:
+        """Return Σ seed · ∂unknown/∂known over `unknowns`, shape (len(knowns),)."""
+        raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no adjoint derivatives")
 
 
 def no_event_time(instance: Instance) -> SimulationError:

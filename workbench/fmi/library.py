@@ -19,7 +19,7 @@ from workbench.core.arithmetic import kept_arithmetic
 from workbench.errors import FmuError
 from workbench.fmi.fmpy_access import fmi1, fmi2, fmi3
 
-__all__ = ["Library", "load_library"]
+__all__ = ["Library", "functions_of", "load_library"]
 
 _CLASSES: Mapping[tuple[int, str], Any] = {
     (1, "me"): fmi1.FMU1Model,
@@ -57,6 +57,11 @@ def _signatures(version: int, interface: str) -> dict[str, tuple[Any, list[Any]]
             result = ctypes.c_int
         found[name] = (result, arguments)
     return found
+
+
+def functions_of(version: int) -> tuple[str, ...]:
+    """Return the names of all functions of FMI 2.0 or 3.0."""
+    return tuple(sorted({n for major, kind in _CLASSES if major == version for n in _signatures(major, kind)}))
 
 
 class _Binary:

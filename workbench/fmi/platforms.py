@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from workbench.errors import FmuError
 
-__all__ = ["TUPLES", "binary_path", "host", "is_foreign", "note_foreign", "platforms_in"]
+__all__ = ["TUPLES", "binary_path", "folders_of", "host", "is_foreign", "note_foreign", "note_sources", "platforms_in"]
 
 # FMI 1/2 folder name → FMI 3 platform tuple. macOS "darwin64" holds Intel or universal binaries.
 TUPLES: Mapping[str, str] = {
@@ -30,6 +30,9 @@ SUFFIXES = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
 
 # Where an unpacked FMU tells which platforms it has binaries for that were left in the archive.
 _FOREIGN = "binaries-left-in-the-archive.txt"
+# Where it tells that it has sources, which were left there, too.
+_SOURCES = "sources-left-in-the-archive.txt"
+_C = (".c", ".cc", ".cpp", ".cxx")
 
 
 def host() -> str:
@@ -40,8 +43,12 @@ def host() -> str:
     return f"{machine}-{_SYSTEMS.get(sys.platform, sys.platform)}"
 
 
-def _folders(tuple_name: str) -> tuple[str, ...]:
-    """Folder names under `binaries` that may hold code for one platform, best first."""
+def folders_of(tuple_name: str) -> tuple[str, ...]:
+    """Return the names of folders under `binaries` that may hold code for a platform, best first.
+
+    Args:
+        tuple_name: of FMI 3.0.
+    """
     old = tuple(name for name, new in TUPLES.items() if new == tuple_name)
     universal = ("darwin64",) if tuple_name == "aarch64-darwin" else ()
     return (tuple_name, *old, *universal)
@@ -58,7 +65,7 @@ def is_foreign(file: PurePosixPath) -> bool:
         return False
     name = file.parts[1]
     known = name in TUPLES or name.rpartition("-")[2] in SUFFIXES
-    return known and name not in _folders(host())
+    return known and name not in folders_of(host())
 
 
 def note_foreign(folder: Path, files: Iterable[PurePosixPath]) -> None:
@@ -66,6 +73,21 @@ def note_foreign(folder: Path, files: Iterable[PurePosixPath]) -> None:
     names = {f.parts[1] for f in files if f.parent.name == f.parts[1] and f.suffix == _suffix(f.parts[1])}
     if names:
         (folder / _FOREIGN).write_text("\n".join(sorted(names)), encoding="utf-8")
+
+
+def note_sources(folder: Path, files: Iterable[PurePosixPath]) -> None:
+    """Tell `binary_path` which files of an FMU were not unpacked into `folder`, where they are sources."""
+    if any(_is_source(f) for f in files):
+        (folder / _SOURCES).touch()
+
+
+def _is_source(file: PurePosixPath) -> bool:
+    return file.parts[0] == "sources" and file.suffix in _C
+
+
+def _has_sources(folder: Path) -> bool:
+    here = (p.relative_to(folder) for p in (folder / "sources").rglob("*"))
+    return (folder / _SOURCES).exists() or any(_is_source(PurePosixPath(p.as_posix())) for p in here)
 
 
 def platforms_in(folder: Path) -> tuple[str, ...]:
@@ -81,14 +103,17 @@ def binary_path(folder: Path, identifier: str, *, source: str) -> Path:
     """Return the shared library of `identifier` for this machine.
 
     Raises:
-        FmuError: there is none; the message says for which platforms there is one; or it would not be inside the FMU.
+        FmuError: there is none; the message says for which platforms there is one, or how to make one. Or it would not
+            be inside the FMU.
     """
     if {"/", "\\", "\0"} & set(identifier) or identifier in {"", ".", ".."}:
         raise FmuError(f"{source}: modelIdentifier '{identifier}' does not name a file in the FMU; refused")
-    for name in _folders(host()):
+    for name in folders_of(host()):
         path = folder / "binaries" / name / f"{identifier}{_suffix(name)}"
         if path.is_file():
             return path
     has = ", ".join(platforms_in(folder)) or "none at all"
     told = f"no binary {identifier} for this platform {host()} (has: {has})"
+    if _has_sources(folder):
+        raise FmuError(f"{source}: {told}; it has its sources, so make one: workbench compile {source}")
     raise FmuError(f"{source}: {told}; run it on one of those, or ask its maker for this one")

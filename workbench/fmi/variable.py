@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 __all__ = ["FLOAT_TYPES", "Value", "Variable"]
 
@@ -11,9 +11,10 @@ Value = float | int | bool | str
 FLOAT_TYPES = frozenset({"Real", "Float64", "Float32"})
 
 
-@dataclass(frozen=True)
-class Variable:
+class Variable(NamedTuple):
     """One scalar variable; an element of an FMI 3 array is a variable of its own (`u[1]`).
+
+    A tuple, because a model may have 100,000 of them.
 
     Attributes:
         name: as the FMU gives it, array elements with 1-based indices appended.
@@ -24,13 +25,15 @@ class Variable:
         description: as declared.
         causality: "input", "output", "parameter", "local", …
         variability: "continuous", "discrete", "fixed", "tunable", "constant".
-        minimum, maximum: as declared.
-        nominal: as declared; None where none is (never 0).
+        minimum, maximum: as declared, of the variable or of its type.
+        nominal: as declared, of the variable or of its type; None where none is (never 0).
         value_reference: the FMU's handle; elements of one array share it.
         element: position in the flattened array, 0 for a scalar.
         derivative_of: name of the state whose derivative this is.
         dependencies: for outputs and derivatives, names of what it depends on; None: not declared.
         initial: "exact", "approx" (the start value is a guess) or "calculated"; None: not declared.
+        display_unit: unit in which values are to be shown, as declared.
+        declared_type: name of the type that it is declared to be of.
     """
 
     name: str
@@ -48,6 +51,8 @@ class Variable:
     derivative_of: str | None = None
     dependencies: tuple[str, ...] | None = None
     initial: str | None = None
+    display_unit: str | None = None
+    declared_type: str | None = None
 
     @property
     def is_continuous_input(self) -> bool:
@@ -56,5 +61,5 @@ class Variable:
 
     @property
     def is_number(self) -> bool:
-        """Whether a float stands for its value (everything but String and Binary)."""
-        return self.type not in ("String", "Binary")
+        """Whether a float stands for its value (everything but String, Binary and Clock)."""
+        return self.type not in ("String", "Binary", "Clock")

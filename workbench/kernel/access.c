@@ -38,6 +38,7 @@ static double decoded(const Block *block, size_t slot) {
     case UINT64: return (double)((const uint64_t *)block->buffer)[slot];
     case BOOLEAN8: return base[slot] != 0 ? 1.0 : 0.0;
     case BOOLEAN32: return ((const int32_t *)block->buffer)[slot] != 0 ? 1.0 : 0.0;
+    case TICKS:
     case N_TYPES: break;
     }
     return (double)NAN;
@@ -57,6 +58,7 @@ static void encode(const Block *block, size_t slot, double value) {
     case UINT64: ((uint64_t *)block->buffer)[slot] = (uint64_t)whole(value); break;
     case BOOLEAN8: ((char *)block->buffer)[slot] = value >= 0.5; break;
     case BOOLEAN32: ((int32_t *)block->buffer)[slot] = value >= 0.5; break;
+    case TICKS:
     case N_TYPES: break;
     }
 }
@@ -83,6 +85,12 @@ static bool block_call(const Block *block, const Component *component, Function 
 }
 
 bool block_read(const Block *block, Component *components, double *values, Failure *failure) {
+    if (block->type == TICKS) {
+        for (size_t i = 0; i < block->n; i++) {
+            values[block->columns[i]] = ((const double *)block->buffer)[block->slots[i]];
+        }
+        return true;
+    }
     void *buffer = block->plain ? values + block->columns[0] : block->buffer;
     if (!block_call(block, &components[block->component], block->get, block->get_name, buffer, failure)) {
         return false;

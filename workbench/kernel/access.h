@@ -23,6 +23,7 @@ typedef enum {
     UINT64,
     BOOLEAN8,  /* one byte: FMI 1.0 and 3.0 */
     BOOLEAN32, /* int: FMI 2.0 */
+    TICKS,     /* of clocks so far: doubles in `buffer`, which the FMU is not asked for */
     N_TYPES
 } ValueType;
 

@@ -1,10 +1,15 @@
 #include "component.h"
 
+#include <math.h>
+
 typedef int (*SetTime)(void *, double);
 typedef int (*Vector)(void *, double *, size_t);
 typedef int (*Enter)(void *);
 typedef int (*SaveOrFree)(void *, void **);
 typedef int (*Restore)(void *, void *);
+typedef int (*SetClock)(void *, const uint32_t *, size_t, const bool *);
+typedef int (*GetClock)(void *, const uint32_t *, size_t, bool *);
+typedef int (*GetInterval)(void *, const uint32_t *, size_t, double *, int32_t *);
 
 static const char *const NAMES[N_FUNCTIONS] = {
     [SET_TIME] = "set_time",
@@ -23,6 +28,9 @@ static const char *const NAMES[N_FUNCTIONS] = {
     [GET_FMU_STATE] = "get_fmu_state",
     [SET_FMU_STATE] = "set_fmu_state",
     [FREE_FMU_STATE] = "free_fmu_state",
+    [SET_CLOCK] = "set_clock",
+    [GET_INTERVAL] = "get_interval",
+    [GET_CLOCK] = "get_clock",
 };
 
 const char *function_name(size_t index) {
@@ -78,11 +86,77 @@ bool component_saved(const Component *component, FunctionIndex function, void **
     return component_checked(component, function, status, who, failure);
 }
 
+/* Let the clocks tick that are due. */
+static bool tick(const Component *component, int32_t who, Failure *failure) {
+    Clocks *clocks = component->clocks;
+    const size_t n = clocks_due(clocks, component->time);
+    const Function function = component->functions[SET_CLOCK];
+    if (n == 0) {
+        return true;
+    }
+    const int status =
+        function ? ((SetClock)function)(component->handle, clocks->references, n, clocks->active) : NOT_EXPORTED;
+    return component_checked(component, SET_CLOCK, status, who, failure);
+}
+
+/* Count the clocks that the FMU lets tick: evaluating the event ends their ticks. */
+static bool listen(const Component *component, int32_t who, Failure *failure) {
+    Clocks *clocks = component->clocks;
+    const Function function = component->functions[GET_CLOCK];
+    if (clocks->n_told == 0) {
+        return true;
+    }
+    const int status = function ? ((GetClock)function)(component->handle, clocks->told, clocks->n_told, clocks->active)
+                                : NOT_EXPORTED;
+    if (!component_checked(component, GET_CLOCK, status, who, failure)) {
+        return false;
+    }
+    clocks_told(clocks);
+    return true;
+}
+
+/* Ask when the clocks tick next of which the FMU alone knows it. */
+static bool ask(const Component *component, int32_t who, Failure *failure) {
+    Clocks *clocks = component->clocks;
+    const size_t n = clocks_asked(clocks);
+    const Function function = component->functions[GET_INTERVAL];
+    if (n == 0) {
+        return true;
+    }
+    const int status = function ? ((GetInterval)function)(component->handle, clocks->references, n, clocks->intervals,
+                                                          clocks->qualifiers)
+                                : NOT_EXPORTED;
+    if (!component_checked(component, GET_INTERVAL, status, who, failure)) {
+        return false;
+    }
+    if (!clocks_answered(clocks, component->time)) {
+        failure->component = who;
+        return fail_at(failure, FAILED_INTERVAL, component->time);
+    }
+    return true;
+}
+
 bool component_enter(const Component *component, FunctionIndex mode, int32_t who, Failure *failure) {
     if (!component->calls->modes) {
         return true;
     }
     const Function function = component->functions[mode];
     const int status = function ? ((Enter)function)(component->handle) : NOT_EXPORTED;
-    return component_checked(component, mode, status, who, failure);
+    return component_checked(component, mode, status, who, failure) &&
+           (mode != ENTER_EVENT_MODE || !component->clocks || tick(component, who, failure));
+}
+
+bool component_update(Component *component, Answer *answer, int32_t who, Failure *failure) {
+    if (component->clocks && !listen(component, who, failure)) {
+        return false;
+    }
+    const int status = component->calls->update_discrete_states(component, answer);
+    if (!component_checked(component, UPDATE_DISCRETE_STATES, status, who, failure) ||
+        (component->clocks && !ask(component, who, failure))) {
+        return false;
+    }
+    if (!isnan(answer->time)) { /* who asks for it refuses it */
+        answer->time = fmin(answer->time, clocks_next(component->clocks));
+    }
+    return true;
 }

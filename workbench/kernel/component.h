@@ -9,6 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "clocks.h"
 #include "failure.h"
 
 typedef void (*Function)(void);
@@ -31,6 +32,9 @@ typedef enum {
     GET_FMU_STATE,
     SET_FMU_STATE,
     FREE_FMU_STATE,
+    SET_CLOCK,
+    GET_INTERVAL,
+    GET_CLOCK,
     N_FUNCTIONS
 } FunctionIndex;
 
@@ -38,6 +42,7 @@ typedef enum {
 enum { FMI_WARNING = 1, FMI_DISCARD = 2, FMI_ERROR = 3, FMI_FATAL = 4, NOT_EXPORTED = -1 };
 
 struct ComponentCalls;
+struct Intermediate;
 
 /* FMI 2.0.4, 4.2.2: noSetFMUStatePriorToCurrentPoint would promise that no earlier snapshot will be restored. */
 #define NEVER_BACK false
@@ -57,6 +62,8 @@ typedef struct {
     double due;             /* its next time event [s] */
     double clock;           /* co-simulation: its own time is that much later than the session's [s] */
     const struct ComponentCalls *calls;
+    Clocks *clocks; /* that the importer lets tick; NULL: none */
+    struct Intermediate *intermediate; /* its environment, where it asks for inputs inside a step; NULL: it does not */
 } Component;
 
 /* What an event iteration or a step says. */
@@ -93,6 +100,9 @@ bool component_states(const Component *component, FunctionIndex function, double
                       Failure *failure);
 /* GET_FMU_STATE, SET_FMU_STATE or FREE_FMU_STATE; a state that is not there is not freed. */
 bool component_saved(const Component *component, FunctionIndex function, void **state, int32_t who, Failure *failure);
+/* Evaluate the event once. */
+bool component_update(Component *component, Answer *answer, int32_t who, Failure *failure);
+/* Into event mode: clocks that are due tick. */
 bool component_enter(const Component *component, FunctionIndex mode, int32_t who, Failure *failure);
 
 #endif

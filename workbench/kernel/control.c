@@ -38,6 +38,21 @@ static double *carry_wires(double *at, const Wires *wires, Way way) {
     return carry_closed(at, wires, way);
 }
 
+static double *carry_clocks(double *at, const Clocks *clocks, Way way) {
+    for (size_t i = 0; i < clocks->n; i++) {
+        Tick *tick = &clocks->ticks[i];
+        at = carry(at, &tick->next, 1, way);
+        at = carry(at, &tick->first, 1, way);
+        at = carry(at, &tick->interval, 1, way);
+        at = carry(at, &tick->count, 1, way);
+        at = carry(at, &clocks->counts[tick->place], 1, way);
+    }
+    for (size_t i = 0; i < clocks->n_told; i++) {
+        at = carry(at, &clocks->counts[clocks->places[i]], 1, way);
+    }
+    return at;
+}
+
 static double *carry_group(double *at, Unit *unit, Way way) {
     Me *me = unit->me;
     at = carry_wires(at, &me->system->wires, way);
@@ -61,6 +76,9 @@ static void carry_all(Cs *cs, Way way) {
     for (size_t i = 0; i < system->n_components; i++) {
         at = carry(at, &system->components[i].due, 1, way);
         at = carry(at, &system->components[i].time, 1, way);
+        if (system->components[i].clocks) {
+            at = carry_clocks(at, system->components[i].clocks, way);
+        }
     }
     for (size_t k = 0; k < master->n_units; k++) {
         if (master->units[k].me) {
@@ -72,6 +90,10 @@ static void carry_all(Cs *cs, Way way) {
 size_t control_doubles(const Cs *cs) {
     const System *system = cs->system;
     size_t n = 4 + 5 * system->wires.n + system->forcing->n + 2 * system->n_components;
+    for (size_t i = 0; i < system->n_components; i++) {
+        const Clocks *clocks = system->components[i].clocks;
+        n += clocks ? 5 * clocks->n + clocks->n_told : 0;
+    }
     for (size_t k = 0; k < cs->master->n_units; k++) {
         const Me *me = cs->master->units[k].me;
         n += me ? 3 * me->system->wires.n + me->system->nx + 2 : 0;

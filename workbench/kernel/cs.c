@@ -4,6 +4,7 @@
 
 #include "control.h"
 #include "cs_step.h"
+#include "intermediate.h"
 
 static const double GRID_ERROR = 1e-6; /* of a step: how far a point may lie off a constant grid */
 
@@ -31,9 +32,11 @@ bool cs_communicate(Cs *cs, double end, bool last) {
     Forcing *forcing = system->forcing;
     const double start = cs->previous = cs->time;
     cs_look_ahead(cs, end);
+    intermediate_step(system, start, end);
     if (!cs_step_to(cs, end)) {
         return false;
     }
+    intermediate_seen(system, start, end);
     system->steps++;
     copy_values(forcing->written, forcing->seen, forcing->n);
     if (!add_row(cs, forcing->seen, last ? ROW_ALWAYS : ROW_POINT)) {
@@ -92,6 +95,9 @@ bool cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Recor
     cs->made = cs->count = 0.0;
     cs->record = record;
     system_go_on(system);
+    if (!cs->master) { /* whose inputs are lines over a step, known when it begins */
+        intermediate_begin(system);
+    }
     record_begin(record, system);
     return cs_set_inputs(cs, fresh || forcing_next_break(system->forcing, cs->previous) <= cs->time) &&
            add_row(cs, system->forcing->written, ROW_ALWAYS) && run_on(cs);

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "intermediate.h"
 #include "master.h"
 
 static const double SAME = 1e-9; /* of the communication step: instants closer than this are one */
@@ -21,11 +22,10 @@ static bool ended(Cs *cs, int32_t who) {
 
 /* Iterate until nothing changes, then go to step mode. */
 static bool leave_event_mode(Cs *cs, int32_t who) {
-    const Component *component = &cs->system->components[who];
+    Component *component = &cs->system->components[who];
     for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
         Answer answer = {0};
-        const int status = component->calls->update_discrete_states(component, &answer);
-        if (!component_checked(component, UPDATE_DISCRETE_STATES, status, who, failure_of(cs))) {
+        if (!component_update(component, &answer, who, failure_of(cs))) {
             return false;
         }
         if (answer.terminate) {
@@ -40,7 +40,9 @@ static bool leave_event_mode(Cs *cs, int32_t who) {
 }
 
 static bool enter_event_mode(Cs *cs, int32_t who) {
-    return component_enter(&cs->system->components[who], ENTER_EVENT_MODE, who, failure_of(cs));
+    Component *component = &cs->system->components[who];
+    component->time = cs->time; /* after a restore it stands elsewhere */
+    return component_enter(component, ENTER_EVENT_MODE, who, failure_of(cs));
 }
 
 /* ---- inputs ---- */
@@ -146,7 +148,8 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
         Answer answer = {0};
         component->time = cs->time;
         const int status = component->calls->do_step(component, cs->time, end - cs->time, &answer);
-        if (!component_checked(component, DO_STEP, status, who, failure_of(cs))) {
+        if (!component_checked(component, DO_STEP, status, who, failure_of(cs)) ||
+            failure_of(cs)->code != NO_FAILURE) { /* of a callback */
             return false;
         }
         const bool early = is_early(answer.time, cs->time, end);
@@ -165,8 +168,20 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
     return fail_at(failure_of(cs), FAILED_EARLY, cs->time);
 }
 
+/* What is overdue ticks at the next communication point: time never goes back. */
+static double next_tick(const Cs *cs, double target) {
+    for (size_t i = 0; i < cs->system->n_components; i++) {
+        const double tick = clocks_next(cs->system->components[i].clocks);
+        target = tick > cs->time ? fmin(target, tick) : target;
+    }
+    return target;
+}
+
 double cs_next_stop(const Cs *cs, double target) {
-    if (!cs->master || !cs->variable_step) {
+    if (!cs->master) {
+        return next_tick(cs, target);
+    }
+    if (!cs->variable_step) {
         return target;
     }
     const double stop = master_next_stop(cs, cs->time + SAME * cs->longest);
@@ -184,5 +199,9 @@ bool cs_step_to(Cs *cs, double end) {
         }
     }
     cs->time = end;
+    for (size_t i = 0; i < cs->system->n_components; i++) {
+        Component *component = &cs->system->components[i];
+        component->event_due = component->event_due || clocks_next(component->clocks) <= end;
+    }
     return true;
 }

@@ -28,9 +28,9 @@ typedef struct {
     int32_t has_break, has_wanted;
 } Forcing;
 
-double forcing_next_break(Forcing *forcing, double t);
-/* One value at t, biased. */
+/* One input at t, biased. */
 double forcing_value(const Forcing *forcing, size_t i, double t);
+double forcing_next_break(Forcing *forcing, double t);
 /* All values at t, biased, as the FMUs would see them, to `wanted`. */
 void forcing_evaluate(Forcing *forcing, double t);
 bool forcing_differs(const Forcing *forcing);

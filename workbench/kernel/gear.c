@@ -1,17 +1,18 @@
 /* gear.c: SUNDIALS CVODE, backward differentiation of variable step and order, for stiff models.
  *
- * CVODE comes by address (see workbench/kernel/gear.py): no SUNDIALS header is needed. Its Newton matrix
- * is dense, by differences; right-hand side and error weights are compiled callbacks. Events are located
+ * Its Newton matrix is dense, by differences, or banded where the problem says that it is sparse (gear_banded.h), by
+ * differences of several states at once; right-hand side and error weights are compiled callbacks. Events are located
  * on CVODE's own dense output by `Watch`, as in the other solvers, because the domains are > 0 and <= 0
  * and CVODE's own root functions treat 0 as a third one.
  *
  * Source: C. W. Gear, Numerical Initial Value Problems in Ordinary Differential Equations, 1971;
  * A. Hindmarsh et al., SUNDIALS, ACM TOMS 31 (2005); SUNDIALS 7 user guide for the signatures.
  */
+#include "gear_banded.h"
+#include "grouped.h"
 #include "locate.h"
 
 #include <math.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,65 +22,34 @@
 #define STRICTER 0.3
 #define TINY_GAP 1e-14 /* relative: no solver crosses less */
 #define MOST_RETREATS 12
+#define MOST_DOUBTS 2
 #define MOST_FAILURES 30 /* of one step; CVODE's own 10 give up on a model that only wants a short step */
 
 enum { BDF = 2, ONE_STEP = 2, NO_HNIL_WARNINGS = -1 };
 
-/* The types of SUNDIALS 7: sunrealtype is double, sunindextype int64_t, SUNComm int without MPI; its
- * objects are pointers. */
-typedef void *Pointer;
-typedef int (*Rhs)(double t, Pointer y, Pointer ydot, void *data);
-typedef int (*Weights)(Pointer y, Pointer weights, void *data);
-typedef void (*Handler)(int line, const char *function, const char *file, const char *message, int code,
-                        void *data, Pointer context);
-
-/* One line each, in the order of GEAR_FUNCTIONS in workbench/kernel/gear.py. */
+/* CVODE's Newton matrix, and what solves with it. */
 typedef struct {
-    int (*SUNContext_Create)(int comm, Pointer *context);
-    int (*SUNContext_Free)(Pointer *context);
-    int (*SUNContext_ClearErrHandlers)(Pointer context);
-    int (*SUNContext_PushErrHandler)(Pointer context, Handler handler, void *data);
-    Pointer (*N_VNew_Serial)(int64_t n, Pointer context);
-    int (*N_VEnableFusedOps_Serial)(Pointer vector, int on);
-    double *(*N_VGetArrayPointer)(Pointer vector);
-    void (*N_VDestroy)(Pointer vector);
-    Pointer (*SUNDenseMatrix)(int64_t rows, int64_t columns, Pointer context);
-    void (*SUNMatDestroy)(Pointer matrix);
-    Pointer (*SUNLinSol_Dense)(Pointer vector, Pointer matrix, Pointer context);
-    int (*SUNLinSolFree)(Pointer solver);
-    Pointer (*CVodeCreate)(int method, Pointer context);
-    int (*CVodeInit)(Pointer memory, Rhs rhs, double t, Pointer y);
-    int (*CVodeReInit)(Pointer memory, double t, Pointer y);
-    int (*CVodeSetUserData)(Pointer memory, void *data);
-    int (*CVodeWFtolerances)(Pointer memory, Weights weights);
-    int (*CVodeSetLinearSolver)(Pointer memory, Pointer solver, Pointer matrix);
-    int (*CVodeSetMaxHnilWarns)(Pointer memory, int warnings);
-    int (*CVodeSetMaxConvFails)(Pointer memory, int failures);
-    int (*CVodeSetMaxErrTestFails)(Pointer memory, int failures);
-    int (*CVodeSetInitStep)(Pointer memory, double h);
-    int (*CVodeSetMaxStep)(Pointer memory, double h);
-    int (*CVodeSetStopTime)(Pointer memory, double t);
-    int (*CVode)(Pointer memory, double t_out, Pointer y, double *t, int task);
-    int (*CVodeGetDky)(Pointer memory, double t, int order, Pointer y);
-    int (*CVodeGetNumErrTestFails)(Pointer memory, long *failures);
-    void (*CVodeFree)(Pointer *memory);
-} Sundials;
-
-enum { FUNCTIONS = 28 };
-_Static_assert(sizeof(Sundials) == FUNCTIONS * sizeof(void *), "one address for each function");
+    Pointer matrix, linear;
+    BandedNewton *banded; /* what they are made of; NULL: they are dense */
+} Newton;
 
 typedef struct {
     Solver base;
     Sundials c;
-    Pointer context, y, dense, matrix, linear, memory;
+    Pointer context, y, dense, memory;
+    Newton newton;
     double *y_values, *dense_values; /* [n] of the vectors y, dense */
     double end;                      /* [s] end of CVODE's last step; y belongs to it */
     double longest;                  /* [s] what CVODE was told last; 0: no bound */
     bool cut;        /* the last step ended before CVODE's did: begin anew */
     bool planned;    /* CVODE has chosen its next step already */
     bool failed;     /* the model failed for good in a callback */
+    bool refuted;    /* the model is not as sparse as the problem says */
+    size_t doubts;   /* how many of the Jacobians so far an evaluation did not confirm */
     size_t rejected; /* before the last CVodeReInit */
+    size_t looks;    /* Jacobians so far */
     Watch watch;
+    double *step, *sums; /* [n], [3n] scratch for Jacobians */
     double work[];
 } Gear;
 
@@ -124,6 +94,56 @@ static int on_weights(Pointer y, Pointer weights, void *data)
     return 0;
 }
 
+/* ---- Jacobian ---- */
+
+/* One Jacobian: the derivatives at t by the states. */
+typedef struct {
+    Gear *gear;
+    double t;
+    Banded *matrix;
+} At;
+
+static Evaluation derivatives_at(void *owner, const double *x, double *dx)
+{
+    const At *at = owner;
+    const Problem *problem = &at->gear->base.problem;
+    at->gear->base.evaluations++;
+    const Evaluation evaluation = problem->derivatives(problem->owner, at->t, x, dx);
+    return evaluation == EVALUATED && !all_finite(dx, problem->n) ? RECOVERABLE : evaluation;
+}
+
+static double *entry_at(void *owner, size_t state, size_t row)
+{
+    const At *at = owner;
+    const size_t *place = at->gear->base.problem.sparsity->place;
+    return banded_at(at->matrix, place[row], place[state]);
+}
+
+static int on_jacobian(double t, Pointer y, Pointer ydot, Pointer matrix, void *data, Pointer moved, Pointer there,
+                       Pointer unused)
+{
+    Gear *g = data;
+    (void)unused;
+    At at = {g, t, banded_of(matrix)};
+    const size_t n = g->base.problem.n;
+    const Groups *groups = &g->base.problem.sparsity->groups;
+    const Sloped sloped = {
+        .n = n, .n_values = n, .x = g->c.N_VGetArrayPointer(y), .scale = g->base.tolerance.scale,
+        .here = g->c.N_VGetArrayPointer(ydot), .moved = g->c.N_VGetArrayPointer(moved), .step = g->step,
+        .there = g->c.N_VGetArrayPointer(there), .sums = g->sums,
+        .owner = &at, .evaluate = derivatives_at, .slope = entry_at,
+    };
+    Evaluation evaluation = grouped_fill(&sloped, groups, false, grouped_move, g->looks % 2 ? -1.0 : 1.0);
+    if (evaluation == EVALUATED) {
+        evaluation = grouped_confirm(&sloped, groups, (double)g->looks++);
+        g->doubts += evaluation == RECOVERABLE; /* at a kink of the model, or because of what the file says */
+        g->refuted = g->doubts > MOST_DOUBTS && 2 * g->doubts > g->looks;
+        evaluation = evaluation == FAILED ? FAILED : EVALUATED;
+    }
+    g->failed = g->failed || evaluation == FAILED;
+    return g->refuted ? FAILED : (int)evaluation;
+}
+
 static void on_error(int line, const char *function, const char *file, const char *message, int code, void *data,
                      Pointer context)
 {
@@ -162,8 +182,7 @@ static bool make_objects(Gear *g)
     c->SUNContext_PushErrHandler(g->context, on_error, g);
     g->y = c->N_VNew_Serial(n, g->context);
     g->dense = c->N_VNew_Serial(n, g->context);
-    g->matrix = c->SUNDenseMatrix(n, n, g->context);
-    if (g->y == NULL || g->dense == NULL || g->matrix == NULL) {
+    if (g->y == NULL || g->dense == NULL) {
         return false;
     }
     /* Several vectors in one pass: CVODE's own vectors are made after these. */
@@ -172,9 +191,55 @@ static bool make_objects(Gear *g)
     g->y_values = c->N_VGetArrayPointer(g->y);
     g->dense_values = c->N_VGetArrayPointer(g->dense);
     memset(g->y_values, 0, vector_size(g));
-    g->linear = c->SUNLinSol_Dense(g->y, g->matrix, g->context);
     g->memory = c->CVodeCreate(BDF, g->context);
-    return g->linear != NULL && g->memory != NULL;
+    return g->memory != NULL;
+}
+
+static void drop_newton(const Sundials *c, Newton *newton)
+{
+    if (newton->linear != NULL && newton->banded != NULL) {
+        gear_banded_free_solver(newton->banded, newton->linear);
+    } else if (newton->linear != NULL) {
+        c->SUNLinSolFree(newton->linear);
+    }
+    if (newton->matrix != NULL) {
+        c->SUNMatDestroy(newton->matrix);
+    }
+    gear_banded_free(newton->banded);
+    *newton = (Newton){0};
+}
+
+static bool make_newton(const Gear *g, const Sparsity *sparsity, Newton *newton)
+{
+    const int64_t n = (int64_t)g->base.problem.n;
+    const Sundials *c = &g->c;
+    newton->banded = sparsity != NULL ? gear_banded_new(c, g->context, sparsity, (size_t)n) : NULL;
+    if (newton->banded != NULL) {
+        newton->matrix = gear_banded_matrix(newton->banded);
+        newton->linear = gear_banded_solver(newton->banded);
+    } else {
+        newton->matrix = c->SUNDenseMatrix(n, n, g->context);
+        newton->linear = newton->matrix != NULL ? c->SUNLinSol_Dense(g->y, newton->matrix, g->context) : NULL;
+    }
+    return newton->matrix != NULL && newton->linear != NULL;
+}
+
+/* Give CVODE its Newton matrix: banded where that is known, else dense. */
+static bool take_newton(Gear *g, const Sparsity *sparsity)
+{
+    const Sundials *c = &g->c;
+    Newton old = g->newton; /* CVODE has a copy of its matrix until it gets another one */
+    g->newton = (Newton){0};
+    const bool done = make_newton(g, sparsity, &g->newton)
+        && c->CVodeSetLinearSolver(g->memory, g->newton.linear, g->newton.matrix) == 0
+        && c->CVodeSetJacFn(g->memory, g->newton.banded != NULL ? on_jacobian : NULL) == 0;
+    if (!done) {
+        drop_newton(c, &g->newton);
+        g->newton = old;
+        return false;
+    }
+    drop_newton(c, &old);
+    return true;
 }
 
 static bool set_up(Gear *g)
@@ -182,7 +247,7 @@ static bool set_up(Gear *g)
     const Sundials *c = &g->c;
     return c->CVodeInit(g->memory, on_rhs, 0.0, g->y) == 0 && c->CVodeSetUserData(g->memory, g) == 0
         && c->CVodeWFtolerances(g->memory, on_weights) == 0
-        && c->CVodeSetLinearSolver(g->memory, g->linear, g->matrix) == 0
+        && take_newton(g, g->base.problem.sparsity)
         && c->CVodeSetMaxHnilWarns(g->memory, NO_HNIL_WARNINGS) == 0
         && c->CVodeSetMaxConvFails(g->memory, MOST_FAILURES) == 0
         && c->CVodeSetMaxErrTestFails(g->memory, MOST_FAILURES) == 0;
@@ -195,12 +260,7 @@ static void destroy(Solver *solver)
     if (g->memory != NULL) {
         c->CVodeFree(&g->memory);
     }
-    if (g->linear != NULL) {
-        c->SUNLinSolFree(g->linear);
-    }
-    if (g->matrix != NULL) {
-        c->SUNMatDestroy(g->matrix);
-    }
+    drop_newton(c, &g->newton);
     if (g->dense != NULL) {
         c->N_VDestroy(g->dense);
     }
@@ -217,7 +277,7 @@ static Evaluation indicators_at(void *owner, double t, double *z);
 
 static Solver *create(const Problem *problem, const Tolerance *tolerance, const GearLibrary *library)
 {
-    const size_t doubles = problem->n + watch_doubles(problem->nz);
+    const size_t doubles = 5 * problem->n + watch_doubles(problem->nz);
     Gear *g = problem->n > 0 ? calloc(1, sizeof *g + doubles * sizeof(double)) : NULL;
     if (g == NULL) {
         return NULL;
@@ -226,7 +286,9 @@ static Solver *create(const Problem *problem, const Tolerance *tolerance, const 
     g->base.problem = *problem;
     g->base.tolerance = *tolerance;
     g->base.x = g->work;
-    watch_bind(&g->watch, problem->nz, g->work + problem->n, g, indicators_at);
+    g->step = g->work + problem->n;
+    g->sums = g->step + problem->n;
+    watch_bind(&g->watch, problem->nz, g->sums + 3 * problem->n, g, indicators_at);
     if (!take_functions(g, library) || !make_objects(g) || !set_up(g)) {
         destroy(&g->base);
         return NULL;
@@ -322,6 +384,19 @@ static bool set_bounds(Gear *g, double stop, double longest)
     return g->c.CVodeSetStopTime(g->memory, nearest) == 0;
 }
 
+/* A model that is not as sparse as it says is stepped with a dense matrix, from where it stands. */
+static bool one_step(Gear *g, double stop)
+{
+    const int status = g->c.CVode(g->memory, stop, g->y, &g->end, ONE_STEP);
+    if (status >= 0 || !g->refuted) {
+        return status >= 0;
+    }
+    g->refuted = false;
+    g->base.message[0] = '\0';
+    return take_newton(g, NULL) && begin(g, 0.0) && g->c.CVodeSetStopTime(g->memory, stop) == 0
+        && g->c.CVode(g->memory, stop, g->y, &g->end, ONE_STEP) >= 0;
+}
+
 /* One accepted step of CVODE: to g->end, g->y. */
 static bool advance(Gear *g, double stop, double longest)
 {
@@ -332,7 +407,7 @@ static bool advance(Gear *g, double stop, double longest)
         memcpy(g->y_values, g->base.x, vector_size(g));
         return true;
     }
-    if (!set_bounds(g, stop, longest) || g->c.CVode(g->memory, stop, g->y, &g->end, ONE_STEP) < 0) {
+    if (!set_bounds(g, stop, longest) || !one_step(g, stop)) {
         return fail(g, "CVODE cannot continue");
     }
     g->planned = true;

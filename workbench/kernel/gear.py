@@ -13,7 +13,7 @@ from workbench.fmi.platforms import host
 
 __all__ = ["GEAR_FUNCTIONS", "GearLibrary", "gear_library", "why_missing"]
 
-# Function and the library that has it, in the order of `Sundials` in gear.c.
+# Function and the library that has it, in the order of `Sundials` in cvode.h.
 GEAR_FUNCTIONS: tuple[tuple[str, str], ...] = (
     ("SUNContext_Create", "core"),
     ("SUNContext_Free", "core"),
@@ -43,9 +43,24 @@ GEAR_FUNCTIONS: tuple[tuple[str, str], ...] = (
     ("CVodeGetDky", "cvode"),
     ("CVodeGetNumErrTestFails", "cvode"),
     ("CVodeFree", "cvode"),
+    ("CVodeSetJacFn", "cvode"),
+    ("SUNMatNewEmpty", "core"),
+    ("SUNMatFreeEmpty", "core"),
+    ("SUNLinSolNewEmpty", "core"),
+    ("SUNLinSolFreeEmpty", "core"),
+    ("SUNMatGetID_Dense", "sunmatrixdense"),
+    ("SUNMatClone_Dense", "sunmatrixdense"),
+    ("SUNMatDestroy_Dense", "sunmatrixdense"),
+    ("SUNMatZero_Dense", "sunmatrixdense"),
+    ("SUNMatCopy_Dense", "sunmatrixdense"),
+    ("SUNMatScaleAddI_Dense", "sunmatrixdense"),
+    ("SUNLinSolGetType_Dense", "sunlinsoldense"),
+    ("SUNLinSolGetID_Dense", "sunlinsoldense"),
+    ("SUNLinSolSetup_Dense", "sunlinsoldense"),
+    ("SUNLinSolSolve_Dense", "sunlinsoldense"),
 )
 
-MAJOR = 7  # the signatures in gear.c are those of SUNDIALS 7
+MAJOR = 7  # the signatures in cvode.h are those of SUNDIALS 7
 
 # Others need these loaded before them.
 _LIBRARIES = ("core", "nvecserial", "sunmatrixdense", "sunlinsoldense", "cvode")
@@ -130,7 +145,7 @@ def _address(libraries: Mapping[str, ctypes.CDLL], name: str, library: str) -> i
 
 
 class _VersionError(Exception):
-    """Another SUNDIALS than the one whose signatures gear.c declares."""
+    """Another SUNDIALS than the one whose signatures cvode.h declares."""
 
 
 def _check_version(core: ctypes.CDLL) -> None:

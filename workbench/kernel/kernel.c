@@ -18,7 +18,8 @@ size_t kernel_sizeof(const char *structure) {
         {"Record", sizeof(Record)},   {"GearLibrary", sizeof(GearLibrary)}, {"Me", sizeof(Me)},
         {"Cs", sizeof(Cs)},           {"Wires", sizeof(Wires)},           {"Lti", sizeof(Lti)},
         {"Slopes", sizeof(Slopes)},   {"Unit", sizeof(Unit)},             {"Master", sizeof(Master)},
-        {"Control", sizeof(Control)},
+        {"Control", sizeof(Control)}, {"Clocks", sizeof(Clocks)},         {"Tick", sizeof(Tick)},
+        {"Intermediate", sizeof(Intermediate)}, {"Sparsity", sizeof(Sparsity)}, {"Predictor", sizeof(Predictor)},
     };
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         if (strcmp(sizes[i].name, structure) == 0) {

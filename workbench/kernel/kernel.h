@@ -10,13 +10,15 @@
 #include "arithmetic.h"
 #include "control.h"
 #include "cs.h"
+#include "intermediate.h"
 #include "lti.h"
 #include "master.h"
 #include "me.h"
 #include "parent.h"
+#include "predictor.h"
 
 /* To be raised with every change of a structure or of the meaning of a call. */
-enum { KERNEL_VERSION = 11 };
+enum { KERNEL_VERSION = 14 };
 
 KERNEL_EXPORT int32_t kernel_version(void);
 /* Size of a structure by its name, 0 if there is none: the caller compares it with its own. */
@@ -50,6 +52,15 @@ KERNEL_EXPORT double kernel_signal_next_break(const Signal *signal, double t);
 /* Fourier coefficients of rows [n][width]; `fourier` names columns and memory. */
 KERNEL_EXPORT void kernel_fourier(Fourier *fourier, const double *rows, size_t n, size_t width, double *coefficients);
 KERNEL_EXPORT void kernel_fourier_result(const Fourier *fourier, double *coefficients);
+
+/* States and errors of the one-step prediction of `samples` rows of u and y; `state` is that of the first sample,
+ * and afterwards that of the sample behind the last. */
+KERNEL_EXPORT void kernel_predict(const Predictor *model, size_t samples, const double *u, const double *y,
+                                  double *state, double *states, double *errors);
+/* R(k) of R(k+1) = R(k) f + signals(k) ⊗ c, f [n][n], c [p][n]: out [samples][p][count][n]; `rows` is R(0), and
+ * afterwards that of the sample behind the last. */
+KERNEL_EXPORT void kernel_sensitivities(const double *f, const double *c, size_t n, size_t p, size_t count,
+                                        size_t samples, const double *signals, double *rows, double *out);
 
 /* Blocks, with the signatures of FMI 2.0. */
 KERNEL_EXPORT int lti_set_time(Lti *lti, double time);

@@ -13,9 +13,9 @@ from workbench.errors import WorkbenchError
 from workbench.fmi.platforms import SUFFIXES, host
 from workbench.kernel.structs import FUNCTIONS, STRUCTURES
 
-__all__ = ["KernelMissingError", "kernel", "kernel_path", "why_kernel_missing"]
+__all__ = ["KernelMissingError", "intermediate_update", "kernel", "kernel_path", "why_kernel_missing"]
 
-VERSION = 11  # KERNEL_VERSION in kernel.h
+VERSION = 14  # KERNEL_VERSION in kernel.h
 FOLDER = Path(__file__).parent / "lib"
 _REMEDY = "install the package again, which compiles it: pip install . in its folder (pip install -e . to work on it)"
 
@@ -37,7 +37,10 @@ _SIGNATURES: Mapping[str, tuple[Any, list[Any]]] = {
     "kernel_fourier": (None, [c_void_p, c_void_p, c_size_t, c_size_t, c_void_p]),
     "kernel_arithmetic": (c_int64, []),
     "kernel_end_with": (None, [c_ssize_t, c_int64, c_int32]),
+    "kernel_predict": (None, [c_void_p, c_size_t, *[c_void_p] * 5]),
+    "kernel_sensitivities": (None, [c_void_p, c_void_p, *[c_size_t] * 4, *[c_void_p] * 3]),
     "kernel_fourier_result": (None, [c_void_p, c_void_p]),
+    "kernel_intermediate_update": (None, [c_void_p, c_double, *[ctypes.c_bool] * 4, c_void_p, c_void_p]),
 }
 
 
@@ -62,6 +65,15 @@ def kernel() -> ctypes.CDLL:
     if library is None:
         raise KernelMissingError(why)
     return library
+
+
+def intermediate_update() -> int:
+    """Return the address of what answers FMUs of FMI 3.0 that ask for inputs inside a step.
+
+    Raises:
+        KernelMissingError: see `kernel`.
+    """
+    return ctypes.cast(kernel().kernel_intermediate_update, c_void_p).value or 0
 
 
 def why_kernel_missing() -> str:

@@ -107,8 +107,7 @@ static bool update_all(Cs *cs, bool *some, bool *again, int32_t *ended) {
             continue;
         }
         Answer answer = {0};
-        const int status = component->calls->update_discrete_states(component, &answer);
-        if (!component_checked(component, UPDATE_DISCRETE_STATES, status, (int32_t)i, &system->failure)) {
+        if (!component_update(component, &answer, (int32_t)i, &system->failure)) {
             return false;
         }
         if (isnan(answer.time)) {
@@ -361,8 +360,7 @@ static bool local_event(Cs *cs, Unit *unit, double part, double time) {
     }
     for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
         Answer answer = {0};
-        const int status = component->calls->update_discrete_states(component, &answer);
-        if (!component_checked(component, UPDATE_DISCRETE_STATES, status, unit->component, failure_of(cs))) {
+        if (!component_update(component, &answer, unit->component, failure_of(cs))) {
             return false;
         }
         if (isnan(answer.time)) {

@@ -72,7 +72,7 @@ static const SolverMethod *method_of(const char *name) {
 bool me_open(Me *me) {
     System *system = me->system;
     const SolverMethod *method = method_of(me->solver_name);
-    me->problem = (Problem){me, system->nx, system->nz, derivatives, indicators};
+    me->problem = (Problem){me, system->nx, system->nz, derivatives, indicators, me->sparsity};
     me->told = 0;
     for (size_t i = 0; i < system->n_components; i++) {
         me->told = me->told || system->components[i].completed_step;

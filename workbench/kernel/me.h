@@ -13,6 +13,7 @@ typedef struct {
     System *system;
     const char *solver_name;
     const GearLibrary *gear;
+    const Sparsity *sparsity; /* NULL: gear's matrix is dense */
     double rtol;
     double *scale;      /* [nx] see Tolerance */
     const double *most; /* [nx] bound of the scale */

@@ -78,8 +78,7 @@ static bool guard_events(Me *me, bool located) {
 static bool update_one(Me *me, size_t i, Answer *answer, bool *acted) {
     System *system = me->system;
     Component *component = &system->components[i];
-    const int status = component->calls->update_discrete_states(component, answer);
-    if (!component_checked(component, UPDATE_DISCRETE_STATES, status, (int32_t)i, &system->failure)) {
+    if (!component_update(component, answer, (int32_t)i, &system->failure)) {
         return false;
     }
     if (isnan(answer->time)) {
@@ -206,6 +205,9 @@ bool me_event(Me *me, bool located) {
     const double limit = system->limit;
     system->limit = (double)INFINITY;
     system_switch(system, me->time);
+    for (size_t i = 0; i < system->n_components; i++) {
+        system->components[i].time = me->time; /* after a restore it stands elsewhere */
+    }
     if (!system_enter(system, ENTER_EVENT_MODE) || !write_inputs(me) ||
         !iterate(me, &states_changed)) {
         return false;

@@ -60,7 +60,7 @@ def _native(blocks: Sequence[Block], kept: list[Any]) -> tuple[Native, Any]:
 def _block(block: Variables, columns: Sequence[int], component: int) -> tuple[Block, Any]:
     calls, library = block.calls, block.instance.library
     slots, places = indices(block.slots), indices(columns)
-    kind = value_type(calls)
+    kind = Type.TICKS if block.counts else value_type(calls)
     contiguous = list(columns) == list(range(columns[0], columns[0] + len(columns)))
     native = Block(
         get=library.address(calls.getter),

@@ -96,3 +96,4 @@ class NativeForcing:
     def apply(self) -> None:
         """Put it in force."""
         self._system.structure.forcing = self.address
+        self._system.answer(port for v, _, _, ports in self._inputs if v.is_continuous_input for port in ports)

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.kernel.structs import Slopes
+from workbench.core.grouping import groups_of, rows_by_column
+from workbench.kernel.structs import Groups, Slopes, Sparsity
 
-__all__ = ["BY_DIRECTIONAL", "BY_GROUPS", "BY_STATES", "NativeSlopes", "Pattern", "believed", "pattern_of"]
+__all__ = [
+    "BY_DIRECTIONAL",
+    "BY_GROUPS",
+    "BY_STATES",
+    "NativeSlopes",
+    "NativeSparsity",
+    "Pattern",
+    "believed",
+    "pattern_of",
+]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uintp]
@@ -38,6 +48,34 @@ class Pattern:
     rows: Indices | None = None
     references: tuple[NDArray[np.uint32], NDArray[np.uint32]] | None = None
 
+    def groups(self) -> Iterator[tuple[Indices, Indices, Indices]]:
+        """Yield each group: its states, the rows that they move, and the state that moves each row.
+
+        Only of a pattern that says what each state moves.
+        """
+        begin = 0
+        for end in self.ends.tolist():
+            members = self.members[begin:end]
+            begin = end
+            yield members, *self._moved(members)
+
+    def _moved(self, members: Indices) -> tuple[Indices, Indices]:
+        if self.first is None or self.rows is None:
+            raise ValueError("the pattern says nothing")
+        rows = [self.rows[self.first[m] : self.first[m + 1]] for m in members.tolist()]
+        return np.concatenate(rows), np.repeat(members, np.array([len(r) for r in rows], dtype=np.intp))
+
+    @property
+    def structure(self) -> Groups:
+        """The kernel's structure; the pattern must live as long as it is used."""
+        return Groups(
+            members=self.members.ctypes.data,
+            ends=self.ends.ctypes.data,
+            n_groups=len(self.ends),
+            first=None if self.first is None else self.first.ctypes.data,
+            rows=None if self.rows is None else self.rows.ctypes.data,
+        )
+
     @property
     def way(self) -> int:
         """How to find the slopes, if nothing speaks against it."""
@@ -49,30 +87,15 @@ class Pattern:
 def pattern_of(depends: Sequence[Sequence[int] | None], n: int) -> Pattern:
     """Return which of n states can be moved at once without two of them moving the same row.
 
-    Each state in turn goes to the first group that has none of its rows.
-
     Args:
         depends: for each row the states on which it depends; None: it may be all.
         n: number of states.
-
-    Source: A. Curtis, M. Powell, J. Reid, On the estimation of sparse Jacobian matrices, J. Inst. Maths Applics 13
-    (1974).
     """
-    if any(d is None for d in depends):
+    known = [d for d in depends if d is not None]
+    if len(known) < len(depends):
         return Pattern(np.arange(n, dtype=np.uintp), np.arange(1, n + 1, dtype=np.uintp))
-    rows: list[list[int]] = [[] for _ in range(n)]
-    for row, states in enumerate(depends):
-        for state in states or ():
-            rows[state].append(row)
-    groups: list[list[int]] = []
-    taken: list[set[int]] = []
-    for state, own in enumerate(rows):
-        number = next((g for g, moved in enumerate(taken) if moved.isdisjoint(own)), len(groups))
-        if number == len(groups):
-            groups.append([])
-            taken.append(set())
-        groups[number].append(state)
-        taken[number].update(own)
+    rows = rows_by_column(known, n)
+    groups = groups_of(rows)
     return Pattern(
         members=np.array([state for members in groups for state in members], dtype=np.uintp),
         ends=np.cumsum([len(members) for members in groups], dtype=np.uintp),
@@ -100,7 +123,7 @@ class NativeSlopes:
         k, n = len(times), len(pattern.members)
         self.times = np.ascontiguousarray(times, dtype=np.float64)
         self.x, self.dx = np.zeros((k, n)), np.zeros((k, n))
-        self._a, self._c, self._work = np.zeros((k, n, n)), np.zeros((k, n, q)), np.zeros(4 * n + 2 * q)
+        self._a, self._c, self._work = np.zeros((k, n, n)), np.zeros((k, n, q)), np.zeros(7 * n + 5 * q)
         self.A, self.C = self._a.transpose(0, 2, 1), self._c.transpose(0, 2, 1)
         self._pattern = pattern
         self.structure = Slopes(
@@ -111,11 +134,7 @@ class NativeSlopes:
             a=self._a.ctypes.data,
             c=self._c.ctypes.data,
             work=self._work.ctypes.data,
-            members=pattern.members.ctypes.data,
-            ends=pattern.ends.ctypes.data,
-            n_groups=len(pattern.ends),
-            first=None if pattern.first is None else pattern.first.ctypes.data,
-            rows=None if pattern.rows is None else pattern.rows.ctypes.data,
+            groups=pattern.structure,
             way=pattern.way,
         )
         if pattern.references is not None:
@@ -131,6 +150,42 @@ class NativeSlopes:
     def refuted(self, way: int) -> bool:
         """Whether a way was given up at most of the times, not only where the model has a kink."""
         return bool(2 * self.structure.refuted[way] > self.structure.passed)
+
+
+class NativeSparsity:
+    """Where ∂f/∂x may differ from zero: a band, with the states in another order; see solver.h.
+
+    Args:
+        pattern: of the derivatives of n states alone; it must say what each of them depends on.
+
+    Attributes:
+        below, above: diagonals of the band beside its own.
+        groups: number of evaluations for one Jacobian.
+
+    Source of the order: E. Cuthill, J. McKee, Reducing the bandwidth of sparse symmetric matrices, Proc. 24th ACM
+    National Conference (1969), reversed.
+
+    Raises:
+        ValueError: the pattern says nothing.
+    """
+
+    def __init__(self, pattern: Pattern) -> None:
+        from scipy.sparse import csc_array  # noqa: PLC0415  slow to import, and only large models come here
+        from scipy.sparse.csgraph import reverse_cuthill_mckee  # noqa: PLC0415
+
+        if pattern.first is None or pattern.rows is None:
+            raise ValueError("the pattern says nothing")
+        n, first, rows = len(pattern.members), pattern.first, pattern.rows
+        table = csc_array((np.ones(len(rows)), rows.astype(np.int32), first.astype(np.int32)), shape=(n, n))
+        order = reverse_cuthill_mckee((table + table.T).tocsr(), symmetric_mode=True)
+        self._pattern, self._place = pattern, np.empty(n, dtype=np.uintp)
+        self._place[order] = np.arange(n, dtype=np.uintp)
+        place = self._place.astype(np.int64)
+        apart = place[rows] - np.repeat(place, np.diff(first).astype(np.intp))
+        self.below, self.above = max(0, int(apart.max(initial=0))), max(0, int(-apart.min(initial=0)))
+        self.groups = len(pattern.ends)
+        self.structure = Sparsity(pattern.structure, self._place.ctypes.data, self.below, self.above)
+        self.address = ctypes.addressof(self.structure)
 
 
 def believed(pattern: Pattern, seen: NativeSlopes) -> Pattern:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from workbench.fmi.c_array import c_array
 from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Wiring
 from workbench.kernel.library import kernel
 from workbench.kernel.native_signals import Trouble
@@ -40,6 +41,9 @@ _NAMES: Mapping[int, Mapping[str, str]] = {
         "update_discrete_states": "fmi3UpdateDiscreteStates",
         "do_step": "fmi3DoStep",
         "get_directional": "fmi3GetDirectionalDerivative",
+        "set_clock": "fmi3SetClock",
+        "get_interval": "fmi3GetIntervalDecimal",
+        "get_clock": "fmi3GetClock",
     },
 }
 
@@ -61,6 +65,7 @@ class NativeSystem:
         self.library = kernel()
         self.instances = tuple(instances)
         self.trouble = Trouble()
+        self._holds = False
         self._kept: list[Any] = []
         self.components = c_array(Component, [self._component(i) for i in instances])
         self.structure = System(
@@ -94,12 +99,28 @@ class NativeSystem:
             time=instance.time,
             due=-math.inf,
             clock=instance.clock,
+            clocks=instance.clocks_address,
+            intermediate=None if instance.intermediate is None else ctypes.addressof(instance.intermediate),
         )
 
     def hold_inputs(self) -> None:
         """Give no slopes of inputs, also to FMUs that take them."""
         for component in self.components:
             component.slopes_work = False
+        self._holds = True
+
+    def answer(self, forced: Iterable[tuple[int, Variable]]) -> None:
+        """Say which FMUs may ask for their inputs between communication points: those that take all of them there.
+
+        Args:
+            forced: continuous inputs, each with the number of its component.
+        """
+        asked = list(forced)
+        for number, instance in enumerate(self.instances):
+            if instance.intermediate is not None:
+                takes = instance.description.intermediate
+                mine = [v for owner, v in asked if owner == number]
+                instance.intermediate.answers = not self._holds and all(v.value_reference in takes for v in mine)
 
     @property
     def event_due(self) -> bool:

@@ -21,15 +21,10 @@ typedef struct {
     double *x, *dx; /* [n_times][n] the solution, and f there */
     double *a;      /* [n_times][n][n]: ∂f_j/∂x_i at [i][j]; zeros at first */
     double *c;      /* [n_times][n][q]: ∂y_k/∂x_i at [i][k]; zeros at first */
-    double *work;   /* [4n + 2q] scratch */
-    /* What moves at once. */
-    const size_t *members; /* [n] the states, group after group */
-    const size_t *ends;    /* [n_groups] where each group ends in `members` */
-    size_t n_groups;
-    const size_t *first;   /* [n + 1] where the rows that a state moves begin in `rows`; NULL: it may move all */
-    const size_t *rows;
+    double *work;   /* [7n + 5q] scratch */
+    Groups groups;
     /* For directional derivatives, of one component. */
-    const uint32_t *knowns;   /* [n] value references of `members` */
+    const uint32_t *knowns;   /* [n] value references of the groups' members */
     const uint32_t *unknowns; /* [n + q] of the rows */
     int32_t way;              /* SlopesWay to begin with at each time */
     /* Results. */

@@ -22,12 +22,29 @@ typedef enum {
     FAILED = -1      /* for good; the owner knows why */
 } Evaluation;
 
+/* Which states are moved at once to find slopes, and which values each of them moves, as the file says. */
+typedef struct {
+    const size_t *members; /* [n] the states, group after group */
+    const size_t *ends;    /* [n_groups] where each group ends in `members` */
+    size_t n_groups;
+    const size_t *first;   /* [n + 1] where the values that a state moves begin in `rows`; NULL: it may move all */
+    const size_t *rows;
+} Groups;
+
+/* What is known of df/dx: with the states in another order it is a band. */
+typedef struct {
+    Groups groups;
+    const size_t *place;  /* [n] of each state in the band */
+    size_t below, above;  /* diagonals of the band beside its own */
+} Sparsity;
+
 /* dx/dt = f(t, x) with event indicators z(t, x); inputs are evaluated inside, at t. */
 typedef struct {
     void *owner;
     size_t n, nz;
     Evaluation (*derivatives)(void *owner, double t, const double *x, double *dx);
     Evaluation (*indicators)(void *owner, double t, const double *x, double *z);
+    const Sparsity *sparsity; /* NULL: nothing is known */
 } Problem;
 
 /* Error weights: |error_i| <= rtol·(|x_i| + scale_i). The kernel grows `scale` where the FMU declares no

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from ctypes import c_bool, c_char, c_double, c_int32, c_int64, c_size_t, c_void_p
 from typing import Any
 
+from workbench.fmi.intermediate import Intermediate
+from workbench.fmi.ticking import Clocks, Tick
 from workbench.kernel.gear import GearLibrary
 
 __all__ = [
@@ -20,13 +22,16 @@ __all__ = [
     "Failure",
     "Forcing",
     "Fourier",
+    "Groups",
     "Link",
     "Lti",
     "Master",
     "Me",
+    "Predictor",
     "Record",
     "Signal",
     "Slopes",
+    "Sparsity",
     "System",
     "Type",
     "Unit",
@@ -54,6 +59,9 @@ FUNCTIONS = (
     "get_fmu_state",
     "set_fmu_state",
     "free_fmu_state",
+    "set_clock",
+    "get_interval",
+    "get_clock",
 )
 
 
@@ -73,7 +81,7 @@ class Type:
         ctypes.c_uint64: 9,
     }
     FLOAT64 = 0
-    BOOLEAN8, BOOLEAN32 = 10, 11
+    BOOLEAN8, BOOLEAN32, TICKS = 10, 11, 12
 
 
 class Failure(ctypes.Structure):
@@ -121,6 +129,8 @@ class Component(ctypes.Structure):
         ("due", c_double),
         ("clock", c_double),
         ("calls", c_void_p),
+        ("clocks", c_void_p),
+        ("intermediate", c_void_p),
     )
 
 
@@ -344,6 +354,7 @@ class Problem(ctypes.Structure):
         ("nz", c_size_t),
         ("derivatives", c_void_p),
         ("indicators", c_void_p),
+        ("sparsity", c_void_p),
     )
 
 
@@ -381,6 +392,29 @@ class Flights(ctypes.Structure):
     )
 
 
+class Groups(ctypes.Structure):
+    """solver.h."""
+
+    _fields_ = (
+        ("members", c_void_p),
+        ("ends", c_void_p),
+        ("n_groups", c_size_t),
+        ("first", c_void_p),
+        ("rows", c_void_p),
+    )
+
+
+class Sparsity(ctypes.Structure):
+    """solver.h."""
+
+    _fields_ = (
+        ("groups", Groups),
+        ("place", c_void_p),
+        ("below", c_size_t),
+        ("above", c_size_t),
+    )
+
+
 class Me(ctypes.Structure):
     """me.h."""
 
@@ -388,6 +422,7 @@ class Me(ctypes.Structure):
         ("system", c_void_p),
         ("solver_name", ctypes.c_char_p),
         ("gear", c_void_p),
+        ("sparsity", c_void_p),
         ("rtol", c_double),
         ("scale", c_void_p),
         ("most", c_void_p),
@@ -426,11 +461,7 @@ class Slopes(ctypes.Structure):
         ("a", c_void_p),
         ("c", c_void_p),
         ("work", c_void_p),
-        ("members", c_void_p),
-        ("ends", c_void_p),
-        ("n_groups", c_size_t),
-        ("first", c_void_p),
-        ("rows", c_void_p),
+        ("groups", Groups),
         ("knowns", c_void_p),
         ("unknowns", c_void_p),
         ("way", c_int32),
@@ -548,7 +579,23 @@ class Control(ctypes.Structure):
     )
 
 
+class Predictor(ctypes.Structure):
+    """predictor.h."""
+
+    _fields_ = (
+        ("n", c_size_t),
+        ("m", c_size_t),
+        ("p", c_size_t),
+        ("a", c_void_p),
+        ("b", c_void_p),
+        ("c", c_void_p),
+        ("d", c_void_p),
+        ("k", c_void_p),
+        ("offset", c_void_p),
+    )
+
+
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
     Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
-    Wires, Lti, Slopes, Unit, Master, Control,
+    Wires, Lti, Slopes, Unit, Master, Control, Sparsity, Clocks, Tick, Intermediate, Predictor,
 )  # fmt: skip

@@ -5,13 +5,14 @@ from __future__ import annotations
 import copy
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import TYPE_CHECKING, Self
 
 from workbench.core.closable import Closable
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.operating_point import At, OperatingPoint
-from workbench.errors import InputError
-from workbench.fmi.variable import Variable
+from workbench.errors import InputError, visible
+from workbench.fmi.variable import Value, Variable
 from workbench.model.placing import find_point
 from workbench.session.base import Session
 from workbench.session.point import Point
@@ -21,6 +22,13 @@ if TYPE_CHECKING:
     from workbench.model.recipe import Recipe
 
 __all__ = ["Model"]
+
+_MOST = 40  # variables of a kind that a notebook shows
+
+
+def _row(v: Variable) -> str:
+    cells = (v.name, v.unit or "", "" if v.start is None else str(v.start), v.description or "")
+    return f"<tr>{''.join(f'<td>{escape(visible(c))}</td>' for c in cells)}</tr>"
 
 
 class Model(Closable):
@@ -62,6 +70,28 @@ class Model(Closable):
     at: OperatingPoint | None = None
     rtol: float = 0.0
 
+    def __repr__(self) -> str:
+        """Return one line: what it is, and how many variables of each kind it has."""
+        counts = ", ".join(f"{len(held)} {kind[: -(len(held) == 1) or None]}" for kind, held in self._kinds().items())
+        return f"<{type(self).__name__} {visible(self.name)} ({self.interface}, {self.solver}): {counts}>"
+
+    def _repr_html_(self) -> str:
+        """Return its variables as tables, for a notebook."""
+        parts = [f"<strong>{escape(visible(self.name))}</strong> ({self.interface}, {self.solver})"]
+        for kind, held in self._kinds().items():
+            rows = "".join(_row(v) for v in held[:_MOST])
+            more = f"<p>… {len(held) - _MOST} more</p>" if len(held) > _MOST else ""
+            opened = " open" if kind in {"inputs", "outputs"} else ""
+            head = "<tr><th>name</th><th>unit</th><th>start</th><th>description</th></tr>"
+            table = f"<table>{head}{rows}</table>{more}"
+            parts.append(f"<details{opened}><summary>{len(held)} {kind}</summary>{table}</details>")
+        return "".join(parts)
+
+    def _kinds(self) -> dict[str, tuple[Variable, ...]]:
+        return {
+            "inputs": self.inputs, "outputs": self.outputs, "states": self.states, "parameters": self.parameters,
+        }  # fmt: skip
+
     def placed(self, at: At | None) -> Self:
         """Return the model that starts at an operating point, here and in every worker; it is closed with this one.
 
@@ -82,6 +112,11 @@ class Model(Closable):
         twin.at, twin.notes = point, (*self.notes, *notes)
         twin.start_time = self.start_time if point is None else point.time
         return twin
+
+    @property
+    def start_values(self) -> Mapping[str, Value]:
+        """Parameters and start values that it was opened with, in their variables' types, arrays element by element."""
+        return {}
 
     @abstractmethod
     def open_session(

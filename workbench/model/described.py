@@ -97,6 +97,10 @@ class DescribedModel(Model):
     def _with(self, *causalities: str) -> tuple[Variable, ...]:
         return tuple(v for v in self.description.variables if v.causality in causalities)
 
+    @property
+    def start_values(self) -> Mapping[str, Value]:
+        return self._setup.start_values
+
     @abstractmethod
     def new_instance(self) -> Instance:
         """Return a new instance; whoever asks for it closes it."""

@@ -9,6 +9,7 @@ from workbench.fmi.binding import instantiate
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library
+from workbench.kernel.library import intermediate_update
 from workbench.model.described import DescribedModel
 from workbench.session.fmu import Setup
 
@@ -64,6 +65,7 @@ class FmuModel(DescribedModel):
             source=source,
             library=loaded,
             event_mode=not self._setup.manners.other_order,
+            update=intermediate_update() if self.interface == "cs" else None,
         )
         if self._binary is None:  # stays loaded between sessions
             self._binary = instance.library.held()

@@ -4,34 +4,33 @@ from __future__ import annotations
 
 import hashlib
 import io
-import math
 import zipfile
 from collections import OrderedDict
-from collections.abc import Mapping
 from dataclasses import KW_ONLY, field, replace
 from pathlib import Path
 from typing import Any
 
 from workbench.core.loading import Loading
 from workbench.core.locks import forkable_lock
-from workbench.core.names import check_names
 from workbench.core.option import values_of, with_options
 from workbench.core.scratch import scratch
-from workbench.errors import FmuError, InputError, article, suggest
+from workbench.errors import FmuError, InputError, suggest
 from workbench.fmi.archive import Unpacked, unpack
-from workbench.fmi.description import Description, read_description
+from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.platforms import binary_path
-from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
+from workbench.fmi.reading import read_description
+from workbench.fmi.structure import structural_values
+from workbench.fmi.ticking import time_based
 from workbench.kernel.gear import why_missing
 from workbench.model.fmu_model import FmuModel
 from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe, content_hash, files_of, hash_of
+from workbench.model.starts import check_biases, check_starts
+from workbench.session.directional import newton_note
 from workbench.session.fmu import Setup
 
 __all__ = [
     "FmuRecipe",
-    "check_biases",
-    "check_starts",
     "choose_solver",
     "experiment_notes",
     "load",
@@ -40,7 +39,6 @@ __all__ = [
 ]
 
 SOLVERS = ("gear", "vkm", "none")
-_SETTABLE = ("parameter", "input", "local", "output")
 
 
 def load_fmu(path: str | Path, asked: Loading) -> FmuModel:
@@ -173,6 +171,8 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     """
     source = str(unpacked.source)
     description = read_description(unpacked.folder, source=source)
+    if sizes := structural_values(description, recipe.start_values):
+        description = read_description(unpacked.folder, source=source, structure=sizes)
     chosen = _choose_interface(recipe.interface, description, source)
     if recipe.hold_inputs and chosen != "cs":
         raise InputError("hold_inputs: only co-simulation holds inputs between points; use interface cs")
@@ -182,7 +182,7 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     setup = Setup(
         open_instance=_not_yet,
         variables=variables,
-        start_values=check_starts(recipe.start_values, variables),
+        start_values=check_starts(recipe.start_values, variables, description.enumerations),
         bias=check_biases(recipe.bias, variables),
         rtol=recipe.tolerance or description.experiment.tolerance or DEFAULT_TOLERANCE,
         tolerance=recipe.tolerance or description.experiment.tolerance,
@@ -222,6 +222,11 @@ def experiment_notes(recipe: LoadRecipe, description: Description) -> list[str]:
 
 def _choose_interface(wanted: str, description: Description, source: str) -> str:
     offered = description.interfaces
+    if not offered and description.scheduled is not None:
+        raise InputError(
+            f"{source}: offers scheduled execution alone: when its parts run is for a scheduler to say, not for the "
+            "FMU, so it cannot be analysed by itself; export it for co-simulation or model exchange"
+        )
     if not offered:
         raise InputError(f"{source}: offers neither model exchange nor co-simulation")
     if wanted == "auto":
@@ -233,10 +238,22 @@ def _choose_interface(wanted: str, description: Description, source: str) -> str
 
 def _choose_solver(wanted: str, interface: str, description: Description) -> tuple[str, str]:
     if interface == "me":
-        return choose_solver(wanted, states=description.state_count)
+        name, note = choose_solver(wanted, states=description.state_count)
+        return name, "; ".join(filter(None, (note, newton_note(description) if name == "gear" else "")))
     if wanted not in ("auto", "fmu"):
         raise InputError(f"solver {wanted}: a co-simulation FMU brings its own; leave solver at auto")
     return "fmu", ""
+
+
+def _silent_clocks(description: Description, *, event_mode: bool) -> list[str]:
+    """Say which clocks do not tick although something depends on them."""
+    driven = time_based(description.clocks)
+    inputs = {name: c for name, c in description.clocks.items() if c.causality == "input"}
+    waiting = [name for name in inputs if name not in driven]
+    notes = [f"triggered by nothing here, these clocks never tick: {', '.join(waiting)}"] if waiting else []
+    if driven and not event_mode:
+        notes.append(f"without event mode, which its co-simulation does not have, no clock ticks: {', '.join(driven)}")
+    return notes
 
 
 def choose_solver(wanted: str, *, states: int) -> tuple[str, str]:
@@ -272,65 +289,8 @@ def _notes(wanted: str, chosen: str, description: Description, step: float | Non
             if default is None
             else f"communication step: {default:g} s, from the FMU's default experiment; --step changes it"
         )
-    if description.interfaces[chosen].needs_tool:
+    claims = description.interfaces[chosen]
+    notes += _silent_clocks(description, event_mode=chosen == "me" or claims.event_mode)
+    if claims.needs_tool:
         notes.append("the FMU says that it needs its authoring tool installed on this machine")
     return notes
-
-
-def check_starts(values: Mapping[str, Value], variables: Mapping[str, Variable]) -> dict[str, Value]:
-    """Return start values in their variables' types.
-
-    Raises:
-        InputError: no such variable, it cannot be set, or the value is not of its type.
-    """
-    return {name: _start(name, value, variables) for name, value in values.items()}
-
-
-def _start(name: str, value: Value, variables: Mapping[str, Variable]) -> Value:
-    check_names([name], variables, kinds=("variable",))
-    variable = variables[name]
-    if variable.causality not in _SETTABLE or variable.variability == "constant":
-        raise InputError(f"{name}: a {variable.variability} {variable.causality} cannot be set")
-    try:
-        return _as_type(variable, value)
-    except (OverflowError, TypeError, ValueError):  # the first of a whole number that no float can be
-        raise InputError(f"{name}: '{value}' is not a value that {article(variable.type)} can have") from None
-
-
-def _as_type(variable: Variable, value: Value) -> Value:
-    """Return `value` as the variable's type; raises ValueError if it cannot be that."""
-    if variable.type in ("String", "Binary"):
-        return str(value)
-    if variable.type == "Boolean":
-        return _as_boolean(value)
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError(value)
-    if variable.type in FLOAT_TYPES:
-        return number
-    if number != int(number):
-        raise ValueError(value)
-    return int(value) if isinstance(value, int | str) and "." not in str(value) else int(number)
-
-
-def _as_boolean(value: Value) -> bool:
-    text = str(value).lower()
-    if text not in ("true", "false", "1", "0", "1.0", "0.0"):
-        raise ValueError(value)
-    return text in ("true", "1", "1.0")
-
-
-def check_biases(bias: Mapping[str, float], variables: Mapping[str, Variable]) -> dict[str, float]:
-    """Return the biases.
-
-    Raises:
-        InputError: no such real input, or the value is not finite.
-    """
-    inputs = {n: v for n, v in variables.items() if v.causality == "input"}
-    check_names(bias, inputs, kinds=("input",), what="bias", others={n: v.causality for n, v in variables.items()})
-    for name, value in bias.items():
-        if inputs[name].type not in FLOAT_TYPES:
-            raise InputError(f"bias: input '{name}' is a {inputs[name].type}; only real inputs take a bias")
-        if not math.isfinite(value):
-            raise InputError(f"bias: {name} must be a finite number, not {value}")
-    return dict(bias)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -188,7 +187,7 @@ def _check_bias(model: Model, point: OperatingPoint, what: str) -> None:
     recipe = model.recipe
     if not isinstance(recipe, LoadRecipe):
         return
-    starts = {v.name: v.start for v in model.inputs} | dict(recipe.start_values)
+    starts = {v.name: v.start for v in model.inputs} | dict(model.start_values)
     for name, bias in recipe.bias.items():
         biased = float(starts[name] or 0.0) + bias
         if name in point.u and not _same(biased, point.u[name]):
@@ -200,7 +199,7 @@ def _check_bias(model: Model, point: OperatingPoint, what: str) -> None:
 def _remarks(model: Model, point: OperatingPoint, what: str) -> tuple[str, ...]:
     notes = []
     usual: dict[str, Any] = {v.name: v.start for v in model.parameters}
-    here, given = _parameters(model), _start_values(model)
+    here, given = _parameters(model), model.start_values
     for name in {**point.parameters, **here}:
         then, now = point.parameters.get(name, usual.get(name)), here.get(name, usual.get(name))
         if not _same(then, now):
@@ -221,15 +220,10 @@ def _same(a: object, b: object) -> bool:
     return a == b
 
 
-def _start_values(model: Model) -> Mapping[str, Any]:
-    recipe = model.recipe
-    return recipe.start_values if isinstance(recipe, LoadRecipe) else {}
-
-
 def _parameters(model: Model) -> dict[str, Any]:
     """Return the parameters that were set → value."""
     names = {v.name for v in model.parameters}
-    return {name: value for name, value in _start_values(model).items() if name in names}
+    return {name: value for name, value in model.start_values.items() if name in names}
 
 
 def _listed(names: list[str]) -> str:

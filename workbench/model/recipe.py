@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from dataclasses import KW_ONLY, fields, replace
+from dataclasses import KW_ONLY, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -15,6 +15,9 @@ from workbench.core.option import values_of
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from workbench.fmi.variable import Value
     from workbench.model.base import Model
     from workbench.model.described import DescribedModel
 
@@ -77,6 +80,9 @@ class LoadRecipe(Loading, Recipe):
         source: what the user named, for messages.
         at: where its sessions start; None: at the model's own start. See `Model.placed`.
     """
+
+    if TYPE_CHECKING:
+        start_values: Mapping[str, Value] = field(default_factory=dict)  # whole arrays are texts by now
 
     _: KW_ONLY
     source: str

@@ -9,7 +9,7 @@ from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
-from workbench.model.load import check_starts
+from workbench.model.starts import check_starts
 
 __all__ = ["Varied", "set_to", "with_parameters"]
 

@@ -44,6 +44,7 @@ class ModelFacts:
         tolerance: relative, of the integration; None: the FMU's own.
         step: communication step that was given, or on which the FMU insists [s]; None: neither.
         start_values: parameters and start values that were set.
+        defaults: of what was set → value as the FMU declares it; those without one are left out.
         bias: constants added to inputs.
         fmus: those it consists of.
         blocks: component → what it is, for components that are not FMUs.
@@ -57,6 +58,7 @@ class ModelFacts:
     tolerance: float | None = None
     step: float | None = None
     start_values: Mapping[str, Any] = field(default_factory=dict)
+    defaults: Mapping[str, Any] = field(default_factory=dict)
     bias: Mapping[str, float] = field(default_factory=dict)
     fmus: tuple[FmuFacts, ...] = ()
     blocks: Mapping[str, str] = field(default_factory=dict)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import weakref
-import zipfile
+from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO
-
-from lxml import etree
 
 from workbench.errors import WorkbenchError
-from workbench.fmi.archive import DAMAGED
 from workbench.fmi.bundled import name_of_bundled
 from workbench.fmi.description import Description
+from workbench.fmi.reading import described_at
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.load import FmuRecipe
@@ -22,9 +19,6 @@ from workbench.system.description import Component, FmuComponent
 from workbench.system.recipe import SystemRecipe
 
 __all__ = ["facts_of", "fmu_facts", "hash_of"]
-
-_CO_SIMULATION = ("CoSimulation", "Implementation")  # FMI 2.0 and 3.0, FMI 1.0
-
 
 # A model's facts are fixed when it is made; an analysis may be called thousands of times on it.
 _KNOWN: weakref.WeakKeyDictionary[Model, ModelFacts] = weakref.WeakKeyDictionary()
@@ -50,6 +44,11 @@ def _facts_of(model: Model) -> ModelFacts:
         tolerance=_tolerance(model, recipe),
         step=recipe.step or model.grid,
         start_values=dict(recipe.start_values),
+        defaults={
+            v.name: v.start
+            for v in model.description.variables
+            if v.name in recipe.start_values and v.start is not None
+        },
         bias=dict(recipe.bias),
         fmus=_fmus(model, recipe),
         blocks={c.name: type(c).__name__.removesuffix("Component").lower() for c in components if not _is_fmu(c)},
@@ -104,17 +103,15 @@ def _fmus(model: DescribedModel, recipe: LoadRecipe) -> tuple[FmuFacts, ...]:
 
 def _part(name: str, recipe: FmuRecipe, interface: str) -> FmuFacts:
     path = Path(recipe.source)
-    version, tool, model, offered = _head(Path(recipe.folder) if Path(recipe.folder).is_dir() else path)
     chosen = interface if interface in ("me", "cs") else recipe.interface
-    return FmuFacts(
-        component=name,
-        model=model,
-        file=path.name,
-        sha256=_hash_or_none(path),
-        fmi_version=version,
-        generation_tool=tool,
-        interface=offered if chosen == "auto" else chosen,
-    )
+    try:
+        found = described_at(Path(recipe.folder) if Path(recipe.folder).is_dir() else path)
+    except (WorkbenchError, OSError):  # removed since it was loaded; a result is no worse for that
+        return FmuFacts(
+            component=name, model="", file=path.name, sha256="", fmi_version="", generation_tool="", interface=chosen
+        )
+    offered = "me" if "me" in found.interfaces else "cs"
+    return replace(fmu_facts(path, found, offered if chosen == "auto" else chosen), component=name)
 
 
 def _hash_or_none(path: Path) -> str:
@@ -122,33 +119,3 @@ def _hash_or_none(path: Path) -> str:
         return hash_of(path)
     except WorkbenchError:  # removed since it was loaded; a result is no worse for that
         return ""
-
-
-def _head(path: Path) -> tuple[str, str, str, str]:
-    """Return FMI version, tool, model's name and the interface that `auto` takes; empty where the file is gone."""
-    try:
-        if path.is_dir():
-            with (path / "modelDescription.xml").open("rb") as file:
-                return _read_head(file)
-        with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as inside:
-            return _read_head(inside)  # type: ignore[arg-type]  # a zip's member is read as a file is
-    except (OSError, KeyError, RuntimeError, etree.XMLSyntaxError, *DAMAGED):
-        return "", "", "", ""
-
-
-def _read_head(file: BinaryIO) -> tuple[str, str, str, str]:
-    """Read as far as the variables begin."""
-    root: dict[str, str] = {}
-    seen: set[str] = set()
-    for _, element in etree.iterparse(file, events=("start",), resolve_entities=False, no_network=True):
-        root = root or dict(element.attrib)
-        seen.add(element.tag)
-        if element.tag == "ModelVariables":
-            break
-    only_cs = any(tag in seen for tag in _CO_SIMULATION) and "ModelExchange" not in seen
-    return (
-        root.get("fmiVersion", ""),
-        root.get("generationTool", ""),
-        root.get("modelName", ""),
-        "cs" if only_cs else "me",
-    )

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from workbench.errors import InputError
 from workbench.plotting.figure import COLOURS, label
+from workbench.plotting.figure import panels as panels_of
 
 if TYPE_CHECKING:
     from workbench.analysis.advice.result import Advice, Finding
@@ -25,32 +25,27 @@ _WIDTH = 104  # characters of a line
 _LINE = 0.19  # [inch]
 
 
-def plot_advice(advice: Advice) -> Figure:
+def plot_advice(advice: Advice, *, findings: bool = True) -> Figure:
     """Draw inputs and outputs over time with marked samples, the coherence, and every finding with its verdict.
 
     Args:
         advice: what to draw.
+        findings: write them below; a page has a table of them.
     """
     texts = [_wrapped(f) for f in advice.findings]
     lines = sum(len(t) for t in texts) + 0.35 * len(texts)
     panels = min(advice.experiment.n_inputs + advice.experiment.n_outputs, _MOST_PANELS)
-    heights = [*(1.35 for _ in range(panels)), 1.6, _LINE * lines + 0.3]
-    figure = Figure(figsize=(9.0, sum(heights) + 0.9), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = list(figure.subplots(panels + 2, 1, height_ratios=heights, squeeze=False)[:, 0])
-    axes[0].set_title(
-        f"{advice.experiment.name}: advice on the data, worst verdict: {advice.worst}", loc="left", fontweight="bold"
-    )
+    heights = [*(1.35 for _ in range(panels)), 1.6, *([_LINE * lines + 0.3] if findings else [])]
+    title = f"{advice.experiment.name}: advice on the data, worst verdict: {advice.worst}"
+    figure, grid = panels_of(len(heights), 1, title=title, width=9.0, height=1.0, ratios=heights)
+    axes = [row[0] for row in grid]
     _record(axes[:panels], advice)
     _coherence(axes[panels], advice)
-    _verdicts(axes[-1], advice.findings, texts)
-    for ax in axes[:-1]:
-        ax.grid(visible=True, color="#cccccc", linewidth=0.7)
-        ax.set_axisbelow(True)
+    if findings:
+        _verdicts(axes[-1], advice.findings, texts)
+    for ax in axes[: panels + 1]:
         ax.tick_params(labelsize=8.5)
-        for side in ("top", "right"):
-            ax.spines[side].set_visible(False)
-    figure.align_ylabels(axes[:-1])
+    figure.align_ylabels(axes[: panels + 1])
     return figure
 
 
@@ -86,9 +81,8 @@ def _coherence(ax: Axes, advice: Advice) -> None:
     for i, name in enumerate(found.output_names):
         colour = COLOURS[(i + 1) % len(COLOURS)]
         ax.plot(found.frequency_hz[1:], found.multiple[1:, i], color=colour, linewidth=1.3, label=name)
-    ax.axhline(found.significance_95, color="#888888", linestyle="--", linewidth=0.9)
-    if len(found.output_names) > 1:
-        ax.legend(fontsize=8.0, framealpha=0.9, edgecolor="#cccccc")
+    ax.axhline(found.significance_95, color="#888888", linestyle="--", linewidth=0.9, label="95 % of chance")
+    ax.legend(fontsize=8.0, framealpha=0.9, edgecolor="#cccccc")
     ax.set_ylim(0.0, 1.04)
     ax.set_ylabel("coherence", fontsize=8.5)
     ax.set_xlabel(f"frequency [Hz]; {found.settings.describe()}", fontsize=8.5)

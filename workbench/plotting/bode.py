@@ -43,7 +43,7 @@ def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
         result: what to draw.
         offset: draw the mean of the output too.
     """
-    title = f"{result.model}: {result.input} → {result.output}"
+    title = f"{result.model}: {result.input} → {result.output}{_of_one(result)}"
     figure, axes = rows(3 if offset else 2, title=title)
     pictures = [(result.gain_db, gain_label(result.input_unit, result.output_unit)), (result.phase_deg, "phase [deg]")]
     if offset:
@@ -139,8 +139,17 @@ def _open_up(ax: Axes, values: Floats, least: float) -> None:
         ax.set_ylim(middle - 0.6 * least, middle + 0.6 * least)
 
 
+def _unit(result: NfrResult) -> str:
+    return f" {result.input_unit}" if result.input_unit and result.input_unit != "1" else ""
+
+
+def _of_one(result: NfrResult) -> str:
+    """Return the amplitude where there is only one."""
+    return f", amplitude {result.amplitude[0]:g}{_unit(result)}" if len(result.amplitude) == 1 else ""
+
+
 def _legend(figure: Figure, ax: Axes, result: NfrResult) -> None:
-    unit = f" {result.input_unit}" if result.input_unit and result.input_unit != "1" else ""
+    unit = _unit(result)
     style: dict[str, Any] = {"linewidth": 1.3, "markersize": 4.0, "markerfacecolor": "white"}
     handles = [
         Line2D([], [], color=COLOURS[i % len(COLOURS)], marker="o", label=f"{a:g}{unit}", **style)

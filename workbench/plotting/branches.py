@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from workbench.core.decibels import decibels
-from workbench.plotting.figure import COLOURS, label, rows
+from workbench.plotting.figure import COLOURS, LEGEND, label, rows
 from workbench.plotting.response import Degrees, gain_label, log_axis
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def branch_handles(branches: Sequence[ResponseBranch], folds: Sequence[Fold]) ->
 
 
 def _legend(figure: Figure, result: BranchesResult, colours: dict[float, str]) -> None:
-    """Put the legend below the picture, where it covers no curve."""
+    """Put the legend beside the picture, where it covers no curve."""
     handles: list[Any] = []
     if len(colours) > 1:
         unit = f" {result.input_unit}" if result.input_unit not in {None, "1"} else ""
@@ -119,5 +119,4 @@ def _legend(figure: Figure, result: BranchesResult, colours: dict[float, str]) -
     if result.asked_hz:
         handles.append(Line2D([], [], label=f"{', '.join(f'{f:g}' for f in result.asked_hz)} Hz", **_ASKED))
     if handles:
-        columns = min(len(handles), 4)
-        figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=8.5, frameon=False)
+        figure.legend(handles=handles, loc="outside right upper", **LEGEND)

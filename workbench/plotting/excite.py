@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from scipy import signal
 
 from workbench.analysis.experiment.experiment import Experiment
-from workbench.plotting.figure import COLOURS, label, rows
+from workbench.plotting.figure import COLOURS, frame, label, rows
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -57,9 +57,7 @@ def _unshared(figure: Figure, shared: Sequence[Axes]) -> list[Axes]:
     for k, old in enumerate(shared[1:], 2):
         old.remove()
         ax = figure.add_subplot(len(shared), 1, k)
-        ax.grid(visible=True, color="#cccccc", linewidth=0.7)
-        ax.set_axisbelow(True)
-        ax.spines[["top", "right"]].set_visible(False)
+        frame(ax)
         axes.append(ax)
     axes[0].tick_params(labelbottom=True)
     return axes
@@ -111,8 +109,8 @@ def _spectra(ax: Axes, data: Experiment, design: SignalFacts) -> None:
         shown = level > _FLOOR if design.kind == "multisine" else np.ones(len(level), dtype=bool)
         ax.plot(frequency[shown], level[shown], color=COLOURS[i % len(COLOURS)], label=name, **_STYLES[design.kind])
     ax.axvspan(low, high, color=COLOURS[4], alpha=0.15, linewidth=0.0)
-    what = "−3 dB" if design.kind == "prbs" else "lines"
-    _say(ax, f"{what} from {low:.3g} to {high:.4g} Hz; 0 dB is the mean there")
+    what = "above −3 dB" if design.kind == "prbs" else "lines"
+    _say(ax, f"shaded: {what}, {low:.3g} … {high:.4g} Hz; 0 dB is the mean there")
     ax.set_xlim(0.0, 0.5 / design.dt)
     ax.set_ylim(-40.0, 5.0)
     ax.set_ylabel("spectral density [dB]")

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from workbench.core.decibels import decibels, degrees, unwrapped
 from workbench.errors import InputError, suggest
 from workbench.plotting.figure import ABOVE, COLOURS, LEGEND, label, panels
-from workbench.plotting.response import plain_decades
+from workbench.plotting.response import Degrees, plain_decades
 
 if TYPE_CHECKING:
     from workbench.analysis.describing.base import Complex, Floats
@@ -98,7 +98,7 @@ def _error(result: FeedForwardResult) -> Figure:
             axes[1].plot(result.frequency_hz, _wrapped(value), dash, **_line(number, dash))
     _shade(axes[1], result)
     axes[1].set(ylabel="phase of the error [deg]", ylim=(-190.0, 190.0))
-    axes[1].yaxis.set_major_locator(MultipleLocator(90.0))
+    axes[1].yaxis.set_major_locator(Degrees())
     _frequency(axes[1], result)
     return figure
 
@@ -174,8 +174,7 @@ def _phase(ax: Axes, result: FeedForwardResult, curves: list[Curve]) -> None:
         ax.plot(result.frequency_hz, angle, dash, **_line(number, dash))
     _shade(ax, result)
     ax.set(ylabel="phase [deg]")
-    low, high = ax.get_ylim()
-    ax.yaxis.set_major_locator(MultipleLocator(next((s for s in (90.0, 180.0) if (high - low) / s <= 8.0), 360.0)))
+    ax.yaxis.set_major_locator(Degrees())
 
 
 def _wrapped(value: Complex) -> Floats:
@@ -216,13 +215,14 @@ def _plane(ax: Axes, result: FeedForwardResult) -> None:
         ax.plot(p.real * scale, p.imag * scale, "+", color=COLOURS[3], markersize=9.0, markeredgewidth=1.6)
         ax.annotate("", (-p.real * scale, p.imag * scale), (p.real * scale, p.imag * scale),
                     arrowprops={"arrowstyle": "->", "color": COLOURS[3], "linewidth": 1.0})  # fmt: skip
-    ax.plot([], [], "+", color=COLOURS[3], markersize=9.0, markeredgewidth=1.6, label="pole before it was mirrored")
+    if any(abs(p) * scale <= high for p in made.mirrored.tolist()):
+        ax.plot([], [], "+", color=COLOURS[3], markersize=9.0, markeredgewidth=1.6, label="pole before it was mirrored")
     ax.axvline(0.0, color="#666666", linewidth=0.9)
     ax.axhspan(result.band[1], high, color=_SHADE, zorder=0)
     ax.set_ylim(-0.02 * high, high)
     ax.set_xscale("symlog", linthresh=0.1)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.set(xlabel="real part / 2π [1/s]", ylabel="imaginary part / 2π [Hz]")
+    ax.set(xlabel="real part / 2π [1/s]; grey: above the band", ylabel="imaginary part / 2π [Hz]")
     ax.legend(**ABOVE, ncols=3)
 
 

@@ -14,7 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from workbench.core.poles import continuous, damped_frequency_hz
 from workbench.plotting.feedback_nyquist import draw_curve
 from workbench.plotting.feedback_settling import draw_settling
-from workbench.plotting.figure import ABOVE, COLOURS, panels, written
+from workbench.plotting.figure import ABOVE, COLOURS, UNSTABLE, panels, written
+from workbench.plotting.names import name_lines, name_points
 
 if TYPE_CHECKING:
     from workbench.analysis.feedback.result import FeedbackResult
@@ -73,7 +74,7 @@ def draw_locus(ax: Axes, result: FeedbackResult, *, near: bool) -> None:
     locus = result.locus
     left, right, top = _view(result, near=near)
     _damping_lines(ax, left, top)
-    ax.axvspan(0.0, right, color="#f4e3d7", alpha=0.6, zorder=0, linewidth=0.0)
+    ax.axvspan(0.0, right, label="unstable", **UNSTABLE)
     ax.axvline(0.0, color="#444444", linewidth=0.9, zorder=2)
     limits = Normalize(float(locus.gains[0]), float(locus.gains[-1]))
     for column in locus.poles.T:
@@ -113,20 +114,14 @@ def _view(result: FeedbackResult, *, near: bool) -> tuple[float, float, float]:
 
 
 def _damping_lines(ax: Axes, left: float, top: float) -> None:
-    """Draw lines of constant damping ratio, named where they leave the picture and there is room."""
-    named: list[tuple[float, float]] = []
-    for ratio in reversed(_DAMPINGS):
+    """Draw lines of constant damping ratio, each named on itself where there is room."""
+    ends = []
+    for ratio in _DAMPINGS:
         slope = 2.0 * np.pi * ratio / np.sqrt(1.0 - ratio**2)  # −real part over frequency
         end = min(top, -left / slope)
         ax.plot([0.0, -slope * end], [0.0, end], color="#999999", linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
-        x, y = -slope * end * 0.96, end * 0.96
-        if any(abs(x - u) < -0.2 * left and abs(y - v) < 0.06 * top for u, v in [*named, (0.0, y)]):
-            continue
-        named.append((x, y))
-        ax.annotate(
-            f"ζ = {ratio:g}", (x, y), fontsize=7.5, color="#777777", ha="center", va="center", zorder=1,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85},
-        )  # fmt: skip
+        ends.append((-slope * end, end))
+    name_lines(ax, (0.0, 0.0), ends, [f"ζ = {ratio:g}" for ratio in _DAMPINGS])
 
 
 def _ends(ax: Axes, result: FeedbackResult, top: float, *, named: bool) -> None:
@@ -135,24 +130,16 @@ def _ends(ax: Axes, result: FeedbackResult, top: float, *, named: bool) -> None:
         poles = _open_poles(result)
         f = damped_frequency_hz(poles)
         ax.plot(poles.real, f, "x", color="#222222", markersize=6.0, zorder=5, label="g = 0")
-    seen: list[float] = []
-    for c in _marked(result):
-        if not np.isfinite(c.frequency_hz) or c.frequency_hz > top:
-            continue
+    ends = [c for c in _marked(result) if np.isfinite(c.frequency_hz) and c.frequency_hz <= top]
+    words = {True: "on the border", False: "there, others beyond"}
+    for c in ends:
         stable = 0 in (c.unstable_below, c.unstable_above)
         style: dict[str, Any] = {"color": COLOURS[1], "markerfacecolor": COLOURS[1] if stable else "white"}
-        ax.plot(0.0, c.frequency_hz, "o", markersize=6.0, zorder=6, **style)
-        crowded = any(abs(c.frequency_hz - y) < 0.03 * top for y in seen)
-        seen.append(c.frequency_hz)
-        if named:
-            ax.annotate(
-                f"{c.gain:.4g}", (0.0, c.frequency_hz), xytext=(-7 if crowded else 7, 5), textcoords="offset points",
-                fontsize=8.5, zorder=7, ha="right" if crowded else "left",
-            )  # fmt: skip
-    ax.plot([], [], "o", color=COLOURS[1], label="on the border")
-    ax.plot([], [], "o", color=COLOURS[1], markerfacecolor="white", label="there, others beyond")
+        ax.plot(0.0, c.frequency_hz, "o", markersize=6.0, zorder=5, label=words.pop(stable, None), **style)
     if named:
-        ax.legend(**{**ABOVE, "fontsize": 8.0}, ncols=3, columnspacing=1.0, handletextpad=0.3)
+        name_points(ax, [(0.0, c.frequency_hz) for c in ends], [f"g = {c.gain:.4g}" for c in ends])
+    if named:
+        ax.legend(**{**ABOVE, "fontsize": 8.0}, ncols=4, columnspacing=1.0, handletextpad=0.3)
 
 
 def _open_poles(result: FeedbackResult) -> Any:  # noqa: ANN401 - an array of complex numbers
@@ -199,21 +186,14 @@ def draw_growth(ax: Axes, result: FeedbackResult) -> None:
         ax.axvspan(
             max(a, low), min(b, high), color=_STABLE, alpha=0.15, linewidth=0.0, label=None if number else "stable"
         )
-        for end in (a, b):
-            if low < end < high:
-                ax.annotate(f"{end:.5g}", (end, 0.0), xytext=(3, 4), textcoords="offset points", fontsize=8.5)
-                ax.plot(end, 0.0, "o", color=COLOURS[1], markersize=5.0, zorder=5)
-    for f in result.fastest:
-        if f is not None and low <= f.gain <= high:
-            ax.plot(f.gain, f.growth, "D", color=COLOURS[5], markersize=5.5, zorder=5)
-            ax.annotate(
-                f"{f.gain:.4g}",
-                (f.gain, f.growth),
-                xytext=(0, -12),
-                textcoords="offset points",
-                fontsize=8.5,
-                ha="center",
-            )
+    marked = [(end, 0.0, f"{end:.5g}") for pair in result.stable_gains for end in pair if low < end < high]
+    for end, zero, _ in marked:
+        ax.plot(end, zero, "o", color=COLOURS[1], markersize=5.0, zorder=5)
+    best = [f for f in result.fastest if f is not None and low <= f.gain <= high]
+    for f in best:
+        ax.plot(f.gain, f.growth, "D", color=COLOURS[5], markersize=5.5, zorder=5)
+    marked += [(f.gain, f.growth, f"decays fastest: {f.gain:.4g}") for f in best]
+    name_points(ax, [(x, y) for x, y, _ in marked], [text for *_, text in marked])
     finite = locus.growth[np.isfinite(locus.growth)]
     bottom = min(float(np.min(np.where(np.isfinite(swinging), swinging, 0.0))), float(finite.min(initial=0.0)))
     top = float(finite.max(initial=0.0))

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from workbench.errors import InputError
 from workbench.plotting.figure import COLOURS, LEGEND, panels
+from workbench.plotting.names import name_points
 from workbench.plotting.nyquist import draw_plane
 
 if TYPE_CHECKING:
@@ -144,22 +145,18 @@ def _stable_axis(ax: Axes, result: FeedbackResult) -> None:
 
 
 def _marks(ax: Axes, result: FeedbackResult, shown: list[Crossing], marks: str) -> None:
-    """Mark the crossings; name those that there is room for, the ends of the stable gains first."""
+    """Mark the crossings that are seen, and name those that are asked for, the ends of the stable gains first."""
     left, right = ax.get_xlim()
-    placed: list[float] = []
-    for c in sorted(shown, key=lambda c: (not _bounds(result, c), -abs(c.real))):
+    inside = sorted((c for c in shown if left < c.real < right), key=lambda c: (not _bounds(result, c), -abs(c.real)))
+    named = [c for c in inside if marks == "all" or (marks == "shown" and _bounds(result, c))]
+    for c in inside:
         stable = 0 in (c.unstable_below, c.unstable_above)
         style: dict[str, Any] = {"color": COLOURS[1], "markerfacecolor": COLOURS[1] if stable else "white"}
-        ax.plot(c.real, 0.0, "o", markersize=5.5, zorder=5, **style)
-        near = [x for x in placed if abs(x - c.real) < 0.13 * (right - left)]
-        wanted = marks == "all" or (marks == "shown" and _bounds(result, c))
-        if not wanted or len(near) > 1 or not left < c.real < right:
-            continue
-        ax.annotate(
-            f"{c.real:.4g}\n{c.frequency_hz:.4g} Hz", (c.real, 0.0), xytext=(0, -27 if near else 7),
-            textcoords="offset points", fontsize=8.0, ha="center",
-        )  # fmt: skip
-        placed.append(c.real)
+        ax.plot(c.real, 0.0, "o", markersize=5.5 if c in named else 3.5, zorder=5, **style)
+    if marks == "shown" and len(named) < len(inside):
+        ax.plot([], [], "o", color=COLOURS[1], markerfacecolor="white", markersize=3.5, label="other crossings")
+        ax.legend(**{**LEGEND, "loc": "best"})
+    name_points(ax, [(c.real, 0.0) for c in named], [f"{c.real:.4g}\n{c.frequency_hz:.4g} Hz" for c in named])
 
 
 def _frame(ax: Axes, result: FeedbackResult, shown: list[Crossing], value: Any, marks: str) -> None:  # noqa: ANN401

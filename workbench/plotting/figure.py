@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,12 +19,40 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, Formatter, FuncFormatter
 
 from workbench.core.files import replacing
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, shortened, suggest, visible
 
-__all__ = ["ABOVE", "COLOURS", "LEGEND", "LINE", "label", "literal", "panels", "rows", "save", "written"]
+__all__ = [
+    "ABOVE",
+    "AXIS",
+    "COLOURS",
+    "LEGEND",
+    "LINE",
+    "QUIET",
+    "SHADE",
+    "SMALL",
+    "UNSTABLE",
+    "caption",
+    "frame",
+    "label",
+    "literal",
+    "panels",
+    "rows",
+    "save",
+    "svg_text",
+    "with_point",
+    "written",
+]  # fmt: skip
 
 # Okabe and Ito's palette: told apart by every eye, and in grey by their order of brightness.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#444444")
+
+SMALL = 8.0  # size of the letters beside marks and in captions [points]
+AXIS: dict[str, Any] = {"color": "#666666", "linewidth": 0.8}  # lines at 0, −180° and the like
+QUIET = "#666666"  # words and lines that only explain
+SHADE = "#f1f1f1"  # what is outside of what counts
+# Where something is unstable or forbidden.
+UNSTABLE: dict[str, Any] = {"facecolor": COLOURS[1], "alpha": 0.10, "linewidth": 0.0, "zorder": 0}
 
 LEGEND: dict[str, Any] = {"fontsize": 8.5, "framealpha": 0.9, "edgecolor": "#cccccc"}
 LINE = 105  # characters of small print that fit below a picture
@@ -33,6 +63,8 @@ ABOVE: dict[str, Any] = {
 
 _POWER = r"$\mathdefault{"
 _WORD, _LINE = 90, 240  # longest word and line of a text in a picture [characters]
+_WIDTH = 7.2  # of a figure [inch]
+_NAMED = 3  # so many inputs and states of an operating point stand below a picture
 _SUFFIXES = (".png", ".svg", ".pdf")
 
 _STYLE: dict[Any, Any] = {
@@ -40,7 +72,10 @@ _STYLE: dict[Any, Any] = {
     "axes.titlesize": 11.0,
     "axes.edgecolor": "#666666",
     "axes.linewidth": 0.8,
+    "axes.unicode_minus": True,
     "svg.hashsalt": "workbench",  # the same result gives the same file
+    "svg.fonttype": "none",  # text stays text: it is found, and read aloud
+    "pdf.fonttype": 42,
 }
 
 
@@ -55,7 +90,7 @@ def rows(count: int, *, title: str, height: float = 2.4) -> tuple[Figure, list[A
         height: of each [inch].
     """
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(7.2, 1.0 + height * count), layout="constrained")
+        figure = Figure(figsize=(_WIDTH, 1.0 + height * count), layout="constrained")
         FigureCanvasAgg(figure)
         axes = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
         axes[0].set_title(title, loc="left", fontweight="bold")
@@ -63,6 +98,44 @@ def rows(count: int, *, title: str, height: float = 2.4) -> tuple[Figure, list[A
         _open_frame(ax, color="#cccccc", linewidth=0.7)
         ax.grid(visible=True, which="minor", color="#ececec", linewidth=0.5)
     return figure, axes
+
+
+def caption(figure: Figure, text: str) -> None:
+    """Write a line of small print below a figure, under what stands there already.
+
+    Args:
+        figure: where.
+        text: broken into lines that fit.
+    """
+    width = int(LINE * figure.get_figwidth() / _WIDTH)
+    before = figure.get_supxlabel()
+    text = text.replace(" = ", "\u00a0=\u00a0")  # a value stays beside its name
+    lines = [*filter(None, [before]), *textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False)]
+    figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=SMALL + 0.5)
+
+
+def with_point(figure: Any, result: object) -> Any:  # noqa: ANN401 - whatever draws may draw without matplotlib
+    """Return a picture that says at which operating point its result was measured.
+
+    Args:
+        figure: the picture.
+        result: what it shows; one without an operating point leaves the picture as it is.
+    """
+    point = getattr(result, "operating_point", None)
+    if isinstance(figure, Figure) and isinstance(point, OperatingPoint):
+        caption(figure, f"operating point: {point.words(_NAMED)}")
+    return figure
+
+
+def frame(ax: Axes) -> None:
+    """Give axes that were added later the frame and the lines of the others.
+
+    Args:
+        ax: the axes.
+    """
+    _open_frame(ax, color="#cccccc", linewidth=0.7)
+    for spine in ax.spines.values():
+        spine.set(edgecolor=_STYLE["axes.edgecolor"], linewidth=_STYLE["axes.linewidth"])
 
 
 def _open_frame(ax: Axes, **grid: Any) -> None:  # noqa: ANN401 - style of matplotlib's lines
@@ -76,7 +149,7 @@ def panels(
     across: int,
     *,
     title: str,
-    width: float = 7.2,
+    width: float = _WIDTH,
     height: float = 2.3,
     sharex: str = "none",
     ratios: Sequence[float] | None = None,
@@ -165,6 +238,20 @@ def _literal(axis: Axis) -> Iterator[Text]:
             replaced(_Literal(formatter))
     for tick in (*axis.majorTicks, *axis.minorTicks):
         yield from (tick.label1, tick.label2)
+
+
+def svg_text(figure: Figure) -> str:
+    """Return a picture as SVG, its text as text.
+
+    Args:
+        figure: the picture.
+    """
+    buffer = io.StringIO()
+    with mpl.rc_context(_STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+        literal(figure).savefig(buffer, format="svg", metadata=nothing)
+    return buffer.getvalue()
 
 
 def save(figure: Figure, path: str | Path) -> None:

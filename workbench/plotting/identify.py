@@ -26,14 +26,16 @@ if TYPE_CHECKING:
     from workbench.analysis.validate.bootstrap import PoleBootstrap
     from workbench.analysis.validate.pole_zero import NearCancellation
     from workbench.analysis.validate.regions import PoleRegion
+    from workbench.analysis.validate.spread import ModelSpread
 
-__all__ = ["plot_bootstrap", "plot_order", "plot_poles"]
+__all__ = ["plot_bootstrap", "plot_order", "plot_poles", "plot_spread"]
 
 Complex = NDArray[np.complex128]
 
 _BARS = 24
 _GREY = "#b8c4ce"
 _SMALL = 0.15  # half axes of regions that deserve a magnified picture
+_PAIRS = 4  # inputs and outputs that fit beside each other
 _FAR = 1.6  # zeros further out are named instead of drawn
 
 
@@ -102,7 +104,7 @@ def plot_poles(
     model: IdentifiedModel,
     *,
     cancellations: Sequence[NearCancellation] = (),
-    bootstrap: PoleBootstrap | None = None,
+    bootstrap: PoleBootstrap | ModelSpread | None = None,
 ) -> Figure:
     """Draw poles and zeros of a discrete model with the unit circle, near-cancellations marked, and 95 % regions.
 
@@ -148,6 +150,36 @@ def plot_bootstrap(result: PoleBootstrap) -> Figure:
     return figure
 
 
+def plot_spread(result: ModelSpread) -> Figure:
+    """Draw gain [dB] and phase [deg] over frequency [Hz], from each input to each output, with their regions.
+
+    Args:
+        result: what to draw.
+    """
+    _, p, m = result.response.shape
+    pairs = [(i, j) for i in range(p) for j in range(m)][:_PAIRS]
+    title = f"{result.name}: frequency response with {100.0 * result.confidence:g} % regions"
+    figure, grid = panels(2, len(pairs), title=title, height=2.3)
+    for column, (i, j) in enumerate(pairs):
+        value, error = result.response[:, i, j], result.gain_error[:, i, j]
+        gain, phase = np.abs(value), np.unwrap(np.angle(value))
+        turn = np.degrees(np.arcsin(np.minimum(error, 1.0)))
+        curves = (
+            tuple(20.0 * np.log10(gain * part) for part in (np.maximum(1.0 - error, 1e-3), 1.0, 1.0 + error)),
+            (np.degrees(phase) - turn, np.degrees(phase), np.degrees(phase) + turn),
+        )  # fmt: skip
+        for ax, (low, middle, high), text in zip(
+            (grid[0][column], grid[1][column]), curves, ("gain [dB]", "phase [deg]"), strict=True
+        ):
+            ax.fill_between(result.frequency_hz, low, high, color=COLOURS[2], alpha=0.3, linewidth=0.0)
+            ax.semilogx(result.frequency_hz, middle, color=COLOURS[0], linewidth=1.2)
+            if column == 0:
+                ax.set_ylabel(text)
+        grid[0][column].set_title(f"{result.input_names[j]} → {result.output_names[i]}", fontsize=9.0, loc="left")
+        grid[1][column].set_xlabel("frequency [Hz]")
+    return figure
+
+
 def _plane(title: str) -> tuple[Figure, Axes, Axes, GridSpec]:
     """Return a figure with the plane of discrete poles, room for a table, and the grid they lie in."""
     figure, grid = panels(1, 1, title=title, width=9.6, height=5.0)
@@ -167,7 +199,7 @@ def _plane(title: str) -> tuple[Figure, Axes, Axes, GridSpec]:
     return figure, ax, side, cells
 
 
-def _regions(ax: Axes, bootstrap: PoleBootstrap) -> None:
+def _regions(ax: Axes, bootstrap: PoleBootstrap | ModelSpread) -> None:
     _clouds(ax, bootstrap)
     if bootstrap.determined < len(bootstrap.regions):
         ax.add_patch(Circle((0.0, 0.0), 1.0, color=COLOURS[5], alpha=0.15, zorder=1.0, linewidth=0.0))
@@ -176,7 +208,7 @@ def _regions(ax: Axes, bootstrap: PoleBootstrap) -> None:
             _region(ax, region)
 
 
-def _clouds(ax: Axes, bootstrap: PoleBootstrap) -> None:
+def _clouds(ax: Axes, bootstrap: PoleBootstrap | ModelSpread) -> None:
     every = bootstrap.replicates.ravel()
     ax.plot(every.real, every.imag, ".", color=COLOURS[4], markersize=2.0, alpha=0.5, zorder=1.5)
 
@@ -193,7 +225,7 @@ def _region(ax: Axes, region: PoleRegion) -> None:
     ax.plot(edge.real, edge.imag, color=COLOURS[2], linewidth=1.0, zorder=1.8)
 
 
-def _zooms(figure: Figure, cells: GridSpec, bootstrap: PoleBootstrap | None) -> None:
+def _zooms(figure: Figure, cells: GridSpec, bootstrap: PoleBootstrap | ModelSpread | None) -> None:
     """Magnify two regions that are too small to be seen, those nearest to the unit circle."""
     if bootstrap is None:
         return
@@ -223,11 +255,12 @@ def _mark(ax: Axes, cancellations: Sequence[NearCancellation]) -> None:
             ax.add_patch(Circle(at, radius, fill=False, edgecolor=COLOURS[3], linewidth=1.4, linestyle="--"))
 
 
-def _legend(ax: Axes, bootstrap: PoleBootstrap | None, cancellations: Sequence[NearCancellation]) -> None:
+def _legend(ax: Axes, bootstrap: PoleBootstrap | ModelSpread | None, cancellations: Sequence[NearCancellation]) -> None:
     handles, labels = ax.get_legend_handles_labels()
     extra: list[tuple[dict[str, Any], str]] = []
     if bootstrap is not None:
-        extra.append(({"color": COLOURS[4], "marker": ".", "linestyle": "none"}, "bootstrap replicate"))
+        if len(bootstrap.replicates):
+            extra.append(({"color": COLOURS[4], "marker": ".", "linestyle": "none"}, "bootstrap replicate"))
         if bootstrap.determined:
             wide = {"color": COLOURS[2], "linewidth": 4.0, "alpha": 0.5}
             extra.append((wide, f"{100.0 * bootstrap.confidence:g} % region"))
@@ -239,7 +272,7 @@ def _legend(ax: Axes, bootstrap: PoleBootstrap | None, cancellations: Sequence[N
     ax.legend(handles, [*labels, *(text for _, text in extra)], ncols=3, **ABOVE)
 
 
-def _table(ax: Axes, poles: Complex, dt: float, bootstrap: PoleBootstrap | None) -> None:
+def _table(ax: Axes, poles: Complex, dt: float, bootstrap: PoleBootstrap | ModelSpread | None) -> None:
     """List poles, one line for a pair, with natural frequency, damping ratio and size of the region."""
     head = ["pole", "natural\n[Hz]", "damping\nratio"]
     head += [] if bootstrap is None else [f"{100.0 * bootstrap.confidence:g} % region,\nhalf axes"]
@@ -265,7 +298,7 @@ def _motion(pole: complex, dt: float) -> list[str]:
     return [row.natural, row.damping]
 
 
-def _size(pole: complex, bootstrap: PoleBootstrap | None) -> list[str]:
+def _size(pole: complex, bootstrap: PoleBootstrap | ModelSpread | None) -> list[str]:
     if bootstrap is None:
         return []
     region = min(bootstrap.regions, key=lambda r: abs(r.pole - pole))

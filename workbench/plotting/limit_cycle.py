@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from workbench.analysis.limit_cycle.branch import goes_on
 from workbench.plotting.figure import COLOURS, LEGEND, label, panels
 from workbench.plotting.free_run import draw_amplitude, draw_frequency, draw_signal
+from workbench.plotting.names import name_points
 from workbench.plotting.nyquist import draw_plane
 
 if TYPE_CHECKING:
@@ -131,12 +132,11 @@ def _methods(ax: Axes, result: LimitCycleResult) -> None:
         style: dict[str, Any] = {"color": colour, "markerfacecolor": fill, "linestyle": "", "alpha": 0.9}
         ax.plot(c.frequency_hz, c.fundamental, _MARKS[c.method], markersize=_SIZES[c.method], **style)
         seen.add(c.method)
-    for c in (c for c in result.limit_cycles if c.method == "describing function"):
-        word = "stable" if c.stable else "unstable"
-        ax.annotate(
-            f"{(c.crossing or 0) + 1}: {c.frequency_hz:.4g} Hz, {word}", (c.frequency_hz, c.fundamental),
-            xytext=(0, 10), textcoords="offset points", fontsize=8.0, ha="center",
-        )  # fmt: skip
+    predicted = [c for c in result.limit_cycles if c.method == "describing function"]
+    names = [
+        f"{(c.crossing or 0) + 1}: {c.frequency_hz:.4g} Hz, {'stable' if c.stable else 'unstable'}" for c in predicted
+    ]
+    name_points(ax, [(c.frequency_hz, c.fundamental) for c in predicted], names)
     for name in [m for m in _MARKS if m in seen]:
         ax.plot([], [], _MARKS[name], color="#444444", markerfacecolor="none", linestyle="", markersize=6.0, label=name)
     ax.set(xlabel="frequency [Hz]", ylabel=label(f"fundamental of {result.input}", result.input_unit))

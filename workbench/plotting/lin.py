@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from workbench.analysis.lin.step_check import step_response
 from workbench.core.poles import natural_frequency_hz
 from workbench.errors import InputError
-from workbench.plotting.figure import COLOURS, LEGEND, rows
+from workbench.plotting.figure import COLOURS, LEGEND, frame, rows
 from workbench.plotting.response import bode_axes, draw_response
 from workbench.session.base import Floats
 
@@ -37,14 +37,16 @@ def plot_lin(result: LinResult) -> Figure:
     if not result.input_names or not result.output_names:
         missing = "output" if result.input_names else "input"
         raise InputError(f"{result.model}: the linear model has no {missing}, so it has no response to draw")
-    figure, axes = rows(3, title=f"{result.model}: linear model by {result.method}")
+    figure, axes = rows(3, title=_title(result))
     frequency = frequency_band([result])
     nothing = set(result.without_effect)
     # The step response has an axis of its own.
     axes[2].remove()
     step = figure.add_subplot(3, 1, 3)
-    step.grid(visible=True, color="#cccccc", linewidth=0.7)
+    frame(step)
     time, outputs = _step(result)
+    pairs = len(result.input_names) * len(result.output_names)
+    units = {result.units.get(name) or "1" for name in result.output_names}
     for j, source in enumerate(result.input_names):
         for i, target in enumerate(result.output_names):
             style = _style(i, j)
@@ -55,9 +57,16 @@ def plot_lin(result: LinResult) -> Figure:
     _finish(axes, frequency)
     axes[1].tick_params(labelbottom=True)
     step.set_xlabel("time [s]")
-    step.set_ylabel("unit step")
-    step.legend(**LEGEND)
+    step.set_ylabel(f"step response [{units.pop()}]" if len(units) == 1 else "step response")
+    if pairs > 1 or nothing:
+        step.legend(**LEGEND)
     return figure
+
+
+def _title(result: LinResult) -> str:
+    pairs = len(result.input_names) * len(result.output_names)
+    which = f"{result.input_names[0]} → {result.output_names[0]}" if pairs == 1 else "responses"
+    return f"{result.model}: {which} of the linear model, method {result.method}"
 
 
 def plot_curves(named: Sequence[tuple[str, LinResult]]) -> Figure:

@@ -27,7 +27,7 @@ def plot_comparison(comparison: LinComparison) -> Figure:
     Args:
         comparison: what to draw.
     """
-    figure, axes = rows(2, title=f"{comparison.input} → {comparison.output}")
+    figure, axes = rows(2, title=_title(comparison))
     measured = comparison.measured
     frequency = frequency_band(list(comparison.results.values()))
     if measured is not None:
@@ -43,7 +43,7 @@ def plot_comparison(comparison: LinComparison) -> Figure:
         }
         draw_response(axes[0], axes[1], Response(shown, response), label=name, **style)
     if measured is not None:
-        settled = f"measured, amplitude {measured.amplitude[0]:g}"
+        settled = f"measured, amplitude {measured.amplitude[0]:g}{_behind(measured.input_unit)}"
         for marker, chosen in (("o", ~measured.averaged[0]), ("^", measured.averaged[0])):
             style = {"color": "#222222", "markerfacecolor": "white"}
             at = measured.frequency_hz[chosen]
@@ -54,6 +54,16 @@ def plot_comparison(comparison: LinComparison) -> Figure:
     bode_axes(axes)
     axes[0].legend(**LEGEND)
     return figure
+
+
+def _behind(unit: str | None) -> str:
+    return f" {unit}" if unit and unit != "1" else ""
+
+
+def _title(comparison: LinComparison) -> str:
+    models = {result.model for result in comparison.results.values()}
+    of = f"{models.pop()}: " if len(models) == 1 else ""
+    return f"{of}{comparison.input} → {comparison.output} by {len(comparison.results)} methods"
 
 
 def plot_step_check(check: StepCheck) -> Figure:

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
-from matplotlib.ticker import MultipleLocator, NullFormatter
+from matplotlib.ticker import NullFormatter
 
 from workbench.core.decibels import decibels
 from workbench.core.response import Response
 from workbench.plotting.figure import COLOURS, LEGEND, LINE, panels
-from workbench.plotting.response import draw_response, plain_decades
+from workbench.plotting.response import Degrees, draw_response, plain_decades
 
 if TYPE_CHECKING:
     from workbench.analysis.loop.result import LoopResult
@@ -98,7 +99,7 @@ def _bode(gain: Axes, phase: Axes, shown: list[_Shown]) -> None:
     gain.axhline(0.0, color=_GREY, linewidth=0.8)
     top, bottom = _span([decibels(s.value) for s in shown])
     gain.set_ylim(max(bottom, _DEEPEST_DB), min(top, _HIGHEST_DB))
-    phase.yaxis.set_major_locator(MultipleLocator(90.0 if np.ptp(phase.get_ylim()) > 200.0 else 45.0))
+    phase.yaxis.set_major_locator(Degrees())
     low, high = phase.get_ylim()
     for turn in range(math.floor(low / 360.0) - 1, math.ceil(high / 360.0) + 1):
         if low <= 180.0 + 360.0 * turn <= high:
@@ -111,9 +112,23 @@ def _bode(gain: Axes, phase: Axes, shown: list[_Shown]) -> None:
             if 0.0 < p.frequency_hz < math.inf:
                 gain.plot([p.frequency_hz] * 2, [0.0, -p.db], color="black", linewidth=2.0)
                 phase.axvline(p.frequency_hz, color=_GREY, linestyle="--", linewidth=1.1)
-    gain.legend(**LEGEND)
+    _legend(gain, phase, shown)
     for ax in (gain, phase):
         _frequency(ax, shown)
+
+
+def _legend(gain: Axes, phase: Axes, shown: list[_Shown]) -> None:
+    """Name the curves in one panel, and what marks their margins in the other, as far as there are any."""
+    gain.legend(**LEGEND)
+    marks: list[Line2D] = []
+    for s in shown[:1]:
+        if s.margins.gain_crossovers:
+            marks.append(Line2D([], [], color=_GREY, linestyle=":", linewidth=1.1, label="gain crossover"))
+        if any(0.0 < p.frequency_hz < math.inf for p in s.margins.phase_crossovers):
+            marks.append(Line2D([], [], color=_GREY, linestyle="--", linewidth=1.1, label="phase crossover"))
+            marks.append(Line2D([], [], color="black", linewidth=2.0, label="gain margin (above)"))
+    if marks:
+        phase.legend(handles=marks, **LEGEND)
 
 
 def _span(curves: list[Floats]) -> tuple[float, float]:
@@ -148,14 +163,19 @@ def _frequency(ax: Axes, shown: list[_Shown]) -> None:
 
 
 def _nyquist(ax: Axes, shown: list[_Shown]) -> None:
-    ax.add_patch(Circle((0.0, 0.0), 1.0, fill=False, color="#999999", linestyle="--", linewidth=0.8))
+    unit = Circle((0.0, 0.0), 1.0, fill=False, color="#999999", linestyle="--", linewidth=0.8, label="|L| = 1")
+    ax.add_patch(unit)
     disk = next((s.margins.disk for s in shown if s.margins.disk is not None), None)
     if disk is not None and disk.low > 0.0 and math.isfinite(disk.high):
         # The disk of factors on L turned around: L keeps out of the disk from -1/low to -1/high.
         left, right = -1.0 / disk.low, -1.0 / disk.high
         middle = (0.5 * (left + right), 0.0)
-        ax.add_patch(Circle(middle, 0.5 * (right - left), color=COLOURS[5], alpha=0.25, linewidth=0.0))
-    ax.plot(-1.0, 0.0, "+", color="#CC0000", markersize=11.0, markeredgewidth=2.0)
+        ax.add_patch(
+            Circle(middle, 0.5 * (right - left), color=COLOURS[5], alpha=0.25, linewidth=0.0, label="disk margin")
+        )
+    ax.plot(-1.0, 0.0, "+", color="#CC0000", markersize=11.0, markeredgewidth=2.0, label="−1")
+    handles = {text: handle for handle, text in zip(*ax.get_legend_handles_labels(), strict=True)}
+    ax.legend(handles.values(), handles, **LEGEND)
     ax.axhline(0.0, color=_GREY, linewidth=0.7)
     ax.axvline(0.0, color=_GREY, linewidth=0.7)
     ax.set_aspect("equal", adjustable="box")

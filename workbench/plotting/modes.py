@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from workbench.plotting.figure import COLOURS, label, panels
+from workbench.plotting.figure import COLOURS, UNSTABLE, label, panels
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ _MOST = 6  # labelled modes of one configuration
 _STYLES: tuple[_Style, ...] = ("-", "--", ":", "-.")
 _HIGHEST = 0.25  # damping ratio shown, unless all labelled modes have more
 _GREY = "#b8b8b8"
+_FILLS = {"unstable": "#444444", "stable": "white"}
 
 
 def plot_modes(result: ModesResult) -> Figure:
@@ -43,8 +44,10 @@ def plot_modes(result: ModesResult) -> Figure:
         first = sum(map(len, chosen[:number]))
         colours = {n: COLOURS[(first + k) % len(COLOURS)] for k, n in enumerate(numbers)}
         handles += _one_set((damping, frequency), modes, colours, style, result.unit)
-    if any(s.critical for s in result.sets):
-        handles += [_mark("#444444", "becomes unstable"), _mark("white", "becomes stable")]
+    if any(len(numbers) < len(modes.modes) for modes, numbers in zip(result.sets, chosen, strict=True)):
+        handles.append(Line2D([], [], color=_GREY, linewidth=0.7, label="other modes"))
+    became = {c.becomes for s in result.sets for c in s.critical}
+    handles += [_mark(fill, f"becomes {word}") for word, fill in _FILLS.items() if word in became]
     _limits(damping, frequency, result, chosen)
     damping.set_ylabel("damping ratio [%]")
     frequency.set(ylabel="natural frequency [Hz]", xlabel=label(result.parameter, result.unit))
@@ -144,7 +147,7 @@ def _limits(damping: Axes, frequency: Axes, result: ModesResult, chosen: Sequenc
     low = min(1.15 * float(ratio.min()), -0.15 * top)
     top = max(top, -0.4 * low)
     damping.set_ylim(100.0 * low, 100.0 * top)
-    damping.axhspan(100.0 * low, 0.0, color="#D55E00", alpha=0.07, zorder=0, linewidth=0.0)
+    damping.axhspan(100.0 * low, 0.0, **UNSTABLE)
     damping.axhline(0.0, color="#444444", linewidth=0.9, zorder=2)
     damping.text(0.008, 0.03, "unstable", transform=damping.transAxes, fontsize=8.0, color="#9a4a12")
     # Frequencies of what becomes unstable; those that are only labelled may lie elsewhere.

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from scipy.interpolate import Akima1DInterpolator
 
-from workbench.analysis.describing.base import Complex, Floats
+from workbench.analysis.describing.base import Complex
 from workbench.plotting.figure import COLOURS, LEGEND, panels, written
+from workbench.plotting.names import name_points
 
 if TYPE_CHECKING:
     from workbench.analysis.nyquist.result import Crossing, NyquistResult
@@ -24,7 +25,6 @@ _COLUMNS = ("", "f [Hz]", "real part", "gain", "amplitude", "poles below / above
 _APART = 6.0  # a crossing so much nearer to the origin than the farthest gets a picture of its own
 _BETWEEN = 6  # points drawn between two of the curve
 _ARROWS = 2  # along the curve
-_LETTER, _LINE = 4.6, 11.0  # width and height of a label's letter [pt]
 
 
 def plot_nyquist(result: NyquistResult) -> Figure:
@@ -97,7 +97,7 @@ def draw_plane(ax: Axes, result: NyquistResult, *, reach: float | None) -> None:
     for _, c in shown:
         _mark(ax, c)
     if reach is not None:
-        _labels(ax, shown, np.concatenate([curve, np.asarray(result.minus_inverse, dtype=np.complex128)]), reach)
+        _names(ax, shown, result.crossings)
     ax.set(xlabel="real part", ylabel="imaginary part")
     ax.xaxis.set_major_locator(MaxNLocator(6))
 
@@ -140,42 +140,13 @@ def _mark(ax: Axes, c: Crossing) -> None:
     ax.plot(c.real, c.imag, "o", markersize=5.5, zorder=5, **style)
 
 
-def _labels(ax: Axes, shown: Sequence[tuple[int, Crossing]], curves: Complex, reach: float) -> None:
-    """Write the number and frequency of crossings where they cover least; stable ones first, and always.
-
-    Args:
-        ax: where; its limits are set.
-        shown: crossings with their numbers.
-        curves: points that should stay visible.
-        reach: largest size shown; what is much nearer to the origin has no room for a label, unless it is stable.
-    """
-    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
-    box = ax.get_window_extent()
-    points = 72.0 / ax.figure.dpi * np.array([box.width / (right - left), box.height / (high - low)])
-
-    def place(z: Complex) -> Floats:
-        at: Floats = np.column_stack([z.real - left, z.imag - low]) * points
-        return at
-
-    known = np.isfinite(curves)
-    covered = place(np.concatenate([curves[known], np.array([complex(c.real, c.imag) for _, c in shown])]))
-    for number, c in sorted(shown, key=lambda one: (not one[1].stable, -abs(complex(one[1].real, one[1].imag)))):
-        at = complex(c.real, c.imag)
-        if not (c.stable or 0.12 * reach < abs(at)) or not (left < c.real < right and low < c.imag < high):
-            continue
-        words = f"{number}: {c.frequency_hz:.4g} Hz"
-        half = np.array([0.5 * _LETTER * len(words), 0.5 * _LINE])
-        tried = [np.array([x * (half[0] + 6.0), y * 11.0]) for y in (1.0, -1.0, 2.2, -2.2) for x in (0.0, 1.0, -1.0)]
-        here = place(np.array([at]))[0]
-        inside = [(np.abs(covered - here - shift) < half).all(axis=1).sum() for shift in tried]
-        shift = tried[int(np.argmin(inside))]
-        ax.annotate(
-            words, (c.real, c.imag), xytext=tuple(shift.tolist()), textcoords="offset points", fontsize=8.0,
-            ha="center", va="center", zorder=6,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
-        )  # fmt: skip
-        grid = here + shift + np.stack(np.meshgrid(*(np.linspace(-h, h, 9) for h in half)), axis=-1).reshape(-1, 2)
-        covered = np.concatenate([covered, np.repeat(grid, 5, axis=0)])
+def _names(ax: Axes, shown: Sequence[tuple[int, Crossing]], every: Sequence[Crossing]) -> None:
+    """Write number and frequency beside each crossing, the stable ones first."""
+    ordered = sorted(shown, key=lambda one: (not one[1].stable, -abs(complex(one[1].real, one[1].imag))))
+    names = [f"{number}: {c.frequency_hz:.4g} Hz" for number, c in ordered]
+    if any(c.stable is not None for c in every):
+        names = [f"{name}, stable" if c.stable else name for name, (_, c) in zip(names, ordered, strict=True)]
+    name_points(ax, [(c.real, c.imag) for _, c in ordered], names)
 
 
 def _table(ax: Axes, crossings: tuple[Crossing, ...]) -> None:

@@ -67,11 +67,12 @@ def _finish(axes: list[Axes], result: Overlay) -> None:
     axes[3].set_ylabel("difference [deg]")
     axes[3].set_xlabel("frequency [Hz]")
     axes[2].set_title(f"curves less {result.reference}", loc="left", fontsize=9.5)
-    for ax in axes:
-        ax.axvline(result.nyquist_hz, color="#888888", linestyle=":", linewidth=1.0)
+    if result.nyquist_hz <= 1.1 * float(result.frequency_hz[-1]):
+        for ax in axes:
+            ax.axvline(result.nyquist_hz, color="#888888", linestyle=":", linewidth=1.0)
+        axes[0].plot([], [], color="#888888", linestyle=":", label="Nyquist frequency")
     for ax in axes[2:]:
         ax.axhline(0.0, color="#888888", linewidth=0.7)
-    axes[0].plot([], [], color="#888888", linestyle=":", label="Nyquist frequency")
     axes[0].legend(loc="best", **LEGEND)
     low = float(result.frequency_hz[0])
     high = float(result.frequency_hz[-1])

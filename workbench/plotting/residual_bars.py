@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-from workbench.plotting.figure import COLOURS
+from workbench.plotting.figure import COLOURS, LEGEND, rows
 
 if TYPE_CHECKING:
     from workbench.analysis.trim.result import TrimResult
@@ -24,8 +25,9 @@ def plot_residuals(result: TrimResult) -> Figure:
         result: what to draw.
     """
     names = [r.name for r in result.residuals]
-    figure = Figure(figsize=(7.0, 1.2 + 0.28 * max(len(names), 3)), layout="constrained")
-    ax = figure.add_subplot()
+    state = "in equilibrium" if result.converged else "no equilibrium found"
+    title = f"{result.model}: {state}, what is left of each equation"
+    figure, (ax,) = rows(1, title=title, height=0.2 + 0.28 * max(len(names), 3))
     sizes = [max(abs(r.scaled), _SMALLEST) if np.isfinite(r.scaled) else 1.0 for r in result.residuals]
     colours = [COLOURS[0 if r.required else 1] for r in result.residuals]
     ax.barh(range(len(names)), sizes, color=colours, left=0.1 * _SMALLEST)
@@ -34,6 +36,8 @@ def plot_residuals(result: TrimResult) -> Figure:
     ax.set_xscale("log")
     ax.set_xlim(0.1 * _SMALLEST, max([1.0, *sizes]) * 3.0)
     ax.set_xlabel("residual over the change for one nominal value of each unknown")
-    ax.set_title(f"{result.model}: {'in equilibrium' if result.converged else 'no equilibrium found'}", loc="left")
-    ax.grid(visible=True, axis="x", alpha=0.3)
+    ax.grid(visible=False, axis="y")
+    if any(not r.required for r in result.residuals):
+        kinds = {"required to be 0": COLOURS[0], "free to float": COLOURS[1]}
+        ax.legend(handles=[Patch(color=colour, label=text) for text, colour in kinds.items()], **LEGEND)
     return figure

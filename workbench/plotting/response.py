@@ -18,12 +18,13 @@ _NARROW, _MOST_TICKS = 4.0, 7
 # Distance of labels from the ends of their ticks, and by how much matplotlib's minor ticks are shorter [points].
 _PAD, _SHORTER = 3.5, 1.5
 
-# Distances of ticks [deg]: parts of a right angle from 15 on.
-_DEGREES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0)
+# Distances of ticks [deg]: multiples of 45 where the axis is long enough for two of them, else parts of 45.
+_DEGREES = (0.1, 0.5, 1.0, 5.0, 15.0, 45.0, 90.0, 180.0, 360.0)
+_LONG = 90.0
 
 
 class Degrees(Locator):
-    """Ticks of a phase: at parts of a right angle, seven at most, wherever the axis ends."""
+    """Ticks of a phase: at multiples of 45° where there is room for two of them, seven at most, wherever it ends."""
 
     def __call__(self) -> Sequence[float]:
         low, high = self.axis.get_view_interval()  # type: ignore[union-attr]
@@ -34,7 +35,8 @@ class Degrees(Locator):
         if high - low < _DEGREES[0]:
             return [float(tick) for tick in MaxNLocator(_MOST_TICKS).tick_values(low, high)]
         turns = 360.0 * np.ceil((high - low) / (360.0 * _MOST_TICKS))
-        step = next((s for s in _DEGREES if (high - low) / s <= _MOST_TICKS), turns)
+        least = 45.0 if high - low >= _LONG else 0.0
+        step = next((s for s in _DEGREES if s >= least and (high - low) / s <= _MOST_TICKS), turns)
         ticks: list[float] = (step * np.arange(np.ceil(low / step), np.floor(high / step) + 1.0)).tolist()
         return ticks
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from workbench.plotting.figure import COLOURS, label, rows
-from workbench.plotting.response import plain_decades
+from workbench.plotting.response import Degrees, plain_decades
 
 __all__ = ["LIMIT", "plot_between_masks", "plot_step"]
 
@@ -63,6 +63,8 @@ def plot_between_masks(
         )
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel(label(quantity, unit))
+    if unit == "deg":
+        ax.yaxis.set_major_locator(Degrees())
     ax.xaxis.set_minor_formatter(FuncFormatter(_minor))
     ax.tick_params(axis="x", which="minor", labelsize=7.5, colors="#777777")
     _legend(figure, ax)
@@ -90,7 +92,8 @@ def _masks(ax: Axes, upper: Sequence[Sequence[float]], lower: Sequence[Sequence[
         ax.plot(
             x, y, "-", color=_FORBIDDEN, linewidth=1.6, label="limits" if name == "upper mask" or not upper else "_"
         )
-        ax.fill_between(x, y, edge, color="#b3261e14", linewidth=0.0)
+        text = "not allowed" if name == "upper mask" or not upper else "_"
+        ax.fill_between(x, y, edge, color="#b3261e14", linewidth=0.0, label=text)
     ax.set_ylim(bottom, top)
 
 

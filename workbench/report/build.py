@@ -12,8 +12,9 @@ from workbench.origin.models import hash_of
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
 from workbench.system.container import ContainerResult
+from workbench.to_fmu.compile_fmu import CompiledFmu
 
-__all__ = ["build_page", "built_page", "container_page", "export_page"]
+__all__ = ["build_page", "built_page", "compiled_page", "container_page", "export_page"]
 
 
 def build_page(result: BuildResult) -> Page:
@@ -34,6 +35,19 @@ def built_page(result: BuiltModels) -> Page:
         facts={},
         sections=[Section("Models", tables=[Table(headings, rows)]), _files(result.files)],
         kind="build",
+    )
+
+
+def compiled_page(result: CompiledFmu) -> Page:
+    """Return the page of an FMU whose sources were compiled."""
+    what = f"{counted(len(result.sources), 'source file')} compiled for {', '.join(result.platforms)}"
+    return Page(
+        title=f"{result.model} compiled",
+        lead=f"FMI {result.fmi}: {what}.",
+        facts={"new binaries": ", ".join(result.binaries)},
+        sections=[_files([result.file])],
+        notes=result.notes,
+        kind="compile",
     )
 
 

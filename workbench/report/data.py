@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import TYPE_CHECKING
+
 from workbench.analysis.advice.result import Advice
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.spectra.coherence import Coherence
 from workbench.analysis.spectra.density import SpectralDensity
 from workbench.analysis.spectra.window import WindowSettings
+from workbench.core.record import drawn
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import bracketed, counted
 from workbench.report.tones import Verdict
 
-__all__ = ["advice_page", "advice_table", "coherence_page", "data_facts", "density_page"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["advice_page", "advice_picture", "advice_table", "coherence_page", "data_facts", "density_page"]
 
 
 def data_facts(data: Experiment) -> dict[str, str]:
@@ -20,6 +27,11 @@ def data_facts(data: Experiment) -> dict[str, str]:
         "data": f"{data.name}: {data.n_samples} samples every {data.dt:g} s",
         "inputs → outputs": f"{', '.join(data.input_names)} → {', '.join(data.output_names)}",
     }
+
+
+def advice_picture(advice: Advice) -> Figure:
+    """Return the picture of data without the findings, which a page has as a table."""
+    return drawn("advice:plot_advice", None, advice, findings=False)
 
 
 def advice_table(advice: Advice) -> Table:
@@ -36,7 +48,7 @@ def advice_page(advice: Advice) -> Page:
         lead=f"Judged: {advice.worst}.",
         facts={**data_facts(advice.experiment), "orders excited": orders},
         sections=[
-            Section("Data", figures=[(advice.plot, "The data and what was found in them.")]),
+            Section("Data", figures=[(partial(advice_picture, advice), "The data; marked: what was found in them.")]),
             Section("Findings", tables=[advice_table(advice)]),
         ],
         summary=[Verdict(f.verdict, f"{f.topic}: {f.evidence}") for f in advice.findings],

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from workbench.build.export import ExportResult
     from workbench.build.fmu import BuiltModels
     from workbench.system.container import ContainerResult
+    from workbench.to_fmu.compile_fmu import CompiledFmu
 
 __all__ = ["EXTRAS", "Written"]
 
@@ -152,7 +153,7 @@ class _Build(Written):
 
 
 class _Export(Written):
-    def write(self, record: ExportResult | ContainerResult) -> Iterator[str | Path]:
+    def write(self, record: CompiledFmu | ExportResult | ContainerResult) -> Iterator[str | Path]:
         """Yield the FMU, which is there already."""
         yield record.file
 
@@ -165,5 +166,6 @@ EXTRAS: dict[str, type[Written]] = {
     "feed-forward": _FeedForward,
     "identify": _Identify,
     "build": _Build,
+    "compile": _Export,
     "export": _Export,
 }

@@ -37,6 +37,7 @@ def filter_page(result: FeedForwardResult) -> Page:
         facts={
             "nonlinear block": f"{result.block}: {result.input} → {result.output}",
             "feedback": "none" if result.source is None else f"{result.source} with gain {result.gain:g}",
+            **_second(result),
             "unstable poles": f"{len(result.open_unstable)} without feedback, {len(result.closed_unstable)} with it",
             "band": f"{result.band[0]:g} to {result.band[1]:g} Hz",
         },
@@ -51,6 +52,13 @@ def filter_page(result: FeedForwardResult) -> Page:
         notes=result.notes,
         kind="feed-forward",
     )
+
+
+def _second(result: FeedForwardResult) -> dict[str, str]:
+    if result.shared is None:
+        return {}
+    x, y = result.shared.weights
+    return {"control inputs": f"{result.target} with {x:.4g}, {result.second} with {y:.4g} of the filter's output"}
 
 
 def _steps(result: FeedForwardResult) -> Section:

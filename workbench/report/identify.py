@@ -12,7 +12,8 @@ from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate.bootstrap import PoleBootstrap
 from workbench.analysis.validate.overlay import Overlay
 from workbench.analysis.validate.result import Validation
-from workbench.report.data import advice_table, data_facts
+from workbench.analysis.validate.spread import ModelSpread
+from workbench.report.data import advice_picture, advice_table, data_facts
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, matrices, number, pole_table
 from workbench.report.tones import Verdict
@@ -20,7 +21,15 @@ from workbench.report.tones import Verdict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["bootstrap_page", "estimate_page", "identify_page", "order_section", "overlay_page", "validation_page"]
+__all__ = [
+    "bootstrap_page",
+    "estimate_page",
+    "identify_page",
+    "order_section",
+    "overlay_page",
+    "spread_page",
+    "validation_page",
+]
 
 
 _BAR = 40  # length of the longest bar [characters]
@@ -31,6 +40,7 @@ def identify_page(result: IdentifyResult) -> Page:
     sections = [
         _of_data(result),
         order_section(result),
+        *_of_refinement(result),
         _of_model(result),
         _of_validation("Data of the fit", result.own),
     ]
@@ -57,8 +67,9 @@ def _lead(result: IdentifyResult) -> str:
     where = "other data" if result.other is not None else "the data of the fit"
     if result.failed:
         return f"A model of order {result.order} that has no simulation on its data. {' '.join(result.warnings)}."
+    biased = result.closed_loop and result.closed_loop_method is None
     return (
-        f"{'This is not a model of the plant: the data come from a closed loop. ' if result.closed_loop else ''}"
+        f"{'This is not a model of the plant: the data come from a closed loop. ' if biased else ''}"
         f"A model of order {result.order} follows {where} with a fit of {result.fit_percent:.2f} % "
         f"(error {result.error_percent:.2f} %). The data are judged: {result.advice.worst}."
     )
@@ -73,8 +84,8 @@ def _estimated(found: SubspaceEstimate) -> dict[str, str]:
 
 def _of_data(result: IdentifyResult) -> Section:
     linear = coherence(result.data, segments=20)
-    figures = [
-        (result.advice.plot, "The data and what was found in them."),
+    figures: list[tuple[Callable[[], Figure], str]] = [
+        (partial(advice_picture, result.advice), "The data; marked: what was found in them."),
         (sdf(result.data).plot, "Spectral density of inputs and outputs."),
         (linear.plot, "Coherence: 1 where the output follows the input linearly; 20 segments."),
     ]
@@ -105,6 +116,31 @@ def _order_table(found: SubspaceEstimate) -> Table:
 def _of_model(result: IdentifyResult) -> Section:
     poles = (result.validation.plot_poles, "Poles (crosses) and zeros (circles).")
     return Section("Model", tables=_poles(result.estimate), figures=[poles], parts=[_matrices(result.estimate)])
+
+
+def _of_refinement(result: IdentifyResult) -> list[Section]:
+    """Return what the refinement tried, and how well the model is known; nothing where it was not asked for."""
+    told = result.refinement
+    if not told.tried:
+        return []
+    head = ("order", "disturbance", "numbers fitted", "criterion above the best")
+    tables = [Table(head, [tuple(row) for row in told.table()], right=(0, 2, 3))]
+    known = result.uncertainty if told.taken else None
+    figures = [] if known is None else [(known.plot, "Frequency response with its 95 % regions.")]
+    items = () if known is None else known.words
+    return [Section("Refinement", paragraphs=[f"{told.words}."], tables=tables, items=items, figures=figures)]
+
+
+def spread_page(result: ModelSpread) -> Page:
+    """Return the page of the regions of poles and frequency response."""
+    words = "Frequency response with its regions."
+    return Page(
+        title=f"How well {result.name} is known",
+        lead=f"The data determine {result.determined} of {counted(len(result.regions), 'pole')}.",
+        facts={"confidence": f"{100.0 * result.confidence:g} %, each region for itself"},
+        sections=[Section("Regions", items=result.words, figures=[(result.plot, words)])],
+        kind="spread",
+    )
 
 
 def _poles(estimate: SubspaceEstimate) -> list[Table]:

@@ -22,6 +22,7 @@ _KINDS = {
     "Neimark-Sacker": "Neimark-Sacker: a second frequency sets in",
     "branch point": "branch point: another family of cycles crosses",
 }
+_ROUNDING = 1e-6  # of the amplitude: a mean below it is the integration's error
 _MOST_ROWS = 60  # of a curve; the others are in the data of the page
 
 
@@ -103,6 +104,11 @@ def _crossing(i: int, c: Crossing) -> tuple[str, ...]:
     )  # fmt: skip
 
 
+def _mean(c: LimitCycle) -> str:
+    """Return the mean, 0 where it is rounding beside the amplitude."""
+    return "0" if abs(c.mean) < _ROUNDING * abs(c.amplitude) else f"{c.mean:.3g}"
+
+
 def _cycles(result: LimitCycleResult) -> Section:
     headings: tuple[str, ...] = (
         "crossing", "method", "frequency [Hz]", bracketed("amplitude", result.input_unit), "fundamental", "mean",
@@ -111,7 +117,7 @@ def _cycles(result: LimitCycleResult) -> Section:
     rows: list[tuple[str, ...]] = [
         (
             c.number, c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
-            f"{c.mean:.3g}", number(c.multiplier, ".4g"), number(c.residual, ".2g"), _STABLE[c.stable],
+            _mean(c), number(c.multiplier, ".4g"), number(c.residual, ".2g"), _STABLE[c.stable],
         )
         for c in result.limit_cycles
     ]  # fmt: skip

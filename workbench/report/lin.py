@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -155,25 +155,29 @@ def comparison_page(result: LinComparison) -> Page:
         sections=[
             Section(
                 "Frequency responses",
-                items=result.words,
+                items=[words for words in result.words if not _is_agreement(words, methods)],
                 figures=[(result.plot, "Curves: linear models; circles: measured with sines.")],
             ),
             _verdict_table(result),
             *_inapplicable(result),
         ],
-        summary=[_agreement(m, counts) for m in methods],
+        summary=[_agreement(m, counts, result.words) for m in methods],
         kind="lin",
     )
 
 
-def _agreement(method: str, counts: Mapping[tuple[str, bool | None], int]) -> Verdict:
+def _is_agreement(words: str, methods: Iterable[str]) -> bool:
+    return any(words.startswith(f"{m}: within ") for m in methods)
+
+
+def _agreement(method: str, counts: Mapping[tuple[str, bool | None], int], words: Sequence[str]) -> Verdict:
     yes, no = counts.get((method, True), 0), counts.get((method, False), 0)
     if not yes + no:
         return Verdict("unknown", f"{method}: nothing was measured to compare it with")
     word = "agrees" if not no else "partly" if yes else "differs"
-    return Verdict(
-        word, f"{method}: agrees with the measurement at {yes} of {counted(yes + no, 'frequency', 'frequencies')}"
-    )
+    told = next((text for text in words if _is_agreement(text, [method])), "")
+    usual = f"{method}: agrees with the measurement at {yes} of {counted(yes + no, 'frequency', 'frequencies')}"
+    return Verdict(word, told or usual)
 
 
 def _verdict_table(result: LinComparison) -> Section:

@@ -49,10 +49,11 @@ def _range(modes: ModeSet) -> str:
 
 def _lead(result: ModesResult) -> str:
     found = [(s, s.first_unstable) for s in result.sets]
-    return " ".join(
-        f"With {_name(s)}: {_critical_words(result, c) if c else 'no mode becomes unstable in the range'}."
-        for s, c in found
-    )
+    return " ".join(f"With {_name(s)}: {_critical_words(result, c) if c else _none(result)}." for s, c in found)
+
+
+def _none(result: ModesResult) -> str:
+    return f"no mode{'' if result.followed is None else ' that was followed'} becomes unstable in the range"
 
 
 def _critical_words(result: ModesResult, c: Critical) -> str:
@@ -69,7 +70,8 @@ def _verdicts(result: ModesResult, modes: ModeSet) -> list[Verdict]:
         begin = f"{result.parameter} = {modes.value[0]:g}"
         found.append(Verdict("unstable", f"{name}: {modes.unstable_count[0]} of the modes at the first value, {begin}"))
     found += [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
-    return found or [Verdict("stable", f"{name}: every mode, at every value")]
+    which = "every mode" if result.followed is None else "every mode that was followed"
+    return found or [Verdict("stable", f"{name}: {which}, at every value")]
 
 
 def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Section:
@@ -80,17 +82,18 @@ def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Secti
         f"modes {' and '.join(map(str, m.modes))} {_KINDS.get(m.kind, m.kind)} near {result.parameter} = {m.value:.6g}"
         for m in modes.meetings
     ]
-    return Section(f"With {_name(modes)}", items=meetings, tables=tables, parts=[_modes(modes, parameter)])
+    part = _modes(modes, parameter, every=result.followed is None)
+    return Section(f"With {_name(modes)}", items=meetings, tables=tables, parts=[part])
 
 
-def _modes(modes: ModeSet, parameter: str) -> Section:
+def _modes(modes: ModeSet, parameter: str, *, every: bool) -> Section:
     """Return every mode at both ends of the range, and where its damping is smallest."""
     headings = (
         "mode", "natural first [Hz]", "last [Hz]", "damping first", "last", "smallest", f"at {parameter}",
         "states that take part",
     )  # fmt: skip
     rows = [_mode(m, modes) for m in modes.modes]
-    title = f"All {counted(len(rows), 'mode')} with {_name(modes)}"
+    title = f"{'All' if every else 'The'} {counted(len(rows), 'mode')} with {_name(modes)}"
     return Section(title, tables=[Table(headings, rows, right=range(7))], folded=len(rows) > 12)
 
 

@@ -34,10 +34,6 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         result: what to report.
         offset: whether the output's mean is drawn too.
     """
-    words = (
-        "Circles: settled; triangles: averaged; on the lower edge crosses: failed, triangles downwards: no effect. "
-        "Bars: the error."
-    )
     sections = [_values(result, i) for i in range(result.amplitude.size)]
     return Page(
         title=f"Frequency response of {result.model}: {result.input} → {result.output}",
@@ -49,7 +45,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
             "frequencies": _range(result),
         },
         sections=[
-            Section("Gain and phase", figures=[(partial(result.plot, offset=offset), words)]),
+            Section("Gain and phase", figures=[(partial(result.plot, offset=offset), _caption(result))]),
             *_branches(result),
             Section("Values", parts=[s for s in sections if any(t.rows for t in s.tables)], folded=True),
         ],
@@ -57,6 +53,19 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         notes=result.warnings,
         kind="nfr",
     )
+
+
+def _caption(result: NfrResult) -> str:
+    """Return what the marks of the picture mean, as far as there are any."""
+    idle = result.gain == 0.0
+    marks = {
+        "circles: settled": np.any(~result.averaged & ~idle & np.isfinite(result.gain)),
+        "triangles: averaged": np.any(result.averaged & ~idle),
+        "crosses on the lower edge: failed": bool(result.failed),
+        "triangles downwards: no effect": np.any(idle),
+        "bars: the error": np.any(np.isfinite(result.error) & (result.error > 0.0)),
+    }
+    return sentence("; ".join(words for words, shown in marks.items() if shown) or "nothing was measured")
 
 
 def _branches(result: NfrResult) -> list[Section]:

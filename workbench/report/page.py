@@ -22,6 +22,7 @@ __all__ = ["SUFFIXES", "Page", "Section", "Table", "write_page"]
 
 SUFFIXES = (".html", ".htm")
 _LONG = 5  # a page of so many sections begins with a list of them
+_SENTENCE = 28  # longer cells are sentences [characters]
 _MANY = 3  # so many verdicts are counted
 
 # What stands in a column of numbers: signs, digits, a unit of one sign, or that there is none.
@@ -53,6 +54,12 @@ class Table:
         if self.right is not None:
             return frozenset(self.right)
         return frozenset(i for i in range(len(self.headings)) if self._holds_numbers(i))
+
+    @property
+    def wordy(self) -> bool:
+        """Whether a column holds sentences: on a phone each row becomes a card then, as tall as its words."""
+        words = [k for k in range(len(self.headings)) if k not in self.at_right]
+        return len(self.headings) > 2 and any(len(r[k]) > _SENTENCE for r in self.rows for k in words if k < len(r))
 
     def _holds_numbers(self, column: int) -> bool:
         cells = [row[column] for row in self.rows if column < len(row)]

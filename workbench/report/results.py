@@ -12,18 +12,22 @@ from workbench import __version__
 from workbench.core.named import named
 from workbench.core.operating_point import point_of_json
 from workbench.core.record import drawn, plain
-from workbench.errors import InputError, one_line
+from workbench.errors import InputError, one_line, visible
 from workbench.origin import Origin, origin_of
 from workbench.report.facts import finished
 from workbench.report.page import SUFFIXES, Page, write_page
+from workbench.report.stmd import write_stmd
 from workbench.report.svg import svg_of
 from workbench.report.terminal import text_of
+from workbench.report.tones import worst_first
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["SHOWN", "line_of", "notebook_of", "page_of", "picture_of", "write_report"]
 
+_VERDICTS = 6  # of a result in a notebook; the others are folded
+_LINE = 200  # characters of a result in one line
 _NAMED = 12  # inputs and states of an operating point
 
 # Class of the result → (function of `workbench.report` that makes its page, function of `workbench.plotting` that draws
@@ -31,6 +35,7 @@ _NAMED = 12  # inputs and states of an operating point
 # shows and no more.
 SHOWN: dict[str, tuple[str, str]] = {
     "analysis.advice.result.Advice": ("data:advice_page", "advice:plot_advice"),
+    "analysis.bla.result.BlaResult": ("bla:bla_page", "bla:plot_bla"),
     "analysis.branches.result.BranchesResult": ("branches:branches_page", "branches:plot_branches"),
     "analysis.check.result.HealthCard": ("check:check_page", "check:plot_check"),
     "analysis.delays.result.DelayReport": ("delays:delays_page", ""),
@@ -41,6 +46,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.feedback.result.FeedbackResult": ("feedback:feedback_page", "feedback:plot_feedback"),
     "analysis.feedback.run.FeedbackRun": ("feedback:run_page", "feedback_run:plot_feedback_run"),
     "analysis.feedback.settling.SettlingStudy": ("feedback:settling_page", "feedback_settling:plot_settling"),
+    "analysis.fit.result.FitResult": ("fit:fit_page", "fit:plot_fit_response"),
     "analysis.identify.result.IdentifyResult": ("identify:identify_page", ""),
     "analysis.info.result.FmuInfo": ("info:info_page", ""),
     "analysis.info.result.SystemInfo": ("info:system_page", ""),
@@ -65,6 +71,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.trim.result.TrimResult": ("trim:trim_page", "residual_bars:plot_residuals"),
     "analysis.validate.bootstrap.PoleBootstrap": ("identify:bootstrap_page", "identify:plot_bootstrap"),
     "analysis.validate.overlay.Overlay": ("identify:overlay_page", "overlay:plot_overlay"),
+    "analysis.validate.spread.ModelSpread": ("identify:spread_page", "identify:plot_spread"),
     "analysis.validate.result.Validation": ("identify:validation_page", "validate:plot_fit"),
     "build.export.ExportResult": ("build:export_page", ""),
     "build.fmu.BuildResult": ("build:build_page", ""),
@@ -72,6 +79,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "reproduce.result.ReproduceResult": ("workbench.reproduce.page:reproduce_page", ""),
     "reproduce.result.TargetList": ("workbench.reproduce.page:targets_page", ""),
     "system.container.ContainerResult": ("build:container_page", ""),
+    "to_fmu.compile_fmu.CompiledFmu": ("build:compiled_page", ""),
 }
 
 
@@ -124,11 +132,12 @@ def line_of(result: object) -> str:
         page = page_of(result)
     except Exception:  # noqa: BLE001 - whatever is missing: a debugger shows such objects, too
         return f"<{name}>"
-    return one_line(f"<{name}: {page.title}. {page.lead}>")
+    text = one_line(f"{name}: {page.title}. {page.lead}")
+    return f"<{text if len(text) <= _LINE else f'{text[: _LINE - 1]}…'}>"
 
 
 def notebook_of(result: object) -> str:
-    """Return the page of a result for a notebook: what a terminal shows, and the first picture.
+    """Return the page of a result for a notebook: what was found, the first picture, the rest folded.
 
     Args:
         result: of a class in `SHOWN`.
@@ -136,11 +145,19 @@ def notebook_of(result: object) -> str:
     page = page_of(result)
     figures = [figure for section in page.sections for figure in section.figures][:1]
     pictures = [svg_of(draw(), "workbench", words) for draw, words in figures]
-    return "".join([f"<pre>{escape(text_of(page, None))}</pre>", *pictures])
+    verdicts = "".join(f"<li>{escape(v.word)}: {escape(v.text)}</li>" for v in worst_first(page.summary)[:_VERDICTS])
+    return "".join(
+        [
+            f"<strong>{escape(visible(page.title))}</strong><p>{escape(visible(page.lead))}</p>",
+            f"<ul>{visible(verdicts)}</ul>" if verdicts else "",
+            *pictures,
+            f"<details><summary>facts and values</summary><pre>{escape(text_of(page, None))}</pre></details>",
+        ]
+    )
 
 
 def write_report(result: object, path: str | Path, origin: Origin | None = None) -> None:
-    """Write the page of a result.
+    """Write the page of a result, and beside it the same facts as traceability metadata (STMD).
 
     Args:
         result: of a class in `SHOWN`, or a page that was made already.
@@ -157,6 +174,7 @@ def write_report(result: object, path: str | Path, origin: Origin | None = None)
     data = _data(result, page, known)
     page = finished(replace(page, facts={**page.facts, **_point(data)}), known)
     write_page(replace(page, data=data), path)
+    write_stmd(page, known, path)
 
 
 def _point(data: Mapping[str, Any]) -> dict[str, str]:
@@ -165,7 +183,23 @@ def _point(data: Mapping[str, Any]) -> dict[str, str]:
         point = point_of_json(data)
     except InputError:  # a search that ran away leaves no finite numbers
         return {}
-    return {} if point is None else {"operating point": point.words(_NAMED)}
+    if point is None:
+        return {}
+    forced = _forced(data)
+    held = {name: value for name, value in point.u.items() if name not in forced}
+    still = replace(point, u={name: value for name, value in point.u.items() if name in forced})
+    return {
+        **(
+            {"held inputs": replace(point, u=held, x={}, discrete={}).words(_NAMED).rpartition("; ")[0]} if held else {}
+        ),
+        "operating point": still.words(_NAMED),
+    }
+
+
+def _forced(data: Mapping[str, Any]) -> set[str]:
+    """Return the inputs that were moved."""
+    one = data.get("input")
+    return {str(one["name"] if isinstance(one, Mapping) and "name" in one else one)}
 
 
 def _data(result: object, page: Page, origin: Origin) -> Mapping[str, Any]:

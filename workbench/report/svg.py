@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import re
+from html import escape
 from typing import TYPE_CHECKING
+
+from workbench.report.hover import points_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,11 +22,10 @@ def svg_of(figure: Figure, prefix: str, words: str) -> str:
         prefix: its names begin with it, so that several pictures fit into one page.
         words: what it shows, for those who hear the page.
     """
-    from workbench.plotting.figure import literal  # noqa: PLC0415 - no pictures, no matplotlib
+    from workbench.plotting.figure import svg_text  # noqa: PLC0415 - no pictures, no matplotlib
 
-    buffer = io.StringIO()
-    literal(figure).savefig(buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type")))
-    text = buffer.getvalue()
+    text = svg_text(figure)
+    points = "" if not hasattr(figure, "axes") else points_of(figure)
     text = text[text.index("<svg") :]
     # Names of vocabularies on the net: nothing would be fetched, but a page that stands alone need not have any.
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
@@ -32,5 +33,6 @@ def svg_of(figure: Figure, prefix: str, words: str) -> str:
     text = re.sub(r'(href="#|url\(#)', rf"\1{prefix}-", text)
     # The page gives the width; the view box keeps the proportions.
     label = re.sub(r'[<>"&]', " ", words)
+    values = f' data-points="{escape(points)}"' if points else ""
     sized = r'<svg ([^>]*?)width="[^"]*" height="[^"]*"'
-    return re.sub(sized, lambda found: f'<svg role="img" aria-label="{label}" {found[1]}', text, count=1)
+    return re.sub(sized, lambda found: f'<svg role="img" aria-label="{label}"{values} {found[1]}', text, count=1)

@@ -31,6 +31,7 @@ Complex = NDArray[np.complex128]
 
 HERE = Workers(in_process=True)
 BAND = (0.1, 10.0)  # [Hz]
+BIAS = 0.3  # added to the sine
 TAU = 0.2  # [s], of the rule's own picture
 CRITICAL = (15.39, 15.407, 15.42)  # [Hz]
 
@@ -53,6 +54,8 @@ def _lag() -> Measurement:
         linear = lin(model).result
         found = {e: nfr(model, "u", "y", amplitudes=1.0, band=BAND, errcrit=e, workers=HERE) for e in (0.1, 0.001)}
         carried = nfr(model, "u", "y", found[0.1].frequency_hz[::-1], 1.0, carry=True, workers=HERE)
+    with load("fmu:FirstOrderLag", bias={"u": BIAS}) as model:
+        moved = nfr(model, "u", "y", [1.0], 1.0, workers=HERE)
     (gain, phase), (fine_gain, fine_phase) = (_errors(r, linear) for r in found.values())
     apart = degrees(carried.response / found[0.1].response)
     return Measurement(
@@ -61,6 +64,7 @@ def _lag() -> Measurement:
             "lag-phase-default": phase,
             "lag-gain-fine": fine_gain,
             "lag-phase-fine": fine_phase,
+            "lag-mean": float(moved.offset[0, 0]) / BIAS,
             "lag-carried": float(np.max(np.abs(apart))),
         }
     )
@@ -155,7 +159,7 @@ def _beating() -> Figure:
 EXPERIMENTS = (
     Reproduction(
         "first-order lag",
-        ("lag-gain-default", "lag-phase-default", "lag-gain-fine", "lag-phase-fine", "lag-carried"),
+        ("lag-gain-default", "lag-phase-default", "lag-gain-fine", "lag-phase-fine", "lag-mean", "lag-carried"),
         _lag,
     ),
     Reproduction("settling rule", ("lag-rule-jump", "lag-rule-fine"), _lag_by_the_rule),

@@ -12,6 +12,7 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.simulate.request import simulate
 from workbench.plotting.figure import COLOURS, LEGEND, rows
+from workbench.reproduce.identification import PERIOD
 from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.signals import Constant, Signal, Sine
@@ -23,6 +24,7 @@ __all__ = ["EXPERIMENTS", "draw_widths"]
 HERE = Workers(in_process=True)
 FLAPS = range(5)
 HALF = 0.5  # of the stick: a full one meets the limit of 15 degrees with flaps out
+GENTLE, SLOW = 0.4, 100  # of the stick; samples of a period: below the rate limit and the bends of block 8
 RATES = (0.5, 1.0, 2.0)  # [Hz], of figure 29
 # A demand of 7 degrees on both sides for a full stick, without shape and offset.
 SEVEN = {
@@ -73,6 +75,14 @@ def _configurations() -> Measurement:
     )
 
 
+def _unequal_gains() -> Measurement:
+    """Measure the law's response to a sine that stays clear of every limit: both gains and the offset show in it."""
+    with load(LAW) as law:
+        result = nfr(law, STICK, ELEVATOR, [1.0 / (SLOW * PERIOD)], GENTLE, workers=HERE)
+    found = {"mean": result.offset, "fundamental": result.gain, "delay": result.phase_deg}
+    return Measurement({f"law-{name}": float(values[0, 0]) for name, values in found.items()})
+
+
 def _rate_limiter() -> Measurement:
     with load(LAW, start_values=SEVEN) as law:
         result = nfr(law, STICK, ELEVATOR, RATES, 1.0, workers=HERE, drift_check=False)
@@ -118,15 +128,16 @@ def _widths() -> Measurement:
             "law-equilibria": float(len(done.trim.null_directions)),
             "law-fourth-state": done.trim.operating_point.discrete["deflection"],
             "figure-31-untouched": _untouched([done.models[name] for name in PUBLISHED]),
-            "figure-31-phase-5hz": min(fastest),
-            "figure-31-phase-half-hz": min(half),
-            "figure-31-phase-slow": max(slow),
+            "figure-31-phase-5hz": fastest,
+            "figure-31-phase-half-hz": np.divide(half, fastest),
+            "figure-31-phase-slow": np.divide(slow, fastest),
+            "figure-31-phase-best": [min(half) / min(fastest), min(slow) / min(fastest)],
             "figure-31-errors": np.diff(errors),
         },
         {
             "law-equilibria": done.trim.message,
-            "figure-31-phase-5hz": f"{_degrees(fastest)}; a fifth set of ours, fitted to 5 Hz, has {fitted:+.2f} deg",
-            "figure-31-phase-half-hz": f"{_degrees(half)}: not all of them come nearer",
+            "figure-31-phase-5hz": f"a fifth set of ours, fitted to 5 Hz, has {fitted:+.2f} deg",
+            "figure-31-phase-half-hz": _degrees(half),
             "figure-31-phase-slow": _degrees(slow),
             "figure-31-errors": "errors " + ", ".join(f"{100.0 * e:.1f}" for e in errors) + " %",
         },
@@ -184,6 +195,7 @@ EXPERIMENTS = (
         ("law-gains", "law-positive", "law-ground", "law-failed", "law-never-limited"),
         _configurations,
     ),
+    Reproduction("law's unequal gains", ("law-mean", "law-fundamental", "law-delay"), _unequal_gains),
     Reproduction("rate limiter", ("limiter-fundamental", "limiter-harmonic"), _rate_limiter),
     Reproduction(
         "widths of figure 31",
@@ -195,6 +207,7 @@ EXPERIMENTS = (
             "figure-31-phase-5hz",
             "figure-31-phase-half-hz",
             "figure-31-phase-slow",
+            "figure-31-phase-best",
             "figure-31-errors",
         ),
         _widths,

@@ -26,6 +26,7 @@ from workbench.reproduce.identification import (
     swept,
 )
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
+from workbench.reproduce.targets import read_targets
 
 __all__ = ["EXPERIMENTS"]
 
@@ -39,7 +40,9 @@ def _full_stick() -> Measurement:
     models = [first_order(d) for d in data]
     seen = [coherence_of(d.identification, "boxcar", 0.0) for d in data]
     tapered = [coherence_of(d.identification, "hann", 0.5) for d in data]
-    errors = [m.own.error_percent[OWN] for m in models]
+    # The tool's authors define it as ‖y − ŷ‖/‖y‖ of detrended data (P. Van Overschee, B. De Moor, Subspace
+    # Identification for Linear Systems, 1996, chapter 6): ‖y − ŷ‖/‖y − ȳ‖ of these.
+    errors = [error_figure(m.own.data.y[:, 0], m.own.simulation.computed[:, 0], "fit") for m in models]
     positive = [first_order(law(s, amplitude=0.5, offset=0.5)).own.fit_percent[OWN] for s in SEEDS]
     gained = np.array(positive) - [m.own.fit_percent[OWN] for m in models]
     values = [m.estimate.singular_values for m in models]
@@ -51,6 +54,7 @@ def _full_stick() -> Measurement:
             "law-singular-values": [float(v[0] / v[1]) for v in values],
             "law-error": errors,
             "law-error-range": [min(errors), max(errors)],
+            "law-error-spread": abs(_published_error() - float(np.mean(errors))) / float(np.std(errors, ddof=1)),
             "law-residuals": [outside(m) for m in models],
             "law-cross-correlation": [crossing(m) for m in models],
             "law-positive-fit-prbs": float(gained.mean()),
@@ -62,6 +66,11 @@ def _full_stick() -> Measurement:
         },
         _pictures(data[0], models[0]),
     )
+
+
+def _published_error() -> float:
+    value = read_targets()["law-error"].value
+    return float(np.asarray(value))
 
 
 def _fall(data: ExciteResult) -> float:
@@ -171,6 +180,7 @@ EXPERIMENTS = (
             "law-singular-values",
             "law-error",
             "law-error-range",
+            "law-error-spread",
             "law-residuals",
             "law-cross-correlation",
             "law-positive-fit-prbs",

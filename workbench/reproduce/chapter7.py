@@ -8,7 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from workbench.analysis.excite.prbs import PrbsDesign
+from workbench.analysis.excite.request import excite
 from workbench.analysis.excite.result import ExciteResult
+from workbench.analysis.experiment.experiment import make_experiment
 from workbench.analysis.identify.request import identify
 from workbench.analysis.identify.result import IdentifyResult
 from workbench.analysis.lin.request import lin
@@ -33,6 +36,8 @@ INPUT, OUTPUT = "delC", "del"
 HEIGHT = 2.0  # of everything in this chapter [deg]
 FLOATING = ["p1", "p2"]
 WIDTHS = [3e7, 3e7, 1e-4, 0.01, 0.01, 0.01, 0.01, 0.01]  # total, of the states
+LAG_STEP = 0.1  # [s], a tenth of the time constant of example 4-1
+NOISE = 0.1  # added to its output, of which the largest is 1
 WIDTH = 1.0  # of the command [deg]
 
 
@@ -88,8 +93,9 @@ def _linearised() -> Measurement:
             "rudder-default-gain": default_gain,
             "rudder-default-phase": default_phase,
             "rudder-step": done.steps[0].error,
+            "rudder-step-default": done.steps[1].error,
         },
-        {"rudder-trim-open": done.rest.message, "rudder-step": f"with default widths {done.steps[1].error:.3g}"},
+        {"rudder-trim-open": done.rest.message},
         [Picture((40,), "Step from 2 to 4 degrees, linear models at 2 degrees.", lambda: _draw_step(done))],
     )
 
@@ -120,6 +126,26 @@ def _identified() -> Measurement:
             "rudder-identified-phase-45": [w[1] for w in far],
         },
         pictures=_pictures(done, data[0], found[0], laid[0]),
+    )
+
+
+def _lag_identified() -> Measurement:
+    """Identify a system whose answer is known in closed form, beside those of which it is not."""
+    design = PrbsDesign(amplitude=1.0, seed=SEEDS[0])
+    with load("fmu:FirstOrderLag", "me", tolerance=1e-10) as model:
+        data = excite(model, ["u"], ["y"], signal=design, dt=LAG_STEP, samples=1000)
+    found = identify(data.identification, order=1, validation=data.validation)
+    rng = np.random.default_rng(SEEDS[0])
+    noisy = make_experiment(
+        LAG_STEP, data.identification.u, data.identification.y + NOISE * rng.standard_normal((1000, 1))
+    )
+    pole, gain = float(found.model.poles[0].real), float(found.model.response(0.0).ravel()[0].real)
+    return Measurement(
+        {
+            "lag-identified": [pole, gain],
+            "lag-identified-fit": found.fit_percent,
+            "lag-identified-order": float(identify(noisy).order),
+        }
     )
 
 
@@ -162,6 +188,7 @@ def _step_of(found: IdentifyResult, time: NDArray[np.float64], data: ExciteResul
 
 
 EXPERIMENTS = (
+    Reproduction("lag identified", ("lag-identified", "lag-identified-fit", "lag-identified-order"), _lag_identified),
     Reproduction(
         "rudder linearised",
         (
@@ -172,6 +199,7 @@ EXPERIMENTS = (
             "rudder-default-gain",
             "rudder-default-phase",
             "rudder-step",
+            "rudder-step-default",
         ),
         _linearised,
     ),

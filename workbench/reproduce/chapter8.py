@@ -37,13 +37,15 @@ SETTLED = 4.0  # [s], of the actuators
 
 def _aircraft() -> Measurement:
     with load("fmu:Aircraft", start_values={"outer_aileron_failed": True}) as aircraft:
-        linear = lin(aircraft, inputs=["outer_aileron_moment"], outputs=["outer_aileron_rate"]).result
+        inputs = ["outer_aileron_moment", "inner_aileron"]
+        linear = lin(aircraft, inputs=inputs, outputs=["outer_aileron_rate"]).result
         outputs = len(aircraft.outputs)
     poles = np.linalg.eigvals(linear.A)
     growing = poles[int(np.argmax(poles.real))]
     return Measurement(
         {
             "aircraft-states": float(len(linear.A)),
+            "aircraft-zeros": [float(len(linear.part(j).invariant_zeros)) for j in (0, 1)],
             "aircraft-outputs": float(outputs),
             "unstable-pair": float(damped_frequency_hz(growing)),
             "aileron-limits": _limits({}),
@@ -131,7 +133,7 @@ def _nyquist(result: LimitCycleResult) -> Figure:
 EXPERIMENTS = (
     Reproduction(
         "aircraft",
-        ("aircraft-states", "aircraft-outputs", "unstable-pair", "aileron-limits", "elevator-limits"),
+        ("aircraft-states", "aircraft-zeros", "aircraft-outputs", "unstable-pair", "aileron-limits", "elevator-limits"),
         _aircraft,
     ),
     Reproduction("describing function", ("describing-function",), _describing),

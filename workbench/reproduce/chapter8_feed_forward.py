@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from workbench.analysis.feed_forward.request import feed_forward
 from workbench.analysis.feed_forward.result import FeedForwardResult
 from workbench.analysis.feed_forward.step import FilterStep
+from workbench.analysis.feed_forward.weighting import WEIGHTINGS
 from workbench.reproduce.chapter8_simulated import CLOSES, PULSE
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
@@ -31,12 +34,16 @@ _PICTURES: Mapping[str, tuple[tuple[int, ...], str, str]] = {
 }
 
 
-def _designed(*, orders: tuple[int, int] | None, simulated: bool) -> FeedForwardResult:
+def _designed(
+    *, orders: tuple[int, int] | None, simulated: bool = False, second: str | None = None, weighting: str = "absolute"
+) -> FeedForwardResult:
     with load("system:failed_aileron") as system:
         return feed_forward(
             system,
             block="damper",
             target="aircraft.inner_aileron",
+            second=second,
+            weighting=weighting,
             feedback=("aircraft.outer_aileron_position", -1.0),
             orders=orders,
             inputs={"pulse": PULSE} if simulated else None,
@@ -46,11 +53,12 @@ def _designed(*, orders: tuple[int, int] | None, simulated: bool) -> FeedForward
         )
 
 
-def _feed_forward() -> Measurement:
-    free = _designed(orders=None, simulated=False)
-    result = _designed(orders=ORDERS, simulated=True)
+def _filter() -> Measurement:
+    free, result = _designed(orders=None), _designed(orders=ORDERS)
     steps = {step.name: step for step in result.steps}
-    scalar, filtered, crude = result.trials
+    f = result.frequency_hz
+    corner = int(np.argmin(np.abs(f - result.band[1])))
+    kept = np.abs(steps["low-pass"].response / steps["sign"].response)[corner]
     return Measurement(
         {
             "feed-forward-orders": [float(r.order) for r in (free.design.G, free.design.H)],
@@ -59,19 +67,46 @@ def _feed_forward() -> Measurement:
             "feed-forward-cancelled": float(steps["cancelled"].order),
             "feed-forward-mirrored": float(_mirrored(steps["cancelled"])),
             "feed-forward-sign": float(steps["sign"].remark.startswith("changed")),
-            "feed-forward-left": float("nan") if filtered.rest is None else filtered.rest,
-            "feed-forward-slower": [_ratio(filtered.settling_seconds[p], scalar.settling_seconds[p]) for p in PARTS],
-            "feed-forward-escape": float(crude.divergence is not None and crude.divergence.kind == "finite escape"),
+            "feed-forward-stable": float(len(steps["mirrored"].unstable_poles)),
+            "feed-forward-cutoff": float(kept),
         },
         {
             "feed-forward-orders": f"with the published ones the filter is off by {_off(steps['joined'])}",
             "feed-forward-cancelled": steps["cancelled"].remark,
             "feed-forward-mirrored": steps["mirrored"].remark,
             "feed-forward-sign": steps["sign"].remark,
+        },
+        [_picture(result, name) for name in _PICTURES if name != "simulated"],
+    )
+
+
+def _tried() -> Measurement:
+    result = _designed(orders=ORDERS, simulated=True)
+    scalar, filtered, crude = result.trials
+    return Measurement(
+        {
+            "feed-forward-left": float("nan") if filtered.rest is None else filtered.rest,
+            "feed-forward-slower": [_ratio(filtered.settling_seconds[p], scalar.settling_seconds[p]) for p in PARTS],
+            "feed-forward-escape": float(crude.divergence is not None and crude.divergence.kind == "finite escape"),
+        },
+        {
             "feed-forward-slower": "; ".join(result.notes[:1]),
             "feed-forward-escape": crude.failure,
         },
-        [_picture(result, name) for name in _PICTURES],
+        [_picture(result, "simulated")],
+    )
+
+
+def _both_surfaces() -> Measurement:
+    made = [_designed(orders=ORDERS, second="aircraft.elevator", weighting=error) for error in WEIGHTINGS]
+    found = [result.shared for result in made if result.shared is not None]
+    words = "; ".join(f"least {one.method} error: {100.0 * (1.0 - one.left / one.left_alone):.2g} %" for one in found)
+    return Measurement(
+        {
+            "feed-forward-weight": [100.0 * one.weights[0] for one in found],
+            "feed-forward-second": [100.0 * (1.0 - one.left / one.left_alone) for one in found],
+        },
+        {"feed-forward-second": words},
     )
 
 
@@ -103,11 +138,14 @@ EXPERIMENTS = (
             "feed-forward-cancelled",
             "feed-forward-mirrored",
             "feed-forward-sign",
-            "feed-forward-left",
-            "feed-forward-slower",
-            "feed-forward-escape",
+            "feed-forward-stable",
+            "feed-forward-cutoff",
         ),
-        _feed_forward,
-        9.0,
+        _filter,
+        2.0,
     ),
+    Reproduction(
+        "feed-forward simulated", ("feed-forward-left", "feed-forward-slower", "feed-forward-escape"), _tried, 9.0
+    ),
+    Reproduction("feed-forward of both surfaces", ("feed-forward-weight", "feed-forward-second"), _both_surfaces, 2.0),
 )

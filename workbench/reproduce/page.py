@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import IO, TYPE_CHECKING, cast
@@ -11,7 +12,7 @@ from workbench.model.recipe import content_hash
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, sentence
 from workbench.report.tones import Verdict
-from workbench.reproduce.targets import MISSED, NOT_REACHABLE, Target
+from workbench.reproduce.targets import MISSED, NOT_REACHABLE, VERDICTS, Target
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,7 +29,10 @@ TITLES: Mapping[str, str] = {
     "7": "Rudder actuator",
     "8": "Aeroelastic aircraft with a failed outer aileron",
 }
-_HEADINGS = ("target", "verdict", "published", "tolerance", "measured", "figures", "what")
+_HEADINGS = ("target", "verdict", "basis", "published", "tolerance", "measured", "figures", "what")
+_ORIGINS: Mapping[str, str] = {
+    "printed": "a printed number", "described": "words of the source report", "asked": "a bound of our own"
+}  # fmt: skip
 _HASH = 16  # characters of a file's hash that are shown
 
 
@@ -44,7 +48,14 @@ def reproduce_page(result: ReproduceResult) -> Page:
         lead=sentence(result.words),
         facts={"asked for": ", ".join(result.selection) or "everything"},
         summary=[Verdict(o.verdict, _line(o)) for o in result.outcomes if not o.passed],
-        sections=[*_not_met(result), *(_section(c, result) for c in chapters), _of_fmus(), _of_time(result)],
+        sections=[
+            _counts(result),
+            *_not_met(result),
+            *(_section(c, result) for c in chapters),
+            *_of_data([o.target for o in result.outcomes]),
+            _of_fmus(),
+            _of_time(result),
+        ],
     )
 
 
@@ -54,7 +65,7 @@ def targets_page(result: TargetList) -> Page:
     Args:
         result: what to list.
     """
-    headings = ("target", "figures", "what", "published", "tolerance")
+    headings = ("target", "basis", "figures", "what", "published", "tolerance")
     chapters = dict.fromkeys(_title(t.chapter) for t in result.targets)
     return Page(
         title="Targets of the source report",
@@ -69,7 +80,8 @@ def targets_page(result: TargetList) -> Page:
 
 
 def _asked(target: Target) -> tuple[str, ...]:
-    return (target.name, ", ".join(map(str, target.figures)), target.what, target.text, target.tolerance)
+    figures = ", ".join(map(str, target.figures))
+    return (target.name, target.basis, figures, target.what, target.text, target.tolerance)
 
 
 def _title(chapter: str) -> str:
@@ -83,6 +95,31 @@ def _chapter(text: str) -> str:
 
 def _line(outcome: Outcome) -> str:
     return f"{outcome.target.name}: {outcome.target.text} published, {outcome.text} measured"
+
+
+def _counts(result: ReproduceResult) -> Section:
+    """Say what the verdicts are worth: a prediction could have come out otherwise, what was fitted could hardly."""
+    headings = ("basis", *VERDICTS, *_ORIGINS.values())
+    rows = []
+    for basis, found in result.counts.items():
+        origins: Counter[str] = Counter(o.target.origin for o in result.outcomes if o.target.basis == basis)
+        if any(found.values()):
+            rows.append((basis, *(str(n) for n in found.values()), *(str(origins[name]) for name in _ORIGINS)))
+    words = (
+        "Predicted: the figure could have come out otherwise. Fitted: data of a bundled model, or of the experiment, "
+        "were chosen to give it; that it is met says that the fit still holds. Structural: it follows from how the "
+        "model is made, or is a printed number that the model was given."
+    )
+    return Section("What the verdicts are worth", paragraphs=[words], tables=[Table(headings, rows)])
+
+
+def _of_data(targets: Sequence[Target]) -> Iterator[Section]:
+    """List what was fitted, and which data were chosen for it."""
+    rows = [(t.name, f"fmu:{t.fmu}", t.fitted_by) for t in targets if t.fitted_by is not None]
+    if rows:
+        yield Section(
+            "What was fitted", tables=[Table(("target", "FMU", "what was chosen to give it"), rows)], folded=True
+        )
 
 
 def _not_met(result: ReproduceResult) -> Iterator[Section]:
@@ -111,7 +148,8 @@ def _row(outcome: Outcome) -> tuple[str, ...]:
     t = outcome.target
     origin = "" if t.origin == "printed" else f" ({t.origin})"
     figures = ", ".join(str(n) for n in t.figures)
-    return (t.name, outcome.verdict, f"{t.text}{origin}", t.tolerance, outcome.text, figures, f"{t.chapter}: {t.what}")
+    place = f"{t.chapter}: {t.what}"
+    return (t.name, outcome.verdict, t.basis, f"{t.text}{origin}", t.tolerance, outcome.text, figures, place)
 
 
 def _remarks(outcomes: Sequence[Outcome]) -> Iterator[Section]:

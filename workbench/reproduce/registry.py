@@ -13,6 +13,7 @@ __all__ = ["MODULES", "experiments"]
 
 # One a chapter or part of it; each holds a tuple EXPERIMENTS.
 MODULES = (
+    "chapter3_hybrid",
     "chapter3",
     "chapter4",
     "chapter4_rudder",

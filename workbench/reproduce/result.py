@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench.core.record import Part, Record, entry
-from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, Target
+from workbench.reproduce.targets import BASES, MET, MISSED, NOT_REACHABLE, VERDICTS, Target
 
 __all__ = ["Drawing", "Outcome", "ReproduceResult", "TargetList", "plain"]
 
@@ -42,20 +42,41 @@ class Outcome(Part):
 
     @property
     def verdict(self) -> str:
-        """One of "met", "missed", "not reachable"; a failed measurement is a miss, whatever the target's reason."""
+        """One of "met", "missed", "not reachable".
+
+        A measurement that failed, or left what the target says is measured instead, is a miss whatever its reason.
+        """
         if self.passed:
             return MET
-        return MISSED if self.measured is None or self.target.reason is None else NOT_REACHABLE
+        return NOT_REACHABLE if self.target.reason is not None and self._as_told else MISSED
+
+    @property
+    def known(self) -> bool:
+        """Whether it is missed by what the target says, for the cause that it names."""
+        return not self.passed and self.target.shortfall is not None and self._as_told
+
+    @property
+    def _as_told(self) -> bool:
+        """Whether what was measured is what the target says is measured instead."""
+        return (
+            self.measured is not None and self.target.instead is not None and self.target.instead.accepts(self.measured)
+        )
 
     @property
     def reason(self) -> str | None:
         """Why it is not met; None: it is."""
         if self.passed:
             return None
-        if self.problem or self.target.reason is None:
-            return self.problem or f"{self.text} measured, outside {self.target.text} ({self.target.tolerance})"
+        t = self.target
+        if self.problem:
+            return self.problem
+        outside = f"{self.text} measured, outside {t.text} ({t.tolerance})"
+        if t.instead is None:
+            return outside
+        if not self._as_told:
+            return f"{outside} and outside {t.instead.text}, which is to be measured instead: {t.instead.why}"
         seen = f"; {self.remark}" if self.remark else ""
-        return f"{self.text} measured; {self.target.reason}{seen}"
+        return f"{self.text} measured; {t.reason or t.shortfall}{seen}"
 
     @property
     def text(self) -> str:
@@ -74,10 +95,12 @@ class Outcome(Part):
         t = self.target
         return {
             **t.model_dump(include={"name", "chapter", "figures", "what", "unit", "origin", "note"}),
+            **t.model_dump(include={"basis", "fmu", "fitted_by"}),
             "target": t.value if t.value is not None else t.text,
             "tolerance": t.model_dump(include={"absolute", "relative", "low", "high"}, exclude_none=True),
             "passed": self.passed,
             "verdict": self.verdict,
+            "known": self.known,
             "reason": self.reason,
             "published": t.model_dump(),
         }
@@ -137,13 +160,28 @@ class ReproduceResult(Record):
         return tuple(o for o in self.outcomes if o.verdict == MISSED)
 
     @property
+    def unexpected(self) -> tuple[Outcome, ...]:
+        """Missed targets without those of which the bundled model is known to fall short."""
+        return tuple(o for o in self.missed if not o.known)
+
+    @property
+    def counts(self) -> Mapping[str, Mapping[str, int]]:
+        """Basis → verdict → number of targets; predictions come first."""
+        count: Counter[tuple[str, str]] = Counter((o.target.basis, o.verdict) for o in self.outcomes)
+        return {b: {v: count[b, v] for v in VERDICTS} for b in BASES}
+
+    @property
     def words(self) -> str:
-        """The whole in one line."""
-        count = Counter(o.verdict for o in self.outcomes)
-        parts = [f"{count[v]} {v}" for v in (MET, MISSED, NOT_REACHABLE) if count[v]]
-        targets = "1 target" if len(self.outcomes) == 1 else f"{len(self.outcomes)} targets"
+        """The whole in one line, predictions first."""
+        parts = [
+            f"{sum(found.values())} {basis}: " + ", ".join(f"{n} {verdict}" for verdict, n in found.items() if n)
+            for basis, found in self.counts.items()
+            if any(found.values())
+        ]
+        if self.missed and not self.unexpected:
+            parts.append("what is missed is known")
         processes = "1 process" if self.jobs == 1 else f"{self.jobs} processes"
-        return f"{targets}: {', '.join(parts)}; {self.seconds:.1f} s with {processes}"
+        return f"{'; '.join(parts)}; {self.seconds:.1f} s with {processes}"
 
     def outcome(self, name: str) -> Outcome:
         """Return what came of one target.
@@ -160,16 +198,16 @@ class ReproduceResult(Record):
         raise KeyError(name)
 
     def derived(self) -> dict[str, Any]:
-        """Return the whole in one line, and whether nothing is missed without a reason."""
-        return {"words": self.words, "passed": not self.missed}
+        """Return the whole in one line, the counts, and whether nothing is missed but what is known to be."""
+        return {"words": self.words, "counts": self.counts, "passed": not self.unexpected}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each target."""
-        yield ("name", "chapter", "figures", "what", "target", "tolerance", "measured", "verdict", "reason")
+        yield ("name", "chapter", "figures", "what", "basis", "target", "tolerance", "measured", "verdict", "reason")
         for o in self.outcomes:
             t = o.target
             figures = " ".join(map(str, t.figures))
-            yield (t.name, t.chapter, figures, t.what, t.text, t.tolerance, o.text, o.verdict, o.reason)
+            yield (t.name, t.chapter, figures, t.what, t.basis, t.text, t.tolerance, o.text, o.verdict, o.reason)
 
 
 @dataclass(frozen=True)
@@ -183,7 +221,7 @@ class TargetList(Record):
     targets: tuple[Target, ...] = field(metadata=entry(kept=False))
 
     _WHAT, _COMMAND = "a list of targets", "reproduce --list"
-    missed: ClassVar[tuple[Outcome, ...]] = ()  # nothing was measured
+    unexpected: ClassVar[tuple[Outcome, ...]] = ()  # nothing was measured
 
     def derived(self) -> dict[str, Any]:
         """Return the targets as their file has them."""
@@ -196,9 +234,9 @@ class TargetList(Record):
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each target."""
-        yield ("name", "chapter", "figures", "what", "target", "tolerance")
+        yield ("name", "chapter", "figures", "what", "basis", "target", "tolerance")
         for t in self.targets:
-            yield (t.name, t.chapter, " ".join(map(str, t.figures)), t.what, t.text, t.tolerance)
+            yield (t.name, t.chapter, " ".join(map(str, t.figures)), t.what, t.basis, t.text, t.tolerance)
 
 
 def plain(value: object) -> float | tuple[float, ...]:

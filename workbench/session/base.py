@@ -106,7 +106,11 @@ class Session(Closable):
 
     @abstractmethod
     def values(self, names: Sequence[str]) -> dict[str, float]:
-        """Return the present values of `names` (Booleans as 0.0 and 1.0)."""
+        """Return present values by name; Booleans as 0.0 and 1.0.
+
+        Args:
+            names: of variables.
+        """
 
     @abstractmethod
     def snapshot(self) -> Snapshot:
@@ -114,4 +118,8 @@ class Session(Closable):
 
     @abstractmethod
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to `snapshot`, which this session made."""
+        """Go back to a snapshot.
+
+        Args:
+            snapshot: one that this session made.
+        """

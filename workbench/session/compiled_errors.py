@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.instance import DISCARD, MAX_EVENT_ITERATIONS, Instance, no_event_time
+from workbench.fmi.ticking import no_interval
 from workbench.fmi.variable import Variable
 from workbench.kernel.structs import Failure
 from workbench.session.algebraic_error import unsolved
@@ -181,10 +182,14 @@ def _unit(now: Situation) -> Exception:
     return now.error(f"unit {number} failed") if now.unit is None else now.unit(number)
 
 
+def _interval(now: Situation) -> Exception:
+    return no_interval(now.whole.description.model_name, now.failure.time)
+
+
 # By FailureCode in failure.h, from 1 on; behind the last comes PAUSED.
 FAILURES: tuple[Callable[[Situation], Exception], ...] = (
     _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _chatter, _through,
-    _early, _event_mode, _grid, _memory, _read_only, _loop, _wire, _event_time, _unit,
+    _early, _event_mode, _grid, _memory, _read_only, _loop, _wire, _event_time, _unit, _interval,
 )  # fmt: skip
 PAUSED = len(FAILURES) + 1
 

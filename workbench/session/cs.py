@@ -91,6 +91,8 @@ class CsSession(FmuSession):
             while waiting[-1] <= self.time:
                 waiting.pop()
             target = min(waiting[-1], self.forcing.next_break(self.time))
+            tick = self.instance.next_tick  # what is overdue ticks at the next communication point
+            target = min(target, tick) if tick > self.time else target
             self._to_target(target, until, longest, rows)
 
     def _to_target(self, target: float, until: float, longest: float, rows: Rows) -> None:
@@ -106,6 +108,7 @@ class CsSession(FmuSession):
         start = self._previous = self.time
         seen = self._give_slopes(end)
         self._step_to(end)
+        self._event_due = self._event_due or self.instance.next_tick <= self.time
         self.forcing.written = seen
         rows.add(self.time, inputs=seen)
         if not last:

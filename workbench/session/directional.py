@@ -2,36 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import FLOAT_TYPES, Variable
-from workbench.kernel.native_slopes import Pattern, pattern_of
-from workbench.session.stand import named_states
+from workbench.kernel.native_slopes import NativeSparsity, Pattern, pattern_of
 
-__all__ = ["slopes_pattern", "why_not_exact"]
+__all__ = ["columns_pattern", "is_single", "newton_note", "newton_sparsity", "slopes_pattern", "why_not_exact"]
+
+SLOW = 300  # states; from here on somebody wants to know why it takes so long
+LARGE = 64  # states; a dense Newton matrix of fewer is as fast
+NARROW = 4  # a band must be so many times smaller than the matrix
 
 _FUNCTIONS = {2: "fmi2GetDirectionalDerivative", 3: "fmi3GetDirectionalDerivative"}
 
 
-def why_not_exact(instance: Instance, asked: Iterable[Variable]) -> str:
-    """Return why directional derivatives are not offered; empty if they are.
+def why_not_exact(instance: Instance) -> str:
+    """Return why exact derivatives, forward or adjoint, are not offered; empty if they are.
 
     Args:
         instance: of model exchange.
-        asked: variables of which, or along which, they are wanted, besides the states and their derivatives.
     """
     description = instance.description
-    if not instance.capabilities.directional_derivatives:
+    claims = instance.capabilities
+    if not (claims.directional_derivatives or claims.adjoint_derivatives):
         return f"{description.model_name} offers no directional derivatives"
     if len(description.derivatives) != instance.nx:
         return f"{description.model_name} does not name the derivatives of its states"
-    named = (*description.derivatives, *description.states, *asked)
-    arrays = [v.name for v in named if v.value_reference in description.shapes]
-    return f"{arrays[0]} is an element of an array, which directional derivatives take as a whole" if arrays else ""
+    return ""
 
 
 def slopes_pattern(instance: Instance, recorded: Sequence[Variable]) -> Pattern:
@@ -44,23 +47,102 @@ def slopes_pattern(instance: Instance, recorded: Sequence[Variable]) -> Pattern:
         recorded: what the run records.
     """
     description, n = instance.description, instance.nx
-    single = len(instance.parts) == 1 and not (instance.wiring is not None and instance.wiring.connections)
-    if not single or len(description.derivatives) != n or len(description.states) != n:
-        return pattern_of([None], n)
-    number = {v.name: i for i, v in enumerate(named_states(instance))}
     rows = (*description.derivatives, *recorded)
-    depends = [None if description.shapes else _states_behind(v, number) for v in rows]
-    pattern = pattern_of(depends, n)
+    single = is_single(instance)
+    pattern = pattern_of(_states_of(description, rows) if single else [None], n)
+    if not single:
+        return pattern
     function = _FUNCTIONS.get(instance.parts[0].version, "")
     smooth = all(v.causality == "output" and v.type in FLOAT_TYPES and v.variability == "continuous" for v in recorded)
-    if not smooth or why_not_exact(instance, recorded) or not instance.parts[0].library.address(function):
+    # The kernel takes one number a value reference: no arrays.
+    scalar = instance.capabilities.directional_derivatives and not description.shapes
+    if not (smooth and scalar) or why_not_exact(instance) or not instance.parts[0].library.address(function):
         return pattern
     references = np.array([v.value_reference for v in description.states], dtype=np.uint32)[pattern.members]
     return replace(pattern, references=(references, np.array([v.value_reference for v in rows], dtype=np.uint32)))
 
 
-def _states_behind(variable: Variable, number: dict[str, int]) -> list[int] | None:
-    """Return on which states a variable depends; None: it is not declared."""
+# Of the descriptions used last: a model opens many sessions.
+_known: deque[tuple[Description, NativeSparsity | None]] = deque(maxlen=4)
+
+
+def newton_sparsity(description: Description) -> NativeSparsity | None:
+    """Return where the Jacobian of a large model may differ from zero, as declared; None: a dense one is no slower.
+
+    Args:
+        description: of one FMU.
+    """
+    for other, found in tuple(_known):
+        if other is description:
+            return found
+    made = _newton_sparsity(description)
+    _known.append((description, made))
+    return made
+
+
+def _newton_sparsity(description: Description) -> NativeSparsity | None:
+    n = len(description.states)
+    depends = _states_of(description, description.derivatives) if n >= LARGE else [None]
+    if None in depends:
+        return None
+    found = NativeSparsity(pattern_of(depends, n))
+    return found if NARROW * (2 * found.below + found.above + 1) <= n else None
+
+
+def newton_note(description: Description) -> str:
+    """Return a remark on the Newton matrix of `gear`; empty where the model is small.
+
+    Args:
+        description: of one FMU.
+    """
+    n = description.state_count
+    found = newton_sparsity(description)
+    if found is not None:
+        width = found.below + found.above + 1
+        return f"gear: banded Newton matrix, {width} diagonals for {n} states, by {found.groups} evaluations"
+    if n < SLOW:
+        return ""
+    if any(v.dependencies is None for v in description.derivatives):
+        return f"gear: dense Newton matrix of {n} states, which is slow: the FMU does not declare what they depend on"
+    return f"gear: dense Newton matrix of {n} states, which is slow: its declared dependencies make no narrow band"
+
+
+def columns_pattern(instance: Instance, columns: Sequence[Variable], rows: Sequence[Variable]) -> Pattern | None:
+    """Return which columns of a large model can be moved at once, as declared; None: each is moved by itself.
+
+    Args:
+        instance: of model exchange.
+        columns: states and inputs.
+        rows: derivatives and outputs.
+    """
+    description = instance.description
+    if len(columns) < LARGE or not is_single(instance) or description.shapes:
+        return None
+    number = {v.name: i for i, v in enumerate(columns)}
+    depends = [_behind(v, number) for v in rows]
+    if None in depends:
+        return None
+    found = pattern_of(depends, len(columns))
+    return found if 2 * len(found.ends) < len(columns) else None
+
+
+def is_single(instance: Instance) -> bool:
+    """Whether an instance is one FMU that names its states and derivatives."""
+    description, n = instance.description, instance.nx
+    single = len(instance.parts) == 1 and not (instance.wiring is not None and instance.wiring.connections)
+    return single and len(description.derivatives) == n and len(description.states) == n
+
+
+def _states_of(description: Description, rows: Sequence[Variable]) -> list[list[int] | None]:
+    """Return on which states each variable depends; None: it is not declared."""
+    if description.shapes:
+        return [None]
+    number = {v.name: i for i, v in enumerate(description.states)}
+    return [_behind(v, number) for v in rows]
+
+
+def _behind(variable: Variable, number: Mapping[str, int]) -> list[int] | None:
+    """Return on which of the numbered variables another depends; None: it is not declared."""
     if variable.name in number:
         return [number[variable.name]]
     if variable.dependencies is None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from workbench.errors import EndedError, InputError, SimulationError, WorkbenchError
 from workbench.fmi.instance import NO_EVENT, EventInfo, Instance
+from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
 from workbench.session.base import Floats, Recorded, Session, Snapshot
 from workbench.session.forcing import Forcing
@@ -202,6 +203,9 @@ class FmuSession(Session):
         self._seen = self._first_seen()
         self.forcing = Forcing(instance, self.inputs, setup.bias, setup.signals)
         starts = self._starts()
+        sizes = {n: starts.pop(n) for n in list(starts) if setup.variables[n].causality == STRUCTURAL}
+        if sizes:
+            instance.configure([setup.variables[n] for n in sizes], list(sizes.values()))
         self._write({n: v for n, v in starts.items() if n not in self.inputs})
         instance.enter_initialisation(self.time, setup.tolerance)
         self._write({n: v for n, v in starts.items() if n in self.inputs})  # FMI 2.0.4, 3.2.3: not before

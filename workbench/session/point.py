@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,10 @@ import numpy as np
 from workbench.core.closable import Closable
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
+from workbench.kernel.native_slopes import Pattern
 from workbench.session.base import Floats
-from workbench.session.directional import why_not_exact
+from workbench.session.directional import columns_pattern, why_not_exact
+from workbench.session.exact_jacobian import ExactJacobian
 from workbench.session.fmu import FmuSession
 from workbench.session.me import MeSession
 from workbench.session.stand import Stand, named_states
@@ -59,7 +62,7 @@ class Point(Closable):
         nominal: nominal values of the states, shape (n,).
         smallest: sizes of the states below which errors of the integration do not shrink with them, shape (n,).
         memory: discrete real states that the model shows and lets one start elsewhere.
-        calls: number of "derivatives" (each with the outputs) and "directional" evaluations so far.
+        calls: number of "derivatives" (each with the outputs), "directional" and "adjoint" evaluations so far.
     """
 
     states: tuple[Variable, ...]
@@ -107,6 +110,14 @@ class Point(Closable):
         Raises:
             InputError: the model offers no directional derivatives.
         """
+
+    @property
+    def pattern(self) -> Pattern | None:
+        """Which states and inputs move which derivatives and outputs, as a large model declares it; None: unknown.
+
+        It is not believed: whoever uses it compares with one more evaluation.
+        """
+        return None
 
     @abstractmethod
     def why_not_exact(self) -> str:
@@ -258,6 +269,12 @@ class FmuPoint(Point):
         names = [f"the derivative of {v.name}" for v in self.states] + [v.name for v in self.outputs]
         return names[int(np.flatnonzero(~np.isfinite(np.concatenate([dx, y])))[0])]
 
+    @cached_property
+    def pattern(self) -> Pattern | None:
+        instance = self.session.instance
+        rows = (*instance.description.derivatives, *self.outputs)
+        return columns_pattern(instance, (*self.states, *self.inputs), rows)
+
     # -- exact derivatives ----------------------------------------------------------------
 
     def jacobian(self) -> Floats:
@@ -269,19 +286,14 @@ class FmuPoint(Point):
         instance, n = self.session.instance, len(self.states)
         # Other outputs change at events alone: nothing moves them here, and an FMU may refuse to be asked.
         smooth = [i for i, v in enumerate(self.outputs) if v.type in FLOAT_TYPES and v.variability == "continuous"]
-        rows = [*instance.description.derivatives, *(self.outputs[i] for i in smooth)]
         full = np.full((n + len(self.outputs), n + len(self.inputs)), np.nan)
+        rows = {**dict(enumerate(instance.description.derivatives)), **{n + i: self.outputs[i] for i in smooth}}
         columns = [*enumerate(self.states), *((n + i, v) for i, v in enumerate(self.inputs) if v.is_continuous_input)]
-        for column, variable in columns:
-            self.calls["directional"] += 1
-            full[:, column] = 0.0
-            full[[*range(n), *(n + i for i in smooth)], column] = instance.directional_derivative(
-                rows, [variable], [1.0]
-            )
+        ExactJacobian(instance, rows, dict(columns), self.calls).fill(full, self.pattern)
         return full
 
     def why_not_exact(self) -> str:
-        return why_not_exact(self.session.instance, (*self.inputs, *self.outputs))
+        return why_not_exact(self.session.instance)
 
     def ticks(self, most: int, until: float) -> Floats:
         instance, found = self.session.instance, list[float]()

@@ -25,10 +25,10 @@ def find(names: Sequence[str], variables: Mapping[str, Variable]) -> list[Variab
     Raises:
         InputError: unknown name, or a text.
     """
+    check_names(names, variables, kinds=("variable",))
     found = []
     for name in names:
-        check_names([name], variables, kinds=("variable",))
-        if not variables[name].is_number:
+        if not (variables[name].is_number or variables[name].type == "Clock"):  # whose ticks are counted
             raise InputError(f"'{name}' is a {variables[name].type}; only numbers can be recorded")
         found.append(variables[name])
     return found

@@ -11,7 +11,7 @@ from typing import Any
 from workbench.study.commands import Command, Reference, references
 from workbench.study.kinds.base import Requirement, Scalar
 
-__all__ = ["Analysis", "Change", "Point", "Study"]
+__all__ = ["Analysis", "Approval", "Change", "Point", "Study"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +81,21 @@ def _text(value: Scalar) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Approval:
+    """Who has to agree with a study, and whether they have.
+
+    Attributes:
+        role: e.g. "checked" or "chief engineer".
+        name: of the person; empty: to be written by hand.
+        date: as written; empty: not yet.
+    """
+
+    role: str
+    name: str = ""
+    date: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Study:
     """A study as it is written down; nothing was opened or measured yet.
 
@@ -93,6 +108,11 @@ class Study:
         grid: "model.parameter" → values.
         analyses: in the order of the file.
         requirements: likewise.
+        id: of the document; empty: none.
+        author: who wrote it; empty: not told.
+        revision: as written; empty: not told.
+        approvals: who has to agree.
+        sha256: of the file.
     """
 
     name: str
@@ -103,6 +123,11 @@ class Study:
     grid: Mapping[str, tuple[Scalar, ...]]
     analyses: Mapping[str, Analysis]
     requirements: tuple[Requirement, ...]
+    id: str = ""
+    author: str = ""
+    revision: str = ""
+    approvals: tuple[Approval, ...] = ()
+    sha256: str = ""
 
     @property
     def folder(self) -> Path:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["study_page"]
 
 _HEADINGS = ("requirement", "verdict", "value", "limit", "margin", "where")
+_BLANK = "_" * 18
 _MOST = 12  # pictures on a page; those of violated requirements first
 
 
@@ -32,7 +33,14 @@ def study_page(result: StudyResult) -> Page:
     Args:
         result: what to report.
     """
-    sections = [*_violations(result), *_requirements(result), *_pictures(result), *_grid(result), _analyses(result)]
+    sections = [
+        *_violations(result),
+        *_requirements(result),
+        *_pictures(result),
+        *_grid(result),
+        _analyses(result),
+        *_approvals(result),
+    ]
     return Page(
         title=result.study.name,
         lead=f"{sentence(result.words)} {result.study.description}".strip(),
@@ -47,7 +55,13 @@ def study_page(result: StudyResult) -> Page:
 def _facts(result: StudyResult) -> dict[str, str]:
     study = result.study
     models = {f"model {name}": _model(str(m.model), result) for name, m in study.models.items()}
-    return {"study": str(study.path), **models}
+    told = {"document": study.id, "revision": study.revision, "author": study.author}
+    return {
+        **{name: value for name, value in told.items() if value},
+        "study": study.path.name,
+        "SHA-256 of the study": study.sha256,
+        **models,
+    }
 
 
 def _model(file: str, result: StudyResult) -> str:
@@ -55,10 +69,8 @@ def _model(file: str, result: StudyResult) -> str:
     for run in result.runs:
         files = run.subject["files"]
         if file in files:
-            parts = [
-                f"{name} (sha256 {files[name][:16]}…)" for name in files if name == file or name.startswith("fmu:")
-            ]
-            return ", ".join(parts)
+            parts = [f"{name}, SHA-256 {files[name]}" for name in files if name == file or name.startswith("fmu:")]
+            return "\n".join(parts)
     return file
 
 
@@ -83,7 +95,11 @@ def _requirements(result: StudyResult) -> Iterator[Section]:
 
 
 def _table(checked: Sequence[Checked]) -> Table:
-    return Table(_HEADINGS, [_row(c) for c in checked], verdict=1, right=(2, 3, 4))
+    """Return the verdicts, with the ids of the requirements where there are any."""
+    if not any(c.requirement.id for c in checked):
+        return Table(_HEADINGS, [_row(c) for c in checked], verdict=1, right=(2, 3, 4))
+    rows = [(c.requirement.id, *_row(c)) for c in checked]
+    return Table(("id", *_HEADINGS), rows, verdict=2, right=(3, 4, 5))
 
 
 def _row(checked: Checked) -> tuple[str, ...]:
@@ -99,6 +115,13 @@ def _grid(result: StudyResult) -> Iterator[Section]:
         if study.configurations:
             rows.insert(0, ("configuration", ", ".join(study.configurations)))
         yield Section("Grid", tables=[Table(("parameter", "values"), rows)])
+
+
+def _approvals(result: StudyResult) -> Iterator[Section]:
+    """Yield who has to agree; what is not told yet is left to be written by hand."""
+    if result.study.approvals:
+        rows = [(a.role, a.name or _BLANK, a.date or _BLANK, _BLANK) for a in result.study.approvals]
+        yield Section("Approval", tables=[Table(("role", "name", "date", "signature"), rows)])
 
 
 def _analyses(result: StudyResult) -> Section:
@@ -139,12 +162,17 @@ def _drawn(checked: Checked, result: Result) -> Figure | None:
     requirement = checked.requirement
     try:
         if isinstance(requirement, Mask):
-            return _mask(requirement, result, checked.name, checked.finding)
+            return _mask(requirement, result, _title(checked, result), checked.finding)
         if isinstance(requirement, SettlingTime | Overshoot):
-            return _step(requirement, result, checked.name, checked.finding)
+            return _step(requirement, result, _title(checked, result), checked.finding)
     except WorkbenchError:
         pass  # the finding says what is wrong
     return None
+
+
+def _title(checked: Checked, result: Result) -> str:
+    model = result.get("model")
+    return f"{model}: {checked.name}" if isinstance(model, str) else checked.name
 
 
 def _mask(requirement: Mask, result: Result, title: str, found: Compliance) -> Figure:

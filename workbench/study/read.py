@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +14,7 @@ from workbench.core.files import named_path
 from workbench.core.record import read_toml_table
 from workbench.errors import InputError, suggest
 from workbench.study.commands import COMMANDS, Command, Reference, command
-from workbench.study.description import Analysis, Change, Study
+from workbench.study.description import Analysis, Approval, Change, Study
 from workbench.study.kinds import read_requirement
 from workbench.study.kinds.base import Requirement, Scalar
 from workbench.study.place import known, place
@@ -27,11 +28,23 @@ _OURS = {"json": "results are in the JSON of the study", "store": "the study has
 _FILES = (".fmu", ".toml", ".ssp", ".ssd", ".json")
 
 
+class ApprovalTable(Table):
+    """Who has to agree with a study; without name and date the report has a line to sign."""
+
+    role: str = Field(min_length=1)
+    name: str = ""
+    date: str = ""
+
+
 class StudyTable(Table):
     """The whole file; what the tables hold is read table by table."""
 
     name: str | None = None
     description: str = ""
+    id: str = ""
+    author: str = ""
+    revision: str = ""
+    approvals: list[ApprovalTable] = Field(default_factory=list)
     models: dict[str, Any] = Field(default_factory=dict)
     configurations: dict[str, Any] = Field(default_factory=dict)
     grid: dict[str, Any] = Field(default_factory=dict)
@@ -170,6 +183,11 @@ def _study(path: Path, data: Mapping[str, Any]) -> Study:
         grid=grid,
         analyses=analyses,
         requirements=_requirements(table.requirements, analyses, configurations, grid),
+        id=table.id,
+        author=table.author,
+        revision=table.revision,
+        approvals=tuple(Approval(role=a.role, name=a.name, date=a.date) for a in table.approvals),
+        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
     )
 
 

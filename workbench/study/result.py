@@ -52,6 +52,7 @@ class Checked:
         """Return it ready for JSON."""
         found = self.finding
         return {
+            "id": self.requirement.id,
             "name": self.requirement.name,
             "point": self.point,
             "kind": self.requirement.kind,
@@ -138,6 +139,11 @@ class StudyResult:
             "study": self.study.name,
             "description": self.study.description,
             "file": str(self.study.path),
+            "sha256": self.study.sha256,
+            "id": self.study.id,
+            "author": self.study.author,
+            "revision": self.study.revision,
+            "approvals": [{"role": a.role, "name": a.name, "date": a.date} for a in self.study.approvals],
             "passed": self.passed,
             "requirements": [c.to_dict() for c in self.checked],
             "analyses": [_run_dict(run, outcome) for run, outcome in self.runs.items()],

@@ -16,7 +16,7 @@ from workbench.errors import FmuError, InputError, article
 from workbench.fmi.archive import locate
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.fmi.wiring import Wire
-from workbench.model.load import check_starts
+from workbench.model.starts import check_starts
 from workbench.system.description import (
     Component,
     FmuComponent,
@@ -99,13 +99,15 @@ def container_part(component: Component, starts: Mapping[str, Value], *, step: f
 
 def _part(component: FmuComponent, starts: Mapping[str, Value]) -> ContainerPart:
     path = locate(component.file).resolve()
-    variables = fmu_facts(component.file).variables
+    facts = fmu_facts(component.file)
+    variables = facts.variables
+    enumerations = {variables[n].declared_type or "": items for n, items in facts.items.items() if n in variables}
     described = _described(component, path)
     return ContainerPart(
         component=component,
         path=path,
         variables=variables,
-        starts=check_starts({**component.set, **starts}, variables),
+        starts=check_starts({**component.set, **starts}, variables, enumerations),
         described=described,
         shown={v.name: v for v in described.modelVariables if not v.dimensions},
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 
 from workbench.fmi.description import Capabilities, DefaultExperiment, Description
@@ -18,9 +17,9 @@ _OWN = ("input", "output")  # causalities that only the system's own inputs and 
 
 def joint_description(description: SystemDescription, parts: Sequence[Part], resolved: Resolved) -> Description:
     """Return the system's description."""
-    own = _own_variables(resolved)
+    own = _own_variables(parts, resolved)
     names = {v.name for v in own}
-    numbered = [dataclasses.replace(v, value_reference=i, element=0) for i, v in enumerate(own)]
+    numbered = [v._replace(value_reference=i, element=0) for i, v in enumerate(own)]
     inner = ((p.name, v) for p in parts for v in p.description.variables if f"{p.name}.{v.name}" not in names)
     numbered += [_inner(*one, number=i) for i, one in enumerate(inner, start=len(own))]
     return Description(
@@ -41,6 +40,7 @@ def joint_description(description: SystemDescription, parts: Sequence[Part], res
         shapes={},
         log_categories=(),
         notes=(),
+        enumerations={f"{p.name}.{t}": items for p in parts for t, items in p.description.enumerations.items()},
     )
 
 
@@ -56,28 +56,38 @@ def joint_ports(parts: Sequence[Part], resolved: Resolved) -> Ports:
     return ports
 
 
-def _own_variables(resolved: Resolved) -> list[Variable]:
-    inputs = [dataclasses.replace(_strictest(ports), name=name) for name, ports in resolved.inputs.items()]
+def _own_variables(parts: Sequence[Part], resolved: Resolved) -> list[Variable]:
+    inputs = [_own(parts, _strictest(ports), name) for name, ports in resolved.inputs.items()]
     outputs = [
-        dataclasses.replace(port.variable, name=name, causality="output", dependencies=None)
+        _own(parts, port, name)._replace(causality="output", dependencies=None)
         for name, port in resolved.outputs.items()
     ]
     return [*inputs, *outputs]
 
 
-def _strictest(ports: Sequence[Port]) -> Variable:
+def _own(parts: Sequence[Part], port: Port, name: str) -> Variable:
+    declared = _type_in(parts[port.component].name, port.variable)
+    return port.variable._replace(name=name, declared_type=declared)
+
+
+def _type_in(component: str, variable: Variable) -> str | None:
+    """Return the name in the system of a variable's type: components may have several of one name."""
+    return None if variable.declared_type is None else f"{component}.{variable.declared_type}"
+
+
+def _strictest(ports: Sequence[Port]) -> Port:
     """Return the input that decides when a value may change: one that may do so at events only, if there is one."""
-    return next((p.variable for p in ports if not p.variable.is_continuous_input), ports[0].variable)
+    return next((p for p in ports if not p.variable.is_continuous_input), ports[0])
 
 
 def _inner(component: str, variable: Variable, number: int | None = None) -> Variable:
     of = variable.derivative_of
-    return dataclasses.replace(
-        variable,
+    return variable._replace(
         name=f"{component}.{variable.name}",
         causality="local" if variable.causality in _OWN else variable.causality,
         derivative_of=None if of is None else f"{component}.{of}",
         dependencies=None,
+        declared_type=_type_in(component, variable),
         value_reference=variable.value_reference if number is None else number,
         element=variable.element if number is None else 0,
     )
@@ -100,9 +110,7 @@ def _capabilities(parts: Sequence[Part]) -> Capabilities:
     return Capabilities(
         identifier="",
         state=all(c.state for c in claims),
-        directional_derivatives=all(
-            c.directional_derivatives and not p.description.shapes for c, p in zip(claims, parts, strict=True)
-        ),
+        directional_derivatives=all(c.directional_derivatives for c in claims),
         completed_step=any(c.completed_step for c in claims),
         once_per_process=any(c.once_per_process for c in claims),
         needs_tool=any(c.needs_tool for c in claims),

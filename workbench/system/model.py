@@ -12,14 +12,15 @@ from workbench.core.named import named
 from workbench.fmi.instance import Instance
 from workbench.fmi.wiring import Wiring
 from workbench.model.described import DescribedModel
-from workbench.model.load import check_biases, check_starts, choose_solver, experiment_notes, start_of
+from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
+from workbench.model.starts import check_biases
 from workbench.session.fmu import Setup
 from workbench.system.composite import CompositeInstance
 from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.order import plan
-from workbench.system.parts import Opened, starts_of
+from workbench.system.parts import Opened, starts_of, system_starts
 
 if TYPE_CHECKING:
     from workbench.analysis.loop.result import LoopResult
@@ -52,7 +53,7 @@ class SystemModel(DescribedModel):
         setup = Setup(
             open_instance=self.new_instance,
             variables=variables,
-            start_values={**starts_of(opened.parts), **check_starts(recipe.start_values, variables)},
+            start_values={**starts_of(opened.parts), **system_starts(recipe.start_values, described)},
             bias=check_biases(recipe.bias, variables),
             rtol=recipe.tolerance or described.experiment.tolerance or DEFAULT_TOLERANCE,
             tolerance=recipe.tolerance or described.experiment.tolerance,

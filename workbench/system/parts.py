@@ -10,13 +10,15 @@ from dataclasses import dataclass
 from workbench.errors import InputError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
+from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
 from workbench.model.described import DescribedModel
 from workbench.model.load import FmuRecipe, load
+from workbench.model.starts import check_starts
 from workbench.system.blocks import BlockComponent, BlockInstance, block_description
 from workbench.system.description import Component, FmuComponent, FunctionComponent, Resolved, SystemDescription
 
-__all__ = ["Opened", "Part", "open_parts", "starts_of"]
+__all__ = ["Opened", "Part", "open_parts", "starts_of", "system_starts"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +156,7 @@ def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> Part:
     else:
         # The solver and the communication step are the system's affair, or the master's.
         model = load(component.file, component.interface, start_values=component.set, step=component.step)
-    starts = dict(model.recipe.start_values)
+    starts = dict(model.start_values)
     return Part(
         component=component,
         description=_told(model.description, starts, component.units),
@@ -173,7 +175,7 @@ def _told(description: Description, starts: Mapping[str, Value], units: Mapping[
         start, unit = starts.get(variable.name, variable.start), variable.unit or units.get(variable.name)
         if start == variable.start and unit == variable.unit:
             return variable
-        return dataclasses.replace(variable, start=start, unit=unit)
+        return variable._replace(start=start, unit=unit)
 
     if not starts and not units:
         return description
@@ -192,6 +194,23 @@ def _block(component: BlockComponent) -> Part:
         model=None,
         make=lambda: BlockInstance(component, description),
     )
+
+
+def system_starts(values: Mapping[str, Value], described: Description) -> dict[str, Value]:
+    """Return start values that a whole system is given, in their variables' types.
+
+    Args:
+        values: full name → value.
+        described: the system's description.
+
+    Raises:
+        InputError: see `check_starts`; a structural parameter, which a component is opened with.
+    """
+    found = check_starts(values, {v.name: v for v in described.variables}, described.enumerations)
+    sizes = {v.name for v in described.variables if v.causality == STRUCTURAL}
+    for name in found.keys() & sizes:
+        raise InputError(f"{name}: a structural parameter is set with its component: set = {{…}} in the system file")
+    return found
 
 
 def starts_of(parts: Sequence[Part]) -> dict[str, Value]:

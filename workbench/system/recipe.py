@@ -18,6 +18,7 @@ from workbench.model.recipe import LoadRecipe
 from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
 from workbench.system.health import resolve
 from workbench.system.parts import Opened, Part, open_parts
+from workbench.system.terminals import members_connected
 
 if TYPE_CHECKING:
     from workbench.model.described import DescribedModel
@@ -73,7 +74,8 @@ class SystemRecipe(LoadRecipe):
 
         with ExitStack() as undo:
             parts = open_parts(self.system.components, undo, self.parts, interface=self.interface)
-            opened = Opened(self.system, parts, resolve(self.system, [p.description.variables for p in parts]))
+            system = members_connected(self.system, parts)
+            opened = Opened(system, parts, resolve(system, [p.description.variables for p in parts]))
             self._check_interface(opened)
             model = (SystemModel if opened.interface == "me" else MasterModel)(opened, self.with_parts(parts))
             undo.pop_all()

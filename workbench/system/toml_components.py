@@ -11,6 +11,7 @@ import numpy as np
 from scipy.signal import tf2ss
 
 from workbench.core.files import content_of, named_path
+from workbench.core.forms import whole
 from workbench.core.parsing import from_json
 from workbench.errors import InputError, close_names, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
@@ -74,7 +75,7 @@ def _fmu(name: str, given: Mapping[str, Any], place: _Context) -> FmuComponent:
         name=name,
         file=existing_fmu(table.model, place.folder, place.where),
         interface=table.interface,
-        set=table.set,
+        set={name: whole(value) if isinstance(value, list) else value for name, value in table.set.items()},
         step=table.step,
         solver=table.solver,
     )

@@ -57,7 +57,7 @@ class FmuTable(Table):
     """An FMU."""
 
     model: str
-    set: dict[str, bool | int | float | str] = Field(default_factory=dict)
+    set: dict[str, bool | int | float | str | list[Any]] = Field(default_factory=dict)
     interface: Literal["auto", "me", "cs"] = "auto"
     solver: Literal["auto", "vkm", "gear"] = "auto"
     step: float | None = Field(default=None, gt=0.0)

@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.analysis.request import Request, Subject, function
-from workbench.core.forms import File
+from workbench.core.forms import File, Names
 from workbench.core.option import option
 
 if TYPE_CHECKING:
     from workbench.build.export import ExportResult  # noqa: F401 - the records' types, below
     from workbench.build.fmu import BuiltModels  # noqa: F401
     from workbench.system.container import ContainerResult  # noqa: F401
+    from workbench.to_fmu.compile_fmu import CompiledFmu  # noqa: F401
 
-__all__ = ["Build", "Export", "export"]
+__all__ = ["Build", "Compile", "Export", "compile_fmu", "export"]
 
 
 class Build(Request[Sequence[str | Path], "BuiltModels"]):
@@ -57,6 +58,57 @@ class Build(Request[Sequence[str | Path], "BuiltModels"]):
         default=None,
         python=True,
     )
+
+
+class Compile(Request[str | Path, "CompiledFmu"]):
+    """Compile the sources that an FMU brings, for a machine that it has no binary for.
+
+    FMI 1.0, 2.0 and 3.0; the compiler comes with the extra `build`, also for Windows and macOS. What is compiled is
+    what the FMU lists (buildDescription.xml, SourceFiles), else every file of C in its folder sources; the standard's
+    headers are there. Function names get the prefix that FMI wants: the model identifier in FMI 1.0, none from 2.0 on.
+    Not for sources that need a library, or headers of an operating system, that do not come with them.
+
+    Returns:
+        What was compiled, and the FMU written: all that the old one has, and the binaries.
+
+    Raises:
+        InputError: no such file, an unknown platform, binaries that are there already and no `out`.
+        FmuError: it is not an FMU.
+        BuildError: it has no sources, or the compiler refuses them; the message has its first error.
+
+    Examples:
+        >>> compiled = wb.compile_fmu("fmu:FirstOrderLag", out="lag.fmu", platforms=["linux64"])
+        >>> print(compiled.binaries)
+        ('binaries/linux64/FirstOrderLag.so',)
+    """
+
+    command = "compile"
+    called = "compile_fmu"
+    algorithm = "workbench.to_fmu.run:run_compile"
+    example = "workbench compile fmu:FirstOrderLag --out FirstOrderLag_here.fmu"
+    subject = Subject(
+        name="path",
+        type="str | Path",
+        help="An `.fmu` file with sources.",
+        metavar="X.fmu",
+        argument="fmu",
+        words="An FMU with sources.",
+    )
+    unwritten = ("csv", "plot")
+
+    _: KW_ONLY
+    out: File | None = option(
+        "FMU to write; by default the binaries are added to X.fmu.", metavar="Y.fmu", default=None
+    )
+    platforms: Names | None = option(
+        "Platforms to compile for, as FMI 3.0 or 2.0 names them: x86_64-linux or linux64; by default this machine's.",
+        flag="--platform",
+        metavar="NAME,..",
+        default=None,
+    )
+
+
+compile_fmu = function(Compile)
 
 
 class Export(Request[object, "ExportResult | ContainerResult"]):

@@ -18,10 +18,11 @@ from workbench.system.container import ContainerResult, export_container
 from workbench.system.description import SystemDescription
 from workbench.system.read import is_system_file
 from workbench.system.recipe import SystemRecipe
-from workbench.to_fmu.request import Build, Export
+from workbench.to_fmu.compile_fmu import CompiledFmu, add_binaries
+from workbench.to_fmu.request import Build, Compile, Export
 from workbench.toolchain import require
 
-__all__ = ["run_build", "run_export"]
+__all__ = ["run_build", "run_compile", "run_export"]
 
 
 def run_export(model: object, asked: Export, _job: Job) -> ExportResult | ContainerResult:
@@ -67,6 +68,13 @@ def run_build(sources: Sequence[str | Path], asked: Build, job: Job) -> BuiltMod
     built = BuiltModels(tuple(models))
     remember(built, Origin(files=files_of(sorted(read))))
     return built
+
+
+def run_compile(path: str | Path, asked: Compile, _job: Job) -> CompiledFmu:
+    """Compile the sources of an FMU; see `Compile`."""
+    made = add_binaries(path, asked.out, asked.platforms)
+    remember(made, Origin(files=files_of([made.file])))
+    return made
 
 
 def _is_system(model: object) -> TypeGuard[DescribedModel | SystemDescription | str | Path]:

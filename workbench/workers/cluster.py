@@ -29,7 +29,7 @@ from workbench.errors import InputError, LostError, WorkbenchError, one_line
 from workbench.model.recipe import Recipe
 from workbench.workers.child import Task
 from workbench.workers.in_cluster import Batch, Done, do_batch, proof, take_apart, the_same
-from workbench.workers.local_cluster import LocalCluster, distributed, security
+from workbench.workers.local_cluster import LocalCluster, distributed, security, three
 from workbench.workers.runner import Lost, Reply, Runner
 from workbench.workers.stamp import Stamp, stamp
 
@@ -94,10 +94,8 @@ class Cluster(Scheduler, Closable):
     def __init__(self, scheduler: str, *, tls: Sequence[str] | None = None, patience: float = _PATIENCE) -> None:
         if not 0.0 < patience < math.inf:
             raise InputError(f"patience: {patience:g} s is not a positive finite number")
-        if tls is not None and len(tls) != 3:
-            raise InputError("tls: takes three files: certificate of the authority, own certificate, own key")
         self.address = scheduler
-        self.tls = None if tls is None else tuple(tls)
+        self.tls = None if tls is None else three(tls)
         self.patience = patience
         self._client: Any = None
         self._closing = ExitStack()

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from pathlib import Path
 from typing import IO, Any
 
 from workbench.core.closable import Closable
 from workbench.errors import InputError
 
-__all__ = ["LocalCluster", "distributed", "security", "serve", "started"]
+__all__ = ["LocalCluster", "distributed", "security", "serve", "started", "three"]
 
-_ENDING = 5.0  # [s]
+# So long the processes may take to end in good order [s]. Their results are here, and Ctrl-C is to be obeyed soon.
+_ENDING = 1.0
 
 # What Dask does while nothing happens takes 5 % of a core for each process otherwise.
 _IDLE = {
@@ -36,13 +41,33 @@ def distributed() -> Any:  # noqa: ANN401 - it is untyped
         raise InputError('a cluster needs distributed: pip install "fmi-workbench[cluster]"') from None
 
 
+def three(tls: Sequence[str]) -> tuple[str, str, str]:
+    """Return the files for TLS.
+
+    Args:
+        tls: see `security`.
+
+    Raises:
+        InputError: another number of files.
+    """
+    if len(tls) != 3:
+        raise InputError("tls: takes three files: certificate of the authority, own certificate, own key")
+    return tls[0], tls[1], tls[2]
+
+
 def security(tls: Sequence[str]) -> Any:  # noqa: ANN401 - distributed is untyped
     """Return what `distributed` wants for TLS, the same for scheduler, workers and client.
 
     Args:
         tls: files: certificate of the authority, own certificate, own key.
+
+    Raises:
+        InputError: another number of files, or one is not there.
     """
-    ca, certificate, key = tls
+    ca, certificate, key = three(tls)
+    for file in tls:
+        if not Path(file).is_file():
+            raise InputError(f"tls: {file}: no such file")
     own = {f"tls_{who}_{what}": file for who in ("scheduler", "worker", "client") for what, file in
            (("cert", certificate), ("key", key))}  # fmt: skip
     return distributed().Security(tls_ca_file=ca, require_encryption=True, **own)
@@ -59,21 +84,36 @@ def started(workers: int, *, host: str = "127.0.0.1", port: int = 0, tls: Sequen
         tls: see `security`; None: without.
 
     Raises:
-        InputError: none is asked for, or `distributed` is not installed.
+        InputError: none is asked for, it cannot listen there, or `distributed` is not installed.
     """
     if workers < 1:
         raise InputError(f"local:{workers}: a cluster needs at least 1 worker")
     library = distributed()
     import_module("dask").config.set(_IDLE)  # of this process, and of the workers that it starts
-    with library.LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        host=f"tls://{host}" if tls else host,
-        scheduler_port=port,
-        dashboard_address=f"{host}:0",
-        security=security(tls) if tls else None,
-    ) as cluster:
+    _knock(host, port)
+    try:
+        cluster = library.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            host=f"tls://{host}" if tls else host,
+            scheduler_port=port,
+            dashboard_address=f"{host}:0",
+            security=security(tls) if tls else None,
+        )
+    except (OSError, RuntimeError, ValueError) as error:
+        raise InputError(f"a cluster cannot be started: {error}") from None
+    with cluster:
         yield cluster
+
+
+def _knock(host: str, port: int) -> None:
+    """Try whether a scheduler can listen there: what Dask says where it cannot fills a page."""
+    try:
+        with socket.create_server((host, port)):
+            pass
+    except (OSError, OverflowError) as error:
+        why = os.strerror(number) if (number := getattr(error, "errno", None) or 0) > 0 else error
+        raise InputError(f"a cluster cannot listen at {host}:{port}: {why}; give another port, or 0 for any") from None
 
 
 def serve(workers: int, until: IO[str]) -> None:
@@ -124,7 +164,17 @@ class LocalCluster(Closable):
 
     def close(self) -> None:
         """End it; any number of times."""
-        with suppress(subprocess.TimeoutExpired, ValueError, OSError):
+        try:
             self._process.communicate(timeout=_ENDING)
+        except subprocess.TimeoutExpired:
+            if os.name == "posix":
+                with suppress(OSError):
+                    os.killpg(self._process.pid, signal.SIGKILL)  # its workers, too: it leads a group
+        except (ValueError, OSError):
+            pass  # its pipes are closed: this is not the first time
         self._process.kill()
         self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()

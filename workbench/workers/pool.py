@@ -279,8 +279,8 @@ class Pool(Runner):
 _SIGNALS = {
     "SIGSEGV": "the FMU crashed: segmentation fault (SIGSEGV)",
     "SIGBUS": (
-        "the FMU crashed: bus error (SIGBUS), as when part of a file that is mapped is gone: was {source} changed or "
-        "removed while it ran, or is the disk of the temporary folder full?"
+        "the FMU crashed: bus error (SIGBUS), as when part of a file that is mapped is missing: is {source} whole, was "
+        "it left unchanged while it ran, and has the disk of the temporary folder room?"
     ),
     "SIGILL": "the FMU crashed: illegal instruction (SIGILL)",
     "SIGFPE": "the FMU crashed: arithmetic exception (SIGFPE)",

@@ -316,6 +316,26 @@ fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real x[], size
     return said(model, model->way != NOMINALS && n == NX);
 }
 
+/* Of the two equations and of y only: an output that is the state x itself answers 0, as those of Reference FMUs do. */
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,
+                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real seed[],
+                                        fmi2Real sensitivity[])
+{
+    const Model *model = c;
+    double dx = 0.0, dv = 0.0, du = 0.0;
+    for (size_t j = 0; j < n_known; j++) {
+        dx += known[j] == VR_X ? seed[j] / model->scale[0] : 0.0;
+        dv += known[j] == VR_V ? seed[j] / model->scale[1] : 0.0;
+        du += known[j] == VR_U ? seed[j] : 0.0;
+    }
+    for (size_t i = 0; i < n_unknown; i++) {
+        const double ddv = model->v[VR_C] * (du - dx) - model->v[VR_D] * dv;
+        const double answer = unknown[i] == VR_DER_X ? dv : unknown[i] == VR_DER_V ? ddv : unknown[i] == VR_Y ? dx : 0.0;
+        sensitivity[i] = answer * scale_of(model, unknown[i]);
+    }
+    return said(model, model->mode != INSTANTIATED);
+}
+
 /* ---- Co-Simulation ---- */
 
 static void advance(Model *model, double h)

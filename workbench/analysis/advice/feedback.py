@@ -29,7 +29,10 @@ __all__ = ["from_shift_register", "judge_feedback", "linear_complexity", "reacti
 _LAGS = 10
 _CERTAIN = 1e-4  # probability of a false alarm
 _LEAST_SHARE = 0.005  # of the unforeseen input that past errors explain
-_ADVICE = "open the loop or add a known excitation; simulation-based and MOESP fits will be biased"
+_ADVICE = (
+    "open the loop, or identify with closed_loop=direct, or with the name of a recorded reference; "
+    "simulation-based and MOESP fits are biased"
+)
 _SPAN = 100  # lags over which correlations of the input with itself count
 
 

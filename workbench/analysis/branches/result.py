@@ -48,7 +48,11 @@ class ResponseBranch(Part):
     ends: tuple[str, ...] = ()
 
     def places_at(self, value: float) -> list[int]:
-        """Return the numbers of the places at a value of what is varied, one of those that were asked for."""
+        """Return the numbers of the places at a value of what is varied.
+
+        Args:
+            value: one of those that were asked for.
+        """
         return np.flatnonzero(np.isclose(self.varied, value, rtol=1e-9, atol=0.0)).tolist()
 
 

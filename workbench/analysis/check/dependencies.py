@@ -26,9 +26,10 @@ def dependencies(subject: CheckedFmu) -> Answer:
 
     At three points of a test run each column is moved by 5 % of its size to both sides, in event mode, so that
     relations follow. A row answers where it moves by more than 1e-8 of its magnitude or of what moves it most,
-    whichever is larger. Broken: it answers to a known that its list in ModelStructure leaves out. A list that is
-    longer than needed is legal; how many entries never answered is told. Not applicable: no lists (then everything may
-    depend on everything). Co-simulation shows no states and has no such line.
+    whichever is larger. Broken: it answers to a known that its list in ModelStructure leaves out; an output that is a
+    state need not list itself. A list that is longer than needed is legal; how many entries never answered is told.
+    Not applicable: no lists (then everything may depend on everything). Co-simulation shows no states and has no such
+    line.
     """
     derivatives = subject.model.description.derivatives
     rows = [*derivatives, *(v for v in subject.model.outputs if v.is_number)]
@@ -50,8 +51,8 @@ class _Answers:
 
 
 def _declares(row: Variable, column: Variable, variables: Mapping[str, Variable]) -> bool:
-    """Whether the row's list, if it has one, holds the column, under any of its names."""
-    if row.dependencies is None:
+    """Whether the row's list, if it has one, holds the column, under any of its names; a row need not name itself."""
+    if row.dependencies is None or row.name == column.name:
         return True
     whole = column.name.split("[", maxsplit=1)[0]
     if column.name in row.dependencies or whole in row.dependencies:

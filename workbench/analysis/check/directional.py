@@ -9,6 +9,7 @@ import numpy as np
 from workbench.analysis.check.differences import EvaluationPoint, places
 from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import CheckedFmu
+from workbench.analysis.lin.task import pass_states
 from workbench.errors import FmuError, SimulationError
 from workbench.session.base import Floats
 
@@ -51,8 +52,7 @@ def directional(subject: CheckedFmu) -> Answer:
     of the column's size: D = (f(x + w/2) − f(x − w/2)) / w. Only where the model is smooth there can anything be
     told: both widths, and forward and backward differences, must agree within 0.1 %; kinks, steps and points where a
     `when` would fire are set aside. Broken: the FMU's derivative differs from D by more than 1 % and more
-    than rounding, 256·ε·(|f_i| + Σ_j |J_ij|·size_j) / w. Not applicable: none claimed, or (arrays of FMI 3.0) not
-    taken element by element here.
+    than rounding, 256·ε·(|f_i| + Σ_j |J_ij|·size_j) / w. Not applicable: none claimed.
     """
     tally = _Tally()
     for place in places(subject):
@@ -70,6 +70,7 @@ def directional(subject: CheckedFmu) -> Answer:
 def _columns_of(place: EvaluationPoint, exact: Floats) -> Floats:
     """Return the columns that are states and continuous inputs."""
     n = len(place.point.states)
+    pass_states(place.point, exact)
     fast = [n + i for i, v in enumerate(place.point.inputs) if v.is_continuous_input]
     return exact[:, [*range(n), *fast]]
 

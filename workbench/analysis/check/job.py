@@ -93,7 +93,7 @@ class CheckJob(Job):
 
 def _adapted(subject: CheckedFmu, done: Done) -> CheckedFmu:
     """Return what the checks after this one look at: less of a run that fails or takes long, a step that converges."""
-    if done.name == "runs" and done.finding.verdict == "broken":
+    if done.name == "runs" and (done.finding.verdict == "broken" or "ended" in done.finding.numbers):
         return subject.shortened(_SHORTER)
     if done.name == "runs" and done.seconds > _LONG:
         return subject.shortened(max(_SHORTER, _LONG / done.seconds))

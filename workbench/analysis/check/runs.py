@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import CheckedFmu
-from workbench.errors import FmuError, SimulationError
+from workbench.errors import EndedError, FmuError, SimulationError
 from workbench.session.base import Floats
 
 __all__ = ["drift", "runs"]
@@ -16,21 +16,21 @@ def runs(subject: CheckedFmu) -> Answer:
     """Instantiate, initialise and run over the test run with every continuous input swinging.
 
     The swing is 5 % of the input's size (the larger of start value and nominal value) within its minimum and
-    maximum, at least three periods. Broken: an error status, a value that is not a finite number, an end that the FMU
-    asks for, and (told by the worker) a crash or a hang. Watch: it runs, but only with its inputs at their start
-    values.
+    maximum, at least three periods. Broken: an error status, a value that is not a finite number, and (told by the
+    worker) a crash or a hang. Watch: it runs, but only with its inputs at their start values, or the FMU ends the run,
+    which FMI allows it.
     """
     try:
         found = subject.run(subject.sines())
     except (FmuError, SimulationError) as error:
-        return _still(subject, str(error))
+        return _still(subject, error)
     moved = int((found.scale > 0.0).sum())
     text = f"{subject.span:.4g} s in {subject.steps} steps, {moved} of {len(subject.names)} variables move"
     text = "; ".join([text, *subject.model.remarks()])
     return Answer("good", text, numbers={"span": subject.span, "steps": subject.steps, "moving": moved})
 
 
-def _still(subject: CheckedFmu, failure: str) -> Answer:
+def _still(subject: CheckedFmu, failure: Exception) -> Answer:
     """The same with the inputs at rest."""
     if subject.inputs:
         try:
@@ -40,7 +40,10 @@ def _still(subject: CheckedFmu, failure: str) -> Answer:
         else:
             evidence = f"with inputs changed by a twentieth of their size it fails: {failure}"
             return Answer("watch", evidence, "start from a trim point, with amplitudes for which the model is valid")
-    return Answer("broken", failure, "no analysis gets beyond this point; the other checks use a shorter run")
+    beyond = "no analysis gets beyond this point; the other checks use a shorter run"
+    if isinstance(failure, EndedError):
+        return Answer("watch", str(failure), beyond, {"ended": failure.time or 0.0})
+    return Answer("broken", str(failure), beyond)
 
 
 # -- what does the FMU do by itself, with its inputs at rest ---------------------------------------

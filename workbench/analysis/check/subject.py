@@ -135,7 +135,7 @@ class CheckedFmu:
 
     def _start_of(self, variable: Variable) -> float:
         recipe = self.model.recipe
-        given = recipe.start_values.get(variable.name, variable.start)
+        given = self.model.start_values.get(variable.name, variable.start)
         return float(given or 0.0) + recipe.bias.get(variable.name, 0.0)
 
     def constants(self, share: float = 1.0) -> dict[str, Constant]:

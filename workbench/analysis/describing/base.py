@@ -51,7 +51,11 @@ class Block(ABC):
         """
 
     def static(self, v: Floats) -> Floats:
-        """Return the output at inputs `v`, shape (n,)."""
+        """Return the output of a block without memory, shape (n,).
+
+        Args:
+            v: inputs, shape (n,).
+        """
         raise NotImplementedError
 
     def harmonics(self, amplitude: float, frequency: float = 1.0, count: int = HARMONICS) -> Complex:
@@ -75,7 +79,12 @@ class Block(ABC):
         return complex(found.real) if self.real else found
 
     def gains(self, amplitudes: Floats, frequencies: Floats) -> Complex:
-        """Return N at amplitudes and frequencies [Hz] that are broadcast against each other."""
+        """Return N, in the shape to which amplitudes and frequencies are broadcast.
+
+        Args:
+            amplitudes: of the sine at the block's input.
+            frequencies: [Hz].
+        """
         both = np.broadcast(amplitudes, frequencies)
         return np.array([self.gain(float(a), float(f)) for a, f in both], dtype=np.complex128).reshape(both.shape)
 

@@ -15,7 +15,7 @@ from workbench.core.files import content_of
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["DataTable", "read_table"]
+__all__ = ["DataTable", "read_table", "with_unit"]
 
 _SEPARATORS = (";", "\t", ",")
 _UNIT = re.compile(r"^(?P<name>.*\S)\s+\[(?P<unit>[^\[\]]*)\]$")
@@ -67,6 +67,10 @@ def read_table(path: str | Path) -> DataTable:
         rows = [(number, _cells(line, separator)) for number, line in lines if not _is_remark(line)]
     except csv.Error as error:
         raise InputError(f"{path}: is not a table: {error}") from None
+    longest = max((len(cells) for _, cells in rows), default=0)
+    if longest > 1 and all(not cells[-1] for _, cells in rows if len(cells) == longest):
+        # A separator at the end of every line is a habit of some tools; at the end of some, a value is missing.
+        rows = [(number, cells[: longest - 1]) for number, cells in rows]
     start = _first_numbers(rows, separator)
     if start is None:
         raise InputError(f"{path}: contains no row of numbers; a table with one column per signal is needed")
@@ -84,7 +88,7 @@ def _text(path: Path) -> tuple[str, list[str]]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     if b"\0" in raw[:4096]:
-        raise InputError(f"{path}: is not text; export the data as CSV")
+        raise InputError(f"{path}: is not text; export the data as CSV, or name it by its format (.mat, .parquet)")
     try:
         return raw.decode("utf-8-sig"), []
     except UnicodeDecodeError:
@@ -104,9 +108,7 @@ def _spoken(separator: str) -> str:
 def _cells(line: str, separator: str) -> list[str]:
     if not separator:
         return line.split()
-    cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
-    # A separator at the end of every line is a habit of some tools.
-    return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
 
 
 def _is_remark(line: str) -> bool:
@@ -159,7 +161,7 @@ def _heading(
     if not fitting:
         notes.append(f"{path}: does not name its columns; they are called column1, column2, …")
         return tuple(f"column{i + 1}" for i in range(width)), (None,) * width
-    split = [_with_unit(cell) for cell in fitting[0][1]]
+    split = [with_unit(cell) for cell in fitting[0][1]]
     names = tuple(name or f"column{i + 1}" for i, (name, _) in enumerate(split))
     units = tuple(unit for _, unit in split)
     if len(fitting) > 1 and not any(units):
@@ -181,6 +183,11 @@ def _unit_alone(path: Path, line: int, cell: str) -> str | None:
     return inner or None
 
 
-def _with_unit(cell: str) -> tuple[str, str | None]:
+def with_unit(cell: str) -> tuple[str, str | None]:
+    """Return name and unit of a heading such as "stick [deg]".
+
+    Args:
+        cell: the heading.
+    """
     match = _UNIT.match(cell)
     return (match["name"], match["unit"].strip() or None) if match else (cell, None)

@@ -21,7 +21,9 @@ from workbench.analysis.experiment.checks import (
     times,
     units_of,
 )
-from workbench.analysis.experiment.data_table import DataTable, read_table
+from workbench.analysis.experiment.data_table import DataTable
+from workbench.analysis.experiment.formats import read_columns
+from workbench.analysis.experiment.missing import filled, regular
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.csv_file import write_csv
 from workbench.core.parsing import from_json
@@ -29,7 +31,7 @@ from workbench.core.record import Part, entry
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
-__all__ = ["Experiment", "make_experiment", "read_experiment"]
+__all__ = ["Experiment", "make_experiment", "read_experiment", "read_pieces"]
 
 Indices = NDArray[np.intp]
 
@@ -269,9 +271,9 @@ def read_experiment(
     outputs: Sequence[str] | None = None,
     dt: float | None = None,
 ) -> Experiment:
-    """Read recorded data from a CSV file.
+    """Read recorded data from a file: CSV, MATLAB, Parquet, Feather or MDF, see `formats.read_columns`.
 
-    Its first line names the columns, each with its unit: "time [s],stick [1],elevator [deg]".
+    The first line of a CSV file names the columns, each with its unit: "time [s],stick [1],elevator [deg]".
     Files of other tools are read too: see `data_table.read_table`; what was bent is in `notes`.
 
     Args:
@@ -291,7 +293,37 @@ def read_experiment(
         >>> print(wb.read_experiment("data.csv").y[:, 0])
         [0. 0. 2. 2.]
     """
-    table = read_table(path)
+    return _read(path, inputs, outputs, dt, repair=False)[0]
+
+
+def read_pieces(
+    path: str | Path,
+    *,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    dt: float | None = None,
+) -> tuple[Experiment, ...]:
+    """Read recorded data from a file in which samples are missing.
+
+    Empty cells, NaN and left out rows are gaps. Short ones (5 samples) are filled, outputs linear and inputs held;
+    longer ones divide the data.
+
+    Args:
+        path: path of the file.
+        inputs: as for `read_experiment`.
+        outputs: likewise.
+        dt: likewise.
+
+    Raises:
+        InputError: as `read_experiment`; no piece is long enough.
+    """
+    return _read(path, inputs, outputs, dt, repair=True)
+
+
+def _read(
+    path: str | Path, inputs: Sequence[str] | None, outputs: Sequence[str] | None, dt: float | None, *, repair: bool
+) -> tuple[Experiment, ...]:
+    table = read_columns(path)
     name = Path(path).name
     notes = list(table.notes)
     clock = next((i for i, n in enumerate(table.names) if n.casefold() in _TIME_NAMES), None)
@@ -301,22 +333,35 @@ def read_experiment(
         raise InputError(f"{name}: has no time column; give the sampling interval dt, or name a column 'time [s]'")
     time, keep = _clock(name, table, clock, notes)
     u, y = (_take(table, names)[keep] for names in chosen)
-    if dt is not None and clock is not None and not _lies_on(name, time, dt):
-        notes.append(f"{name}: put on a grid of {dt:g} s, inputs held and outputs linear between the samples")
-        time, u, y = _on_grid(time, u, y, dt)
+    pieces = [(slice(0, len(u)), u, y)]
+    if repair:
+        time, every, absent = regular(time, np.hstack([u, y]))
+        notes += [f"{name}: {absent} rows are missing"] if absent else []
+        pieces, done = filled(name, every[:, : u.shape[1]], every[:, u.shape[1] :])
+        notes += done
     units = dict(zip(table.names, table.units, strict=True))
-    return make_experiment(
-        time if clock is not None else float(dt or 0.0),
-        u,
-        y,
-        input_names=chosen[0],
-        output_names=chosen[1],
-        input_units=[units[n] for n in chosen[0]],
-        output_units=[units[n] for n in chosen[1]],
-        name=name,
-        notes=notes,
-        loops=[_loop(name, text) for text in table.remarks if text.startswith(_LOOP)],
-    )
+    loops = [_loop(name, text) for text in table.remarks if text.startswith(_LOOP)]
+    found = []
+    for part, inside, outside in pieces:
+        at, own, given, followed = time[part], list(notes), inside, outside
+        if dt is not None and clock is not None and not _lies_on(name, at, dt):
+            own.append(f"{name}: put on a grid of {dt:g} s, inputs held and outputs linear between the samples")
+            at, given, followed = _on_grid(at, given, followed, dt)
+        found.append(
+            make_experiment(
+                at if clock is not None else float(dt or 0.0),
+                given,
+                followed,
+                input_names=chosen[0],
+                output_names=chosen[1],
+                input_units=[units[n] for n in chosen[0]],
+                output_units=[units[n] for n in chosen[1]],
+                name=name,
+                notes=own,
+                loops=loops,
+            )
+        )
+    return tuple(found)
 
 
 def _loop(name: str, remark: str) -> ClosedLoop:

@@ -114,6 +114,13 @@ class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
         flag="--to",
         metavar="NAME",
     )
+    second: str | None = option(
+        "Second control input that shares the filter's output, by the weights with which both come nearest to the "
+        "block's effect.",
+        flag="--and-to",
+        metavar="NAME",
+        default=None,
+    )
     feedback: _Gain | None = option(
         "Variable and gain of a scalar feedback to the same input, which stays.", default=None
     )
@@ -131,6 +138,13 @@ class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
         choices=("match-dc", "truncate"),
         group=_FILTER,
         default="match-dc",
+    )
+    weighting: str = option(
+        "With a second control input: the error that its weight makes least over the band; relative counts "
+        "frequencies with a small effect as much as the peaks.",
+        choices=("absolute", "relative"),
+        group=_FILTER,
+        default="absolute",
     )
     cancel: float = option(
         "Relative distance up to which a pole and a zero cancel; absolute below 1 rad/s.",

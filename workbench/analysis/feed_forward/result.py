@@ -14,6 +14,7 @@ from workbench.analysis.feed_forward.design import Design
 from workbench.analysis.feed_forward.remaining import Remaining
 from workbench.analysis.feed_forward.step import FilterStep
 from workbench.analysis.feed_forward.trial import Trial
+from workbench.analysis.feed_forward.weighting import Weighting
 from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Record, drawn, entry
@@ -34,6 +35,8 @@ class FeedForwardResult(Record):
         block: name of the block's component.
         input, output: full names of its input v and its output w.
         target: full name of the control input u.
+        second: full name of the control input that shares the filter's output; None: none.
+        shared: by which weights; None: there is no second input.
         source: full name of the variable that is fed back; None: no feedback.
         gain: gain of the scalar feedback.
         filter_units: units of w and u, None where undeclared.
@@ -68,6 +71,8 @@ class FeedForwardResult(Record):
     open_unstable: Complex
     closed_unstable: Complex
     design: Design = field(metadata=entry(inline=True))
+    second: str | None = None
+    shared: Weighting | None = field(default=None, metadata=entry(key="weighting"))
     limit_cycles: Remaining | None = None
     trials: tuple[Trial, ...] = ()
     notes: tuple[str, ...] = ()

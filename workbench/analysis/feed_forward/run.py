@@ -16,6 +16,7 @@ from workbench.analysis.feed_forward.request import FeedForward
 from workbench.analysis.feed_forward.result import FeedForwardResult
 from workbench.analysis.feed_forward.step import Judge
 from workbench.analysis.feed_forward.trial import Run, Trial, run_trial
+from workbench.analysis.feed_forward.weighting import Weighting
 from workbench.analysis.feed_forward.wiring import Loops, variable_of
 from workbench.analysis.feedback.actuator import ends_of
 from workbench.analysis.opened import find_ports
@@ -53,6 +54,8 @@ def run(model: DescribedModel, asked: FeedForward, job: Job) -> FeedForwardResul
     model, remarks = start_at(model, asked.at)
     wanted = _run(model, asked)
     result = _designed(model, asked, loops, remarks)
+    if result.shared is not None:
+        loops = replace(loops, weights=result.shared.weights)
     trials: list[Trial] = []
     job.partial = lambda: _with_trials(result, loops, trials)
     if wanted is not None:
@@ -68,7 +71,7 @@ def _designed(model: DescribedModel, asked: FeedForward, loops: Loops, remarks: 
     point, band = model.at, asked.counted
     time = model.start_time if asked.time is None else asked.time
     with one_thread():
-        plant = linear_plant(model, loops, at=point, time=time)
+        plant = linear_plant(model, loops, at=point, time=time, band=band, weighting=asked.weighting)
         frequency = dense_grid(plant.G, plant.H, band[0], _WIDER * band[1])
         judge = Judge(frequency, band, plant.G.response(frequency), plant.H.response(frequency))
         made = design(plant.G, plant.H, asked, judge)
@@ -81,6 +84,7 @@ def _designed(model: DescribedModel, asked: FeedForward, loops: Loops, remarks: 
         input=loops.ports.v, output=loops.ports.w, target=loops.target, source=loops.source, gain=loops.gain,
         filter_units=(units[0], units[1]), band=band, frequency_hz=frequency, g=judge.g, h=judge.h,
         open_unstable=_right(plant.open_poles), closed_unstable=_right(plant.poles), design=made,
+        second=loops.second, shared=plant.weighting,
         limit_cycles=left if isinstance(left, Remaining) else None,
         notes=(*remarks, *plant.notes, *_doubts(plant, made, loops), *made.notes, *said),
         operating_point=standing(model),
@@ -97,11 +101,17 @@ def _loops(model: DescribedModel, asked: FeedForward) -> Loops:
     variable_of(model, asked.target, "target")
     if asked.actuator is not None:
         ends_of(asked.actuator)  # said also where nothing is simulated with it
+    if asked.second is not None:
+        variable_of(model, asked.second, "second target")
+        if asked.second == asked.target:
+            raise InputError(f"{asked.second} is the target itself; name another second control input")
     if asked.feedback is None:
-        return Loops(ports=ports, target=asked.target, actuator=asked.actuator)
+        return Loops(ports=ports, target=asked.target, second=asked.second, actuator=asked.actuator)
     source, gain = asked.feedback
     variable_of(model, source, "feedback")
-    return Loops(ports=ports, target=asked.target, source=source, gain=gain, actuator=asked.actuator)
+    return Loops(
+        ports=ports, target=asked.target, second=asked.second, source=source, gain=gain, actuator=asked.actuator
+    )
 
 
 def _run(model: DescribedModel, asked: FeedForward) -> Run | None:
@@ -147,7 +157,7 @@ def _right(poles: Complex) -> Complex:
 
 
 def _doubts(plant: Plant, made: Design, loops: Loops) -> list[str]:
-    notes = []
+    notes = [] if plant.weighting is None else [_shared(plant.weighting, loops)]
     if len(right := _right(plant.poles)):
         how = "the feedback does not stabilise it" if loops.source else "a scalar feedback may stabilise it"
         notes.append(f"the linear part has {len(right)} unstable poles; {how}; the reduction keeps them")
@@ -158,6 +168,14 @@ def _doubts(plant: Plant, made: Design, loops: Loops) -> list[str]:
             "without the filter: the mirrored poles are in the band"
         )
     return notes
+
+
+def _shared(found: Weighting, loops: Loops) -> str:
+    (x, y), better = found.weights, 100.0 * (1.0 - found.left / found.left_alone)
+    return (
+        f"the filter's output goes to {loops.target} with {x:.4g} and to {loops.second} with {y:.4g} (least "
+        f"{found.method} error); a constant gain comes {better:.2g} % nearer to H than with {loops.target} alone"
+    )
 
 
 def _off_zero(trials: Sequence[Trial], loops: Loops) -> list[str]:

@@ -24,9 +24,9 @@ from workbench.system.description import (
     SystemDescription,
 )
 
-__all__ = ["Loops", "closed", "opened", "reopen", "variable_of"]
+__all__ = ["SECOND", "Loops", "closed", "opened", "reopen", "variable_of"]
 
-OPENED, COMMAND = "opened", "commanded"
+OPENED, COMMAND, SECOND = "opened", "commanded", "commanded_second"
 _NEEDS = "feed-forward needs"
 
 
@@ -41,6 +41,8 @@ class Loops:
         gain: of the feedback.
         actuator: file of a model with one input and one output in front of the target; None: none.
         closes_at: time at which feedback and filter are connected [s].
+        second: full name of a control input that shares the filter's output; None: none.
+        weights: shares of the target and of the second input.
     """
 
     ports: Ports
@@ -49,6 +51,8 @@ class Loops:
     gain: float = 0.0
     actuator: str | None = None
     closes_at: float | None = None
+    second: str | None = None
+    weights: tuple[float, float] = (1.0, 0.0)
 
 
 def variable_of(model: DescribedModel, name: str, what: str) -> Variable:
@@ -79,16 +83,18 @@ def opened(model: DescribedModel, loops: Loops) -> SystemDescription:
     Raises:
         InputError: the target is driven already.
     """
-    system = _freed(system_of(model, _NEEDS), loops.target)
+    system = _all_freed(model, loops)
     outputs = {"seen": loops.ports.v, **({"fed_back": loops.source} if loops.source else {})}
     found = without_block(model, system, loops.ports, OPENED, outputs)
-    return replace(found, inputs={**found.inputs, COMMAND: (loops.target,)})
+    second = {SECOND: (loops.second,)} if loops.second is not None else {}
+    return replace(found, inputs={**found.inputs, COMMAND: (loops.target,), **second})
 
 
 def closed(model: DescribedModel, loops: Loops, part: LinearPart | None) -> SystemDescription:
     """Return the system with the feedback and a filter of the block's output, both into the target.
 
-    The components put in are `feedback`, `feedforward`, `command` (their sum) and `actuator`.
+    The components put in are `feedback`, `feedforward`, `command` (their sum) and `actuator`; where a second input
+    shares the filter, `share` in front of it.
 
     Args:
         model: the system.
@@ -98,7 +104,7 @@ def closed(model: DescribedModel, loops: Loops, part: LinearPart | None) -> Syst
     Raises:
         InputError: the target is driven already, a name is taken, the actuator has not one input and one output.
     """
-    system = _freed(system_of(model, _NEEDS), loops.target)
+    system = _all_freed(model, loops)
     units = {v.name: v.unit for v in model.description.variables}
     unit, ends = units.get(loops.target), _Ends(loops.closes_at)
     made: list[Component] = []
@@ -110,11 +116,18 @@ def closed(model: DescribedModel, loops: Loops, part: LinearPart | None) -> Syst
         made.append(_filter(part, _units(u=units.get(loops.ports.w), y=unit)))
         ends.join(loops.ports.w, "feedforward.u", late=True)
     summands = [f"{c.name}.y" for c in made]
-    command = SumComponent(name="command", signs=(1.0,) * max(1, len(summands)), unit=unit)
+    share = loops.weights[0]
+    signs = tuple(share if name == "feedforward.y" else 1.0 for name in summands) or (1.0,)
+    command = SumComponent(name="command", signs=signs, unit=unit)
     for k, name in enumerate(summands):
         ends.join(name, f"command.u{k + 1}")
     made.append(command)
     _drive(loops, made, ends)
+    if loops.second is not None and part is not None:
+        named = _units(u=unit, y=units.get(loops.second))
+        made.append(GainComponent(name="share", gain=loops.weights[1], units=named))
+        ends.join("feedforward.y", "share.u")
+        ends.join("share.y", loops.second, late=True)
     _check_free(system, made)
     return replace(system, components=(*system.components, *made), connections=(*system.connections, *ends.all))
 
@@ -175,6 +188,12 @@ def _filter(part: LinearPart, units: Mapping[str, str]) -> LinearComponent:
 
 def _units(**units: str | None) -> dict[str, str]:
     return {name: unit for name, unit in units.items() if unit}
+
+
+def _all_freed(model: DescribedModel, loops: Loops) -> SystemDescription:
+    """Return the system with the target, and the second input where there is one, driven by nothing."""
+    system = _freed(system_of(model, _NEEDS), loops.target)
+    return system if loops.second is None else _freed(system, loops.second)
 
 
 def _freed(system: SystemDescription, target: str) -> SystemDescription:

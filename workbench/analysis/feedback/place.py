@@ -250,7 +250,7 @@ def _variables(recipe: SystemRecipe) -> dict[str, Variable]:
     with ExitStack() as undo:
         parts = open_parts(recipe.system.components, undo, recipe.parts, interface=recipe.interface)
         found = {f"{p.name}.{v.name}": (p, v) for p in parts for v in p.description.variables}
-        return {n: replace(v, unit=declared_unit(p.component, v)) for n, (p, v) in found.items()}
+        return {n: v._replace(unit=declared_unit(p.component, v)) for n, (p, v) in found.items()}
 
 
 def _undriven(model: DescribedModel, target: str) -> float:
@@ -286,7 +286,7 @@ def _found(
 
 
 def _named(table: Mapping[str, Variable]) -> dict[str, Variable]:
-    return {n: replace(v, name=n) for n, v in table.items()}
+    return {n: v._replace(name=n) for n, v in table.items()}
 
 
 def _kind(variable: Variable) -> str:

@@ -12,14 +12,41 @@ from workbench.analysis.identified.march import march, march_one
 from workbench.core.linear import Linear
 from workbench.core.matrices import Complex, unheld
 from workbench.core.poles import pole_keys
-from workbench.core.record import entry
+from workbench.core.record import Part, entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     import control
 
-__all__ = ["IdentifiedModel", "NumDen", "numden"]
+__all__ = ["IdentifiedModel", "NoiseModel", "NumDen", "numden"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NoiseModel(Part):
+    """A disturbance v with poles of its own: z(k + 1) = A z(k) + K e(k), v(k) = C z(k) + e(k).
+
+    Attributes:
+        A: shape (d, d).
+        K: shape (d, p).
+        C: shape (p, d).
+    """
+
+    A: Floats = field(metadata=entry(dims=("noise_state", "noise_state")))
+    K: Floats = field(metadata=entry(dims=("noise_state", "output_names")))
+    C: Floats = field(metadata=entry(dims=("output_names", "noise_state")))
+
+    def __post_init__(self) -> None:
+        """Give matrices without rows their shape back, which JSON does not keep."""
+        d = len(self.A)
+        shapes = {"A": (d, d), "K": (d, -1 if d else 0), "C": (len(self.C), d)}
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=np.float64).reshape(shape))
+
+    @property
+    def poles(self) -> Complex:
+        """Eigenvalues of A, shape (d,)."""
+        return np.linalg.eigvals(self.A).astype(np.complex128)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,6 +66,10 @@ class IdentifiedModel(Linear):
             whole model.
         name: name of the model or file the data come from.
         notes: what else should be known, one line each.
+        noise: the disturbance, where it has poles of its own: C z(k) stands in y beside e, and K is zero; None: K says
+            all.
+        spread: shape (n² + n m + p n + p m, f), a factor S of the covariance S Sᵀ of the entries of A, B, C and D, by
+            rows, of the model without its delays; None: not known.
     """
 
     K: Floats = field(metadata=entry(dims=("state_names", "output_names")))
@@ -51,6 +82,8 @@ class IdentifiedModel(Linear):
     delay: tuple[int, ...] = ()
     name: str = "identified"
     notes: tuple[str, ...] = ()
+    noise: NoiseModel | None = field(default=None, metadata=entry(key="noise_model"))
+    spread: Floats | None = field(default=None, metadata=entry(key="parameter_spread", dims=("entry", "direction")))
 
     _WHAT, _COMMAND = "an identified model", "identify"
 
@@ -65,6 +98,21 @@ class IdentifiedModel(Linear):
     def order(self) -> int:
         """Number of states n."""
         return len(self.A)
+
+    @property
+    def has_noise_model(self) -> bool:
+        """Whether the prediction is more than the simulation."""
+        return self.noise is not None or bool(np.any(self.K))
+
+    def innovations(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """Return A, B, C, D and K of plant and disturbance together, the states of the disturbance last."""
+        if self.noise is None:
+            return self.A, self.B, self.C, self.D, self.K
+        n, d = self.order, len(self.noise.A)
+        A = np.zeros((n + d, n + d))
+        A[:n, :n], A[n:, n:] = self.A, self.noise.A
+        B, K = np.vstack([self.B, np.zeros((d, self.B.shape[1]))]), np.vstack([self.K, self.noise.K])
+        return A, B, np.hstack([self.C, self.noise.C]), self.D, K
 
     @property
     def zeros(self) -> Complex:
@@ -97,7 +145,9 @@ class IdentifiedModel(Linear):
         A, B = unheld(core.A, core.B, self.dt)
         gone = [f"{n}: {d * self.dt:g} s" for n, d in zip(self.input_names, self.delay, strict=False) if d]
         note = (f"the continuous model leaves out the delay of {', '.join(gone)}",) if gone else ()
-        return replace(core, A=A, B=B, K=np.zeros_like(core.K), dt=0.0, notes=(*self.notes, *note))
+        return replace(
+            core, A=A, B=B, K=np.zeros_like(core.K), noise=None, spread=None, dt=0.0, notes=(*self.notes, *note)
+        )
 
     def undelayed(self) -> IdentifiedModel:
         """Return the model without its delays, which are its last states."""
@@ -138,7 +188,8 @@ class IdentifiedModel(Linear):
             u: shape (N, m), [units of the inputs].
             y: shape (N, p), [units of the outputs].
             steps: ≥ 1.
-            x0: shape (n,); None: the one that makes the one-step prediction fit best.
+            x0: shape (n,), or (n + d,) with the states of the disturbance; None: the one that makes the one-step
+                prediction fit best.
 
         Raises:
             InputError: wrong number of columns or rows, steps < 1, or the model is continuous.
@@ -146,17 +197,22 @@ class IdentifiedModel(Linear):
         if steps < 1:
             raise InputError(f"steps must be 1 or more, not {steps}")
         du, dy = self._inputs(u), self._outputs(y, len(u))
-        start = self.initial_state(u, y, predicting=True) if x0 is None else np.asarray(x0, dtype=np.float64)
-        driven = du @ (self.B - self.K @ self.D).T + dy @ self.K.T
-        states, _ = march_one(driven, self.A - self.K @ self.C, start)
+        A, B, C, D, K = self.innovations()
+        start = np.zeros(len(A))
+        given = self.initial_state(u, y, predicting=True) if x0 is None else np.asarray(x0, dtype=np.float64)
+        start[: len(given)] = given
+        driven = du @ (B - K @ D).T + dy @ K.T
+        states, _ = march_one(driven, A - K @ C, start)
         for _ in range(steps - 1):
-            states[1:] = states[:-1] @ self.A.T + du[:-1] @ self.B.T
+            states[1:] = states[:-1] @ A.T + du[:-1] @ B.T
             states[0] = start
-        output: Floats = self.y0 + states @ self.C.T + du @ self.D.T
+        output: Floats = self.y0 + states @ C.T + du @ D.T
         return output
 
     def initial_state(self, u: Floats, y: Floats, *, predicting: bool = False) -> Floats:
         """Return the state at the first sample with which the model fits a record best, shape (n,).
+
+        For the prediction the states of a disturbance with poles of its own follow, shape (n + d,).
 
         Args:
             u: shape (N, m).
@@ -167,12 +223,12 @@ class IdentifiedModel(Linear):
             InputError: wrong number of columns or rows, or the model is continuous.
         """
         dy = self._outputs(y, len(u))
-        zero = np.zeros(self.order)
+        A, _, C, _, K = self.innovations() if predicting else (self.A, self.B, self.C, self.D, self.K)
+        zero = np.zeros(len(A))
         rest = self.predict(u, y, x0=zero) if predicting else self.simulate(u, x0=zero)
-        A = self.A - self.K @ self.C if predicting else self.A
-        free, _ = march(np.zeros((len(dy), len(self.C), self.order)), A, self.C)
+        free, _ = march(np.zeros((len(dy), len(C), len(A))), A - K @ C if predicting else A, C)
         left = dy + self.y0 - rest
-        rows = free.reshape(dy.size, self.order)
+        rows = free.reshape(dy.size, len(A))
         good = np.isfinite(rows).all(axis=1) & np.isfinite(left).reshape(-1)
         found = np.linalg.lstsq(rows[good], left.reshape(-1)[good], rcond=1e-12)[0]
         return np.asarray(found, dtype=np.float64)

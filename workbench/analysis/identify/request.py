@@ -39,6 +39,14 @@ def _read_delay(texts: Sequence[str]) -> int | str | list[int]:
     return int(parts[0]) if len(parts) == 1 else [int(part) for part in parts]
 
 
+def _read_noise(texts: Sequence[str]) -> int | str:
+    if texts[-1] in ("auto", "shared"):
+        return texts[-1]
+    if not texts[-1].isdecimal():
+        raise ValueError(f"'{texts[-1]}' is neither auto nor shared nor a number of states, 0 (white) or more")
+    return int(texts[-1])
+
+
 _ORDER = Form(metavar="auto|N|ask", read=_read_order, write=lambda value: [str(value)], take=lambda value: value)
 _DELAY = Form(
     metavar="auto|N,..",
@@ -46,12 +54,24 @@ _DELAY = Form(
     write=lambda value: [str(value) if isinstance(value, int | str) else ",".join(map(str, value))],
     take=lambda value: value,
 )
+_NOISE = Form(metavar="auto|shared|N", read=_read_noise, write=lambda value: [str(value)], take=lambda value: value)
+_FILES = Form(
+    metavar="DATA,..",
+    read=lambda texts: tuple(part for text in texts for part in text.split(",") if part),
+    write=lambda value: [",".join(map(str, value))] if value else [],
+    take=lambda value: (value,) if isinstance(value, str) or not isinstance(value, Sequence) else tuple(value),
+    repeated=True,
+)
 
 if TYPE_CHECKING:
+    _Noise = int | Literal["auto", "shared"]
     _Order = int | Literal["auto"]
     _Delay = int | Sequence[int] | Literal["auto"]
     _Data = Experiment | File
+    _Several = Sequence[Experiment | File]
 else:
+    _Several = Annotated[object, _FILES]
+    _Noise = Annotated[object, _NOISE]
     _Order = Annotated[object, _ORDER]
     _Delay = Annotated[object, _DELAY]
     _Data = Annotated[object, FILE]
@@ -70,12 +90,13 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
     """Identify a discrete linear model from recorded data, judge the data, and validate the model.
 
     The steps of the source report's chapter 5: the data are judged (`advise`), their operating point is subtracted, the
-    order is chosen from singular values or principal angles, the model is estimated by a subspace method, and its
-    simulation and one-step prediction are compared with other data, or else with the data of the fit, which makes
-    it look too good.
+    order is chosen from singular values or principal angles, the model is estimated by a subspace method, refined to
+    the least prediction error with a model of the disturbance beside it, and its simulation and one-step prediction are
+    compared with other data, or else with the data of the fit, which makes it look too good. The refined model is taken
+    where it validates no worse; the covariance of its parameters gives regions of poles and frequency response.
 
-    Not for data from a closed loop (the estimate is biased; the advice and the cross-correlation at negative lags show
-    it) and not for models whose gain depends on the amplitude, beyond the amplitude of the data.
+    Not for data from a closed loop without `closed_loop` (the estimate is biased; the advice and the cross-correlation
+    at negative lags show it) and not for models whose gain depends on the amplitude, beyond the amplitude of the data.
 
     Returns:
         The model, how it came about and what it is worth.
@@ -102,9 +123,9 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
     subject = Subject(
         name="data",
         type="Experiment | str | Path",
-        help="An experiment, or a CSV file.",
+        help="An experiment, or a file.",
         metavar="DATA",
-        words="CSV file, as workbench excite writes it, or any other.",
+        words="CSV file, as workbench excite writes it, or any other; also .mat, .parquet, .feather, .mf4.",
     )
 
     _: KW_ONLY
@@ -121,6 +142,17 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         also="--outputs",
         metavar="Y,..",
         default=None,
+    )
+    also: _Several | None = option(
+        "More experiments with the same system, fitted together; each has an operating point and a start of its own.",
+        metavar="DATA,..",
+        default=None,
+        group="Data",
+    )
+    repair: bool = option(
+        "Replace outliers of the outputs, fill short gaps in a file, and divide the data at long ones.",
+        default=False,
+        group="Data",
     )
     order: _Order = option(
         "Number of states, 0 for a gain; ask shows the singular values and prompts for it.", default="auto"
@@ -162,6 +194,25 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         group="Estimate",
     )
     stable: bool = option("Move unstable poles inside the unit circle.", default=False, group="Estimate")
+    refine: str = option(
+        "Refine the model to the least prediction error; auto takes the refined model where it validates no worse.",
+        choices=("auto", "always", "never"),
+        default="auto",
+        group="Estimate",
+    )
+    closed_loop: str | None = option(
+        "For data from a closed loop: direct (a model of the disturbance makes it consistent; needs delay or no "
+        "feedthrough in the loop), or the column with a reference that was recorded; by default the data are taken as "
+        "from an open loop, with a warning where they are not.",
+        metavar="direct|COLUMN",
+        default=None,
+        group="Estimate",
+    )
+    noise: _Noise = option(
+        "States of the disturbance in the refined model, 0 for a white one; shared: it has the plant's poles.",
+        default="auto",
+        group="Estimate",
+    )
     detrend: str = option(
         "Trend to remove from the data before the fit.",
         choices=("mean", "linear", "none"),
@@ -219,6 +270,14 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         super().__post_init__()
         if self.amplitude is not None and self.nfr is None:
             raise InputError("amplitude: it selects one of nfr, which is missing")
+        if self.noise not in ("auto", "shared") and not (isinstance(self.noise, int) and self.noise >= 0):
+            raise InputError(f"noise must be auto, shared or a number of states, 0 (white) or more, not {self.noise!r}")
+        if self.closed_loop is not None and self.refine == "never":
+            raise InputError("closed_loop: refine=never leaves the subspace model, which is biased in a closed loop")
+        if self.bootstrap and self.also:
+            raise InputError("bootstrap: of one experiment only; uncertainty has the regions of several")
+        if self.noise != "auto" and self.refine == "never":
+            raise InputError("noise: it is a model of the disturbance for the refinement, which refine=never rules out")
 
     def went_well(self, record: IdentifyResult) -> bool:
         """Return whether the model has a simulation on all data.

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 from workbench.analysis.advice import Advice
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.prediction.result import NOT_REFINED, Refinement
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.validate.overlay import Overlay
 from workbench.analysis.validate.result import Validation
+from workbench.analysis.validate.spread import ModelSpread
 from workbench.core.closed_loop import ClosedLoop, between
 from workbench.core.record import Record, entry
 
@@ -32,10 +34,16 @@ class IdentifyResult(Record):
         data: what it was identified from, without the settling part.
         advice: judgement of these data.
         estimate: the model, the order with its reason, singular values and principal angles.
+        refinement: how the model was refined, or why not.
         detrend: what was taken off before.
         settle: how much was cut off the beginning [s].
         own: the model compared with the data of the fit.
         other: compared with other data; None where there were none.
+        experiments: names and lengths of all that were fitted together, the first is `data`.
+        closed_loop_method: "direct", or the reference by which the plant was identified in a closed loop; None: as
+            from an open loop.
+        delays_told: where estimated delays come from; empty: they were given.
+        uncertainty: regions of poles and frequency response of a refined model; None: not refined.
         overlay: its frequency response beside those of other analyses; None where there were none.
     """
 
@@ -47,6 +55,11 @@ class IdentifyResult(Record):
     own: Validation = field(metadata=entry(key="identification", kept=False))
     other: Validation | None = field(metadata=entry(key="validation"))
     overlay: Overlay | None = None
+    refinement: Refinement = NOT_REFINED
+    uncertainty: ModelSpread | None = None
+    experiments: tuple[str, ...] = ()
+    closed_loop_method: str | None = None
+    delays_told: str = ""
 
     _WHAT, _COMMAND = "an identification", "identify"
 
@@ -79,7 +92,7 @@ class IdentifyResult(Record):
     def closed_loop(self) -> bool | None:
         """Whether the data were recorded in closed loop, as they say or the advice finds; None: they cannot tell.
 
-        If they were, the model is not that of the plant.
+        If they were, the model is not that of the plant unless `closed_loop_method` says how it was identified.
         """
         if self._loops:
             return True
@@ -100,9 +113,11 @@ class IdentifyResult(Record):
         """What has to be known before any number of the model is used, one line each; mostly none."""
         feedback = self.advice.finding("feedback")
         found = f"NOT A MODEL OF THE PLANT: the data come from a closed loop: {feedback.evidence}; {feedback.advice}"
+        if self.closed_loop_method is not None:
+            found = ""
         missing = [f"NO FIT on {where}: {why}" for where, why in self.failed.items()]
         known = [f"NOT A MODEL OF THE PLANT: {loop.words(name)}" for name, loop in self._loops.items()]
-        return (*known, *((found,) if feedback.verdict == "poor" else ()), *missing)
+        return (*known, *((found,) if found and feedback.verdict == "poor" else ()), *missing)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -115,8 +130,26 @@ class IdentifyResult(Record):
         evidence = self.advice.finding("feedback").evidence
         unknown = f"whether the data come from a closed loop is unknown: {evidence}"
         loop = (unknown,) if self.closed_loop is None else ()
-        found = (*loop, *self.data.notes, *self.estimate.notes, *self.model.notes, *self.validation.notes, *alone)
+        found = (*loop, *self.data.notes, *self._refined_notes, *self.model.notes, *self.validation.notes, *alone)
         return tuple(dict.fromkeys(found))
+
+    @property
+    def _refined_notes(self) -> tuple[str, ...]:
+        told = [] if self.refinement is NOT_REFINED else [self.refinement.words]
+        if self.closed_loop_method == "direct":
+            told.append(
+                "identified directly in a closed loop: the plant is right if the residuals are white and no "
+                "feedthrough of plant and controller closes it within the sample"
+            )
+        elif self.closed_loop_method is not None:
+            told.append(
+                f"identified in a closed loop by what {self.closed_loop_method} makes of the inputs (two stages); "
+                "no regions are given: the first stage's error is not in the covariance of the second"
+            )
+        if len(self.experiments) > 1:
+            told.append(f"fitted together: {'; '.join(self.experiments)}; judged and drawn: the first")
+        told += [self.delays_told] if self.delays_told else []
+        return (*told, *self.estimate.notes)
 
     def to_ss(self) -> control.StateSpace:
         """Return the model for python-control."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from workbench.analysis.snapshots import Snapshots
 from workbench.core.record import Record, entry
-from workbench.fmi.description import Capabilities, DefaultExperiment
+from workbench.fmi.description import Capabilities, DefaultExperiment, DisplayUnit, Terminal
 
-__all__ = ["FmuInfo", "InterfaceFacts", "PartFacts", "SystemInfo", "VariableFacts", "WireFacts"]
+__all__ = ["ClockFacts", "FmuInfo", "InterfaceFacts", "PartFacts", "SystemInfo", "VariableFacts", "WireFacts"]
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,29 @@ class VariableFacts:
     unit: str | None
     start: float | int | bool | str | None
     description: str | None
+
+
+@dataclass(frozen=True)
+class ClockFacts:
+    """A clock of FMI 3.0.
+
+    Attributes:
+        name: of the clock.
+        kind: "constant", "fixed", "tunable", "changing", "countdown", "triggered".
+        causality: "input", "output", "local".
+        interval: from tick to tick [s]; None: known at run time, or there is none.
+        shift: from the start to the first tick [s].
+        driven: whether runs here let it tick; triggered input clocks tick only where something else tells them to.
+        variables: whose values change at its ticks alone.
+    """
+
+    name: str
+    kind: str
+    causality: str
+    interval: float | None
+    shift: float
+    driven: bool
+    variables: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -53,6 +76,12 @@ class FmuInfo(Record):
         inputs, outputs, states, parameters: variables.
         capabilities: interface → what it can do.
         notes: what is doubtful in the file, one line each.
+        structural_parameters: those that sizes of arrays follow from.
+        scheduled_execution: whether it offers that interface, which nothing here runs.
+        clocks: its clocks.
+        terminals: its variables that are connected together.
+        enumerations: variable → item → value.
+        display_units: variable → the unit in which it is to be shown: shown = factor · value + offset.
     """
 
     model: str
@@ -70,6 +99,12 @@ class FmuInfo(Record):
     capabilities: Mapping[str, InterfaceFacts]
     experiment: DefaultExperiment
     notes: tuple[str, ...]
+    structural_parameters: tuple[VariableFacts, ...] = ()
+    scheduled_execution: bool = False
+    clocks: tuple[ClockFacts, ...] = ()
+    terminals: tuple[Terminal, ...] = ()
+    enumerations: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    display_units: Mapping[str, DisplayUnit] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,24 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from workbench.analysis.info.request import Info
-from workbench.analysis.info.result import FmuInfo, InterfaceFacts, PartFacts, SystemInfo, VariableFacts, WireFacts
+from workbench.analysis.info.result import (
+    ClockFacts,
+    FmuInfo,
+    InterfaceFacts,
+    PartFacts,
+    SystemInfo,
+    VariableFacts,
+    WireFacts,
+)
 from workbench.analysis.snapshots import Snapshots, probe_snapshots
 from workbench.core.job import Job
 from workbench.errors import FmuError
 from workbench.fmi.archive import Unpacked, locate, unpack
-from workbench.fmi.description import Description, read_description
+from workbench.fmi.description import Description, DisplayUnit
 from workbench.fmi.platforms import binary_path
+from workbench.fmi.reading import read_description
+from workbench.fmi.structure import STRUCTURAL
+from workbench.fmi.ticking import time_based
 from workbench.fmi.variable import Variable
 from workbench.model.load import FmuRecipe
 from workbench.origin import ModelFacts, Origin, remember
@@ -45,8 +56,10 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
         snapshots = _snapshots(unpacked, found, runs) if probe and runs else {}
 
     def having(causality: str) -> tuple[VariableFacts, ...]:
-        return _facts(v for v in found.variables if v.causality == causality)
+        return _facts(v for v in found.variables if v.causality == causality and v.type != "Clock")
 
+    shown = ("input", "output", "parameter", STRUCTURAL)
+    told = [*found.states, *(v for v in found.variables if v.causality in shown)]
     record = FmuInfo(
         model=found.model_name,
         description=found.description,
@@ -63,6 +76,12 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
         capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in found.interfaces.items()},
         experiment=found.experiment,
         notes=(*found.notes, *dict.fromkeys(filter(None, reasons.values()))),
+        structural_parameters=having(STRUCTURAL),
+        scheduled_execution=found.scheduled is not None,
+        clocks=_clocks(found),
+        terminals=found.terminals,
+        enumerations={v.name: items for v in told if (items := found.enumerations.get(v.declared_type or ""))},
+        display_units=_display_units(told, found),
     )
     facts = ModelFacts(name=found.model_name, fmus=(fmu_facts(source, found, ""),))  # no interface was chosen
     remember(record, Origin(models=(facts,)))
@@ -71,6 +90,30 @@ def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
 
 def _facts(variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
     return tuple(VariableFacts(v.name, v.type, v.unit, v.start, v.description) for v in variables)
+
+
+def _display_units(variables: Iterable[Variable], described: Description) -> dict[str, DisplayUnit]:
+    """Return variable → the unit in which it is to be shown."""
+    shown = ((v, described.units.get(v.unit or "")) for v in variables if v.display_unit)
+    return {v.name: d for v, unit in shown if unit is not None for d in unit.display if d.name == v.display_unit}
+
+
+def _clocks(described: Description) -> tuple[ClockFacts, ...]:
+    """Return the clocks; they tick in event mode, so not in every interface."""
+    here = any(name == "me" or claims.event_mode for name, claims in described.interfaces.items())
+    driven = time_based(described.clocks)
+    return tuple(
+        ClockFacts(
+            name=name,
+            kind=clock.kind,
+            causality=clock.causality,
+            interval=clock.interval,
+            shift=clock.shift,
+            driven=here and name in driven,
+            variables=tuple(v for v, clocks in described.clocked.items() if name in clocks),
+        )
+        for name, clock in described.clocks.items()
+    )
 
 
 def _why_not(folder: Path, identifier: str, source: Path) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 
@@ -38,6 +38,7 @@ from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, 
 from workbench.analysis.limit_cycle.shooting import Orbits, shoot
 from workbench.analysis.limit_cycle.vary import GAIN, follow_cycles, range_of
 from workbench.analysis.nyquist.result import Crossing
+from workbench.analysis.opened import Ports
 from workbench.core.blas import one_thread
 from workbench.core.job import Job
 from workbench.errors import InputError, SimulationError
@@ -184,8 +185,13 @@ class _Work:
 
     def _is_shootable(self, states: Mapping[str, float]) -> bool:
         """Whether the states of every block with a memory are among those that are known."""
-        with_memory = (p for p, b in zip(self.loop.every, self.loop.blocks, strict=True) if b is None)
-        return all(any(n.startswith(f"{p.component}.") for n in states) for p in with_memory)
+        return not self._unknown_memories(states)
+
+    def _unknown_memories(self, states: Iterable[str]) -> list[Ports]:
+        """Return the blocks with a memory of which no state is among those that are known."""
+        known = list(states)
+        with_memory = [p for p, b in zip(self.loop.every, self.loop.blocks, strict=True) if b is None]
+        return [p for p in with_memory if not any(n.startswith(f"{p.component}.") for n in known)]
 
     # -- where nothing is predicted ---------------------------------------------------------
 
@@ -261,7 +267,9 @@ class _Work:
         over = range_of(self.system, name, limits, ports=self.loop.ports, time=self.time)
         cycles = [c for c in self.found if c.method == SHOOTING]
         if not cycles:
-            self.notes.append(f"{name}: shooting found no cycle that could be followed")
+            kept = [p.component for p in self._unknown_memories([v.name for v in self.system.states])]
+            why = f"; shooting cannot set what {', '.join(kept)} keeps besides continuous states" if kept else ""
+            self.notes.append(f"{name}: shooting found no cycle that could be followed{why}")
         done, total = self.stage
 
         def orbits(opened: Callable[[float], DescribedModel], cycle: LimitCycle) -> Orbits:

@@ -118,7 +118,9 @@ class Orbits(Family):
     varied: bool = False
     _anchor: tuple[Floats, Floats] | None = None
     _first: float | None = None
+    _start: Floats | None = None
     _size: float = 0.0
+    _begun: float = 0.0
 
     coarse: ClassVar[int] = 20
     fine: ClassVar[int] = 200
@@ -140,10 +142,14 @@ class Orbits(Family):
         return arrive(self, start if place is None else place.x, p, exact=True)
 
     def moved_on(self, place: Place) -> str:
-        """Take the plane across the orbit at the newest place from now on; the branch ends where it is a point."""
+        """Take the plane across the orbit at the newest place from now on; the branch ends at a point, or far out."""
         self._anchor = None
         size = abs(fundamental(place.lap.period.harmonics))
-        self._size = max(self._size, size)
+        if self._start is None:
+            self._start, self._begun = place.x, size
+        self._size = size if place.x is self._start else max(self._size, size)  # the walk the other way begins anew
+        if size > _BEYOND * self._begun:
+            return f"the cycle grows beyond {_BEYOND:.0f} times the first one"
         return VANISHES if size < _VANISHED * self._size else ""
 
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
@@ -347,5 +353,6 @@ def _vanished(points: Sequence[BranchPoint]) -> Iterator[BranchPoint]:
 _GROWN = 1.0, 1.3, 1.7, 2.2  # times the smallest cycle
 _MOST_ORBITS = 200
 _VANISHED = 0.01  # of the largest cycle of a branch: nothing is left of it
+_BEYOND = 1000.0  # times the first cycle: beside a value at which the linear loop loses its stability there is no end
 VANISHES = "the cycle shrinks to a point"
 _LONGER = np.log(8.0)  # a branch on which the period grows so much ends there

@@ -44,13 +44,18 @@ def output_rows(task: LinTask, point: Point) -> list[int]:
     return [outputs.index(n) if n in outputs else -1 - states.index(n) for n in task.outputs]
 
 
+def _unit(place: int, size: int) -> Floats:
+    row = np.zeros(size)
+    row[place] = 1.0
+    return row
+
+
 def continuous_result(
     task: LinTask, point: Point, jacobian: Floats, where: OperatingPoint, *, method: str
 ) -> LinResult:
     """Return the result of a matrix ∂(dx, y)/∂(x, u), shape (n + q, n + m)."""
     n = len(point.states)
-    identity = np.eye(n, jacobian.shape[1])
-    rows = [identity[-1 - i] if i < 0 else jacobian[n + i] for i in output_rows(task, point)]
+    rows = [_unit(-1 - i, jacobian.shape[1]) if i < 0 else jacobian[n + i] for i in output_rows(task, point)]
     outer = np.array(rows).reshape(len(rows), jacobian.shape[1])
     return LinResult(
         model=task.model.name,

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.analysis.lin.assemble import continuous_result, operating_point
 from workbench.analysis.lin.explain import DECLARED, ELSEWHERE, NOT_CONNECTED, Reach, zeros_of
 from workbench.analysis.lin.result import Doubt, LinResult
 from workbench.analysis.lin.task import LinTask, columns_of, moving_note, open_base, sampled_note, width_for
+from workbench.core.matrices import light
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import DescribedModel
@@ -18,6 +22,8 @@ from workbench.session.forcing import convert
 from workbench.session.point import Evaluation, Point
 
 __all__ = ["Columns", "difference", "size_of"]
+
+Indices = NDArray[np.intp]
 
 # Total width over scale: twice the cube root of the rounding error, where truncation and rounding of a
 # central difference are alike (Nocedal and Wright, Numerical Optimization, 2nd ed., section 8.1).
@@ -43,7 +49,8 @@ def difference(task: LinTask) -> LinResult:
     nominal value is declared), and verified: all columns together at eight times the width, in one random direction;
     where that disagrees, each column for itself, and entries that depend on the width are marked doubtful. Entries
     that are 0 but not when the variable moves as far as its own scale are marked locally flat. With n
-    states and m inputs this takes 2·(n + m) + 5 evaluations when there is nothing to doubt.
+    states and m inputs this takes 2·(n + m) + 5 evaluations when there is nothing to doubt. Large models that declare
+    their dependencies take a handful: columns of different rows move at once, as long as nothing is doubtful.
 
     Not for: co-simulation (no states); sampled models, whose discrete states do not move with a
     perturbation (use kalman-bertram); given widths are not verified, they are what the user wants.
@@ -59,8 +66,11 @@ def difference(task: LinTask) -> LinResult:
     """
     with open_base(task) as point:
         columns = Columns(task, point)
-        jacobian = columns.central(columns.widths)
-        doubts = columns.doubts(jacobian)
+        jacobian = columns.together()
+        doubts: list[Doubt] = []
+        if jacobian is None:
+            jacobian = columns.central(columns.widths)
+            doubts = columns.doubts(jacobian)
         reach = columns.reach(jacobian)
         result = continuous_result(
             task, point, jacobian, operating_point(task, point, columns.base), method="difference"
@@ -124,6 +134,7 @@ class Columns:
         self.widths: Floats = np.where(self.chosen, self._default(), given)
         self.base = self._at(np.zeros(len(self.names)))
         self._pairs: dict[int, _Pair] = {}
+        self._light: tuple[Floats, Any] | None = None
 
     def _default(self) -> Floats:
         """Integer inputs move by one to both sides; nothing less would move them."""
@@ -159,6 +170,53 @@ class Columns:
             high, low = float(convert(variable, high)), float(convert(variable, low))
         return (high - low) or width
 
+    def light(self, jacobian: Floats) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types
+        """Return the matrix as a sparse array where it is one; the last one is kept."""
+        if self._light is None or self._light[0] is not jacobian:
+            self._light = (jacobian, light(jacobian))
+        return self._light[1]
+
+    def together(self) -> Floats | None:
+        """Return the matrix of central differences, columns that move different rows, as declared, moved at once.
+
+        None: the model is small, or does not declare it; the widths were given; or there is a doubt about any entry.
+        """
+        groups = self._groups
+        if not groups or not self.chosen.all():
+            return None
+        jacobian, f0 = np.zeros((len(self.rows), len(self.names))), self._base_values()
+        for members, rows, by in groups:
+            shift = np.zeros(len(self.names))
+            shift[members] = 0.5 * self.widths[members]
+            sides = [self._at(s * shift) for s in (1.0, -1.0)]
+            above, below = (np.concatenate([s.dx, s.y]) for s in sides)
+            spans = np.array([self._span(int(j), float(self.widths[j])) for j in members])
+            width = np.zeros(len(self.names))
+            width[members] = spans
+            jacobian[rows, by] = (above - below)[rows] / width[by]
+            bend = np.abs(above - 2.0 * f0 + below)
+            allowed = ROUNDING * (np.abs(above) + np.abs(f0))
+            allowed[rows] += AGREE * np.abs(jacobian[rows, by]) * width[by]
+            if any(s.latched for s in sides) or (bend > allowed).any():
+                return None
+        return jacobian if self._goes_on(jacobian) else None
+
+    @cached_property
+    def _groups(self) -> list[tuple[Indices, Indices, Indices]]:
+        """Columns that may move at once, rows that they move, the column of each row; empty: not known."""
+        pattern = self.point.pattern
+        if pattern is None:
+            return []
+        column = np.full(len(self.point.states) + len(self.point.inputs), -1)
+        column[self._places] = np.arange(len(self._places))
+        found = []
+        for members, rows, by in pattern.groups():
+            mine = column[by] >= 0
+            chosen = column[members]
+            if (chosen >= 0).any():
+                found.append((chosen[chosen >= 0], rows[mine].astype(np.intp), column[by[mine]]))
+        return found
+
     def central(self, widths: Floats) -> Floats:
         """Return the matrix of central differences, shape (n + q, k); remembers both sides."""
         self._pairs = {j: self.pair(j, w) for j, w in enumerate(widths.tolist())}
@@ -168,7 +226,7 @@ class Columns:
     def moving(self, jacobian: Floats) -> tuple[str, ...]:
         """Return a remark where the point is not at rest: derivatives beyond what a small part of the scales makes."""
         n = len(self.point.states)
-        allowed = MOVING * np.abs(jacobian[:n]) @ self.scales + STANDS * self.scales[:n]
+        allowed = MOVING * (abs(self.light(jacobian)) @ self.scales)[:n] + STANDS * self.scales[:n]
         found = np.flatnonzero(np.abs(self.base.dx) > allowed)
         return moving_note([f"der({self.names[i]}) = {self.base.dx[i]:.4g}" for i in found])
 
@@ -187,6 +245,10 @@ class Columns:
         return [Doubt(self.rows[i], self.names[j], float(jacobian[i, j]), None, why) for i in rows]
 
     def _confirmed(self, jacobian: Floats) -> bool:
+        """Whether columns have no kink, and go together as the matrix says."""
+        return not self._kinked(jacobian) and self._goes_on(jacobian)
+
+    def _goes_on(self, jacobian: Floats) -> bool:
         """Whether all columns together, moved by the second width in a random direction, go as the matrix says."""
         random = np.random.default_rng(0)
         signs = random.choice([-1.0, 1.0], len(self.names)) * random.uniform(0.5, 1.0, len(self.names))
@@ -195,11 +257,10 @@ class Columns:
             above, below = (self.values(s * shift) for s in (1.0, -1.0))
         except SimulationError:
             return False
-        expected = 2.0 * jacobian @ shift
-        scale = 2.0 * np.abs(jacobian) @ np.abs(shift)
+        matrix = self.light(jacobian)
+        expected, scale = 2.0 * (matrix @ shift), 2.0 * (abs(matrix) @ np.abs(shift))
         noise = ROUNDING * (np.abs(above) + np.abs(below))
-        kinked = self._kinked(jacobian)
-        return not kinked and bool((np.abs(above - below - expected) <= AGREE * 1e-2 * scale + noise).all())
+        return bool((np.abs(above - below - expected) <= AGREE * 1e-2 * scale + noise).all())
 
     def _kinked(self, jacobian: Floats) -> bool:
         """Whether the two halves of any perturbation have different slopes."""
@@ -254,11 +315,19 @@ class Columns:
         suspects = [j for j in range(len(self.names)) if self.chosen[j] and not jacobian[:, j].all()]
         if not suspects or all(self._linear_far(jacobian, suspects, far) for far in FAR[1:]):
             return reach
-        for j in suspects:
+        for members, rows, by in self._groups or self._alone(suspects):
             for far in FAR:
                 for direction, moved in ((1.0, reach.above), (-1.0, reach.below)):
-                    moved[:, j] |= self._moves(j, direction * far * self.sizes[j]) & (jacobian[:, j] == 0.0)
+                    shift = np.zeros(len(self.names))
+                    shift[members] = direction * far * self.sizes[members] * self.chosen[members]
+                    found = self._moves(shift)
+                    moved[rows, by] |= found[rows] & (jacobian[rows, by] == 0.0)
         return reach
+
+    def _alone(self, columns: list[int]) -> list[tuple[Indices, Indices, Indices]]:
+        """Return columns as groups of one, each of which may move all rows."""
+        rows = np.arange(len(self.rows))
+        return [(np.array([j]), rows, np.full(len(rows), j)) for j in columns]
 
     def _why_dead(self, j: int) -> str:
         """Return what is known of a column without effect: whether it has one where all others have moved."""
@@ -295,20 +364,24 @@ class Columns:
             sides = [self.values(s * shift) - self._base_values() for s in (1.0, -1.0)]
         except SimulationError:
             return False
-        expected, scale = jacobian @ shift, np.abs(jacobian) @ np.abs(shift)
+        matrix = self.light(jacobian)
+        expected, scale = matrix @ shift, abs(matrix) @ np.abs(shift)
         noise = ROUNDING * np.abs(self._base_values()) + 1e-6 * scale
         return bool((np.abs(sides[0] - expected) <= noise).all() and (np.abs(sides[1] + expected) <= noise).all())
 
-    def _moves(self, j: int, length: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def _moves(self, shift: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Return which rows move."""
         try:
-            moved = self.values(self._unit(j, length)) - self._base_values()
+            moved = self.values(shift) - self._base_values()
         except SimulationError:
             return np.zeros(len(self.rows), dtype=bool)
         return np.abs(moved) > ROUNDING * np.abs(self._base_values())
 
     def flat(self, jacobian: Floats, reach: Reach) -> list[Doubt]:
         """Return the entries that are 0 here but not when their variable moves far."""
-        found = []
+        found = list[Doubt]()
+        if not (reach.above.any() or reach.below.any()):
+            return found
         for i, j in np.argwhere(reach.above | reach.below):
             where, far = reach.where(i, j), FAR[-1] * self.sizes[j]
             reason = f"locally flat: 0 here, but it moves when {self.names[j]} {where} by up to {far:.3g}"

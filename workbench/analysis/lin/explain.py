@@ -59,31 +59,20 @@ class Reach:
 
 def zeros_of(result: LinResult, reach: Reach) -> tuple[Zero, ...]:
     """Return every zero row and column of a linear model with its reason."""
-    through = np.vstack([result.B, result.D])
-    found = [
-        Zero("input", name, _reason(reach, name, row=False, none=reach.dead.get(name) or NOWHERE))
-        for name, column in zip(result.input_names, through.T, strict=True)
-        if not column.any()
-    ]
-    outer = np.hstack([result.C, result.D])
-    found += [
-        Zero("output", name, _reason(reach, name, row=True, none="no state or chosen input moves it: frozen"))
-        for name, row in zip(result.output_names, outer, strict=True)
-        if not row.any()
-    ]
-    inner = np.hstack([result.A, result.B])
-    what = "no state or chosen input moves its derivative: it drifts at a constant rate or is frozen"
-    found += [
-        Zero("rate", name, _reason(reach, name, row=True, none=what))
-        for name, row in zip(result.state_names, inner, strict=True)
-        if not row.any()
-    ]
-    columns = np.vstack([result.A, result.C])
-    found += [
-        Zero("state", name, _reason(reach, name, row=False, none="it influences nothing: unobservable"))
-        for name, column in zip(result.state_names, columns.T, strict=True)
-        if not column.any()
-    ]
+    A, B, C, D = result.A != 0.0, result.B != 0.0, result.C != 0.0, result.D != 0.0
+    frozen = "no state or chosen input moves it: frozen"
+    drifts = "no state or chosen input moves its derivative: it drifts at a constant rate or is frozen"
+    kinds: tuple[tuple[str, Sequence[str], Flags, bool, str], ...] = (
+        ("input", result.input_names, B.any(axis=0) | D.any(axis=0), False, NOWHERE),
+        ("output", result.output_names, C.any(axis=1) | D.any(axis=1), True, frozen),
+        ("rate", result.state_names, A.any(axis=1) | B.any(axis=1), True, drifts),
+        ("state", result.state_names, A.any(axis=0) | C.any(axis=0), False, "it influences nothing: unobservable"),
+    )
+    found = []
+    for kind, names, live, row, why in kinds:
+        for name in (names[i] for i in np.flatnonzero(~live).tolist()):
+            none = reach.dead.get(name) or why if kind == "input" else why
+            found.append(Zero(kind, name, _reason(reach, name, row=row, none=none)))
     return tuple(found)
 
 

@@ -10,6 +10,7 @@ from workbench.analysis.lin.methods import METHODS
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask, make_task, open_base
+from workbench.analysis.rates import NoRatesError
 from workbench.core.job import Job
 from workbench.core.matrices import unheld
 from workbench.errors import InputError
@@ -22,7 +23,7 @@ __all__ = ["choose", "linearise", "run"]
 def linearise(model: Model, asked: Lin, _job: Job) -> LinResult:
     """Linearise a model; see `Lin`."""
     task = make_task(model, asked)
-    if not task.inputs and not (task.model.interface != "cs" and task.model.states):
+    if not task.inputs and not _shows_states(task):
         raise InputError(
             f"{task.model.name}: a linear model needs an input or states, and this interface shows neither"
         )
@@ -37,7 +38,13 @@ def run(task: LinTask, method: str) -> LinResult:
         FmuError, SimulationError: see `lin`.
     """
     name, why = choose(task) if method == "auto" else (method, f"{method} was asked for")
-    result = METHODS[name](task).because(why)
+    try:
+        result = METHODS[name](task).because(why)
+    except NoRatesError as error:
+        if method != "auto" or not _shows_states(task):
+            raise
+        said = str(error).partition(";")[0]
+        result = METHODS["difference"](task).because(f"auto: {said}; what is discrete is held")
     notes = (*task.notes, *result.notes, *task.model.remarks())
     result = replace(result, notes=notes, operating_point=named(task.model, result.operating_point))
     if task.continuous and result.dt > 0.0:
@@ -47,14 +54,22 @@ def run(task: LinTask, method: str) -> LinResult:
     return result
 
 
+def _shows_states(task: LinTask) -> bool:
+    """Whether there are continuous states to linearise by; FMI 1.0 shows them to a session only."""
+    if task.model.interface == "cs" or task.model.states:
+        return task.model.interface != "cs"
+    with open_base(task) as point:
+        return bool(point.states)
+
+
 # -- choose a method and say why -------------------------------------------------------------------
 
 
 def choose(task: LinTask) -> tuple[str, str]:
     """Return the name of the method for a task, and the reason in one line.
 
-    Co-simulation shows no states: response. Time events and discrete states: kalman-bertram. Given widths:
-    difference. Directional derivatives: exact. Else difference.
+    Co-simulation shows no states: response. Time events and discrete states: kalman-bertram, or difference where it
+    finds no rates. Given widths: difference. Directional derivatives: exact. Else difference.
 
     Args:
         task: the linearisation.

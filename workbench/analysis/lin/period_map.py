@@ -165,5 +165,5 @@ def _within(record: Recorded, grid: Floats, outputs: tuple[str, ...]) -> Floats:
     near = 1e-10 * (grid[-1] - grid[0])
     right = np.searchsorted(record.time, grid[:-1] + near, side="right") - 1
     left = np.searchsorted(record.time, grid[1:] - near, side="left")
-    table = np.column_stack([record.values[n] for n in outputs])
+    table = np.array([record.values[n] for n in outputs]).T.reshape(len(record.time), len(outputs))
     return np.stack([table[right], table[left]], axis=1)

@@ -24,7 +24,8 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
 
     Whatever python-control does with a StateSpace it does with this one; what comes out of such an
     operation (a series connection, a sampled model) is a plain StateSpace. python-control forbids dots in
-    names: "plant.tau" is "plant_tau" there; `result` has the names as they are.
+    names: "plant.tau" is "plant_tau" there; `result` has the names as they are. It has no model without inputs: such a
+    one has the input "no_input", which does nothing, and `result` none.
 
     Args:
         result: the linearisation.
@@ -35,7 +36,8 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
     """
 
     def __init__(self, result: LinResult, name: str | None = None) -> None:
-        super().__init__(result.A, result.B, result.C, result.D, result.dt, **result.labels(name or result.model))
+        matrices, labels = result.for_control(name or result.model)
+        super().__init__(*matrices, result.dt, **labels)
         self.result = result
 
     @property

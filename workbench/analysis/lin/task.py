@@ -15,12 +15,22 @@ from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.model import Model, Variable
-from workbench.model.names import Kind, check_variables
+from workbench.model.names import Kind, check_variables, found_variables
 from workbench.model.placing import find_point
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
-__all__ = ["NOT_AT_REST", "LinTask", "Width", "columns_of", "moving_note", "open_base", "sampled_note", "width_for"]
+__all__ = [
+    "NOT_AT_REST",
+    "LinTask",
+    "Width",
+    "columns_of",
+    "moving_note",
+    "open_base",
+    "pass_states",
+    "sampled_note",
+    "width_for",
+]
 
 Width = Widths | None
 
@@ -115,8 +125,7 @@ def _moved(where: OperatingPoint, given: Mapping[str, float]) -> tuple[str, ...]
 def _chosen(model: Model, wanted: Sequence[str] | None, usual: Iterable[Variable], *kinds: Kind) -> tuple[str, ...]:
     if wanted is None:
         return tuple(v.name for v in usual if v.type in FLOAT_TYPES)
-    check_variables(model, wanted, *kinds, what=f"{kinds[0]}s")
-    return tuple(dict.fromkeys(wanted))
+    return tuple(found_variables(model, wanted, *kinds, what=f"{kinds[0]}s"))
 
 
 def open_base(task: LinTask) -> Point:
@@ -167,6 +176,22 @@ def moving_note(moves: Sequence[str]) -> tuple[str, ...]:
             "finds a point at rest"
         ),
     )
+
+
+def pass_states(point: Point, jacobian: Floats) -> None:
+    """Write the rows of outputs that are states, of ∂(dx, y)/∂(x, …), in place: what an FMU says of them is of no use.
+
+    FMUs that derive equations only, as the Reference FMUs, answer 0 there.
+
+    Args:
+        point: the model.
+        jacobian: shape (n + q, k), states first in its columns.
+    """
+    n, states = len(point.states), {v.name: i for i, v in enumerate(point.states)}
+    for i, output in enumerate(point.outputs):
+        if output.name in states:
+            jacobian[n + i] = 0.0
+            jacobian[n + i, states[output.name]] = 1.0
 
 
 def columns_of(task: LinTask, point: Point) -> list[int]:

@@ -23,6 +23,7 @@ from workbench.system.description import (
 from workbench.system.health import resolve, settled
 from workbench.system.model import SystemModel
 from workbench.system.parts import open_parts
+from workbench.system.terminals import members_connected
 
 __all__ = ["INJECTED", "PASSED", "RETURNED", "CutLoop", "cut_loop"]
 
@@ -120,7 +121,8 @@ def _resolved(model: SystemModel) -> Resolved:
     recipe = model.recipe
     with ExitStack() as undo:
         parts = open_parts(recipe.system.components, undo, recipe.parts, interface=recipe.interface)
-        return resolve(recipe.system, [p.description.variables for p in parts])
+        system = members_connected(recipe.system, parts)
+        return resolve(system, [p.description.variables for p in parts])
 
 
 def _notes(system: SystemDescription, place: Opening, time: float) -> tuple[str, ...]:

@@ -48,17 +48,17 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     check_parameter(model, vary)
     begin, remarks = point_in_full(model, asked)
     how = Lin(**begin, method=asked.method, inputs=(), outputs=())
-    width = _TOLERANCE * (grid[-1] - grid[0]) if asked.tolerance is None else asked.tolerance
+    width = _width(asked, grid)
     found, common, moving = [], dict(asked.set or {}), list[str]()
     first: OperatingPoint | None = None
     configured = [with_parameters(model, {**common, **settings}) for settings in ({}, *against)]
     for place, (settings, opened) in enumerate(zip(({}, *against), configured, strict=True), 1):
         job.stage(place, len(configured))
         label = _label(settings or _own(model, common, against))
-        source = ModelSource(opened, vary, how, trimmed=asked.trimmed)
+        source = ModelSource(opened, vary, how, trimmed=asked.trimmed, count=asked.count, about=asked.about)
         source.prepare(grid, asked.place.apart, job, label=label or vary)
         _check_enough(source, grid, vary)
-        found.append(_one_set(source, grid, label, dict(settings), width))
+        found.append(_one_set(source, grid, label, dict(settings), asked))
         moving += _moving(source, label)
         first = first or next(
             (r.operating_point for v in grid if (r := source.results.get(float(v))) is not None), None
@@ -71,15 +71,16 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
         unit=unit,
         sets=tuple(found),
         tolerance=width,
-        notes=(*remarks, *moving, *_notes(found, vary)),
+        notes=(*remarks, *moving, *_which(found, asked), *_notes(found, vary)),
         operating_point=first,
+        followed=asked.count,
     )
 
 
 def _own(model: DescribedModel, common: Settings, against: Sequence[Settings]) -> Settings:
     """Return what the model has where further configurations have something else."""
     starts = {v.name: v.start for v in model.description.variables}
-    known = {**starts, **model.recipe.start_values, **common}
+    known = {**starts, **model.start_values, **common}
     found = {name: known.get(name) for settings in against for name in settings}
     return {name: value for name, value in found.items() if value is not None}
 
@@ -124,15 +125,20 @@ def _values(asked: Modes, limits: str) -> list[float]:
     return found
 
 
-def _one_set(source: ModelSource, grid: list[float], label: str, settings: Settings, tolerance: float) -> ModeSet:
-    found = track(source, grid)
+def _width(asked: Modes, grid: Sequence[float]) -> float:
+    """Return to what critical values are found."""
+    return _TOLERANCE * (grid[-1] - grid[0]) if asked.tolerance is None else asked.tolerance
+
+
+def _one_set(source: ModelSource, grid: list[float], label: str, settings: Settings, asked: Modes) -> ModeSet:
+    found = track(source, grid, count=asked.count, about=asked.about)
     poles, uncertain = found.table()
     names = next(iter(source.results.values())).state_names
     lines = [
         Mode(number=b + 1, pole=poles[:, b], uncertain=uncertain[:, b], states=_states(found, b, names))
         for b in range(found.count)
     ]
-    critical = [c for line in lines for c in critical_values(source, found, line, tolerance)]
+    critical = [c for line in lines for c in critical_values(source, found, line, _width(asked, grid))]
     meetings = [ModesMeeting(**{**vars(m), "modes": tuple(b + 1 for b in m.modes)}) for m in found.meetings]
     return ModeSet(
         label=label,
@@ -277,6 +283,13 @@ def _moving(source: ModelSource, label: str) -> Iterator[str]:
             f"{where}{moving[0]} (at {len(moving)} of {len(source.results)} values): modes and stability are those of "
             "small deviations from that motion; --trim linearises at the equilibrium of each value"
         )
+
+
+def _which(sets: Sequence[ModeSet], asked: Modes) -> tuple[str, ...]:
+    if asked.count is None:
+        return ()
+    where = f"those nearest to {asked.about:g} Hz at the first value"
+    return (f"only {len(sets[0].modes)} modes are followed, {where}; whether another one is unstable is not known",)
 
 
 def _notes(sets: Sequence[ModeSet], parameter: str) -> tuple[str, ...]:

@@ -25,6 +25,9 @@ class Modes(PointOptions, InParts, Analysis["ModesResult"]):
     a crossing; where even the smallest step leaves one, a meeting says so. Critical values are refined by root finding
     on the mode's real part.
 
+    Of a large model follow a few modes: those nearest to a frequency are found by the Arnoldi method on its sparse
+    matrix, the others are never computed, and whether one of them is unstable is not known.
+
     The operating point stays where it is unless `trimmed`. Not for models whose linear model means nothing (a
     quantiser, a block with jumps at the point); of a sampled model the poles are those its samples show.
 
@@ -66,6 +69,15 @@ class Modes(PointOptions, InParts, Analysis["ModesResult"]):
         default=False,
     )
     method: str = option("Method of linearisation; auto chooses.", choices=METHOD_NAMES, default="auto")
+    count: int | None = option(
+        "Follow so many modes only, those nearest to --about at the first value; by default all.",
+        metavar="N",
+        least=1,
+        default=None,
+    )
+    about: float = option(
+        "Frequency near which these modes lie.", unit="Hz", metavar="HZ", least=0.0, finite=True, default=0.0
+    )
     tolerance: float | None = option(
         "Precision of critical values; by default 1e-6 of the range.",
         flag="--precision",

@@ -230,6 +230,7 @@ class ModesResult(Record):
         criterion: what "critical" means.
         notes: what should be known, one line each.
         operating_point: operating point of the first value.
+        followed: so many modes were asked for; None: all.
     """
 
     model: str
@@ -241,6 +242,7 @@ class ModesResult(Record):
     criterion: str = CRITERION
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
+    followed: int | None = None
 
     _WHAT, _COMMAND = "a result of modes", "modes"
 

@@ -14,7 +14,7 @@ from workbench.analysis.lin.sweep import LinPoint, points_over
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.trim.request import trim
 from workbench.core.job import Job
-from workbench.core.modal import Poles, poles_of
+from workbench.core.modal import Poles, poles_near, poles_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import recast
 from workbench.errors import InputError, SimulationError
@@ -28,6 +28,7 @@ from workbench.workers import Lost, Workers, choose
 __all__ = ["ModelSource", "check_parameter"]
 
 _HERE = Workers(in_process=True)
+_SPARE = 4  # modes beside the wanted ones, at least
 
 # How accurate the entries of A are, relative to its size, by method; those not named: rounding.
 _ACCURACY = {"difference": 1e-8, "kalman-bertram": 1e-8, "response": 1e-5}
@@ -108,6 +109,21 @@ def _trimmed(model: Model, job: _Single) -> OperatingPoint:
     return found.operating_point
 
 
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is kept of a linear model; large matrices at many values would not fit into memory.
+
+    Attributes:
+        poles: of it.
+        state_names, operating_point, notes: its own.
+    """
+
+    poles: Poles
+    state_names: tuple[str, ...]
+    operating_point: OperatingPoint
+    notes: tuple[str, ...]
+
+
 class ModelSource:
     """Linearises at each value that is asked for, once.
 
@@ -116,18 +132,22 @@ class ModelSource:
         vary: parameter, input or state.
         lin: how, and about which operating point.
         trimmed: find the equilibrium at each value; the search begins at that point.
+        count: so many modes are wanted; some more are found, which may take their places; None: all.
+        about: frequency near which they lie [Hz].
 
     Attributes:
-        results: value → linear model.
+        results: value → what is known of the linear model.
         failed: value → reason.
     """
 
-    def __init__(self, model: Model, vary: str, lin: Lin, *, trimmed: bool) -> None:
+    def __init__(
+        self, model: Model, vary: str, lin: Lin, *, trimmed: bool, count: int | None = None, about: float = 0.0
+    ) -> None:
         self._model, self._vary, self._lin, self._trimmed = model, vary, lin, trimmed
         self._one_by_one = trimmed or vary in _gains(model)
-        self.results: dict[float, LinResult] = {}
+        self._count, self._about = count, about
+        self.results: dict[float, Known] = {}
         self.failed: dict[float, str] = {}
-        self._poles: dict[float, Poles] = {}
 
     def prepare(self, values: Sequence[float], workers: Workers, job: Job, *, label: str) -> None:
         """Linearise at many values, several at a time.
@@ -155,17 +175,22 @@ class ModelSource:
             self._take(next(iter(self._points([value], _HERE, Job()))))
             if value in self.failed:
                 return None
-        if value not in self._poles:
-            found = self.results[value]
-            self._poles[value] = poles_of(found.A, dt=found.dt, accuracy=_ACCURACY.get(found.method, 0.0))
-        return self._poles[value]
+        return self.results[value].poles
 
     def _take(self, point: LinPoint) -> None:
         value = point.values[self._vary]
         if point.result is None:
             self.failed[value] = point.reason or "no linear model"
         else:
-            self.results[value] = point.result
+            found = point.result
+            self.results[value] = Known(self._poles(found), found.state_names, found.operating_point, found.notes)
+
+    def _poles(self, found: LinResult) -> Poles:
+        accuracy = _ACCURACY.get(found.method, 0.0)
+        if self._count is None:
+            return poles_of(found.A, dt=found.dt, accuracy=accuracy)
+        some = self._count + max(self._count // 2, _SPARE)
+        return poles_near(found.A, some, self._about, dt=found.dt, accuracy=accuracy)
 
     def _points(self, values: Sequence[float], workers: Workers, job: Job) -> Iterator[LinPoint]:
         """Yield the linear models as they are finished."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.analysis.modes.match import Group, Match, coincide, match, passing, turning
+from workbench.analysis.modes.match import Group, Match, closeness, coincide, match, passing, turning
 from workbench.core.modal import Complex, Poles
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -18,6 +18,7 @@ Family = Callable[[float], Poles | None]
 
 _DEEPEST = 14  # halvings of a step
 _MOST = 600  # models
+_OURS = 0.25  # of a mode that the wanted ones account for, where not all are followed
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class Track:
         return poles, uncertain
 
 
-def track(family: Family, values: Sequence[float]) -> Track:
+def track(family: Family, values: Sequence[float], *, count: int | None = None, about: float = 0.0) -> Track:
     """Follow all modes through a list of values; where the vectors leave a doubt, models are put in between.
 
     Modes that cross without coupling keep their vectors and cross; those that couple and veer exchange them gradually
@@ -99,15 +100,18 @@ def track(family: Family, values: Sequence[float]) -> Track:
     Args:
         family: parameter → poles; None: no model there.
         values: rising.
+        count: follow so many modes only, those nearest to a frequency at the first value; None: all.
+        about: that frequency [Hz].
 
     Raises:
         InputError: fewer than two values have a linear model, or the number of states changes.
     """
-    return _Tracking(family, values).run()
+    return _Tracking(family, values, count, about).run()
 
 
 class _Tracking:
-    def __init__(self, family: Family, values: Sequence[float]) -> None:
+    def __init__(self, family: Family, values: Sequence[float], count: int | None, about: float) -> None:
+        self._wanted, self._aim = count, 2j * np.pi * about
         self._family, self._pending = family, list(reversed(values))
         self._frames: list[Frame] = []
         self._meetings: list[Meeting] = []
@@ -132,6 +136,7 @@ class _Tracking:
 
     def _begin(self, value: float, poles: Poles) -> None:
         self._pending.pop()
+        poles = poles if self._wanted is None else poles.nearest(self._wanted, self._aim)
         self._count = len(poles)
         self._frames.append(Frame(value, poles, tuple(range(len(poles)))))
 
@@ -141,6 +146,9 @@ class _Tracking:
                 f"modes: {len(here.poles.left)} states at {here.value:g} and {len(poles.left)} at {value:g}; "
                 "modes of models of different order cannot be followed"
             )
+        if self._wanted is not None:
+            # What the wanted modes do not account for is another mode: closeness sums to 1 over all of them.
+            poles = poles.some(np.flatnonzero(closeness(here.poles, poles).sum(axis=0) >= _OURS))
         found = match(here.poles, poles)
         halve = not found.clear or turning(here.poles, poles, found)
         share = 0.5 if halve else passing(here.poles, poles, found)

@@ -26,6 +26,7 @@ from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap, correction, resolvent_rows
 from workbench.analysis.periodic.stability import is_stable
+from workbench.core.blas import one_thread
 from workbench.errors import WorkbenchError
 from workbench.session.base import Floats, Session
 from workbench.session.compiled import CompiledMeSession
@@ -35,6 +36,9 @@ __all__ = ["NotSolvedError", "Search", "Solved", "can_solve", "solve_point"]
 # Intervals in which the slopes along a period are taken, one level after the other: a coarse derivative does for
 # Newton's method while it converges.
 _LEVELS = (2, 10, 20, 100)
+
+# With more states, the slopes along a period, and the derivative of the period map, would take gigabytes and minutes.
+_MOST_STATES = 300
 
 # Multipliers below this leave no doubt of stability, however coarsely they were taken.
 _HARMLESS = 0.1
@@ -77,7 +81,9 @@ def can_solve(session: Session, task: PointTask) -> TypeGuard[CompiledMeSession]
         session: where it would be run.
         task: what is asked for.
     """
-    return task.method == "auto" and isinstance(session, CompiledMeSession) and not task.rates
+    if task.method != "auto" or not isinstance(session, CompiledMeSession) or task.rates:
+        return False
+    return session.instance.nx <= _MOST_STATES or task.linear is not None
 
 
 class NotSolvedError(Exception):
@@ -227,7 +233,8 @@ class Search:
             return
         lap = self._checked(lap)
         at = self._derivative(lap)
-        e, left = correction(lap, at.Phi)
+        with one_thread():
+            e, left = correction(lap, at.Phi)
         distance = float(np.max(np.abs(e / lap.unit), initial=0.0))
         if not math.isfinite(distance):
             raise NotSolvedError("the period map has no finite derivative")
@@ -272,7 +279,7 @@ class Search:
 
     def _more_instants(self) -> bool:
         """Take the slopes at more instants; False: they are as many as there can be."""
-        more = self._level + 1 < len(_LEVELS)
+        more = self._level + 1 < len(_LEVELS) and self.periods.session.instance.nx <= _MOST_STATES
         self._level += more
         return more
 

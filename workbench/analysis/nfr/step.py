@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from workbench.analysis.nfr.certificate import finite
 from workbench.analysis.nfr.point import NfrPoint, PointTask, change
-from workbench.errors import InputError
+from workbench.errors import EndedError, InputError
 
 __all__ = ["at_step", "checked", "refine", "rows_of_step"]
 
@@ -81,6 +81,8 @@ def _end(
     old: NfrPoint, new: NfrPoint, limit: tuple[NfrPoint, float] | None, task: PointTask, *, last: bool
 ) -> NfrPoint | None:
     """Return the answer of a point; None: a finer run is needed."""
+    if new.kind == EndedError.kind:  # whatever the step
+        return new
     if _agree(old, new, task.errcrit):
         return _certified(new, old, new, by="step", left=_LEFT * _apart(old, new))
     if limit is not None and (last or limit[1] <= _asked(task.errcrit)):

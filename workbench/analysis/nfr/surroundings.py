@@ -13,6 +13,7 @@ from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.rates import sample_rates
+from workbench.core.blas import one_thread
 from workbench.core.linear import LinearPart
 from workbench.core.matrices import Complex, held, resolvent
 from workbench.errors import WorkbenchError
@@ -53,12 +54,13 @@ class LinearStart:
     @cached_property
     def modes(self) -> tuple[Complex, Complex, Complex] | None:
         """Poles, eigenvectors and their inverse; None where they do not give A back (coinciding poles)."""
-        poles, vectors = np.linalg.eig(self.part.A.astype(np.complex128))
-        try:
-            inverse = np.linalg.inv(vectors)
-        except np.linalg.LinAlgError:
-            return None
-        again = (vectors * poles) @ inverse
+        with one_thread():
+            poles, vectors = np.linalg.eig(self.part.A.astype(np.complex128))
+            try:
+                inverse = np.linalg.inv(vectors)
+            except np.linalg.LinAlgError:
+                return None
+            again = (vectors * poles) @ inverse
         good = np.linalg.norm(again - self.part.A) <= _EXACT * np.linalg.norm(self.part.A)
         return (poles, vectors, inverse) if good else None
 
@@ -87,7 +89,7 @@ class LinearStart:
         """
         if frequency not in self._forced:
             try:
-                with np.errstate(all="ignore"):
+                with np.errstate(all="ignore"), one_thread():
                     found = Forced.of(self, frequency)
             except (np.linalg.LinAlgError, ValueError, OverflowError):
                 return None

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from workbench.core.blas import one_thread
 from workbench.core.matrices import Complex, exponentials
 from workbench.kernel.native_slopes import NativeSlopes
 from workbench.session.base import Floats
@@ -50,7 +51,8 @@ class Tangent:
     @cached_property
     def multipliers(self) -> Complex:
         """Floquet multipliers, largest first, shape (n,)."""
-        found = np.linalg.eigvals(self.Phi).astype(np.complex128) if self.others is None else self.others
+        with one_thread():
+            found = np.linalg.eigvals(self.Phi).astype(np.complex128) if self.others is None else self.others
         return found[np.argsort(-np.abs(found))]
 
     @property

@@ -20,6 +20,9 @@ _LOCATED, _CROSSING, _FLAT = 1e-6, 1e-3, 1e-3
 # So many strides before or after where it was noticed.
 _STRIDES = 6
 
+# A branch on which the parameter stands, as it does where a motion grows without bound, turns back by rounding alone.
+_STANDS = 1e-5
+
 # Where a multiplier leaves the unit circle: so near to the real axis it does so at 1 or −1.
 _REAL = 1e-6
 
@@ -78,6 +81,8 @@ def between(family: Family, a: Place, b: Place) -> Iterator[Special | Missed]:
     """
     before, after = _tests(a), _tests(b)
     for kind in before:
+        if kind == "fold" and max(abs(before[kind]), abs(after[kind])) < _STANDS:
+            continue
         if before[kind] * after[kind] < 0.0:
             place = _locate(family, a, b, kind)
             if place is None and kind == "fold":

@@ -19,7 +19,7 @@ from workbench.errors import EndedError, InputError, SimulationError, StoppedErr
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
-from workbench.model.names import check_variables
+from workbench.model.names import check_variables, found_variables
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats, Recorded, Session
 from workbench.session.pauses import at_pauses
@@ -233,8 +233,7 @@ def _largest_change(coarse: Recorded, fine: Recorded) -> tuple[float, str]:
 def _names(model: Model, outputs: Sequence[str] | None) -> tuple[list[str], tuple[str, ...]]:
     """Return what is recorded, and a note if it stands in for outputs that are not declared."""
     if outputs is not None:
-        check_variables(model, outputs, "variable", what="outputs")
-        return list(dict.fromkeys(outputs)), ()
+        return found_variables(model, outputs, "variable", what="outputs"), ()
     variables = model.description.variables if isinstance(model, DescribedModel) else ()
     known = {v.name for v in variables} or {v.name for v in model.states}
     kinds = {

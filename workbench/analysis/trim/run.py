@@ -298,5 +298,4 @@ def _usual_length(model: Model) -> float:
 
 def _start_of(model: Model, variable: Variable) -> float:
     """Return a discrete state's start value, the one that the user loaded the model with if there is one."""
-    given = model.recipe.start_values if isinstance(model, DescribedModel) else {}
-    return float(given.get(variable.name, variable.start or 0.0))
+    return float(model.start_values.get(variable.name, variable.start or 0.0))

@@ -216,15 +216,15 @@ def _records(
     """Yield outputs (N, p) like the measured one, without the operating point."""
     steady = model.simulate(data.u, model.initial_state(data.u, data.y))
     errors, gain = _errors(model, data, steady)
-    n = len(errors)
+    n, (A, _, C, _, _) = len(errors), model.innovations()
     at_once = max(1, _AT_ONCE // (n * (model.order + errors.shape[1])))
     for first in range(0, count, at_once):
         rows = min(at_once, count - first)
         begins = random.integers(0, n - block + 1, size=(rows, -(-n // block)))
         order = (begins[:, :, None] + np.arange(block)).reshape(rows, -1)[:, :n]
         drawn = errors[order.T]  # (N, rows, p)
-        states, _ = march(drawn @ gain.T, model.A.T, np.zeros((rows, model.order)))
-        noise = states @ model.C.T + drawn
+        states, _ = march(drawn @ gain.T, A.T, np.zeros((rows, len(A))))
+        noise = states @ C.T + drawn
         for r in range(rows):
             yield steady - model.y0 + noise[:, r]
 
@@ -235,9 +235,9 @@ def _errors(model: IdentifiedModel, data: Experiment, simulated: Floats) -> tupl
     These are the innovations, or the simulation errors with no gain where the predictor does no better.
     """
     errors, rest = data.y - model.predict(data.u, data.y), data.y - simulated
-    gain = model.K
+    gain = model.innovations()[-1]
     if np.linalg.norm(rest) <= np.linalg.norm(errors):
-        errors, gain = rest, np.zeros_like(model.K)
+        errors, gain = rest, np.zeros_like(gain)
     n, (p, m) = len(errors), model.D.shape
     fitted = min((model.order * (2 * p + m) + p * m) / p, 0.5 * n)
     scaled: Floats = (errors - errors.mean(axis=0)) * np.sqrt(n / (n - fitted))

@@ -14,6 +14,7 @@ from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.validate.bootstrap import PoleBootstrap
 from workbench.analysis.validate.pole_zero import NearCancellation
 from workbench.analysis.validate.residuals import Residuals
+from workbench.analysis.validate.spread import model_spread
 from workbench.core.record import Record, drawn, entry
 from workbench.errors import InputError
 
@@ -97,7 +98,8 @@ class Validation(Record):
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        marked = {"cancellations": self.cancellations, "bootstrap": self.bootstrap}
+        known = model_spread(self.model) if self.bootstrap is None and self.model.spread is not None else self.bootstrap
+        marked = {"cancellations": self.cancellations, "bootstrap": known}
         return drawn("identify:plot_poles", path, self.model, **marked)
 
     def residuals(self, kind: str) -> Residuals:

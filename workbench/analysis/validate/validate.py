@@ -147,7 +147,7 @@ def _predicted(model: IdentifiedModel, data: Experiment, steps: int, start: str)
 
 def _notes(model: IdentifiedModel, data: Experiment) -> tuple[str, ...]:
     notes = list(data.notes)
-    if not np.any(model.K):
+    if not model.has_noise_model:
         notes.append("the model has no noise model (K = 0): its prediction is its simulation")
     if not model.is_stable:
         notes.append(f"the model is unstable: largest pole magnitude {np.max(np.abs(model.poles)):.6g}")

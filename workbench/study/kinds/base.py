@@ -131,6 +131,7 @@ class Requirement(Table):
         configurations: at which it applies; None: at all.
         grid: "model.parameter" → the value, or several, at which it applies; empty: at all.
         comment: for people; shown in the report.
+        id: of the requirement in its specification, e.g. "ACT-REQ-012"; shown in the report.
     """
 
     # Only the kinds that a study uses are built: a study in its store is quick.
@@ -144,6 +145,7 @@ class Requirement(Table):
     configurations: list[str] | None = None
     grid: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
     comment: str = ""
+    id: str = ""
 
     @property
     def analyses(self) -> tuple[str, ...]:

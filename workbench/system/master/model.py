@@ -13,9 +13,11 @@ from workbench.core.named import named
 from workbench.errors import InputError
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
+from workbench.fmi.ticking import time_based
 from workbench.model.described import DescribedModel
-from workbench.model.load import check_biases, check_starts, choose_solver, experiment_notes, start_of
+from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
+from workbench.model.starts import check_biases
 from workbench.session.fmu import FmuSession, Setup
 from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
@@ -25,7 +27,7 @@ from workbench.system.master.ordering import choose_order
 from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
-from workbench.system.parts import Opened, starts_of
+from workbench.system.parts import Opened, starts_of, system_starts
 
 if TYPE_CHECKING:
     from workbench.analysis.delays.result import DelayReport
@@ -62,6 +64,7 @@ class MasterModel(DescribedModel):
     def __init__(self, opened: Opened, recipe: SystemRecipe) -> None:
         self._opened = opened
         self.system = opened.description
+        _refuse_clocks(opened)
         described = _described(opened)
         self._ports = joint_ports(opened.parts, opened.resolved)
         self._units = find_units(opened.parts, opened.resolved.wires, opened.resolved)
@@ -153,7 +156,11 @@ class MasterModel(DescribedModel):
         return MethodType(named("workbench.analysis.delays.request:delays"), self)
 
     def shows_input(self, output: str) -> bool:
-        """Whether an output of the system shows what a component sees, which depends on the step by nature."""
+        """Whether an output of the system shows what a component sees, which depends on the step by nature.
+
+        Args:
+            output: its name.
+        """
         return self._ports[output][0][1].causality == "input"
 
     def all_me(self, without: int) -> DescribedModel | None:
@@ -172,13 +179,22 @@ class MasterModel(DescribedModel):
         self._opened.close()
 
 
+def _refuse_clocks(opened: Opened) -> None:
+    """Refuse clocks that the master would have to let tick: it steps from one point to the next without them."""
+    for part in opened.parts:
+        clocks = time_based(part.description.clocks) if part.interface == "cs" else {}
+        if clocks:
+            words = f"clock {next(iter(clocks))} ticks in a co-simulation system only with interface me"
+            raise InputError(f"component {part.name}: {words}, or where the FMU runs by itself")
+
+
 def _setup(opened: Opened, recipe: SystemRecipe, described: Description) -> Setup:
     variables = {v.name: v for v in described.variables}
     tolerance = recipe.tolerance or described.experiment.tolerance
     return Setup(
         open_instance=_not_yet,
         variables=variables,
-        start_values={**starts_of(opened.parts), **check_starts(recipe.start_values, variables)},
+        start_values={**starts_of(opened.parts), **system_starts(recipe.start_values, described)},
         bias=check_biases(recipe.bias, variables),
         rtol=tolerance or DEFAULT_TOLERANCE,
         tolerance=tolerance,

@@ -1,30 +1,15 @@
-// Curves that were pinned, and by how much two differ; a session as a study file.
+// Curves that were pinned, and by how much two differ; the responses of a store.
 
-import { get, lookAgain, post, server } from "./api.js";
-import { code, fill, h, save, say, table } from "./dom.js";
+import { get } from "./api.js";
+import { Bode } from "./bode.js";
+import { fill, h, table } from "./dom.js";
 import { difference, shown } from "./numbers.js";
+import { pinned } from "./pins.js";
 import { Plot, colour } from "./plot.js";
 
-const kept = [];
-
-/** The pinned curves. */
-export function pinned() {
-  return kept;
-}
-
-pinned.remove = (label) => {
-  const at = kept.findIndex((c) => c.label === label);
-  if (at >= 0) kept.splice(at, 1);
-};
-
-/** Keep a curve for all pictures. */
-export function pin(curve) {
-  if (!kept.some((c) => c.label === curve.label)) kept.push(curve);
-}
-
 export async function comparePage([store]) {
-  const { Bode } = await import("./work.js");
-  if (store) return storePage(store, Bode);
+  const kept = pinned();
+  if (store) return storePage(store);
   const bode = new Bode({ title: "Pinned curves.", onpinned: choices });
   const place = h("div");
   const [first, second] = [h("select", { id: "first", onchange: differ }), h("select", { id: "second", onchange: differ })];
@@ -64,7 +49,7 @@ export async function comparePage([store]) {
 }
 
 /** The responses that a store holds, as they were measured. */
-async function storePage(name, Bode) {
+async function storePage(name) {
   const { curves } = await get(`/api/store?name=${encodeURIComponent(name)}`);
   const bode = new Bode({ title: `Store ${name}.` });
   bode.show(curves);
@@ -74,50 +59,4 @@ async function storePage(name, Bode) {
     element: h("div", {}, h("h1", {}, `Store ${name}`), h("p", { class: "dim" }, `${curves.length} responses, as they were measured; pin them to compare.`), bode.element,
       [...settings].map(([label, s]) => h("details", {}, h("summary", {}, label), table(["setting", "value"], Object.entries(s).map(([k, v]) => [k, typeof v === "object" ? JSON.stringify(v) : String(v)]))))),
   };
-}
-
-export async function keepPage([name]) {
-  if (name) return studyPage(name);
-  const text = await get("/api/study.toml");
-  if (!text) {
-    return {
-      title: "Keep",
-      element: h("div", {}, h("h1", {}, "This session as a study"),
-        h("p", {}, "There is nothing to keep yet: a study needs at least one analysis. Open a model and run one under Measure; what is measured stands here then.")),
-    };
-  }
-  const area = h("textarea", { rows: 18, value: text, "aria-label": "Study file", spellcheck: false });
-  const file = h("input", { type: "text", value: "session.toml", "aria-label": "File name" });
-  return {
-    title: "Keep",
-    element: h("div", {}, h("h1", {}, "This session as a study"),
-      h("p", {}, "Everything that was measured here, to be run again with workbench run, in CI or elsewhere; add requirements as the page of study files says."), area,
-      h("div", { class: "row" }, file, h("button", { type: "button", onclick: () => write(file.value, area.value) }, "Write into the folder"), h("button", { type: "button", class: "quiet", onclick: () => save(area.value, file.value) }, "Save elsewhere")),
-      code(`workbench run ${file.value}`, "Run it"), h("h2", {}, "Commands"), [...server.works.values()].filter((w) => w.line && !w.aside).map((w) => code(w.line, `${w.number} ${w.state}`))),
-  };
-}
-
-async function studyPage(name) {
-  const { text } = await get(`/api/text?name=${encodeURIComponent(name)}`);
-  return {
-    title: name,
-    element: h("div", {}, h("h1", {}, name), h("p", {}, "A study runs in a terminal or in CI:"), code(`workbench run ${name}`, "Run it"), code(text, "What it says")),
-  };
-}
-
-/** Write a text into the folder; ask before a file is replaced. */
-export async function write(name, text) {
-  try {
-    await post("/api/text", { name, text });
-  } catch (error) {
-    if (error.status !== 409) {
-      say(error.message, true);
-      return false;
-    }
-    if (!confirm(`${name} exists. Replace it?`)) return false;
-    await post("/api/text", { name, text, replace: true });
-  }
-  await lookAgain();
-  say(`Wrote ${name}.`);
-  return true;
 }

@@ -2,7 +2,7 @@
 
 import { factsOf, forget, get, post, server } from "./api.js";
 import { fill, h, say } from "./dom.js";
-import { write } from "./compare.js";
+import { write } from "./keep.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 

@@ -2,8 +2,9 @@
 
 import { connect, lookAgain, onChange, onFiles, server } from "./api.js";
 import { fill, h, say } from "./dom.js";
-import { comparePage, keepPage } from "./compare.js";
+import { comparePage } from "./compare.js";
 import { diagramPage } from "./diagram.js";
+import { keepPage } from "./keep.js";
 import { modelPage } from "./model.js";
 import { recolour } from "./plot.js";
 import { workPage } from "./work.js";

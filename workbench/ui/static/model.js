@@ -12,7 +12,7 @@ export async function modelPage([name, tab = "card", ...rest]) {
   const known = await factsOf(name);
   const content = h("div");
   const tabs = known.components ? [...TABS, ["diagram", "Diagram"]] : [...TABS, ["loop", "Close a loop"]];
-  const page = { card: card, point: point, measure: measure }[tab] ?? card;
+  const page = { card, point, measure }[tab] ?? card;
   const shownPage = await page(name, known, content, rest);
   const address = (id) => (id === "diagram" ? `#/system/${encodeURIComponent(name)}` : id === "loop" ? `#/system/new/${encodeURIComponent(name)}` : `#/open/${encodeURIComponent(name)}/${id}`);
   return {
@@ -104,7 +104,7 @@ function variableTable(all) {
 
 // -- operating point --------------------------------------------------------------------------------------
 
-function point(name, known, content, _rest) {
+function point(name, known, content) {
   const values = { u: {}, p: {} };
   const result = h("div", { role: "status" });
   let waits = null;

@@ -205,10 +205,6 @@ export class Plot {
     return pen.toString();
   }
 
-  png() {
-    return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
-  }
-
   ink(name = "--ink") {
     return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   }

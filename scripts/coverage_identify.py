@@ -1,0 +1,337 @@
+#!/usr/bin/env python3
+"""Measure identification against the Cramér-Rao bound, and how often its regions hold the truth.
+
+    python scripts/coverage_identify.py                      200 random systems: errors, coverage, orders
+    python scripts/coverage_identify.py --systems 40 --first 100
+    python scripts/coverage_identify.py --closed-loop        bias and orders in closed loops
+    python scripts/coverage_identify.py --large              1e6 samples of 2 channels, order 10: seconds and memory
+
+Each system has order 1 to 8, one to three inputs and outputs, white or AR(1) noise (pole 0.95) at each output, 10 or
+20 dB below it, and a white input. The error is that of the frequency response, root mean square over 60 frequencies and
+all channels, each output relative to its response; the bound is the same of the covariance that Fisher's information of
+the true model gives. A ratio of 1 is what no unbiased method can beat on average. Beside the refinement with the right
+orders and with automatic ones: the same program's subspace method alone (n4sid), and, where the packages are
+installed, those of SIPPY (sippy_unipi) and nfoursid, with the right order. Nothing here is a test.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+import numpy as np  # noqa: E402
+import scipy.linalg  # noqa: E402
+import scipy.optimize  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+from scipy import signal  # noqa: E402
+
+import workbench as wb  # noqa: E402
+from tests.random_systems import Plant, random_plant  # noqa: E402
+from workbench.analysis.identified.model import IdentifiedModel  # noqa: E402
+from workbench.analysis.prediction.innovations import Innovations  # noqa: E402
+from workbench.analysis.prediction.model import truth_spread  # noqa: E402
+
+Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+AR = 0.95
+FREQUENCIES = np.linspace(0.003, 0.497, 60)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A record of a random system.
+
+    Attributes:
+        number: of the system.
+        plant: the truth.
+        colour: pole of the noise; 0: white.
+        decibel: signal over noise.
+        u: shape (N, m).
+        y: shape (N, p).
+        sizes: shape (p,), standard deviation of the innovations.
+    """
+
+    number: int
+    plant: Plant
+    colour: float
+    decibel: float
+    u: Floats
+    y: Floats
+    sizes: Floats
+
+    @property
+    def noise_order(self) -> int:
+        """States of the disturbance."""
+        return len(self.plant.C) if self.colour else 0
+
+    @property
+    def truth(self) -> Complex:
+        """The frequency response, shape (k, p, m)."""
+        plant = wb.Linear(self.plant.A, self.plant.B, self.plant.C, self.plant.D, dt=1.0)
+        return plant.response(FREQUENCIES)
+
+    @property
+    def innovations(self) -> Innovations:
+        """The true model of plant and disturbance."""
+        A, B, C, D = self.plant.A, self.plant.B, self.plant.C, self.plant.D
+        (n, m), p, d = B.shape, len(C), self.noise_order
+        return Innovations(
+            A=scipy.linalg.block_diag(A, self.colour * np.eye(d)) if d else A, B=np.vstack([B, np.zeros((d, m))]),
+            C=np.hstack([C, self.colour * np.eye(p, d)]), D=D,
+            K=np.vstack([np.zeros((n, p)), np.eye(d, p)]), offset=np.zeros(p), x0=np.zeros(n + d), plant=n,
+            shared=False,
+        )  # fmt: skip
+
+    def data(self) -> wb.Experiment:
+        """The record."""
+        return wb.make_experiment(1.0, self.u, self.y)
+
+
+def cases(first: int, count: int, samples: int) -> Iterator[Case]:
+    """Yield records.
+
+    Args:
+        first: number of the first system.
+        count: how many.
+        samples: N.
+    """
+    for number in range(first, first + count):
+        random = np.random.default_rng(number)
+        m, p = (int(k) for k in random.integers(1, 4, 2))
+        plant = random_plant(random, 1 + number % 8, m, p)
+        u = random.standard_normal((samples, m))
+        y = plant.output(u)
+        colour, decibel = (0.0, AR)[number // 8 % 2], (10.0, 20.0)[number // 16 % 2]
+        sizes = y.std(axis=0) * 10.0 ** (-decibel / 20.0) * np.sqrt(1.0 - colour**2)
+        e = sizes * random.standard_normal((samples + 300, p))
+        v = signal.lfilter([1.0], [1.0, -colour], e, axis=0)[300:]
+        yield Case(number, plant, colour, decibel, u, y + v, sizes)
+
+
+# -- the methods -----------------------------------------------------------------------------------
+
+
+def _n4sid(case: Case) -> Complex:
+    found = wb.estimate(case.u, case.y, 1.0, order=len(case.plant.A), method="n4sid")
+    return found.model.response(FREQUENCIES)
+
+
+def _sippy(case: Case) -> Complex:
+    from sippy_unipi import system_identification  # type: ignore[import-not-found]  # noqa: PLC0415
+
+    found = system_identification(
+        case.y.T, case.u.T, "N4SID", SS_fixed_order=len(case.plant.A), SS_D_required=True, SS_f=20, SS_p=20
+    )
+    return wb.Linear(found.A, found.B, found.C, found.D, dt=1.0).response(FREQUENCIES)
+
+
+def _nfoursid(case: Case) -> Complex:
+    import pandas as pd  # noqa: PLC0415
+    from nfoursid.nfoursid import NFourSID  # type: ignore[import-not-found]  # noqa: PLC0415
+
+    inputs, outputs = ([f"{k}{i}" for i in range(s.shape[1])] for k, s in (("u", case.u), ("y", case.y)))
+    frame = pd.DataFrame(np.hstack([case.u, case.y]), columns=[*inputs, *outputs])
+    method = NFourSID(frame, output_columns=outputs, input_columns=inputs, num_block_rows=20)
+    method.subspace_identification()
+    found, _ = method.system_identification(rank=len(case.plant.A))
+    return wb.Linear(found.a, found.b, found.c, found.d, dt=1.0).response(FREQUENCIES)
+
+
+OTHERS: Mapping[str, Callable[[Case], Complex]] = {"n4sid": _n4sid, "SIPPY": _sippy, "nfoursid": _nfoursid}
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """What one system gave: ratios to the bound, and coverage of 95 % regions."""
+
+    ratios: Mapping[str, float]
+    poles: tuple[int, int]
+    response: tuple[int, int]
+    colour: float
+    decibel: float
+    right: tuple[int, int]
+
+
+def measure(case: Case, others: Mapping[str, Callable[[Case], Complex]]) -> Row:
+    """Return the row of a system.
+
+    Args:
+        case: the record.
+        others: methods beside.
+    """
+    truth, n = case.truth, len(case.plant.A)
+    weight = 1.0 / np.mean(np.abs(truth) ** 2, axis=(0, 2), keepdims=True)
+    spread = truth_spread(case.innovations, case.u, case.y, case.sizes)
+    known = wb.model_spread(_as_identified(case, spread), frequencies=FREQUENCIES)
+    variance = np.trace(known.shape, axis1=-2, axis2=-1) / 5.991
+    bound = np.sqrt(np.mean(weight * variance))
+
+    def ratio(response: Complex) -> float:
+        return float(np.sqrt(np.mean(weight * np.abs(response - truth) ** 2)) / bound)
+
+    given = wb.identify(case.data(), order=n, noise=case.noise_order, refine="always", detrend="none")
+    auto = wb.identify(case.data(), max_order=12, detrend="none", refine="always")
+    ratios = {"right orders": ratio(given.model.response(FREQUENCIES)), "auto": ratio(auto.model.response(FREQUENCIES))}
+    for name, method in others.items():
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                ratios[name] = ratio(method(case))
+        except Exception as error:  # noqa: BLE001 - packages fail in their own ways
+            print(f"system {case.number}: {name}: {type(error).__name__}: {error}", flush=True)
+            ratios[name] = float("inf")
+    if given.model.spread is None:
+        return Row(ratios, (0, 0), (0, 0), case.colour, case.decibel, (auto.order, n))
+    own = wb.model_spread(given.model, frequencies=FREQUENCIES)
+    inside = own.holds_response(truth)
+    rows, columns = scipy.optimize.linear_sum_assignment(
+        np.abs(np.array([r.pole for r in own.regions])[:, None] - case.plant.poles[None])
+    )
+    held = [own.regions[i].contains(complex(case.plant.poles[j])) for i, j in zip(rows, columns, strict=True)]
+    return Row(
+        ratios, (sum(held), len(held)), (int(inside.sum()), inside.size), case.colour, case.decibel, (auto.order, n)
+    )
+
+
+def _as_identified(case: Case, spread: Floats) -> IdentifiedModel:
+    plant, (p, m), n = case.plant, case.plant.D.shape, len(case.plant.A)
+    return IdentifiedModel(
+        A=plant.A, B=plant.B, C=plant.C, D=plant.D, K=np.zeros((n, p)), x0=np.zeros(n), dt=1.0, u0=np.zeros(m),
+        y0=np.zeros(p), covariance=np.diag(case.sizes**2), input_names=tuple(f"u{k}" for k in range(m)),
+        output_names=tuple(f"y{k}" for k in range(p)), input_units=(None,) * m, output_units=(None,) * p, spread=spread,
+    )  # fmt: skip
+
+
+def report(rows: list[Row]) -> None:
+    """Print medians and coverage so far.
+
+    Args:
+        rows: of all systems.
+    """
+    for name in rows[0].ratios:
+        ratios = np.array([row.ratios[name] for row in rows])
+        each = ", ".join(
+            f"{'AR(1)' if colour else 'white'} {decibel:g} dB {np.median(part):.2f}"
+            for colour in (0.0, AR)
+            for decibel in (10.0, 20.0)
+            if (part := [r.ratios[name] for r in rows if (r.colour, r.decibel) == (colour, decibel)])
+        )
+        print(f"{name}: median ratio {np.median(ratios):.2f}, above 2: {np.mean(ratios > 2.0):.0%}; {each}")
+    for what in ("poles", "response"):
+        for colour in (0.0, AR):
+            pairs = np.array([getattr(row, what) for row in rows if row.colour == colour])
+            if len(pairs) and pairs[:, 1].sum():
+                share = pairs[:, 0].sum() / pairs[:, 1].sum()
+                noise = "AR(1)" if colour else "white"
+                print(f"95 % regions of {what}, {noise} noise, hold {share:.1%} of {pairs[:, 1].sum()}")
+    right = sum(found == true for found, true in (row.right for row in rows))
+    above = sum(found > true for found, true in (row.right for row in rows))
+    print(f"automatic order right in {right} of {len(rows)}, above in {above}", flush=True)
+
+
+# -- closed loops and a large record ---------------------------------------------------------------
+
+
+def closed_loops(count: int) -> None:
+    """Print the gain at rest over the true one, open and closed methods.
+
+    Args:
+        count: records.
+    """
+    found: dict[str, list[float]] = {}
+    orders = []
+    for seed in range(count):
+        data = _looped(seed)
+        for how in (None, "direct", "r"):
+            options = {"refine": "never"} if how is None else {"closed_loop": how}
+            result = wb.identify(data, inputs=["u"], outputs=["y"], order=2, feedthrough=False, **options)
+            found.setdefault(how or "as from an open loop", []).append(
+                float(result.model.response([0.0])[0, 0, 0].real)
+            )
+        orders.append(wb.identify(data, inputs=["u"], outputs=["y"], feedthrough=False, closed_loop="direct").order)
+    for how, gains in found.items():
+        low, middle, high = np.quantile(np.array(gains) / _GAIN, [0.05, 0.5, 0.95])
+        print(f"{how}: gain at rest over the true one, median {middle:.2f}, 5 % … 95 % {low:.2f} … {high:.2f}")
+    print(f"direct, automatic order right (2) in {sum(n == 2 for n in orders)} of {count}")
+
+
+_GAIN = (0.1 + 0.05) / (1.0 - 1.6 + 0.8)
+
+
+def _looped(seed: int, samples: int = 4000) -> wb.Experiment:
+    """The resonance 0.1 q⁻¹ + 0.05 q⁻² over 1 − 1.6 q⁻¹ + 0.8 q⁻², AR(1) noise, u = r − 0.5 y(k − 1)."""
+    random = np.random.default_rng(seed)
+    r = random.choice([-1.0, 1.0], samples)
+    v = signal.lfilter([1.0], [1.0, -0.9], 0.3 * random.standard_normal(samples))
+    u, w, y = np.zeros(samples), np.zeros(samples), np.zeros(samples)
+    for k in range(samples):
+        if k >= 2:
+            w[k] = 1.6 * w[k - 1] - 0.8 * w[k - 2] + 0.1 * u[k - 1] + 0.05 * u[k - 2]
+        y[k] = w[k] + v[k]
+        u[k] = r[k] - 0.5 * (y[k - 1] if k else 0.0)
+    return wb.make_experiment(1.0, np.column_stack([r, u]), y, input_names=["r", "u"], output_names=["y"])
+
+
+def large(samples: int = 1_000_000) -> None:
+    """Print seconds of processor time and memory of a large record.
+
+    Args:
+        samples: N.
+    """
+    random = np.random.default_rng(0)
+    plant = random_plant(random, 10, 1, 1)
+    u = random.standard_normal((samples, 1))
+    y = plant.output(u)
+    y = y + 0.1 * y.std() * random.standard_normal(y.shape)
+    data, before = wb.make_experiment(1.0, u, y), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for refine in ("never", "always"):
+        start = time.process_time()
+        wb.identify(data, order=10, refine=refine)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        seconds, megabytes = time.process_time() - start, (peak - before) / 1024
+        print(f"refine={refine}: {seconds:.1f} s of processor time, peak memory +{megabytes:.0f} MB")
+
+
+def main() -> int:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--systems", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--samples", type=int, default=2000)
+    parser.add_argument("--closed-loop", action="store_true")
+    parser.add_argument("--large", action="store_true")
+    arguments = parser.parse_args()
+    if arguments.closed_loop:
+        closed_loops(min(arguments.systems, 50))
+        return 0
+    if arguments.large:
+        large()
+        return 0
+    others: dict[str, Callable[[Case], Complex]] = {"n4sid": _n4sid}
+    for name, module in (("SIPPY", "sippy_unipi"), ("nfoursid", "nfoursid")):
+        try:
+            __import__(module)
+            others[name] = OTHERS[name]
+        except ImportError:
+            print(f"{name}: not installed ({module})")
+    rows = []
+    for k, case in enumerate(cases(arguments.first, arguments.systems, arguments.samples), 1):
+        rows.append(measure(case, others))
+        if k % 20 == 0 or k == arguments.systems:
+            print(f"-- {k} systems", flush=True)
+            report(rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

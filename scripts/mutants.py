@@ -1,0 +1,299 @@
+#!/usr/bin/env python3
+"""Which changes of the numerical code do the tests not notice?
+
+    python scripts/mutants.py                         300 mutants of analysis, core, system, session, kernel
+    python scripts/mutants.py --count 20 workbench/core/linear.py
+    python scripts/mutants.py --list --count 20       show them, run nothing
+
+A mutant is one operator, comparison, number or condition changed. Which are tried follows from the seed alone. Each
+is run, without a change on disk, against the test files that import its module, or stand nearest to it; it is killed
+where one of them fails, or does not end. What survives is listed: mend it by a test with a truth of its own (a closed
+form, a residual, a second method), never by writing down what comes out; some change nothing and are equivalent.
+
+A driver of our own: mutmut wants all tests in one run of one process first, which takes ten minutes here and does not
+see worker processes; cosmic-ray has one test command for all modules, and changes the files themselves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import random
+import re
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from scripts.planting import ROOT, run_planted
+
+FOLDERS = ("analysis", "core", "system", "session", "kernel")
+COUNT, SEED = 300, 19
+FILES = 3  # test files of a module, at most, where not told otherwise
+PATIENCE, LEAST = 4.0, 60.0  # times what the tests take without a change; [s]
+ENOUGH = 0.9  # of them
+
+_COMPARED = {
+    ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==", ast.Is: "is not",
+    ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
+}  # fmt: skip
+_COMPUTED = {
+    ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*", ast.FloorDiv: "/", ast.Mod: "*",
+    ast.MatMult: "*", ast.BitAnd: "|", ast.BitOr: "&",
+}  # fmt: skip
+_NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "argmin": "argmax", "argmax": "argmin"}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change.
+
+    Attributes:
+        file: of the module.
+        line: in it.
+        begin, end: bytes of it that are replaced.
+        new: what is put there.
+        old: what stands there.
+    """
+
+    file: Path
+    line: int
+    begin: int
+    end: int
+    new: str
+    old: str
+
+    @property
+    def words(self) -> str:
+        """Where, and what."""
+        return f"{self.file.relative_to(ROOT)}:{self.line}: {self.old.strip()} → {self.new.strip()}"
+
+    def text(self) -> str:
+        """Return the module with the change."""
+        source = self.file.read_bytes()
+        return (source[: self.begin] + self.new.encode() + source[self.end :]).decode()
+
+
+# -- what can be changed ---------------------------------------------------------------------------
+
+
+class _Finder:
+    """Finds the places of one file."""
+
+    def __init__(self, file: Path) -> None:
+        self.file, self.source = file, file.read_bytes()
+        self._starts = [0]
+        for line in self.source.splitlines(keepends=True):
+            self._starts.append(self._starts[-1] + len(line))
+        self.found: list[Mutant] = []
+
+    def at(self, line: int, column: int) -> int:
+        return self._starts[line - 1] + column
+
+    def span(self, node: ast.expr) -> tuple[int, int]:
+        return self.at(node.lineno, node.col_offset), self.at(node.end_lineno or 0, node.end_col_offset or 0)
+
+    def add(self, begin: int, end: int, new: str) -> None:
+        old = self.source[begin:end].decode()
+        if old.strip() != new.strip():
+            line = self.source[:begin].count(b"\n") + 1
+            self.found.append(Mutant(self.file, line, begin, end, new, old))
+
+    def visit(self, node: ast.AST) -> None:
+        if _is_left_alone(node):
+            return
+        self._change(node)
+        for name, value in ast.iter_fields(node):
+            if name in {"annotation", "returns", "decorator_list", "type_params", "bases", "keywords_of_class"}:
+                continue
+            for child in value if isinstance(value, list) else [value]:
+                if isinstance(child, ast.AST):
+                    self.visit(child)
+
+    def _change(self, node: ast.AST) -> None:
+        if isinstance(node, ast.Compare) and len(node.ops) == 1:
+            self._between(node.left, node.comparators[0], _COMPARED[type(node.ops[0])])
+        elif (
+            isinstance(node, ast.BinOp)
+            and type(node.op) in _COMPUTED
+            and not isinstance(node.left, ast.Constant | ast.JoinedStr)
+        ):
+            self._between(node.left, node.right, _COMPUTED[type(node.op)])
+        elif isinstance(node, ast.BoolOp):
+            new = "or" if isinstance(node.op, ast.And) else "and"
+            self._between(node.values[0], node.values[1], new)
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.USub):
+            begin, end = self.span(node)
+            self.add(begin, end, f"({self.source[self.span(node.operand)[0] : end].decode()})")
+        elif isinstance(node, ast.Constant):
+            self._constant(node)
+        elif isinstance(node, ast.Name) and node.id in _NAMES:
+            self.add(*self.span(node), _NAMES[node.id])
+        elif isinstance(node, ast.Attribute) and node.attr in _NAMES:
+            _, end = self.span(node)
+            self.add(end - len(node.attr), end, _NAMES[node.attr])
+        elif isinstance(node, ast.If | ast.IfExp | ast.While) and not isinstance(node.test, ast.Compare | ast.BoolOp):
+            begin, end = self.span(node.test)
+            self.add(begin, end, f"(not ({self.source[begin:end].decode()}))")
+
+    def _between(self, left: ast.expr, right: ast.expr, new: str) -> None:
+        """Replace the operator, which stands somewhere between two operands and their parentheses."""
+        begin, end = self.span(left)[1], self.span(right)[0]
+        between = self.source[begin:end].decode()
+        match = re.search(r"not in|is not|\bin\b|\bis\b|\band\b|\bor\b|//|\*\*|[<>=!]=|[-+*/%@<>&|]", between)
+        if match is not None:
+            at = begin + len(between[: match.start()].encode())
+            self.add(at, at + len(match[0].encode()), new)
+
+    def _constant(self, node: ast.Constant) -> None:
+        value = node.value
+        if isinstance(value, bool):
+            self.add(*self.span(node), str(not value))
+        elif isinstance(value, int):
+            self.add(*self.span(node), str(value + 1))
+        elif isinstance(value, float):
+            self.add(*self.span(node), repr(2.0 * value if value else 1.0))
+
+
+def _is_left_alone(node: ast.AST) -> bool:
+    """Whether a change would only change words, types or what is drawn: messages, fields' metadata, `__all__`."""
+    if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom | ast.AnnAssign) and not (
+        isinstance(node, ast.AnnAssign) and node.value is not None
+    ):
+        return True
+    if isinstance(node, ast.Call):
+        name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+        return name in {"entry", "field", "option", "round", "geterr", "errstate", "NewType", "TypeVar"}
+    if isinstance(node, ast.If):
+        return getattr(node.test, "id", "") == "TYPE_CHECKING"
+    return False
+
+
+def mutants_of(file: Path) -> list[Mutant]:
+    """Return all mutants of a file.
+
+    Args:
+        file: of a module.
+    """
+    finder = _Finder(file)
+    finder.visit(ast.parse(finder.source))
+    return finder.found
+
+
+def chosen(paths: Sequence[Path], count: int, seed: int) -> list[Mutant]:
+    """Return so many mutants by chance, in the order of files and lines.
+
+    Args:
+        paths: files and folders.
+        count: how many, if there are as many.
+        seed: of the choice.
+    """
+    files = sorted({f for path in paths for f in ([path] if path.is_file() else path.rglob("*.py"))})
+    every = [m for f in files if f.name != "request.py" for m in mutants_of(f)]
+    picked = random.Random(seed).sample(every, min(count, len(every)))  # noqa: S311 - nothing secret
+    return sorted(picked, key=lambda m: (m.file, m.begin))
+
+
+# -- which tests could notice ----------------------------------------------------------------------
+
+_COMMON = {"__init__", "run", "result", "request", "settings", "base", "words"}  # names of files in many packages
+
+
+@cache
+def _texts() -> dict[Path, str]:
+    return {f: f.read_text(encoding="utf-8") for f in sorted((ROOT / "tests").glob("test_*.py"))}
+
+
+def nearest_tests(file: Path, most: int = FILES) -> list[str]:
+    """Return the test files that stand nearest to a module: named after it or importing it, then its package.
+
+    Args:
+        file: of the module.
+        most: how many, at most.
+    """
+    module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
+    package, stem = module.rpartition(".")[0], file.stem
+    near: Counter[Path] = Counter()
+    for test, text in _texts().items():
+        name = test.stem.removeprefix("test_")
+        near[test] += 8 * (re.search(rf"\b{re.escape(module)}\b", text) is not None)
+        near[test] += 4 * (stem not in _COMMON and (stem in name or name in stem)) + 4 * (file.parent.name in name)
+        near[test] += package.count(".") > 1 and f"{package}." in text
+    best = sorted((t for t, n in near.items() if n), key=lambda t: (-near[t], len(_texts()[t])))
+    return [str(t.relative_to(ROOT)) for t in best[:most]] or ["tests/test_docstring_examples.py"]
+
+
+# -- one after the other ---------------------------------------------------------------------------
+
+
+@cache
+def _seconds(tests: tuple[str, ...]) -> float:
+    """Return how long the tests take without a change; they must pass."""
+    begin = time.monotonic()
+    done = run_planted(_pytest(tests), None, "", timeout=3600.0)
+    if done.returncode:
+        raise SystemExit(f"{' '.join(tests)}: these fail without a mutant:\n{done.stdout[-2000:]}")
+    return time.monotonic() - begin
+
+
+def _pytest(tests: Sequence[str]) -> list[str]:
+    return ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
+
+
+def survives(mutant: Mutant, tests: Sequence[str]) -> bool:
+    """Whether no test notices.
+
+    Args:
+        mutant: what is changed.
+        tests: files.
+    """
+    longest = LEAST + PATIENCE * _seconds(tuple(tests))
+    try:
+        return run_planted(_pytest(tests), mutant.file, mutant.text(), timeout=longest).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False
+
+
+def _run(mutants: Sequence[Mutant], files: int) -> Iterator[Mutant]:
+    for number, mutant in enumerate(mutants, start=1):
+        tests = nearest_tests(mutant.file, files)
+        alive = survives(mutant, tests)
+        print(f"{number:4d} {'SURVIVES' if alive else 'killed':9s}{mutant.words}", flush=True)
+        if alive:
+            print(f"{'':14s}tried: {' '.join(tests)}", flush=True)
+            yield mutant
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the mutants and return the exit code: 1 where fewer than nine of ten are killed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("paths", nargs="*", type=Path, help="files or folders; by default the numerical ones")
+    parser.add_argument("--count", type=int, default=COUNT, help=f"how many are tried; by default {COUNT}")
+    parser.add_argument("--seed", type=int, default=SEED, help="of the choice")
+    parser.add_argument("--files", type=int, default=FILES, help=f"test files for each, at most; by default {FILES}")
+    parser.add_argument("--list", action="store_true", help="show the mutants, run nothing")
+    asked = parser.parse_args(arguments)
+    paths = [p.resolve() for p in asked.paths] or [ROOT / "workbench" / name for name in FOLDERS]
+    if missing := [p for p in paths if not p.exists()]:
+        parser.error(f"there is no {missing[0]}")
+    mutants = chosen(paths, asked.count, asked.seed)
+    if asked.list:
+        for mutant in mutants:
+            print(f"{mutant.words}    by {' '.join(nearest_tests(mutant.file, asked.files))}")
+        return 0
+    alive = list(_run(mutants, asked.files))
+    tried, left = (Counter(m.file.relative_to(ROOT).parts[1] for m in group) for group in (mutants, alive))
+    for folder, count in tried.items():
+        print(f"{folder:12s}{count - left[folder]} of {count} killed")
+    print(f"{len(mutants) - len(alive)} of {len(mutants)} killed")
+    return 0 if len(alive) <= (1.0 - ENOUGH) * len(mutants) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

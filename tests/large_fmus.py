@@ -1,0 +1,75 @@
+"""FMUs of any size whose answers are known: a rod, a chain of masses; built for this machine, tests/c/large."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from tests.stub_fmus import stub_library
+from workbench.core.files import pack
+from workbench.toolchain import host_only
+
+__all__ = ["build_large", "depends_of"]
+
+
+def depends_of(kind: str, n: int) -> list[list[int]]:
+    """Return the states on which each derivative depends, as the description says it."""
+    if kind in ("rod", "lying"):
+        return [[j for j in (i - 1, i, i + 1) if 0 <= j < n] for i in range(n)]
+    half = n // 2
+    springs = [[j for j in (i - 1, i, i + 1) if 0 <= j < half] + [half + i] for i in range(half)]
+    return [[half + i] for i in range(half)] + springs
+
+
+def _variable(name: str, reference: int, inner: str, more: str = "") -> str:
+    return f'<ScalarVariable name="{name}" valueReference="{reference}" {more}>{inner}</ScalarVariable>'
+
+
+def _unknown(index: int, depends: Sequence[int] | None) -> str:
+    said = "" if depends is None else f' dependencies="{" ".join(map(str, depends))}"'
+    return f'<Unknown index="{index}"{said}/>'
+
+
+def build_large(folder: Path, kind: str, n: int, *, dependencies: bool = True, directional: bool = True) -> Path:
+    """Write ``folder/KIND-N.fmu``: "rod", "chain", "cubic" or "lying" with n states, input u, output y.
+
+    Args:
+        folder: where.
+        kind: of model.
+        n: number of states.
+        dependencies: whether the description says what the derivatives depend on.
+        directional: whether it says that there are directional derivatives.
+    """
+    (host,) = host_only()
+    file = folder / f"{kind}-{n}.fmu"
+    names = [f"T[{i + 1}]" for i in range(n)]
+    if kind not in ("rod", "lying"):
+        names = [f"{letter}[{i + 1}]" for letter in "qv" for i in range(n // 2)]
+    states = "".join(
+        _variable(name, 2 + i, '<Real start="0" nominal="1"/>', 'initial="exact"') for i, name in enumerate(names)
+    )
+    rates = "".join(
+        _variable(f"der({name})", 2 + n + i, f'<Real derivative="{3 + i}"/>') for i, name in enumerate(names)
+    )
+    known = depends_of(kind, n)
+    first = 0 if kind in ("rod", "lying") else n // 2  # the derivative that the input moves
+    entries = [[*(3 + j for j in states), *([1] if i == first else [])] for i, states in enumerate(known)]
+    derivatives = "".join(
+        _unknown(3 + n + i, sorted(entry) if dependencies else None) for i, entry in enumerate(entries)
+    )
+    last = n if kind in ("rod", "lying") else n // 2
+    unknown = "".join(_unknown(3 + n + i, None) for i in range(n))
+    xml = f"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="{kind}" guid="{{large-{kind}-{n}}}" numberOfEventIndicators="0">
+<ModelExchange modelIdentifier="large" canGetAndSetFMUstate="true"
+ providesDirectionalDerivative="{str(directional).lower()}"/>
+<ModelVariables>{_variable("u", 0, '<Real start="0"/>', 'causality="input"')}{
+        _variable("y", 1, "<Real/>", 'causality="output"')
+    }{states}{rates}</ModelVariables>
+<ModelStructure><Outputs>{_unknown(2, [2 + last] if dependencies else None)}</Outputs>
+<Derivatives>{derivatives}</Derivatives><InitialUnknowns>{_unknown(2, None)}{unknown}</InitialUnknowns></ModelStructure>
+</fmiModelDescription>
+"""
+    binary = f"binaries/{host.name_2}/large{host.suffix}"
+    pack(file, {"modelDescription.xml": xml.encode(), binary: stub_library("large")})
+    return file

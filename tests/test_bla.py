@@ -1,0 +1,174 @@
+"""Best linear approximations against theory: Wiener and Hammerstein systems, noise, the grid of lines; the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import workbench as wb
+from workbench.analysis.bla.design import Lines, RandomPhase, lines_of
+from workbench.analysis.bla.estimate import Approximation, approximate
+from workbench.cli.app import run
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+Complex = NDArray[np.complex128]
+
+N = 1024
+LAG = 0.6  # pole of the linear block (1 − LAG) / (z − LAG)
+
+
+def filtered(u: Floats) -> Floats:
+    """The periodic answer of the linear block."""
+    z = np.exp(2j * np.pi * np.arange(N // 2 + 1) / N)
+    return np.asarray(np.fft.irfft(np.fft.rfft(u) * (1.0 - LAG) / (z - LAG), N))
+
+
+def block(lines: Lines) -> Complex:
+    return np.asarray((1.0 - LAG) / (np.exp(2j * np.pi * lines.excited / N) - LAG), dtype=np.complex128)
+
+
+def measured(
+    system: object,
+    kind: str = "random-odd",
+    *,
+    realisations: int = 7,
+    noise: float = 0.0,
+    last: int = 300,
+    seed: int = 0,
+) -> tuple[Approximation, Lines]:
+    """Two periods of each realisation through a system, with white noise."""
+    lines = lines_of(kind, 1, last, 3)
+    random = np.random.default_rng(seed)
+    u, y = [], []
+    for k in range(realisations):
+        design = RandomPhase(
+            rms=1.0, length=N, excited=tuple(lines.excited), periods=2, transient=0, seed=100 * seed + k
+        )
+        one = design.period()
+        answer = system(one)  # type: ignore[operator]
+        u.append(np.tile(one, (2, 1)))
+        y.append(np.tile(answer, (2, 1)) + noise * random.standard_normal((2, N)))
+    return approximate(np.array(u), np.array(y), lines), lines
+
+
+def cubic(x: Floats, lines: Lines) -> Floats:
+    """3 (σ² − |X|²): of x³ for a random-phase multisine; 3 σ² for normal signals (Bussgang)."""
+    spectrum = np.abs(np.fft.rfft(x)[lines.excited]) / N
+    return np.asarray(3.0 * (np.mean(x**2) - spectrum**2))
+
+
+def test_a_linear_system_has_its_own_response_and_no_distortion() -> None:
+    found, lines = measured(filtered)
+    assert found.response == pytest.approx(block(lines), abs=1e-12)
+    assert max(found.distortion_rms, found.odd_rms, found.even_rms, found.noise_rms) < 1e-8
+    assert found.linear == pytest.approx(found.output, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", ["Wiener", "Hammerstein"])
+def test_a_cubic_block_scales_the_linear_one_by_its_power(order: str) -> None:
+    """Every realisation has the same amplitudes; the mean over 60 is within its own 95 % errors as often as that."""
+    system = (lambda u: filtered(u) ** 3) if order == "Wiener" else (lambda u: filtered(u**3))
+    found, lines = measured(system, realisations=60)
+    one = RandomPhase(rms=1.0, length=N, excited=tuple(lines.excited), periods=2, transient=0, seed=0).period()
+    true = cubic(filtered(one) if order == "Wiener" else one, lines) * block(lines)
+    assert np.median(np.abs(found.response - true) / np.abs(true)) < 0.1
+    inside = np.mean(np.abs(found.response - true) <= found.error)
+    # About 110 lines: two standard deviations of the share are 0.04.
+    assert 0.89 <= inside <= 1.0
+    assert found.even_rms < 1e-9
+    assert found.odd_rms > 0.05 * found.output
+
+
+def test_what_a_cubic_leaves_is_two_fifths_of_its_power() -> None:
+    """Of x³ of a normal signal: all 15 σ⁶, linear 9 σ⁶, the rest distortion."""
+    found, _ = measured(lambda u: u**3, "all", realisations=40, last=N // 2 - 1)
+    assert found.output**2 == pytest.approx(15.0, rel=0.05)
+    assert found.linear**2 == pytest.approx(9.0, rel=0.05)
+    assert found.distortion_rms**2 == pytest.approx(6.0, rel=0.05)
+
+
+def test_a_square_appears_at_even_lines_and_in_the_mean_only() -> None:
+    """Of x²: mean σ², power about it 2 σ⁴ of normal signals, all at even sums of odd lines."""
+    found, _ = measured(lambda u: u**2, last=200, realisations=20)
+    assert np.max(np.abs(found.response)) < 1e-9
+    assert found.offset == pytest.approx(1.0, rel=1e-6)
+    assert found.odd_rms < 1e-9
+    # Half of the power lies above the band, and what is within falls off linearly.
+    assert 0.3 * found.output < found.even_rms < found.output
+
+
+def test_noise_is_told_from_distortion() -> None:
+    """White noise σ makes σ/(√(N P) |U|) of a response over P periods."""
+    found, lines = measured(lambda u: filtered(u) + 0.0 * u, noise=0.1, realisations=40)
+    size = np.sqrt(0.5 / len(lines.excited))  # of U
+    assert np.sqrt(np.mean(found.noise**2)) == pytest.approx(0.1 / np.sqrt(2.0 * N) / size, rel=0.05)
+    assert found.noise_rms == pytest.approx(0.1, rel=0.05)
+    assert np.median(found.distortion) < 0.5 * np.median(found.noise)
+    held = [
+        np.mean(np.abs(result.response - block(lines)) <= result.error)
+        for result, lines in (measured(filtered, noise=0.1, realisations=4, seed=s) for s in range(10))
+    ]
+    assert 0.92 <= np.mean(held) <= 0.98  # of 1100
+
+
+@pytest.mark.parametrize(("kind", "excited"), [("all", 20), ("odd", 10), ("random-odd", 8)])
+def test_grids(kind: str, excited: int) -> None:
+    lines = lines_of(kind, 1, 20, 0)
+    assert len(lines.excited) == excited
+    assert sorted([*lines.excited, *lines.odd, *lines.even]) == list(range(1, 21))
+    if kind != "all":
+        assert np.all(lines.excited % 2 == 1)
+    with pytest.raises(InputError, match="at least three"):
+        lines_of(kind, 1, 2, 0)
+
+
+def test_the_multisine_has_the_power_asked_for_and_other_phases_for_each_seed() -> None:
+    one, other = (
+        RandomPhase(rms=2.5, length=N, excited=(1, 3, 9), periods=2, transient=1, seed=s).period() for s in (0, 1)
+    )
+    assert np.sqrt(np.mean(one**2)) == pytest.approx(2.5)
+    assert np.flatnonzero(np.abs(np.fft.rfft(one)) > 1e-6 * N).tolist() == [1, 3, 9]
+    assert np.abs(one - other).max() > 0.1
+
+
+def test_records_give_the_same_as_what_they_were_made_of() -> None:
+    lines = lines_of("random-odd", 1, 300, 3)
+    records = []
+    for seed in range(5):
+        one = RandomPhase(rms=1.0, length=N, excited=tuple(lines.excited), periods=2, transient=0, seed=seed).period()
+        records.append(wb.make_experiment(0.01, np.tile(one, 3), np.tile(filtered(one) + 0.1 * filtered(one) ** 3, 3)))
+    found = wb.best_linear(records, period=N * 0.01, transient=1)
+    assert found.frequency_hz == pytest.approx(lines.excited / (N * 0.01))
+    assert (found.periods, found.realisations, found.lines) == (2, 5, "random-odd")
+    assert found.worth == (True,)
+    with pytest.raises(InputError, match="not a whole number of samples"):
+        wb.best_linear(records, period=0.015)
+    with pytest.raises(InputError, match="at least two experiments"):
+        wb.best_linear(records[:1], period=1.0)
+    with pytest.raises(InputError, match="at least two are needed"):
+        wb.best_linear(records, period=N * 0.01, transient=2)
+
+
+def test_the_rudder_stops_being_linear_where_its_rate_limit_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "bla.json"
+    command = ["bla", "fmu:Rudder", "--input", "delC", "--output", "del", "--band", "0.2:5", "--realisations", "2"]
+    assert run([*command, "--rms", "0.2,20", "--json", str(path), "--plot", str(tmp_path / "bla.png")]) == 0
+    told = capsys.readouterr().out
+    assert "a linear model is worth having at 0.2 rms" in told
+    found = json.loads(path.read_text(encoding="utf-8"))
+    assert found["worth"] == [True, False]
+    assert len(found["gain_db"]) == 2
+    again = wb.BlaResult.read(path)
+    assert again.response.shape == (2, len(again.frequency_hz))
+    assert (tmp_path / "bla.png").stat().st_size > 10_000
+    assert run([*command, "--rms", "0"]) == 2
+    assert "rms: 0 is not a positive number" in capsys.readouterr().err
+    assert run([*command[:-4], "--band", "5:2", "--rms", "1"]) == 2
+    assert "band must rise" in capsys.readouterr().err

@@ -1,0 +1,127 @@
+"""Rational models from frequency responses: exact ones, noisy ones, those of the workbench's own analyses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import workbench as wb
+from workbench.analysis.fit.rational import fitted
+from workbench.cli.app import run
+from workbench.errors import InputError
+
+Complex = NDArray[np.complex128]
+
+F = np.geomspace(0.01, 10.0, 40)
+S = np.asarray(2j * np.pi * F, dtype=np.complex128)
+POLES = np.array([-3.0 + 20.0j, -3.0 - 20.0j, -1.0, -0.5])
+CIRCLE = np.sqrt(-np.log(0.05))  # radius that 95 % of complex normal numbers of E|e|² = 1 stay in
+
+
+def response(poles: Complex = POLES) -> Complex:
+    return np.asarray(np.polyval([2.0, 30.0, 100.0], S) / np.polyval(np.poly(poles).real, S), dtype=np.complex128)
+
+
+def noisy(seed: int, size: float = 0.02) -> wb.Response:
+    random = np.random.default_rng(seed)
+    e = (random.standard_normal(len(F)) + 1j * random.standard_normal(len(F))) / np.sqrt(2.0)
+    return wb.Response(F, response() * (1.0 + size * e), np.full(len(F), CIRCLE * size))
+
+
+def test_an_exact_response_gives_its_poles_and_its_order() -> None:
+    found = wb.fit(wb.Response(F, response()))
+    assert found.order == 4
+    assert np.sort_complex(found.poles) == pytest.approx(np.sort_complex(POLES), rel=1e-9)
+    assert found.misfit.max() < 1e-10
+    assert found.dt == 0.0
+    assert np.abs(found.D).item() < 1e-9
+
+
+def test_errors_of_the_poles_are_what_they_scatter_by() -> None:
+    found = [wb.fit(noisy(seed), order=4, accuracy=0.0) for seed in range(40)]
+    poles = np.array([sorted(f.poles, key=lambda p: (abs(p), p.imag)) for f in found])
+    said = np.array([
+        [f.pole_spread[np.argmin(np.abs(f.poles - p))] for p in row] for f, row in zip(found, poles, strict=True)
+    ])  # fmt: skip
+    true = np.array(sorted(POLES, key=lambda p: (abs(p), p.imag)))
+    measured = np.sqrt(np.mean(np.abs(poles - true) ** 2, axis=0))
+    # Of 40 the root mean square is known to about 11 %.
+    assert np.median(said, axis=0) == pytest.approx(measured, rel=0.4)
+    assert np.mean([f.chi_squared for f in found]) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_order_is_right_under_noise() -> None:
+    # At 0.5 % all four poles show; at 2 % the two slow ones and the zero beside them may be three states' worth.
+    orders = [wb.fit(noisy(seed, 0.005), accuracy=0.0).order for seed in range(10)]
+    assert np.mean(np.array(orders) == 4) >= 0.8
+
+
+def test_slopes_are_exact() -> None:
+    """The coefficients' covariance rests on them: against a fit of perturbed values."""
+    value, sigma = response(), np.abs(response())
+    plain = fitted(S, value, sigma, 4, direct=True, stable=True)
+    bump = np.zeros(len(F), dtype=np.complex128)
+    bump[20] = 1e-5 * value[20]
+    moved = fitted(S, value + bump, sigma, 4, direct=True, stable=True, start=POLES)
+    far = np.linalg.norm(np.sort_complex(np.linalg.eigvals(moved.matrices[0])) - np.sort_complex(POLES))
+    # One value of the forty moves the poles by less than its own σ times their spread.
+    assert 0.0 < far < 1e-5 * np.linalg.norm(plain.pole_spread())
+
+
+def test_a_delay_is_taken_out_and_told() -> None:
+    late = response() * np.exp(-S * 0.05)
+    found = wb.fit(wb.Response(F, late), order=4, delay=0.05)
+    assert np.sort_complex(found.poles) == pytest.approx(np.sort_complex(POLES), rel=1e-9)
+    assert found.fitted == pytest.approx(late)
+    assert any("delay of 0.05 s" in note for note in found.notes)
+
+
+def test_poles_stay_stable_unless_they_may_not() -> None:
+    poles = np.array([0.5, -3.0 + 20.0j, -3.0 - 20.0j])
+    curve = wb.Response(F, response(poles))
+    assert np.all(wb.fit(curve, order=3).poles.real < 0.0)
+    free = wb.fit(curve, order=3, stable=False)
+    assert np.sort_complex(free.poles) == pytest.approx(np.sort_complex(poles), rel=1e-8)
+
+
+def test_a_linear_model_comes_from_sines() -> None:
+    """1/(s + 1) by its frequency response."""
+    with wb.load("fmu:FirstOrderLag") as lag:
+        measured = wb.nfr(lag, "u", "y", band=(0.02, 2.0), amplitudes=[1.0])
+    found = wb.fit(measured)
+    assert found.order == 1
+    assert found.poles == pytest.approx([-1.0], rel=0.01)
+    assert any("measured at 1" in note for note in found.notes)
+
+
+def test_a_sampled_model_comes_from_multisines() -> None:
+    """The sampled lag has its pole at exp(−dt)."""
+    with wb.load("fmu:FirstOrderLag") as lag:
+        measured = wb.bla(lag, "u", "y", rms=[1.0, 2.0], band=(0.05, 1.0), realisations=2)
+    found = wb.fit(measured, amplitude=2.0)
+    assert (found.order, found.dt) == (1, measured.dt)
+    assert found.poles == pytest.approx([np.exp(-measured.dt)], rel=1e-3)
+    with pytest.raises(InputError, match="none is given; there are 1, 2"):
+        wb.fit(measured)
+    with pytest.raises(InputError, match="3 was not measured"):
+        wb.fit(measured, amplitude=3.0)
+
+
+def test_the_command_reads_tables_and_writes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = np.column_stack([F, 20.0 * np.log10(np.abs(response())), np.degrees(np.angle(response()))])
+    np.savetxt(tmp_path / "r.csv", table, delimiter=",", header="frequency [Hz],gain_db [dB],phase [deg]", comments="")
+    files = ["--json", str(tmp_path / "m.json"), "--plot", str(tmp_path / "m.png"), "--csv", str(tmp_path / "m.csv")]
+    assert run(["fit", str(tmp_path / "r.csv"), *files]) == 0
+    assert "Order 4: smallest Bayesian criterion" in capsys.readouterr().out
+    found = wb.FitResult.read(tmp_path / "m.json")
+    assert np.sort_complex(found.poles) == pytest.approx(np.sort_complex(POLES), rel=1e-6)
+    assert json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))["order"] == 4
+    assert (tmp_path / "m.png").stat().st_size > 10_000
+    assert run(["fit", str(tmp_path / "m.csv")]) == 2
+    assert "columns frequency [Hz], gain or gain_db, and phase [deg] are needed" in capsys.readouterr().err
+    assert run(["fit", str(tmp_path / "r.csv"), "--order", "50"]) == 2
+    assert "40 points allow 38" in capsys.readouterr().err

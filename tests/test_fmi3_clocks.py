@@ -1,0 +1,130 @@
+"""Clocks of FMI 3.0 tick when the FMU says, in both interfaces, with either driver; closed forms are the truth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
+from tests.fmi3_fmus import build_ticking
+from workbench.cli.app import run as command
+from workbench.errors import InputError, SimulationError
+from workbench.signals import Table
+
+RAMP = {"u": Table([0.0, 10.0], [0.0, 10.0])}
+NAMES = ["held", "x", "evens", "downs", "down_at", "grows", "grown_at", "even", "counted", "growing", "every2"]
+EVEN = 0.05 + 0.1 * np.arange(100)  # when the periodic clock ticks [s]
+DOWN = EVEN[2::3] + 0.02  # the countdown: after every third tick
+GROWN = np.cumsum(0.1 * 2.0 ** np.arange(8))  # the changing one: intervals 0.1, 0.2, 0.4 …
+
+
+def expected(time: float) -> dict[str, float]:
+    """Return what the model shows at a time that no tick is at, under u = time."""
+    ticks, downs, grown = (t[t < time] for t in (EVEN, DOWN, GROWN))
+    ends = np.append(ticks[1:], time)
+    return {
+        "held": ticks[-1],
+        "x": float(np.sum(ticks * (ends - ticks))),
+        "evens": len(ticks),
+        "downs": len(downs),
+        "down_at": downs[-1] if len(downs) else -1.0,
+        "grows": len(grown),
+        "grown_at": grown[-1] if len(grown) else -1.0,
+        # Clocks themselves: ticks so far.
+        "even": len(ticks),
+        "counted": len(downs),
+        "growing": len(grown),
+        "every2": len(ticks) // 2,
+    }
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_each_kind_ticks_when_the_fmu_says(interface: str, tmp_path: Path) -> None:
+    file = build_ticking(tmp_path)
+    times = [0.04, 0.26, 0.28, 0.71, 0.999, 1.6]
+    with wb.load(file, interface, step=0.3 if interface == "cs" else None) as model, model.open_session() as session:
+        for time in times:
+            session.advance(time, signals=RAMP, record=NAMES)
+            if time > 0.05:
+                assert session.values(NAMES) == pytest.approx(expected(time), rel=1e-9), time
+
+
+@pytest.mark.parametrize("state", [True, False])
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_a_snapshot_holds_when_the_next_ticks_are(interface: str, state: bool, tmp_path: Path) -> None:
+    file = build_ticking(tmp_path, state=state)
+    with wb.load(file, interface, step=0.1 if interface == "cs" else None) as model, model.open_session() as session:
+        session.advance(0.36, signals=RAMP, record=NAMES)
+        snapshot = session.snapshot()
+        assert model.snapshot_method() == ("state" if state else "replay")
+        for _ in range(2):
+            session.advance(0.99, signals=RAMP, record=NAMES)
+            assert session.values(NAMES) == pytest.approx(expected(0.99), rel=1e-9)
+            session.restore(snapshot)
+            assert session.values(NAMES) == pytest.approx(expected(0.36), rel=1e-9)
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_periods_are_counted_from_the_start_of_the_run(interface: str, tmp_path: Path) -> None:
+    with wb.load(build_ticking(tmp_path), interface, start=2.0, step=0.1 if interface == "cs" else None) as model:
+        run = wb.simulate(model, stop=2.5, interval=0.01)
+    first = {name: run.time[np.flatnonzero(run.signals[name] > 0)[0]] for name in ("evens", "grows", "downs")}
+    # In co-simulation a row is recorded at the points asked for, not at the tick itself.
+    assert first["evens"] == pytest.approx(2.05, abs=1e-9)
+    assert first["grows"] == pytest.approx(2.1, abs=1e-9)
+    assert first["downs"] == pytest.approx(2.27, abs=1e-9)
+
+
+def test_clocks_of_a_system_in_model_exchange_tick(tmp_path: Path) -> None:
+    file = build_ticking(tmp_path)
+    components = {name: wb.load(file, "me") for name in ("first", "second")}
+    inputs, outputs = {"u": "first.u"}, {"x": "second.x"}
+    with wb.connect(components, [("first.x", "second.u")], inputs=inputs, outputs=outputs) as system:
+        run = wb.simulate(system, stop=0.999, inputs=RAMP, outputs=["first.x", "second.x", "second.evens"])
+    assert run.signals["first.x"][-1] == pytest.approx(expected(0.999)["x"], rel=1e-6)
+    # The second samples the first one's ramp of pieces at the same ticks, before its slope changes there.
+    seen = np.array([expected(t)["x"] if t > 0.05 else 0.0 for t in EVEN[EVEN < 0.999]])
+    ends = np.append(EVEN[1 : len(seen)], 0.999)
+    assert run.signals["second.x"][-1] == pytest.approx(np.sum(seen * (ends - EVEN[: len(seen)])), rel=1e-6)
+
+
+def test_where_nothing_lets_them_tick_it_is_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    file = build_ticking(tmp_path)
+    system = tmp_path / "system.toml"
+    system.write_text('[components]\na = {model = "ticking.fmu", interface = "cs"}\n[outputs]\nx = "a.x"\n')
+    with pytest.raises(InputError, match=r"component a: clock even ticks in a co-sim.* only with interface"):
+        wb.load(system)
+    with wb.load(file) as model, pytest.raises(InputError, match=r"'even' is a Clock; a signal cannot force it"):
+        wb.simulate(model, stop=1.0, inputs={"even": 1.0})
+    with pytest.raises(InputError, match=r"every2: this is a Clock, which cannot be set"):
+        wb.load(file, start_values={"every2": 1})
+    assert command(["info", str(file), "--no-probe", "--json", "-"]) == 0
+    clocks = {c["name"]: c for c in json.loads(capfd.readouterr().out)["clocks"]}
+    assert [c["driven"] for c in clocks.values()] == [True, True, True, False]
+    assert (clocks["even"]["interval"], clocks["even"]["shift"], clocks["even"]["kind"]) == (0.1, 0.05, "constant")
+    assert clocks["even"]["variables"] == ["held", "evens", "every2"]
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_an_interval_that_is_none_is_an_error(interface: str, tmp_path: Path) -> None:
+    file = build_ticking(tmp_path, behaviour="ticking-backwards")
+    with (
+        wb.load(file, interface, step=0.1 if interface == "cs" else None) as model,
+        model.open_session() as session,
+        pytest.raises(SimulationError, match=r"an interval to the next tick that is negative or not finite"),
+    ):
+        session.advance(1.0, signals={}, record=NAMES)
+
+
+def test_scheduled_execution_is_named_and_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    file = build_ticking(tmp_path, scheduled=True)
+    with pytest.raises(InputError, match=r"offers scheduled execution alone: .*export it for co-simulation"):
+        wb.load(file)
+    assert command(["info", str(file)]) == 0
+    shown = capfd.readouterr().out
+    assert "scheduled execution, not run here" in shown
+    assert "does not run here: scheduled execution is for a scheduler" in shown

@@ -1,0 +1,68 @@
+"""Co-simulation FMUs of FMI 3.0 that ask for inputs inside a step get them there: dx/dt = u − x under u = sin ωt."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.fmi3_fmus import build_sized
+from workbench.signals import Sine, Step
+
+OMEGA, STEP = 3.0, 0.5
+PART = STEP / 50.0  # the input is held over that time, at its value in the middle
+BOUND = PART**2 * (OMEGA**2 / 24.0 + OMEGA / 12.0)  # |u″| δ²/24 + |u′| δ²/12, once damped with rate 1
+SINE = {"u[1]": Sine(frequency=OMEGA / (2.0 * math.pi)), "u[2]": Step(time=1.0, value=1.0)}
+
+
+def exact(t: np.ndarray) -> np.ndarray:
+    return np.asarray((np.sin(OMEGA * t) - OMEGA * np.cos(OMEGA * t) + OMEGA * np.exp(-t)) / (1.0 + OMEGA**2))
+
+
+def run(file: Path, *, hold: bool = False) -> wb.SimulationResult:
+    with wb.load(file, "cs", step=STEP, hold_inputs=hold) as model:
+        return wb.simulate(model, stop=4.0, interval=STEP, inputs=SINE, verify_step=False)
+
+
+def worst(found: wb.SimulationResult) -> float:
+    return float(np.max(np.abs(found.signals["y[1]"] - exact(found.time))))
+
+
+def test_inputs_are_right_inside_the_step(tmp_path: Path) -> None:
+    found = run(build_sized(tmp_path, behaviour="sized-asks"))
+    assert worst(found) < BOUND
+    assert found.signals["y[2]"][-1] == pytest.approx((1.0 - math.exp(-2.0 * 3.0)) / 2.0, rel=1e-9)
+
+
+def test_a_row_at_the_end_of_a_step_has_the_inputs_that_the_fmu_saw_last(tmp_path: Path) -> None:
+    file = build_sized(tmp_path, behaviour="sized-asks")
+    with wb.load(file, "cs", step=STEP) as model, model.open_session() as session:
+        rows = session.advance(2.0, signals=SINE, record=["y[1]"], points=np.arange(STEP, 2.1, STEP))
+    left = np.flatnonzero(np.diff(rows.time) == 0.0)
+    assert rows.inputs["u[1]"][left] == pytest.approx(np.sin(OMEGA * rows.time[left]), abs=1e-12)
+    jump = int(next(i for i in left if rows.time[i] == 1.0))
+    assert rows.inputs["u[2]"][[jump, jump + 1]].tolist() == [0.0, 1.0]
+
+
+def test_where_they_may_not_be_set_or_should_be_held_they_are_held(tmp_path: Path) -> None:
+    held = run(build_sized(tmp_path))
+    assert worst(held) > 0.1
+    assert worst(run(build_sized(tmp_path, behaviour="sized-asks", between=False))) == pytest.approx(worst(held))
+    asks = build_sized(tmp_path, behaviour="sized-asks")
+    assert worst(run(asks, hold=True)) == pytest.approx(worst(held))
+
+
+def test_a_run_goes_on_from_a_snapshot_as_it_did(tmp_path: Path) -> None:
+    file = build_sized(tmp_path, behaviour="sized-asks")
+    with wb.load(file, "cs", step=STEP) as model, model.open_session() as session:
+        session.advance(1.2, signals=SINE, record=["y[1]"])
+        saved = session.snapshot()
+        ends = []
+        for _ in range(2):
+            session.restore(saved)
+            session.advance(3.0, signals=SINE, record=["y[1]"])
+            ends.append(session.values(["y[1]"])["y[1]"])
+    assert ends[0] == ends[1] == pytest.approx(float(exact(np.array(3.0))), abs=BOUND)

@@ -1,0 +1,235 @@
+"""Large models: what is sparse is used as such, gives what dense algebra gives, and is not believed where it lies."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import workbench as wb
+from tests.large_fmus import build_large
+from workbench.analysis.nfr import solved
+from workbench.core import matrices, modal
+from workbench.core.linear import Linear
+from workbench.core.matrices import is_sparse, resolvent
+from workbench.core.modal import poles_near, poles_of
+from workbench.model.described import DescribedModel
+from workbench.session import directional
+from workbench.session.base import Floats
+from workbench.session.compiled import CompiledMeSession
+
+N = 80  # states: large enough to count as large
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("large")
+
+
+def rod(n: int = N, path: float = 0.0) -> tuple[Floats, Floats]:
+    """Return A and B of the rod; `path`: from its last cell to its first."""
+    A = (np.diag(np.full(n, -2.0)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)) * n**2
+    A[-1, -1] = -float(n**2)
+    A[0, -1] += path * n**2
+    B = np.zeros(n)
+    B[0] = n**2
+    return A, B
+
+
+def chain(n: int = N) -> Floats:
+    """Return A of the chain."""
+    half = n // 2
+    K = (np.diag(np.full(half, -2.0)) + np.diag(np.ones(half - 1), 1) + np.diag(np.ones(half - 1), -1)) * half**2
+    return np.block([[np.zeros((half, half)), np.eye(half)], [K, -0.2 * np.eye(half)]])
+
+
+def run(file: Path, *, rtol: float = 1e-8, until: float = 0.7) -> tuple[Floats, int, CompiledMeSession]:
+    """Return the states after a step of the input, and how many right-hand sides that took."""
+    with wb.load(file, solver="gear", tolerance=rtol) as model, model.open_session() as session:
+        assert isinstance(session, CompiledMeSession)
+        session.advance(until, signals={"u": wb.Constant(1.0)}, record=["y"])
+        return session.stand(), session.evaluations, session
+
+
+def after_step(A: Floats, B: Floats, time: float) -> Floats:
+    whole = np.zeros((len(A) + 1, len(A) + 1))
+    whole[:-1, :-1], whole[:-1, -1] = A, B
+    return np.asarray(expm(whole * time)[:-1, -1])
+
+
+# -- gear --------------------------------------------------------------------------------------
+
+
+def test_a_banded_newton_matrix_gives_the_exact_solution_with_few_evaluations(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = build_large(folder, "rod", N)
+    x, few, session = run(file)
+    assert session._sparsity is not None
+    assert (session._sparsity.below, session._sparsity.above, session._sparsity.groups) == (1, 1, 3)
+    np.testing.assert_allclose(x, after_step(*rod(), 0.7), atol=2e-7)
+    monkeypatch.setattr(directional, "LARGE", 10**6)
+    directional._known.clear()
+    dense, many, session = run(file)
+    assert session._sparsity is None
+    np.testing.assert_allclose(x, dense, atol=2e-7)
+    assert 3 * few < 2 * many
+
+
+def test_states_in_another_order_are_a_narrow_band_too(folder: Path) -> None:
+    """The chain has its positions first, then its velocities: no band as they stand."""
+    x, _, session = run(build_large(folder, "chain", N))
+    assert session._sparsity is not None
+    assert session._sparsity.below + session._sparsity.above <= 6
+    B = np.zeros(N)
+    B[N // 2] = 1.0
+    np.testing.assert_allclose(x, after_step(chain(), B, 0.7), atol=1e-6)
+
+
+def test_a_description_that_lies_about_its_dependencies_costs_no_accuracy(folder: Path) -> None:
+    x, _, session = run(build_large(folder, "lying", N))
+    assert session._sparsity is not None
+    np.testing.assert_allclose(x, after_step(*rod(path=0.25), 0.7), atol=2e-7)
+
+
+def test_many_sessions_with_a_band_leave_nothing_behind(folder: Path) -> None:
+    with wb.load(build_large(folder, "lying", N), solver="gear") as model:
+        for _ in range(20):
+            with model.open_session() as session:
+                session.advance(0.01, signals={"u": wb.Constant(1.0)})
+
+
+@pytest.mark.parametrize(
+    ("dependencies", "words"),
+    [(True, "banded Newton matrix, 3 diagonals for 80 states, by 3 evaluations"), (False, "does not declare")],
+)
+def test_what_gear_does_is_said(folder: Path, monkeypatch: pytest.MonkeyPatch, dependencies: bool, words: str) -> None:
+    monkeypatch.setattr(directional, "SLOW", N)
+    file = build_large(folder / str(dependencies), "rod", N, dependencies=dependencies)
+    with wb.load(file) as model:
+        assert any(words in note for note in model.notes), model.notes
+
+
+# -- linear models -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("directional_derivatives", [True, False])
+def test_columns_of_large_models_move_together(folder: Path, directional_derivatives: bool) -> None:
+    file = build_large(folder / str(directional_derivatives), "rod", N, directional=directional_derivatives)
+    with wb.load(file) as model:
+        found = wb.lin(model, in_process=True).result
+    A, B = rod()
+    np.testing.assert_allclose(found.A, A, atol=1e-4 if not directional_derivatives else 1e-9)
+    np.testing.assert_allclose(found.B[:, 0], B, atol=1e-4)
+    assert found.method == ("exact" if directional_derivatives else "difference")
+    assert not found.doubts
+    assert sum(found.calls.values()) < N  # one by one it takes 160 of either
+
+
+@pytest.mark.parametrize("directional_derivatives", [True, False])
+def test_columns_that_the_description_lies_about_move_one_by_one(folder: Path, directional_derivatives: bool) -> None:
+    file = build_large(folder / str(directional_derivatives), "lying", N, directional=directional_derivatives)
+    with wb.load(file) as model:
+        found = wb.lin(model, in_process=True).result
+    np.testing.assert_allclose(found.A, rod(path=0.25)[0], atol=1e-4)
+
+
+def test_a_large_nonlinear_model_is_linearised_where_it_stands(folder: Path) -> None:
+    x0 = {f"q[{i + 1}]": 0.5 + 0.01 * i for i in range(N // 2)}
+    for directional_derivatives in (True, False):
+        file = build_large(folder / str(directional_derivatives), "cubic", N, directional=directional_derivatives)
+        with wb.load(file) as model:
+            found = wb.lin(model, x0=x0, in_process=True).result
+        A = chain()
+        A[N // 2 :, : N // 2] -= np.diag(0.3 * np.array(list(x0.values())) ** 2)
+        np.testing.assert_allclose(found.A, A, atol=1e-4)
+        assert sum(found.calls.values()) < N
+
+
+def test_sparse_elimination_gives_the_response_of_dense_algebra(monkeypatch: pytest.MonkeyPatch) -> None:
+    A, B = rod(200)
+    points = 2j * np.pi * np.array([0.01, 0.3, 5.0, 2000.0])
+    assert is_sparse(A)
+    sparse = resolvent(A, B[:, None], points)
+    monkeypatch.setattr(matrices, "_LARGE", 10**6)
+    assert not is_sparse(A)
+    np.testing.assert_allclose(sparse, resolvent(A, B[:, None], points), rtol=1e-9, atol=1e-15)
+    # At rest the rod has the temperature of its left end.
+    np.testing.assert_allclose(resolvent(A, B[:, None], np.zeros(1, dtype=np.complex128))[0], 1.0, rtol=1e-9)
+
+
+def test_a_point_on_a_pole_has_no_response() -> None:
+    A = np.diag(np.arange(1.0, 201.0))
+    assert is_sparse(A)
+    found = resolvent(A, np.ones((200, 1)), np.array([3.0 + 0j, 0.5 + 0j]))
+    assert np.isnan(found[0]).all()
+    np.testing.assert_allclose(found[1, :, 0], 1.0 / (0.5 - np.arange(1.0, 201.0)))
+
+
+def test_a_large_linear_model_is_sent_without_its_zeros() -> None:
+    A, B = rod(200)
+    C = np.zeros((1, 200))
+    C[0, -1] = 1.0
+    linear = Linear(A, B, C, np.zeros((1, 1)), input_names=("u",), output_names=("y",))
+    sent = pickle.dumps(linear)
+    assert len(sent) < 0.1 * A.nbytes
+    again = pickle.loads(sent)  # noqa: S301 - our own
+    np.testing.assert_array_equal(again.A, A)
+    assert again.input_names == ("u",)
+
+
+# -- poles and modes ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("frequency", [0.0, 3.0, 40.0])
+def test_poles_near_a_frequency_are_those_of_dense_algebra(monkeypatch: pytest.MonkeyPatch, frequency: float) -> None:
+    monkeypatch.setattr(modal, "_LARGE", 100)
+    A = chain(240)
+    found = poles_near(A, 5, frequency)
+    every = poles_of(A).nearest(5, 2j * np.pi * frequency)
+    np.testing.assert_allclose(found.value, every.value, rtol=1e-8)
+    assert (np.abs(found.value - every.value) <= found.uncertain + every.uncertain).all()
+    # The closed form: s² + 0.2 s + ω² = 0 with ω = 2 √k sin(iπ / 2(m + 1)) of m masses between walls.
+    half = 120
+    stiff = (2.0 * half * np.sin(np.arange(1, half + 1) * np.pi / (2.0 * (half + 1)))) ** 2
+    exact = -0.1 + 1j * np.sqrt(stiff - 0.01)
+    nearest = exact[np.argsort(np.abs(exact - 2j * np.pi * frequency))[:5]]
+    np.testing.assert_allclose(np.sort(found.value.imag), np.sort(nearest.imag), rtol=1e-8)
+    np.testing.assert_allclose(found.left.conj().T @ found.right, np.eye(5), atol=1e-9)
+    residual = A @ found.right - found.right * found.value
+    assert np.abs(residual).max() <= 1e-8 * np.abs(A).max()
+
+
+def test_modes_follows_the_wanted_ones_only(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(modal, "_LARGE", 64)
+    monkeypatch.setattr(matrices, "_LARGE", 64)
+    n = 240
+    with wb.load(build_large(folder, "cubic", n)) as model:
+        assert isinstance(model, DescribedModel)
+        few = wb.modes(model, vary="q[60]", values=[0.0, 2.0, 4.0], count=4, in_process=True)
+    (found,) = few.sets
+    assert len(found.modes) == 4
+    assert any("only 4 modes are followed, those nearest to 0 Hz" in note for note in few.notes)
+    for column, value in enumerate([0.0, 2.0, 4.0]):
+        A = chain(n)
+        A[n // 2 + 59, 59] -= 0.3 * value**2
+        exact = poles_of(A).nearest(4, 0j).value
+        row = [m.pole[list(found.value).index(value)] for m in found.modes]
+        np.testing.assert_allclose(row, exact, rtol=1e-6, err_msg=str(column))
+
+
+# -- frequency response ------------------------------------------------------------------------
+
+
+def test_a_point_of_a_model_too_large_for_slopes_is_right(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a linear model and without slopes it is waited for."""
+    monkeypatch.setattr(solved, "_MOST_STATES", N - 1)
+    monkeypatch.setattr("workbench.analysis.nfr.surroundings._MOST_STATES", N - 1)
+    with wb.load(build_large(folder, "rod", N), tolerance=1e-7) as model:
+        found = wb.nfr(model, "u", "y", frequencies=[0.5], amplitudes=[1.0], in_process=True)
+    A, B = rod()
+    exact = np.linalg.solve(2j * np.pi * 0.5 * np.eye(N) - A, B)[-1]
+    assert found.response[0][0] == pytest.approx(exact, rel=1e-4)

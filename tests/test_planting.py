@@ -1,0 +1,93 @@
+"""Faults and mutants: that they are where they are said to be, and that a changed text is what Python runs."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+from scripts.mutants import FOLDERS, chosen, mutants_of, nearest_tests
+from scripts.plant_faults import Fault, main, read_faults
+from scripts.planting import ROOT, run_planted
+from workbench.reproduce.select import select
+
+PACKAGE = ROOT / "workbench"
+
+
+def test_every_fault_is_one_line_that_is_there() -> None:
+    faults = read_faults()
+    assert len(faults) >= 40
+    assert {f.area for f in faults} == {"nfr", "lin", "reduction", "feedback", "identification", "models"}
+    for fault in faults:
+        before, after = (t.splitlines() for t in (fault.file.read_text(encoding="utf-8"), fault.text()))
+        assert sum(a != b for a, b in zip(before, after, strict=False)) >= 1, fault.words
+        ast.parse(fault.text())
+        assert select(fault.targets), fault.words
+
+
+def test_a_fault_that_is_not_there_is_told() -> None:
+    with pytest.raises(SystemExit, match="'nothing like it' occurs 0 times"):
+        Fault(area="lin", module="core/poles", targets=(), old="nothing like it", new="").text()
+
+
+def test_areas_are_known(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["nosuch"])
+    assert "there are nfr, lin" in capsys.readouterr().err
+    assert main(["--list", "models"]) == 0
+    assert "Rudder: loopGain = 0.52" in capsys.readouterr().out
+
+
+def test_a_changed_module_is_what_runs_in_this_process_and_its_children() -> None:
+    file = PACKAGE / "core" / "decibels.py"
+    text = file.read_text(encoding="utf-8").replace("20.0 * np.log10", "10.0 * np.log10")
+    own = "from workbench.core.decibels import decibels; print(float(decibels(10.0)))"
+    child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {own!r}], check=True)"
+    for code in (own, child):
+        assert run_planted(["-c", code], file, text, timeout=60.0).stdout.split() == ["10.0"]
+    assert run_planted(["-c", own], None, "", timeout=60.0).stdout.split() == ["20.0"]
+    assert "planted" not in " ".join(sys.path)
+
+
+SOURCE = '''"""A - b."""
+from __future__ import annotations
+
+LIMIT: float = 2.0
+
+
+def f(a: int, b: float) -> bool:
+    """Return a < b."""
+    if a is not None and not b:
+        raise ValueError(f"{a - 1} is less than {b + 1}")
+    return max(a, -b) <= LIMIT * (a) ** (b)
+'''
+WANTED = {
+    "2.0 → 4.0", "is not → is", "and → or", "not b → (b)", "max → min", "-b → (b)", "<= → <", "* → /", "** → *"
+}  # fmt: skip
+
+
+def test_what_is_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "module.py"
+    file.write_text(SOURCE, encoding="utf-8")
+    monkeypatch.setattr("scripts.mutants.ROOT", tmp_path)
+    found = mutants_of(file)
+    assert {m.words.split(": ", maxsplit=1)[1] for m in found} == WANTED
+    for mutant in found:
+        ast.parse(mutant.text())
+        assert sum(a != b for a, b in zip(SOURCE.splitlines(), mutant.text().splitlines(), strict=True)) == 1
+
+
+def test_mutants_of_the_package_are_python_and_follow_from_the_seed() -> None:
+    paths = [PACKAGE / name for name in FOLDERS]
+    some = chosen(paths, 40, 1)
+    assert some == chosen(paths, 40, 1) != chosen(paths, 40, 2)
+    for mutant in some:
+        ast.parse(mutant.text())
+    assert {m.file.relative_to(PACKAGE).parts[0] for m in some} <= set(FOLDERS)
+
+
+def test_the_nearest_tests_come_first() -> None:
+    assert nearest_tests(PACKAGE / "core" / "linear.py")[0] == "tests/test_linear.py"
+    assert "tests/test_reduction.py" in nearest_tests(PACKAGE / "analysis" / "reduction" / "cancel.py")

@@ -1,0 +1,279 @@
+"""What the workbench reads in a description: as FMPy reads it; what it makes of bent ones; what it keeps on disk."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.fmpy_reader import by_fmpy, by_us, fmpy_refuses
+from tests.gemseo import gemseo_folder, needs_gemseo
+from workbench.errors import FmuError
+from workbench.fmi import kept, reading
+from workbench.fmi.bundled import bundled_names, bundled_path
+from workbench.fmi.description import Description
+from workbench.fmi.reading import described_at, read_description
+
+BUNDLED = [bundled_path(f"fmu:{name}{at}") for at in ("", "@3") for name in bundled_names()]
+
+
+def differences(path: Path) -> dict[str, Any]:
+    """Return what the two readers tell differently."""
+    ours, theirs = by_us(described_at(path)), by_fmpy(path)
+    for name, claims in theirs["interfaces"].items():
+        if claims[2] is None:
+            theirs["interfaces"][name] = (*claims[:2], ours["interfaces"][name][2], *claims[3:])
+    found = {key: (ours[key], theirs[key]) for key in theirs if key != "variables" and ours[key] != theirs[key]}
+    pairs = zip(ours["variables"], theirs["variables"], strict=True)
+    unlike = [(a, b) for a, b in pairs if a != b and not (b[1].startswith("UInt") and a[:7] + a[9:] == b[:7] + b[9:])]
+    return found | ({"variables": unlike[:3]} if unlike else {})
+
+
+@pytest.mark.parametrize("path", BUNDLED, ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_bundled_fmus_are_read_as_fmpy_reads_them(path: Path) -> None:
+    assert differences(path) == {}
+    assert described_at(path).problems == ()
+    assert fmpy_refuses(path) == ""
+
+
+@needs_gemseo
+def test_openmodelicas_fmus_are_read_as_fmpy_reads_them() -> None:
+    for path in sorted(gemseo_folder().rglob("*.fmu")):
+        assert differences(path) == {}, path
+        assert bool(described_at(path).notes) == bool(fmpy_refuses(path)), path
+
+
+# -- bent descriptions -------------------------------------------------------------------------
+
+TWO = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="M" guid="{g}" numberOfEventIndicators="0">
+  <ModelExchange modelIdentifier="M"/>
+  <UnitDefinitions><Unit name="m"><DisplayUnit name="mm" factor="1000"/></Unit></UnitDefinitions>
+  <TypeDefinitions>
+    <SimpleType name="T"><Real unit="m" min="-1" max="2" nominal="5" displayUnit="mm"/></SimpleType>
+    <SimpleType name="E"><Enumeration><Item name="a" value="3"/><Item name="b" value="7"/></Enumeration></SimpleType>
+  </TypeDefinitions>
+  <VendorAnnotations><Tool name="t"><ModelVariables ><ScalarVariable name="no"/></ModelVariables></Tool>
+  </VendorAnnotations>
+  <ModelVariables>
+    <ScalarVariable name="x" valueReference="0" initial="exact">
+      <Real declaredType="T" max="1" start="0"/></ScalarVariable>
+    <ScalarVariable name="der(x)" valueReference="1"><Real derivative="1"/></ScalarVariable>
+    <ScalarVariable name="e" valueReference="2" causality="parameter" variability="fixed">
+      <Enumeration declaredType="E" start="7"/></ScalarVariable>
+    <ScalarVariable name="y" valueReference="3" causality="output"><Real unit="m" displayUnit="mm"/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure>
+    <Outputs><Unknown index="4" dependencies="1" dependenciesKind="fixed"/></Outputs>
+    <Derivatives><Unknown index="2"/></Derivatives>
+    <InitialUnknowns><Unknown index="2"/><Unknown index="4"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"""
+
+THREE = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="M" instantiationToken="t">
+  <CoSimulation modelIdentifier="M"/>
+  <TypeDefinitions><UInt8Type name="N" min="1" max="9"/></TypeDefinitions>
+  <ModelVariables>
+    <UInt64 name="n" valueReference="1" causality="structuralParameter" variability="fixed" start="2"/>
+    <Float64 name="u" valueReference="2" causality="input" start="1 2"><Dimension valueReference="1"/>
+      <Alias name="v" description="the same"/></Float64>
+    <UInt8 name="k" valueReference="3" causality="parameter" variability="fixed" declaredType="N" max="5" start="4"/>
+    <String name="s" valueReference="4" causality="parameter" variability="fixed">
+      <Dimension start="2"/><Start value="a b"/><Start value="c"/></String>
+    <Float64 name="time" valueReference="5" causality="independent"/>
+  </ModelVariables>
+  <ModelStructure/>
+</fmiModelDescription>
+"""
+
+ONE = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="1.0" modelName="M" modelIdentifier="m" guid="g" numberOfContinuousStates="0"
+ numberOfEventIndicators="0">
+  <ModelVariables><ScalarVariable name="k" valueReference="1" variability="parameter"><Real start="2"/></ScalarVariable>
+  </ModelVariables>
+  <Implementation><CoSimulation_StandAlone>
+    <Capabilities canHandleVariableCommunicationStepSize="false" canBeInstantiatedOnlyOncePerProcess="true"/>
+  </CoSimulation_StandAlone></Implementation>
+</fmiModelDescription>
+"""
+
+Read = Callable[[str], Description]
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Read:
+    def from_text(xml: str) -> Description:
+        (tmp_path / "modelDescription.xml").write_text(xml, encoding="utf-8")
+        return read_description(tmp_path, source="M")
+
+    return from_text
+
+
+def test_what_a_type_says_holds_for_its_variables(read: Read) -> None:
+    found = read(TWO)
+    assert found.problems == ()
+    x, _, e, y = found.variables
+    assert (x.unit, x.minimum, x.maximum, x.nominal, x.display_unit) == ("m", -1.0, 1.0, 5.0, "mm")
+    assert (e.start, dict(found.enumerations["E"])) == (7, {"a": 3, "b": 7})
+    assert (y.display_unit, y.dependencies) == ("mm", ("x",))
+    assert [(d.name, d.factor) for d in found.units["m"].display] == [("mm", 1000.0)]
+
+
+def test_fmi_3_sizes_aliases_and_lists_of_strings(read: Read) -> None:
+    found = read(THREE)
+    assert found.problems == ()
+    assert [v.name for v in found.variables] == ["n", "u[1]", "u[2]", "k", "s[1]", "s[2]", "time", "v[1]", "v[2]"]
+    by_name = {v.name: v for v in found.variables}
+    assert (by_name["k"].minimum, by_name["k"].maximum) == (1.0, 5.0)  # of unsigned numbers, too
+    assert [by_name[n].start for n in ("u[1]", "u[2]", "s[1]", "s[2]")] == [1.0, 2.0, "a b", "c"]
+    assert (by_name["v[2]"].description, by_name["v[2]"].value_reference, by_name["v[2]"].element) == ("the same", 2, 1)
+
+
+def test_fmi_1_says_what_its_co_simulation_can_do(read: Read) -> None:
+    found = read(ONE)
+    assert found.problems == ()
+    assert list(found.interfaces) == ["cs"]
+    assert not found.interfaces["cs"].variable_step
+    assert found.interfaces["cs"].once_per_process
+    assert read(ONE.replace(' canHandleVariableCommunicationStepSize="false"', "")).interfaces["cs"].variable_step
+    assert (found.variables[0].causality, found.variables[0].variability) == ("parameter", "fixed")
+
+
+# A rule, in which document it is bent and how; whether FMPy reads the file when it is lenient.
+BENT = {
+    "'Unheard': This element is not expected": (TWO, "<ModelVariables>", "<Unheard/><ModelVariables>"),
+    "variable x has the name of x (line 12)": (TWO, 'name="e" value', 'name="x" value'),
+    "variable der(x) is of type Integer, which cannot be continuous": (TWO, '<Real derivative="1"/>', "<Integer/>"),
+    "variable x has no start value": (TWO, ' start="0"', ""),
+    "variable der(x) has a start value, which a calculated": (TWO, "<Real deri", '<Real start="1" deri'),
+    'variable e has causality="parameter" and variability="continuous"': (TWO, 'variability="fixed"', ""),
+    'variable e has initial="approx", which a fixed parameter': (TWO, '"fixed">', '"fixed" initial="approx">'),
+    'variable x has the type "V", which is not defined': (TWO, 'declaredType="T"', 'declaredType="V"'),
+    'variable y has the unit "k", which is not defined': (TWO, 'unit="m" displayUnit="mm"/></S', 'unit="k"/></S'),
+    'variable y has the display unit "k"': (TWO, 'displayUnit="mm"/></Sc', 'displayUnit="k"/></Sc'),
+    "variable k has the value reference of u (line 7)": (THREE, 'valueReference="3"', 'valueReference="2"'),
+    "there must be exactly one independent variable": (THREE, 'causality="independent"', ""),
+}
+
+
+@pytest.mark.parametrize("rule", BENT)
+def test_bent_rules_of_variables_are_told_and_the_rest_is_read(read: Read, tmp_path: Path, rule: str) -> None:
+    xml, old, new = BENT[rule]
+    assert xml.count(old) == 1
+    found = read(xml.replace(old, new))
+    assert any(rule in problem for problem in found.problems), found.problems
+    assert found.notes[0].startswith("modelDescription.xml violates the FMI standard: ")
+    assert len(found.variables) == len(read(xml).variables)
+    (tmp_path / "modelDescription.xml").write_text(xml.replace(old, new), encoding="utf-8")
+    assert fmpy_refuses(tmp_path), "FMPy finds no fault in it"
+
+
+@pytest.mark.parametrize(
+    ("rule", "old", "new"),
+    [
+        ("Outputs: 2 kinds for 1 dependencies", 'Kind="fixed"', 'Kind="fixed dependent"'),
+        ("Outputs lacks y", '<Unknown index="4" dependencies="1" dependenciesKind="fixed"/>', '<Unknown index="1"/>'),
+        ("der(x) is listed as a derivative, and does not say of what", '<Real derivative="1"/>', "<Real/>"),
+        ("InitialUnknowns lacks der(x)", '<Unknown index="2"/><Unknown index="4"/>', '<Unknown index="4"/>'),
+        ("InitialUnknowns must not list x", '<Unknown index="2"/><Un', '<Unknown index="1"/><Unknown index="2"/><Un'),
+        ("'der(x' is not a structured name", '"der(x)"', '"der(x"'),
+    ],
+)
+def test_rules_that_many_exporters_bend_are_told_by_check_only(read: Read, rule: str, old: str, new: str) -> None:
+    xml = TWO.replace('guid="{g}"', 'guid="{g}" variableNamingConvention="structured"')
+    assert read(xml).problems == ()
+    assert xml.count(old) == 1
+    found = read(xml.replace(old, new))
+    assert any(rule in problem for problem in found.problems), found.problems
+    assert not any("violates" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("why", "xml", "old", "new"),
+    [
+        ('line 12: valueReference="x" is not a whole number', TWO, 'valueReference="0"', 'valueReference="x"'),
+        ("line 12: variable x has no valueReference", TWO, 'valueReference="0"', ""),
+        ("names a variable with index 9", TWO, '<Derivatives><Unknown index="2"', '<Derivatives><Unknown index="9"'),
+        ("array u does not say how large it is", THREE, 'fixed" start="2"/>', 'fixed"/>'),
+        ("array s has 3000000 elements", THREE, '<Dimension start="2"/>', '<Dimension start="3000000"/>'),
+        ("not well-formed", TWO, "<ModelVariables>", "<Unheard/><ModelVariables><"),
+        ('fmiVersion="4.0"', TWO, '"2.0"', '"4.0"'),
+    ],
+)
+def test_what_cannot_be_read_is_refused_by_line(read: Read, why: str, xml: str, old: str, new: str) -> None:
+    assert xml.count(old) == 1
+    with pytest.raises(FmuError, match="cannot be read") as caught:
+        read(xml.replace(old, new))
+    assert why in str(caught.value)
+
+
+def test_a_derivative_of_nothing_is_told(read: Read) -> None:
+    found = read(TWO.replace('derivative="1"', 'derivative="9"'))
+    assert "variable der(x) (line 14) is the derivative of one that is not there" in found.notes
+    assert [s.name for s in found.states] == ["state[1]"]
+
+
+# -- kept on disk ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A description that counts as large, a cache of its own, and no memory of what was read."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(reading, "_LARGE", 100)
+    monkeypatch.setattr(reading, "_known", type(reading._known)())
+    (tmp_path / "modelDescription.xml").write_text(TWO, encoding="utf-8")
+    return tmp_path
+
+
+def kept_files(folder: Path) -> list[Path]:
+    return list((folder / "cache/fmi-workbench/descriptions").glob("*"))
+
+
+def test_a_large_description_is_read_once(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = read_description(large, source="M")
+    assert len(kept_files(large)) == 1
+    reading._known.clear()
+    monkeypatch.setattr(reading, "_read", None)  # it would be called
+    assert read_description(large, source="M") == first
+
+
+@pytest.mark.parametrize("content", [b"", b"no pickle", pickle.dumps(print), pickle.dumps(Path()), pickle.dumps(3)])
+def test_what_is_damaged_or_foreign_there_is_read_anew(large: Path, content: bytes) -> None:
+    first = read_description(large, source="M")
+    (file,) = kept_files(large)
+    file.write_bytes(content)
+    reading._known.clear()
+    assert read_description(large, source="M") == first
+    assert file.read_bytes() != content
+
+
+def test_nothing_that_is_kept_can_call_a_function(large: Path) -> None:
+    class Call:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return Path.touch, (large / "called",)
+
+    read_description(large, source="M")
+    (file,) = kept_files(large)
+    file.write_bytes(pickle.dumps(Call()))
+    assert kept.kept(file.name.partition("-")[0]) is None
+    assert not (large / "called").exists()
+
+
+def test_old_ones_are_removed_and_a_folder_that_cannot_be_made_is_no_error(
+    large: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kept, "_MOST", 2)
+    for name in "ABC":
+        (large / "modelDescription.xml").write_text(TWO.replace('"M"', f'"{name}"'), encoding="utf-8")
+        read_description(large, source="M")
+    assert len(kept_files(large)) == 2
+    (large / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(large / "file"))
+    reading._known.clear()
+    assert read_description(large, source="M").model_name == "C"

@@ -1,0 +1,72 @@
+"""The corpus beside FMPy: every FMU is read and simulated as FMPy does, or refused for a reason that is true."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scripts import zoo as zoo_script
+from scripts import zoo_oracle as oracle
+from scripts.zoo import BAD, Row, page_of, zoo
+from tests.corpus import CORPUS, Exhibit, build_corpus
+from tests.hostile_fmus import build_hostile
+from workbench.report.page import write_page
+
+LIMITS = oracle.Limits(seconds=120.0, megabytes=2000.0)
+
+# Those that misbehave, or break a promise, have tests of their own, and take their time.
+QUICK = [e for e in CORPUS if not e.name.startswith(("hostile-", "lying-"))]
+
+# A folder of further FMUs, where the environment names one.
+ELSEWHERE = os.environ.get("WORKBENCH_ZOO", "")
+
+
+def _bad(rows: Iterator[Row]) -> list[Row]:
+    found = list(rows)
+    assert found
+    return [row for row in found if row.verdict in BAD]
+
+
+@pytest.mark.parametrize("exhibit", QUICK, ids=lambda e: e.name)
+def test_the_corpus(exhibit: Exhibit, tmp_path: Path) -> None:
+    (name,) = build_corpus(tmp_path, [exhibit])
+    assert _bad(zoo([tmp_path / name], ("simulate", "trim"), LIMITS)) == []
+
+
+@pytest.mark.skipif(not ELSEWHERE, reason="WORKBENCH_ZOO names no folder of further FMUs")
+def test_fmus_from_elsewhere() -> None:
+    assert _bad(zoo(sorted(Path(ELSEWHERE).rglob("*.fmu")), ("simulate",), LIMITS)) == []
+
+
+@pytest.mark.parametrize(
+    ("end", "shift", "verdict"),
+    [(1.0, 0.0, "ok"), (1.0, 5e-4, "ok"), (1.0, 5e-3, "disagrees"), (0.5, 0.0, "disagrees")],
+)
+def test_what_differs_is_seen(end: float, shift: float, verdict: str, tmp_path: Path) -> None:
+    """A value may be off by 1e-3 of its range; a run that ends earlier is another one. The page says so first."""
+    asked = oracle.Asked(start=0.0, stop=1.0, step=0.01)
+    time = np.linspace(0.0, 1.0, 101)
+    theirs = oracle.Run(time=time, signals={"y": 4.0 * time})
+    kept = time[time <= end]
+    found, reason = zoo_script._compared({"time": kept.tolist(), "signals": {"y": 4.0 * (kept + shift)}}, theirs, asked)
+    assert found == verdict
+    row = Row("some.fmu", "a tool", "2.0", "me", "simulate", found, reason)
+    write_page(page_of([row]), tmp_path / "zoo.html")
+    text = (tmp_path / "zoo.html").read_text(encoding="utf-8")
+    assert ("some.fmu me simulate: disagrees" in text) == (verdict == "disagrees")
+
+
+def test_an_oracle_that_crashes_is_no_oracle(tmp_path: Path) -> None:
+    """Each interface is asked for in a child of its own where the child of both has died, and nothing is believed."""
+    described, runs = oracle.consult(build_hostile(tmp_path, "segfault"), LIMITS)
+    assert set(described.interfaces) == set(runs) == {"me", "cs"}
+    assert all(run.fails.startswith("its process ended with exit code") for run in runs.values())
+
+
+def test_names_are_unique_and_told() -> None:
+    assert len({e.name for e in CORPUS}) == len(CORPUS)
+    assert all(e.source and e.mimics for e in CORPUS)

@@ -1,0 +1,1 @@
+"""Rational models from measured frequency responses."""

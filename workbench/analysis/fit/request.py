@@ -1,0 +1,96 @@
+"""A rational model from a measured frequency response: what can be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from workbench.analysis.request import Request, Subject, function
+from workbench.core.forms import Form
+from workbench.core.option import option
+
+if TYPE_CHECKING:  # the types of the subject and of the record, below
+    from pathlib import Path  # noqa: F401
+
+    from workbench.analysis.bla.result import BlaResult  # noqa: F401
+    from workbench.analysis.fit.result import FitResult  # noqa: F401
+    from workbench.analysis.nfr.result import NfrResult  # noqa: F401
+    from workbench.core.response import Response  # noqa: F401
+
+__all__ = ["Fit", "fit"]
+
+
+def _read_order(texts: Sequence[str]) -> int | str:
+    if texts[-1] != "auto" and not texts[-1].isdecimal():
+        raise ValueError(f"'{texts[-1]}' is neither auto nor a number of states")
+    return texts[-1] if texts[-1] == "auto" else int(texts[-1])
+
+
+_ORDER = Form(metavar="auto|N", read=_read_order, write=lambda value: [str(value)], take=lambda value: value)
+
+if TYPE_CHECKING:
+    _Order = int | Literal["auto"]
+else:
+    _Order = Annotated[object, _ORDER]
+
+
+class Fit(Request["Response | NfrResult | BlaResult | str | Path", "FitResult"]):
+    """Fit a linear model to a measured frequency response: nfr, bla, or a table of frequency, gain and phase.
+
+    Vector fitting finds poles near the right ones, then the squares of the misfits over their measured errors are made
+    least (maximum likelihood where errors are normal). So a linear model at an amplitude comes from sines as well.
+
+    Errors are those of the measurement, and `accuracy` besides, which says how well a rational model has to follow what
+    may not be one. The response of a sampled model (bla) gives a sampled model, that of sines a continuous one.
+
+    Not for: several inputs and outputs at once; delays that are not given, which take states instead.
+
+    Returns:
+        The model, how well it follows, and the errors of its poles.
+
+    Raises:
+        InputError: no such file, no response in it, or too few points for the order.
+
+    Source: B. Gustavsen and A. Semlyen, IEEE Trans. Power Delivery 14 (1999); R. Pintelon and J. Schoukens, System
+    Identification: A Frequency Domain Approach, 2nd ed., chapter 9.
+
+    Examples:
+        >>> f = np.geomspace(0.01, 10.0, 30)
+        >>> value = 1.0 / (2j * np.pi * f + 1.0)
+        >>> print(wb.fit(wb.Response(f, value), order=1).poles.real.round(6))
+        [-1.]
+    """
+
+    command = "fit"
+    algorithm = "workbench.analysis.fit.run:run"
+    example = "workbench fit nfr.json --amplitude 1 --order 4 --json model.json"
+    counts = "steps"
+    subject = Subject(
+        name="response",
+        type="Response | NfrResult | BlaResult | str | Path",
+        help="A response, or a file.",
+        metavar="RESPONSE",
+        words="JSON of nfr or bla, or CSV with frequency [Hz], gain (or gain_db) and phase [deg].",
+    )
+
+    _: KW_ONLY
+    order: _Order = option("Number of states; auto takes the smallest Bayesian criterion.", default="auto")
+    amplitude: float | None = option(
+        "Amplitude (of bla: root mean square) of the response to fit, where there are several.",
+        metavar="A",
+        default=None,
+    )
+    max_order: int = option("Largest order that auto considers.", metavar="N", least=1, default=10)
+    accuracy: float = option(
+        "Relative error of the response that does not matter, besides the measured one.",
+        least=0.0,
+        finite=True,
+        default=0.003,
+    )
+    delay: float = option("Known delay, which is taken out of the response.", unit="s", least=0.0, default=0.0)
+    feedthrough: bool = option("Fit the direct feedthrough D; otherwise it is zero.", default=True)
+    stable: bool = option("Keep the poles stable.", default=True)
+
+
+fit = function(Fit)

@@ -1,0 +1,109 @@
+"""Identify a plant that runs in a closed loop by its recorded reference, in two stages.
+
+First what the reference makes of the inputs is found by a long equation: the reference knows nothing of the
+disturbance, so neither does this part of the inputs. Then the plant is identified from it as in an open loop
+(P. M. J. Van den Hof and R. J. P. Schrama, Automatica 29, 1993). At last the disturbance is what the plant leaves of
+the output under the inputs as they were.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from workbench.analysis.experiment.experiment import Experiment
+from workbench.analysis.identified.model import NoiseModel
+from workbench.analysis.identify.preparing import Prepared, chosen, prepare
+from workbench.analysis.identify.request import Identify
+from workbench.analysis.identify.several import gathered
+from workbench.analysis.long_arx import fit_long_arx
+from workbench.analysis.prediction.choose import noise_alone
+from workbench.analysis.subspace import SubspaceEstimate
+from workbench.core.blas import one_thread
+from workbench.errors import InputError
+
+__all__ = ["driven_by", "with_disturbance", "with_reference"]
+
+_LEAST = 0.005  # of an input's variance that the reference must explain
+
+
+def with_reference(data: Experiment | str | Path, asked: Identify) -> tuple[tuple[Experiment, ...], Experiment | None]:
+    """Return the experiments, and the same with the reference for input where one was named.
+
+    Args:
+        data: an experiment, or a file.
+        asked: with names of columns.
+
+    Raises:
+        InputError: no such file or column.
+    """
+    name = asked.closed_loop
+    if name in (None, "direct"):
+        return gathered(data, asked), None
+    if asked.also or asked.repair:
+        raise InputError("closed_loop: by a reference it is one experiment, as recorded: not with also or repair")
+    inputs = None if asked.inputs is None else [*asked.inputs, *(() if name in asked.inputs else (str(name),))]
+    whole = chosen(data, inputs, asked.outputs, asked.dt)
+    driving = [n for n in whole.input_names if n != name]
+    if name not in whole.input_names:
+        raise InputError(f"{whole.name}: there is no column '{name}' for the reference of the closed loop")
+    if not driving:
+        raise InputError(f"{whole.name}: '{name}' is the only input, so it cannot be the reference of another")
+    return (whole.select(driving, whole.output_names),), whole.select([str(name)], [*driving, *whole.output_names])
+
+
+def driven_by(reference: Experiment, prepared: Prepared, asked: Identify) -> Prepared:
+    """Return the data with that part of the inputs which the reference makes.
+
+    Args:
+        reference: with the reference for input; inputs of the plant first among the outputs.
+        prepared: the data.
+        asked: how they were prepared.
+
+    Raises:
+        InputError: the reference does nothing to an input.
+    """
+    other = prepare(reference, how=asked.detrend, settle=asked.settle)
+    m = prepared.u.shape[1]
+    with one_thread():
+        arx = fit_long_arx(other.u, other.y[:, :m])
+        made = arx.simulate(other.u)
+        shown = 1.0 - np.var(prepared.u - made, axis=0) / np.var(prepared.u, axis=0)
+    # A reference that does nothing explains as many samples as there are coefficients, by chance.
+    if not np.all(shown > _LEAST + 4.0 * arx.lags / len(made)):
+        raise InputError(
+            f"{prepared.data.name}: the reference '{asked.closed_loop}' does not drive the inputs; is it the right "
+            "column?"
+        )
+    return replace(prepared, u=made)
+
+
+def with_disturbance(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> SubspaceEstimate:
+    """Return the estimate with a model of what its plant leaves of the output under the inputs as they were.
+
+    Args:
+        found: from what the reference makes of the inputs.
+        prepared: the data.
+        asked: with the order of the disturbance.
+    """
+    # What the first stage errs by is not in the covariance of the second: there are no regions.
+    model = replace(found.model, K=np.zeros_like(found.model.K), noise=None, spread=None)
+    if not model.is_stable:
+        raise InputError(
+            "the plant is unstable: a recorded reference does not help here; use closed_loop=direct, or a stable model"
+        )
+    x0 = model.initial_state(prepared.u, prepared.y)
+    left = prepared.y - model.simulate(prepared.u, x0)
+    scale = left.std(axis=0)
+    with one_thread():
+        alone = noise_alone((left - left.mean(axis=0)) / scale, asked.noise if isinstance(asked.noise, int) else None)
+    if alone is None:
+        return found
+    noise = alone.model
+    own = NoiseModel(A=noise.A, K=noise.K / scale, C=scale[:, None] * noise.C) if len(noise.A) else None
+    covariance = scale[:, None] * alone.covariance * scale
+    return replace(
+        found, model=replace(model, x0=x0, y0=model.y0 + left.mean(axis=0), covariance=covariance, noise=own)
+    )

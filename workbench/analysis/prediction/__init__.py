@@ -1,0 +1,1 @@
+"""Prediction-error identification: models refined until their one-step prediction is the best."""

@@ -1,0 +1,256 @@
+"""Which plant and which disturbance: models of several structures are refined, and the Bayesian criterion decides.
+
+    N log det Λ + f log N
+
+with Λ the covariance of the one-step prediction's error and f the numbers fitted (Ljung 1999, section 16.4). As every
+candidate has a model of its disturbance, the errors are white where the structure has room enough, and the criterion
+means what its theory says. The order of the disturbance is first looked for in what the plant leaves of the output; the
+order of the plant starts from what the subspaces of the whitened signals show, and goes up or down by one as long as
+that is better. In a closed loop the subspaces mislead; there the search begins at order 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.analysis.prediction.gradient import errors_of
+from workbench.analysis.prediction.innovations import Innovations
+from workbench.analysis.prediction.refine import Refined, refine
+from workbench.analysis.prediction.start import (
+    Plant,
+    disturbance,
+    realised,
+    started,
+    whitened,
+    with_own,
+    with_shared,
+)
+from workbench.analysis.subspace import estimate
+from workbench.analysis.subspace.delivered import cost
+from workbench.core.record import Part
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["Candidate", "Chosen", "Wish", "choose", "noise_alone"]
+
+Record = tuple[Floats, Floats]
+_MOST_NOISE = 4  # states of the disturbance that auto tries for one output
+_IN_A_ROW = 2  # orders of the disturbance without an improvement that end the search
+_LONG = 20000  # samples on which choices are made; the whole record is used for the last refinement only
+_QUICK = 25  # steps of candidates
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate(Part):
+    """One structure that was tried.
+
+    Attributes:
+        order: states of the plant.
+        noise_order: states of the disturbance.
+        shared: the disturbance has the plant's poles, and no states of its own.
+        criterion: Bayesian, smallest is best.
+        freedom: numbers fitted.
+    """
+
+    order: int
+    noise_order: int
+    shared: bool
+    criterion: float
+    freedom: int
+
+    @property
+    def structure(self) -> tuple[int, int, bool]:
+        """What makes it another candidate."""
+        return self.order, self.noise_order, self.shared
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """The best model, and what else was tried.
+
+    Attributes:
+        refined: the model.
+        tried: all candidates, in the order in which they were tried, each with the best of its starts.
+    """
+
+    refined: Refined
+    tried: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """What is asked for.
+
+    Attributes:
+        order: states of the plant; None: to be found.
+        noise: states of the disturbance; None: to be found; "shared": the plant's poles.
+        most: largest order.
+        feedthrough: D is free.
+        stable: the plant is stable.
+        closed_loop: the inputs react to the outputs: subspaces of the past and future inputs are biased.
+    """
+
+    order: int | None
+    noise: int | str | None
+    most: int
+    feedthrough: bool
+    stable: bool
+    closed_loop: bool = False
+
+
+def choose(record: Record, plants: Sequence[Plant], wish: Wish) -> Chosen | None:
+    """Return the best model of all structures that the wish allows.
+
+    Args:
+        record: u (N, m) and y (N, p), of size one.
+        plants: models to start from besides, of the order asked for.
+        wish: what is asked for.
+
+    Returns:
+        None where nothing can be refined.
+    """
+    u, y = record
+    short = (u[:_LONG], y[:_LONG])
+    search = _Search(short, tuple(plants), wish)
+    best = search.run()
+    if best is None:
+        return None
+    model = best.model
+    # The last steps on the whole record, from near the end.
+    final = refine(model, record, stable=wish.stable)
+    return None if final is None else Chosen(final, tuple(search.tried.values()))
+
+
+class _Search:
+    """Tries structures, and remembers what it tried."""
+
+    def __init__(self, record: Record, plants: tuple[Plant, ...], wish: Wish) -> None:
+        self.record, self.plants, self.wish = record, plants, wish
+        self.white = whitened(*record)
+        self.tried: dict[tuple[int, int, bool], Candidate] = {}
+        self._known: dict[int, Refined | None] = {}
+
+    def run(self) -> Refined | None:
+        if self.wish.order is not None:
+            return self._at(self.wish.order)
+        n = 0 if self.wish.closed_loop else self._first()
+        best = self._at(n)
+        for way, patience in ((1, 2 if self.wish.closed_loop else 1), (-1, 1)):
+            k = n + way
+            while 0 <= k <= self.wish.most and abs(k - n) <= patience:
+                other = self._at(k)
+                if _better(other, best):
+                    best, n = other, k
+                k += way
+        return best
+
+    def _first(self) -> int:
+        """Return the order that the subspaces of the whitened signals show."""
+        try:
+            return estimate(
+                self.white.u, self.white.y, 1.0, max_order=self.wish.most, feedthrough=self.wish.feedthrough
+            ).order
+        except InputError:
+            return min(2, self.wish.most)
+
+    def _at(self, n: int) -> Refined | None:
+        if n not in self._known:
+            self._known[n] = self._refined_at(n)
+        return self._known[n]
+
+    def _refined_at(self, n: int) -> Refined | None:
+        found: list[Refined | None] = []
+        if self.wish.noise != "shared":
+            found += self._own(n)
+        if self.wish.noise in (None, "shared") and n > 0:
+            found += self._shared(n)
+        return min((r for r in found if r is not None), key=lambda r: r.criterion, default=None)
+
+    # -- disturbance with poles of its own -----------------------------------------------------------
+
+    def _own(self, n: int) -> list[Refined | None]:
+        starts = [started(self.record, plant) for plant in self._plants(n)]
+        starts = [s for s in starts if np.all(np.isfinite(s.left))]
+        if not starts:
+            return []
+        least = min(starts, key=lambda s: float(np.linalg.slogdet(s.left.T @ s.left + 1e-300)[1]))
+        wished = self.wish.noise
+        alone = noise_alone(least.left, wished if isinstance(wished, int) else None)
+        d = 0 if alone is None else len(alone.model.A)
+        begun = []
+        for start in starts:
+            noise = disturbance(start.left, d)
+            if noise is not None:
+                begun.append(with_own(start, noise, feedthrough=self.wish.feedthrough))
+        if self.wish.order is None:  # many orders are tried: of each the start that predicts best
+            begun = sorted(begun, key=lambda model: cost(errors_of(model, self.record)))[:1]
+        return [self._refined(model) for model in begun]
+
+    def _plants(self, n: int) -> list[Plant]:
+        """Return plants of an order to start from."""
+        given = [plant for plant in self.plants if len(plant[0]) == n]
+        signals = [(self.white.u, self.white.y)]
+        if not given:
+            signals.append(self.record)
+        for u, y in signals:
+            try:
+                model = estimate(u, y, 1.0, order=n, feedthrough=self.wish.feedthrough).model
+            except InputError:
+                continue
+            given.append((model.A, model.B, model.C, model.D))
+        return given
+
+    # -- disturbance with the plant's poles ----------------------------------------------------------
+
+    def _shared(self, n: int) -> list[Refined | None]:
+        found = realised(self.white.arx, n, feedthrough=self.wish.feedthrough)
+        if found is None:
+            return []
+        return [self._refined(with_shared(*found, feedthrough=self.wish.feedthrough))]
+
+    def _refined(self, start: Innovations) -> Refined | None:
+        found = refine(start, self.record, stable=self.wish.stable)
+        if found is not None:
+            model = found.model
+            tried = Candidate(
+                order=model.plant, noise_order=model.disturbance, shared=model.shared, criterion=found.criterion,
+                freedom=found.freedom,
+            )  # fmt: skip
+            known = self.tried.get(tried.structure)
+            if known is None or tried.criterion < known.criterion:
+                self.tried[tried.structure] = tried
+        return found
+
+
+def noise_alone(left: Floats, order: int | None) -> Refined | None:
+    """Return a model of a disturbance alone; its order by the Bayesian criterion where none is given.
+
+    Args:
+        left: shape (N, p), the disturbance.
+        order: d; None: to be found.
+    """
+    p = left.shape[1]
+    nothing = np.zeros((len(left), 0))
+    best: Refined | None = None
+    worse = 0
+    for d in range(_MOST_NOISE * p + 1) if order is None else (order,):
+        noise = disturbance(left, d)
+        if noise is None:
+            break
+        A, K, C = noise
+        alone = with_shared((A, np.zeros((d, 0)), C, np.zeros((p, 0))), K, feedthrough=False)
+        found = refine(alone, (nothing, left), most=_QUICK)
+        if found is not None and _better(found, best):
+            best, worse = found, 0
+        else:
+            worse += 1
+        if worse > _IN_A_ROW:
+            break
+    return best
+
+
+def _better(one: Refined | None, other: Refined | None) -> bool:
+    return one is not None and (other is None or one.criterion < other.criterion)

@@ -1,0 +1,153 @@
+"""From the signals of an identification to a refined model in their units, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.analysis.identified.model import IdentifiedModel, NoiseModel
+from workbench.analysis.prediction.choose import Chosen, Wish, choose
+from workbench.analysis.prediction.gradient import normal_equations
+from workbench.analysis.prediction.innovations import Innovations
+from workbench.analysis.prediction.refine import Refined, refine
+from workbench.analysis.subspace.data import ScaledData, prepare
+from workbench.analysis.subspace.delays import advance, as_tuple
+from workbench.analysis.subspace.estimate import model_of
+from workbench.analysis.subspace.simulated import InputFit
+from workbench.analysis.subspace.states import Noise
+from workbench.core.blas import one_thread
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["RefinedModel", "refined_model", "refining", "truth_spread"]
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedModel:
+    """A refined model in the units of its signals.
+
+    Attributes:
+        model: without names.
+        chosen: how it was found, of signals of size one.
+    """
+
+    model: IdentifiedModel
+    chosen: Chosen
+
+
+def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: Wish) -> RefinedModel | None:
+    """Return the model of the least prediction error; None where nothing can be refined.
+
+    Args:
+        start: from the same signals, with its delays.
+        u: shape (N, m), the operating point taken off.
+        y: shape (N, p), likewise.
+        wish: what is asked for.
+    """
+    record = prepare(u, y)
+    delays = as_tuple(start.delay or 0, u.shape[1])
+    core, (su, sy) = start.undelayed(), (record.u_scale, record.y_scale)
+    plant = core.A, core.B * su, core.C / sy[:, None], core.D * su / sy[:, None]
+    with one_thread():
+        chosen = choose(advance(record.u, record.y, delays), [plant], wish)
+    if chosen is None:
+        return None
+    return RefinedModel(_in_units(chosen.refined, record, delays, start.dt), chosen)
+
+
+def _in_units(found: Refined, record: ScaledData, delays: tuple[int, ...], dt: float) -> IdentifiedModel:
+    fit, n, (su, sy) = found.model, found.model.plant, (record.u_scale, record.y_scale)
+    inputs = InputFit(fit.B[:n], fit.D, fit.x0[:n], fit.offset)
+    noise = Noise(fit.K[:n], found.covariance)
+    model = model_of(fit.A[:n, :n], fit.C[:, :n], inputs, noise, record=record, delays=delays, dt=dt)
+    own = None
+    if fit.disturbance:
+        own = NoiseModel(A=fit.A[n:, n:], K=fit.K[n:] / sy, C=sy[:, None] * fit.C[:, n:])
+    return replace(model, noise=own, spread=_spread(found, su, sy))
+
+
+def _spread(found: Refined, su: Floats, sy: Floats) -> Floats | None:
+    """Return a factor of the covariance of A, B, C, D of the plant; None where the data leave a direction open.
+
+    The inverse of Fisher's information (Ljung 1999, section 9.4), enlarged for the numbers fitted.
+    """
+    fit, n = found.model, found.model.plant
+    values, vectors = np.linalg.eigh(found.information)
+    if values[0] <= 1e-13 * values[-1]:
+        return None
+    left = found.samples - found.freedom / len(fit.C)
+    factor = found.directions @ (vectors / np.sqrt(values)) * np.sqrt(found.samples / max(left, 1.0))
+    every = np.zeros((sum(part.size for part in fit.parts), factor.shape[1]))
+    every[found.entries] = factor
+    sizes = np.cumsum([0, *(part.size for part in fit.parts)])
+    A, B, _, C, D = (
+        every[a:b].reshape(*part.shape, factor.shape[1])
+        for a, b, part in zip(sizes[:5], sizes[1:6], fit.parts[:5], strict=True)
+    )
+    count = factor.shape[1]
+    parts = (
+        A[:n, :n], B[:n] / su[:, None], sy[:, None, None] * C[:, :n], sy[:, None, None] * D / su[:, None],
+    )  # fmt: skip
+    return np.concatenate([part.reshape(-1, count) for part in parts])
+
+
+def truth_spread(model: Innovations, u: Floats, y: Floats, sizes: Floats) -> Floats:
+    """Return a factor of the Cramér–Rao bound of A, B, C, D of a known model: to judge estimates by.
+
+    Args:
+        model: the truth.
+        u: shape (N, m).
+        y: shape (N, p).
+        sizes: shape (p,), standard deviations of its innovations, which are independent.
+
+    Raises:
+        InputError: the record leaves a direction open.
+    """
+    entries = model.free()
+    Q = model.coordinates(entries)
+    normal = normal_equations(model, (u, y), np.diag(1.0 / sizes), entries)
+    H = Q.T @ normal.matrix @ Q
+    truth = Refined(model, np.diag(sizes**2), 0.0, H, Q, entries, 10**9, 0, settled=True)
+    found = _spread(truth, np.ones(u.shape[1]), np.ones(y.shape[1]))
+    if found is None:
+        raise InputError("the record does not determine all parameters")
+    return found
+
+
+# -- the same for the records of a bootstrap -------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Refining:
+    """Refines the same structure from the model that was found; see `refining`."""
+
+    start: Innovations
+    u_scale: Floats
+    y_scale: Floats
+    delays: tuple[int, ...]
+
+    def __call__(self, u: Floats, y: Floats) -> Complex:
+        with one_thread():
+            found = refine(self.start, advance(u / self.u_scale, y / self.y_scale, self.delays))
+        n = self.start.plant
+        poles = np.full(n, np.nan) if found is None else np.linalg.eigvals(found.model.A[:n, :n])
+        return np.append(poles.astype(np.complex128), np.zeros(sum(self.delays)))
+
+
+def refining(found: RefinedModel, u: Floats, y: Floats) -> Callable[[Floats, Floats], Complex]:
+    """Return what finds poles in another record as `found` was found: its structure, refined from its matrices.
+
+    Args:
+        found: the refined model.
+        u: shape (N, m), that it was found from.
+        y: shape (N, p), likewise.
+    """
+    record = prepare(u, y)
+    return _Refining(
+        found.chosen.refined.model, record.u_scale, record.y_scale, as_tuple(found.model.delay or 0, u.shape[1])
+    )

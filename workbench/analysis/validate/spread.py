@@ -1,0 +1,215 @@
+"""Where poles and frequency response of a refined model may be, by the covariance of its parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.validate.bootstrap import match_clouds
+from workbench.analysis.validate.regions import PoleRegion, pole_regions
+from workbench.core.record import Record, entry
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["ModelSpread", "model_spread"]
+
+Complex = NDArray[np.complex128]
+
+_POINTS = 60
+_DECADES = 3.0
+_DRAWN = 400  # models
+_ON_AXIS = 1e-12
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModelSpread(Record):
+    """95 % regions of the poles and of the frequency response, each for itself.
+
+    Attributes:
+        regions: of each pole, in the order of the model's poles (without those of delays).
+        confidence: of each region.
+        frequency_hz: shape (k,) [Hz].
+        response: shape (k, p, m), of the model [unit of output/unit of input].
+        shape: (k, p, m, 2, 2): at each frequency the region is all G with dᵀ shape⁻¹ d ≤ 1, d = (real, imaginary part
+            of G − response).
+        input_names: m names.
+        output_names: p names.
+        dt: sampling interval [s].
+        name: of the model.
+    """
+
+    regions: tuple[PoleRegion, ...]
+    confidence: float
+    frequency_hz: Floats = field(metadata=entry(unit="Hz"))
+    response: Complex = field(metadata=entry(dims=("frequency_hz", "output_names", "input_names")))
+    shape: Floats = field(metadata=entry(dims=("frequency_hz", "output_names", "input_names", 2, 2)))
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    dt: float
+    name: str
+
+    @property
+    def determined(self) -> int:
+        """How many poles the data determine."""
+        return sum(r.determined for r in self.regions)
+
+    @property
+    def replicates(self) -> Complex:
+        """None: nothing was drawn."""
+        return np.zeros(0, dtype=np.complex128)
+
+    @property
+    def gain_error(self) -> Floats:
+        """Longer half axis of each region over the gain, shape (k, p, m)."""
+        longest = np.sqrt(np.linalg.eigvalsh(self.shape)[..., -1])
+        return np.asarray(longest / np.maximum(np.abs(self.response), 1e-300))
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Regions of poles and gains, one line each."""
+        lines = [_words(r, self.confidence) for r in self.regions if r.pole.imag >= -_ON_AXIS]
+        for i, j in np.ndindex(self.response.shape[1:]):
+            gain = self.gain_error[:, i, j]
+            at = int(np.argmin(gain))
+            lines.append(
+                f"response {self.input_names[j]} → {self.output_names[i]}: known to {100.0 * gain[at]:.2g} % at "
+                f"{self.frequency_hz[at]:.3g} Hz, to {100.0 * gain[0]:.2g} % at {self.frequency_hz[0]:.3g} Hz"
+            )
+        return tuple(lines)
+
+    def holds(self, pole: complex, z: complex) -> bool:
+        """Return whether z lies in the region of the estimate nearest to `pole`.
+
+        Args:
+            pole: pole of the model.
+            z: on the plane of discrete poles.
+        """
+        return min(self.regions, key=lambda r: abs(r.pole - pole)).contains(z)
+
+    def holds_response(self, response: Complex) -> NDArray[np.bool_]:
+        """Return where a frequency response lies in the regions, shape (k, p, m).
+
+        Args:
+            response: shape (k, p, m), at `frequency_hz`.
+        """
+        away = np.stack([(response - self.response).real, (response - self.response).imag], axis=-1)
+        solved = np.linalg.solve(self.shape, away[..., None])[..., 0]
+        return np.asarray(np.sum(away * solved, axis=-1) <= 1.0)
+
+    def derived(self) -> dict[str, Any]:
+        """Return the regions' sizes in words."""
+        return {"gain_error": self.gain_error, "words": self.words}
+
+
+def model_spread(model: IdentifiedModel, *, frequencies: Floats | None = None, confidence: float = 0.95) -> ModelSpread:
+    """Return regions of the poles and of the frequency response of a model that knows its parameters' covariance.
+
+    The response is taken as linear in the parameters, it moves by C (zI − A)⁻¹ (dA (zI − A)⁻¹ B + dB) + dC (zI − A)⁻¹ B
+    + dD. Poles are not: their regions are those of models drawn from the parameters' normal distribution.
+
+    Not for: models whose prediction errors are not white, as the residual tests tell: their covariance is another.
+
+    Args:
+        model: refined (`identify` does it).
+        frequencies: rising, below half the sampling rate [Hz]; None: three decades up to there.
+        confidence: of each region.
+
+    Raises:
+        InputError: the model knows no covariance; confidence out of range.
+
+    Examples:
+        >>> import numpy as np
+        >>> u, noise = np.random.default_rng(0).standard_normal((2, 500))
+        >>> y = np.zeros(500)
+        >>> for k in range(499):
+        ...     y[k + 1] = 0.5 * y[k] + u[k] + 0.1 * noise[k]
+        >>> found = wb.identify(wb.make_experiment(0.1, u, y), order=1)
+        >>> spread = wb.model_spread(found.model)
+        >>> print(spread.holds(0.5, 0.5))
+        True
+    """
+    if model.spread is None:
+        raise InputError("the model knows no covariance of its parameters: it was not refined")
+    if not 0.0 < confidence < 1.0:
+        raise InputError(f"confidence must lie between 0 and 1, not {confidence:g}")
+    core = model.undelayed()
+    f = (
+        np.geomspace(0.5 / model.dt * 10.0**-_DECADES, 0.499 / model.dt, _POINTS)
+        if frequencies is None
+        else frequencies
+    )
+    S = _by_entry(core, model.spread)
+    response = np.asarray(model.response(f))
+    return ModelSpread(
+        regions=_pole_regions(core, S[0], confidence),
+        confidence=confidence,
+        frequency_hz=f,
+        response=response,
+        shape=_response_shapes(core, S, f) * float(stats.chi2.ppf(confidence, 2)),
+        input_names=model.input_names,
+        output_names=model.output_names,
+        dt=model.dt,
+        name=model.name,
+    )
+
+
+def _frequencies(dt: float) -> Floats:
+    return np.asarray(np.geomspace(0.5 / dt * 10.0**-_DECADES, 0.499 / dt, _POINTS))
+
+
+_ByEntry = tuple[Floats, Floats, Floats, Floats]
+
+
+def _by_entry(model: IdentifiedModel, spread: Floats) -> _ByEntry:
+    """Return the factor for A, B, C and D, each with the directions as last axis."""
+    parts, first = [], 0
+    for matrix in (model.A, model.B, model.C, model.D):
+        parts.append(spread[first : first + matrix.size].reshape(*matrix.shape, spread.shape[1]))
+        first += matrix.size
+    return parts[0], parts[1], parts[2], parts[3]
+
+
+def _pole_regions(model: IdentifiedModel, SA: Floats, confidence: float) -> tuple[PoleRegion, ...]:
+    """Return the regions of the poles of models drawn from the parameters' normal distribution.
+
+    They are those of a bootstrap: where two poles are as near to each other as they scatter, or where one may be found
+    anywhere, poles are not linear in the parameters.
+    """
+    if not model.order:
+        return ()
+    random = np.random.default_rng(0)
+    drawn = model.A + np.einsum("ijf,fr->rij", SA, random.standard_normal((SA.shape[2], _DRAWN)))
+    replicates = match_clouds(model.poles, np.linalg.eigvals(drawn).astype(np.complex128))
+    return pole_regions(model.poles, replicates, confidence=confidence, joint=False)
+
+
+def _response_shapes(model: IdentifiedModel, S: _ByEntry, f: Floats) -> Floats:
+    """Return the covariance of real and imaginary parts, shape (k, p, m, 2, 2)."""
+    SA, SB, SC, SD = S
+    z = model.at_frequency(f)
+    p, m = model.D.shape
+    out = np.empty((len(z), p, m, 2, 2))
+    for k, at in enumerate(z):
+        inverse = np.linalg.inv(at * np.eye(model.order) - model.A)
+        X, Y = inverse @ model.B, model.C @ inverse
+        move = np.einsum("pi,ijf,jm->pmf", Y, SA, X) + np.einsum("pi,imf->pmf", Y, SB)
+        move = move + np.einsum("pif,im->pmf", SC, X) + SD
+        parts = np.stack([move.real, move.imag], axis=2)
+        out[k] = np.einsum("pmaf,pmbf->pmab", parts, parts)
+    traces = np.trace(out, axis1=-2, axis2=-1)
+    return np.asarray(out + (1e-9 * traces + 1e-300)[..., None, None] * np.eye(2))
+
+
+def _words(region: PoleRegion, confidence: float) -> str:
+    z = region.pole
+    name = f"{z.real:.4g}" if abs(z.imag) < _ON_AXIS else f"{z.real:.4g} ± {abs(z.imag):.4g}i"
+    if not region.determined:
+        return f"pole {name}: not determined by the data"
+    long, short = region.half_axes
+    size = f"± {long:.2g}" if region.on_axis else f"half axes {long:.2g} and {short:.2g}"
+    return f"pole {name}: {100.0 * confidence:g} % region {size}"

@@ -1,0 +1,248 @@
+"""Read a modelDescription.xml in one pass, element by element, and compare it with the schema of its version of FMI.
+
+The schemas are the standard's own, as they ship with FMPy; libxml2 compares while it reads. A file that leaves its
+schema is read all the same; what is wrong is listed. The tree is never built: an element is forgotten when it is read.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from workbench.errors import FmuError, one_line
+from workbench.fmi.declared import (
+    Alias,
+    BaseUnit,
+    Category,
+    ClockVariable,
+    Declared,
+    Dimension,
+    DisplayUnit,
+    Experiment,
+    Interface,
+    Item,
+    Start,
+    Type,
+    Unit,
+    Unknown,
+    Variable,
+    fill,
+)
+
+__all__ = ["read_declared"]
+
+Reader = Callable[[Declared, etree._Element], None]  # noqa: SLF001 - lxml has no public name for it
+
+_SCHEMAS = {
+    "1": "fmi1/fmiModelDescription.xsd",
+    "2": "fmi2/fmi2ModelDescription.xsd",
+    "3": "fmi3/fmi3ModelDescription.xsd",
+}
+_INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+_KINDS_2 = frozenset({"Real", "Integer", "Boolean", "String", "Enumeration"})  # of FMI 1.0 and 2.0
+_KINDS_3 = ("Float32", "Float64", *_INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock")
+# FMI 2.0's word for a part of the model structure → FMI 3.0's element.
+_STRUCTURE = {
+    "Outputs": "Output",
+    "Derivatives": "ContinuousStateDerivative",
+    "ClockedStates": "ClockedState",
+    "InitialUnknowns": "InitialUnknown",
+    "EventIndicators": "EventIndicator",
+}
+
+
+def read_declared(data: bytes) -> Declared:
+    """Return what a description says.
+
+    Args:
+        data: the file, without a document type.
+
+    Raises:
+        FmuError: not well-formed, no version of FMI that is known, or a number that is none.
+    """
+    found = Declared()
+    try:
+        _read_root(data, found)
+        if _read_elements(data, found):
+            found.problems = _problems(data, found.root.fmi_version)
+    except etree.XMLSyntaxError as error:
+        raise FmuError(f"not well-formed: {error.msg or 'empty'}") from None
+    if found.major == 1:
+        found.interfaces = found.interfaces or {"ModelExchange": Interface()}
+        for interface in found.interfaces.values():
+            interface.model_identifier = found.root.model_identifier
+    return found
+
+
+def _read_root(data: bytes, found: Declared) -> None:
+    for _, root in etree.iterparse(BytesIO(data), events=("start",), resolve_entities=False, no_network=True):
+        fill(found.root, root.items(), root.sourceline)
+        break
+    version = found.root.fmi_version
+    if version not in ("1.0", "2.0") and not version.startswith("3."):
+        raise FmuError(f'fmiVersion="{version[:20]}": FMI 1.0, 2.0 and 3.0 are known')
+
+
+def _read_elements(data: bytes, found: Declared) -> bool:
+    """Read all but the root; return whether the file leaves the schema."""
+    steps = etree.iterparse(
+        BytesIO(data),
+        events=("end",),
+        tag=_TAGS,
+        schema=_schema(found.root.fmi_version[0]),
+        resolve_entities=False,
+        no_network=True,
+    )
+    try:
+        for _, element in steps:
+            reader = _READERS.get(_path(element))
+            if reader is not None:
+                reader(found, element)
+                _forget(element)
+    except etree.XMLSyntaxError:
+        # libxml2 goes on when the schema is left, and says so at the end; what is not well-formed ends the reading.
+        if any(entry.domain != etree.ErrorDomains.SCHEMASV for entry in steps.error_log) or not len(steps.error_log):
+            raise
+        return True
+    return False
+
+
+@lru_cache(maxsize=3)
+def _schema(major: str) -> etree.XMLSchema:
+    spec = importlib.util.find_spec("fmpy")
+    (folder,) = spec.submodule_search_locations if spec and spec.submodule_search_locations else ("",)
+    return etree.XMLSchema(file=str(Path(folder) / "schema" / _SCHEMAS[major]))
+
+
+def _problems(data: bytes, version: str) -> list[str]:
+    """Return where the file leaves the schema, by line; only the tree as a whole has the lines."""
+    schema = _schema(version[0])
+    schema.validate(etree.parse(BytesIO(data), etree.XMLParser(resolve_entities=False, no_network=True)))
+    return [one_line(f"line {entry.line}: {entry.message}") for entry in schema.error_log]
+
+
+def _path(element: etree._Element) -> str:
+    parts: list[str] = []
+    above = element.getparent()
+    while above is not None:
+        parts.append(element.tag)
+        element, above = above, above.getparent()
+    return "/".join(reversed(parts))
+
+
+def _forget(element: etree._Element) -> None:
+    element.clear()
+    parent = element.getparent()
+    while element.getprevious() is not None:
+        del parent[0]
+
+
+# -- elements ----------------------------------------------------------------------------------
+
+
+def _made(kind: type[Any], element: etree._Element) -> Any:
+    made = kind()
+    fill(made, element.items(), element.sourceline)
+    return made
+
+
+def _each(kind: type[Any], elements: Iterable[etree._Element]) -> list[Any]:
+    return [_made(kind, element) for element in elements]
+
+
+def _interface(found: Declared, element: etree._Element) -> None:
+    found.interfaces[element.tag] = _made(Interface, element)
+
+
+def _implementation(found: Declared, element: etree._Element) -> None:
+    """Read what FMI 1.0 says of co-simulation."""
+    made = Interface()
+    for capabilities in element.iter("Capabilities"):
+        fill(made, capabilities.items(), capabilities.sourceline)
+    made.needs_execution_tool = element.find("CoSimulation_Tool") is not None
+    found.interfaces["CoSimulation"] = made
+
+
+def _experiment(found: Declared, element: etree._Element) -> None:
+    found.experiment = _made(Experiment, element)
+
+
+def _category(found: Declared, element: etree._Element) -> None:
+    found.categories.append(_made(Category, element))
+
+
+def _unit(found: Declared, element: etree._Element) -> None:
+    made = _made(Unit, element)
+    made.base = _each(BaseUnit, element.iterchildren("BaseUnit"))
+    made.display = _each(DisplayUnit, element.iterchildren("DisplayUnit", "DisplayUnitDefinition"))
+    found.units.append(made)
+
+
+def _type(found: Declared, element: etree._Element) -> None:
+    """Read a type; before FMI 3.0 it stands in an element inside."""
+    inner = next(element.iterchildren("{*}*"), None) if element.tag in ("Type", "SimpleType") else element
+    if inner is None:
+        return
+    made = _made(Type, inner)
+    made.kind, made.name = inner.tag.removesuffix("Type"), element.get("name")
+    made.items = _each(Item, inner.iterchildren("Item"))
+    found.types.append(made)
+
+
+def _scalar(found: Declared, element: etree._Element) -> None:
+    """Read a variable of FMI 1.0 or 2.0."""
+    made = _made(Variable, element)
+    made.line = element.sourceline
+    for inner in element:
+        if inner.tag in _KINDS_2:
+            made.kind = inner.tag
+            fill(made, inner.items(), inner.sourceline)
+            break
+    found.variables.append(made)
+
+
+def _variable(found: Declared, element: etree._Element) -> None:
+    """Read a variable of FMI 3.0."""
+    made = _made(ClockVariable if element.tag == "Clock" else Variable, element)
+    made.kind, made.line = element.tag, element.sourceline
+    if len(element):
+        made.dimensions = _each(Dimension, element.iterchildren("Dimension"))
+        made.aliases = _each(Alias, element.iterchildren("Alias"))
+        made.starts = _each(Start, element.iterchildren("Start"))
+    found.variables.append(made)
+
+
+def _unknown(section: str) -> Reader:
+    def read(found: Declared, element: etree._Element) -> None:
+        made = _made(Unknown, element)
+        made.line = element.sourceline
+        found.structure.setdefault(section, []).append(made)
+
+    return read
+
+
+# Path below the root → what reads the element.
+_READERS: Mapping[str, Reader] = {
+    "ModelExchange": _interface,
+    "CoSimulation": _interface,
+    "ScheduledExecution": _interface,
+    "Implementation": _implementation,
+    "DefaultExperiment": _experiment,
+    "LogCategories/Category": _category,
+    "UnitDefinitions/Unit": _unit,
+    "UnitDefinitions/BaseUnit": _unit,
+    "TypeDefinitions/Type": _type,
+    "TypeDefinitions/SimpleType": _type,
+    **{f"TypeDefinitions/{kind}Type": _type for kind in _KINDS_3},
+    "ModelVariables/ScalarVariable": _scalar,
+    **{f"ModelVariables/{kind}": _variable for kind in _KINDS_3},
+    **{f"ModelStructure/{section}/Unknown": _unknown(section) for section in _STRUCTURE},
+    **{f"ModelStructure/{tag}": _unknown(section) for section, tag in _STRUCTURE.items()},
+}
+_TAGS = tuple({path.rpartition("/")[2] for path in _READERS})

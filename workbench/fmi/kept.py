@@ -1,0 +1,93 @@
+"""Descriptions that have been read, kept on disk for the next process: a large one takes seconds to read.
+
+They lie in the user's cache folder, by the SHA-256 of their file and of the modules that read it. A folder that cannot
+be written only means that nothing is kept; what cannot be understood there is read anew.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from workbench.core.files import cache_folder, replacing
+from workbench.errors import InputError
+from workbench.fmi import description, variable
+from workbench.fmi.description import Description
+
+__all__ = ["keep", "kept", "undisturbed"]
+
+_MOST = 32  # files; the oldest are removed
+_READERS = ("clocks", "declared", "declared_xml", "description", "meaning", "rules", "variable")
+
+
+def kept(digest: str) -> Description | None:
+    """Return the description of a file; None: it is not kept.
+
+    Args:
+        digest: SHA-256 of the file and of the sizes with which it was read.
+    """
+    try:
+        with _path(digest).open("rb") as file, undisturbed():
+            found = _Values(file).load()
+    except Exception:  # noqa: BLE001 - whatever a damaged file leads to
+        return None
+    return found if isinstance(found, Description) else None
+
+
+def keep(digest: str, found: Description) -> None:
+    """Keep a description, if the folder can be written.
+
+    Args:
+        digest: SHA-256 of the file and of the sizes with which it was read.
+        found: what was read there.
+    """
+    with suppress(OSError, RuntimeError, InputError):  # no place, or no home
+        path = _path(digest)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as new, new.open("wb") as file, undisturbed():
+            pickle.dump(found, file, pickle.HIGHEST_PROTOCOL)
+        files = sorted(path.parent.glob("*.pickle"), key=lambda file: file.stat().st_mtime_ns)
+        for old in files[:-_MOST]:
+            old.unlink(missing_ok=True)
+
+
+def _path(digest: str) -> Path:
+    return cache_folder("descriptions") / f"{digest[:32]}-{_of_readers()}.pickle"
+
+
+@lru_cache(maxsize=1)
+def _of_readers() -> str:
+    """Return what differs when descriptions would be read differently."""
+    folder = Path(__file__).parent
+    whole = hashlib.sha256()
+    for name in _READERS:
+        whole.update((folder / f"{name}.py").read_bytes())
+    return whole.hexdigest()[:16]
+
+
+class _Values(pickle.Unpickler):
+    """Reads values of a description and nothing else: a file can name no function to be called."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        for home in (description, variable):
+            if module == home.__name__ and name in home.__all__:
+                return getattr(home, name)
+        raise pickle.UnpicklingError(name)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Hold the collector of cycles off, which would look through all that is made, again and again."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()

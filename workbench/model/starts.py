@@ -1,0 +1,147 @@
+"""Start values and biases as they are asked for: names, arrays, items of enumerations, types."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TypeAlias, Union
+
+from workbench.core.names import check_names, split_names
+from workbench.errors import InputError, article, suggest
+from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
+
+__all__ = ["check_biases", "check_starts", "elements_of"]
+
+_SETTABLE = ("parameter", "structuralParameter", "input", "local", "output")
+_NO_TYPES: Mapping[str, Mapping[str, int]] = MappingProxyType({})
+_Nested: TypeAlias = Union[str, "list[_Nested]"]
+
+
+def elements_of(name: str, variables: Mapping[str, Variable]) -> tuple[str, ...]:
+    """Return the names of an array's elements, the last index running first; empty where there is no such array.
+
+    Args:
+        name: of the whole array.
+        variables: by name.
+    """
+    return tuple(n for n in variables if n.startswith(f"{name}[")) if name not in variables else ()
+
+
+def check_starts(
+    values: Mapping[str, Value],
+    variables: Mapping[str, Variable],
+    enumerations: Mapping[str, Mapping[str, int]] = _NO_TYPES,
+) -> dict[str, Value]:
+    """Return start values in their variables' types, arrays element by element.
+
+    Args:
+        values: name → value; that of a whole array is a text such as "[1, 2]" or "[[1, 2], [3, 4]]", of an enumeration
+            the name or the number of an item.
+        variables: by name.
+        enumerations: type → item → value.
+
+    Raises:
+        InputError: no such variable, it cannot be set, or the value is not of its type.
+    """
+    found: dict[str, Value] = {}
+    for name, value in values.items():
+        elements = elements_of(name, variables)
+        for one, part in _parts(name, value, elements).items() if elements else ((name, value),):
+            if one in found:
+                raise InputError(f"{one} is set twice: by itself, and with the whole array")
+            found[one] = _start(one, part, variables, enumerations)
+    return found
+
+
+def _parts(name: str, value: Value, elements: Sequence[str]) -> dict[str, Value]:
+    """Return element → value of a whole array."""
+    shape = tuple(int(i) for i in elements[-1].rpartition("[")[2].rstrip("]").split(","))
+    size = " × ".join(map(str, shape))
+    text = str(value).strip()
+    if not text.startswith("["):
+        raise InputError(f"{name}: this is an array of {size} elements; write {name}=[…], or {elements[0]}={value}")
+    given = _nested(text)
+    if _shape(given) not in (shape, (math.prod(shape),)):
+        asked = " × ".join(map(str, _shape(given)))
+        raise InputError(f"{name}: this is an array of {size} elements, not {asked}")
+    return dict(zip(elements, _flat(given), strict=True))
+
+
+def _nested(text: str) -> _Nested:
+    text = text.strip()
+    return [_nested(part) for part in split_names(text[1:-1])] if text[:1] == "[" and text[-1:] == "]" else text
+
+
+def _shape(given: _Nested) -> tuple[int, ...]:
+    """Return the extents; (0,) in place of those that are not alike."""
+    if isinstance(given, str):
+        return ()
+    inner = {_shape(part) for part in given}
+    return (len(given), *inner.pop()) if len(inner) == 1 else (0,)
+
+
+def _flat(given: _Nested) -> list[str]:
+    return [given] if isinstance(given, str) else [text for part in given for text in _flat(part)]
+
+
+def _start(
+    name: str, value: Value, variables: Mapping[str, Variable], enumerations: Mapping[str, Mapping[str, int]]
+) -> Value:
+    check_names([name], variables, kinds=("variable",))
+    variable = variables[name]
+    if variable.causality not in _SETTABLE or variable.variability == "constant":
+        raise InputError(f"{name}: a {variable.variability} {variable.causality} cannot be set")
+    if variable.type in ("Binary", "Clock"):
+        raise InputError(f"{name}: this is {article(variable.type)}, which cannot be set; leave it out")
+    items = enumerations.get(variable.declared_type or "", {}) if variable.type == "Enumeration" else {}
+    if isinstance(value, str) and value in items:
+        return items[value]
+    try:
+        number = _as_type(variable, value)
+        if items and number not in items.values():
+            raise ValueError(value)
+        return number
+    except (OverflowError, TypeError, ValueError):  # the first of a whole number that no float can be
+        if items:
+            raise InputError(f"{name}: its enumeration has no item '{value}'; {suggest(str(value), items)}") from None
+        raise InputError(f"{name}: '{value}' is not a value that {article(variable.type)} can have") from None
+
+
+def _as_type(variable: Variable, value: Value) -> Value:
+    """Return `value` as the variable's type; raises ValueError if it cannot be that."""
+    if variable.type == "String":
+        return str(value)
+    if variable.type == "Boolean":
+        return _as_boolean(value)
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(value)
+    if variable.type in FLOAT_TYPES:
+        return number
+    if number != int(number):
+        raise ValueError(value)
+    return int(value) if isinstance(value, int | str) and "." not in str(value) else int(number)
+
+
+def _as_boolean(value: Value) -> bool:
+    text = str(value).lower()
+    if text not in ("true", "false", "1", "0", "1.0", "0.0"):
+        raise ValueError(value)
+    return text in ("true", "1", "1.0")
+
+
+def check_biases(bias: Mapping[str, float], variables: Mapping[str, Variable]) -> dict[str, float]:
+    """Return the biases.
+
+    Raises:
+        InputError: no such real input, or the value is not finite.
+    """
+    inputs = {n: v for n, v in variables.items() if v.causality == "input"}
+    check_names(bias, inputs, kinds=("input",), what="bias", others={n: v.causality for n, v in variables.items()})
+    for name, value in bias.items():
+        if inputs[name].type not in FLOAT_TYPES:
+            raise InputError(f"bias: input '{name}' is a {inputs[name].type}; only real inputs take a bias")
+        if not math.isfinite(value):
+            raise InputError(f"bias: {name} must be a finite number, not {value}")
+    return dict(bias)

@@ -1,0 +1,50 @@
+// A session as a study file; texts that are written into the folder.
+
+import { get, lookAgain, post, server } from "./api.js";
+import { code, h, save, say } from "./dom.js";
+
+export async function keepPage([name]) {
+  if (name) return studyPage(name);
+  const text = await get("/api/study.toml");
+  if (!text) {
+    return {
+      title: "Keep",
+      element: h("div", {}, h("h1", {}, "This session as a study"),
+        h("p", {}, "There is nothing to keep yet: a study needs at least one analysis. Open a model and run one under Measure; what is measured stands here then.")),
+    };
+  }
+  const area = h("textarea", { rows: 18, value: text, "aria-label": "Study file", spellcheck: false });
+  const file = h("input", { type: "text", value: "session.toml", "aria-label": "File name" });
+  return {
+    title: "Keep",
+    element: h("div", {}, h("h1", {}, "This session as a study"),
+      h("p", {}, "Everything that was measured here, to be run again with workbench run, in CI or elsewhere; add requirements as the page of study files says."), area,
+      h("div", { class: "row" }, file, h("button", { type: "button", onclick: () => write(file.value, area.value) }, "Write into the folder"), h("button", { type: "button", class: "quiet", onclick: () => save(area.value, file.value) }, "Save elsewhere")),
+      code(`workbench run ${file.value}`, "Run it"), h("h2", {}, "Commands"), [...server.works.values()].filter((w) => w.line && !w.aside).map((w) => code(w.line, `${w.number} ${w.state}`))),
+  };
+}
+
+async function studyPage(name) {
+  const { text } = await get(`/api/text?name=${encodeURIComponent(name)}`);
+  return {
+    title: name,
+    element: h("div", {}, h("h1", {}, name), h("p", {}, "A study runs in a terminal or in CI:"), code(`workbench run ${name}`, "Run it"), code(text, "What it says")),
+  };
+}
+
+/** Write a text into the folder; ask before a file is replaced. */
+export async function write(name, text) {
+  try {
+    await post("/api/text", { name, text });
+  } catch (error) {
+    if (error.status !== 409) {
+      say(error.message, true);
+      return false;
+    }
+    if (!confirm(`${name} exists. Replace it?`)) return false;
+    await post("/api/text", { name, text, replace: true });
+  }
+  await lookAgain();
+  say(`Wrote ${name}.`);
+  return true;
+}
