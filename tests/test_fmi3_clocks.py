@@ -92,6 +92,20 @@ def test_clocks_of_a_system_in_model_exchange_tick(tmp_path: Path) -> None:
     assert run.signals["second.x"][-1] == pytest.approx(np.sum(seen * (ends - EVEN[: len(seen)])), rel=1e-6)
 
 
+@pytest.mark.parametrize("step", [None, 0.07], ids=["controlled", "fixed"])
+def test_they_tick_beside_components_of_co_simulation(step: float | None, tmp_path: Path) -> None:
+    components = {"t": wb.load(build_ticking(tmp_path), "me"), "a": wb.load("fmu:FirstOrderLag@3", "cs")}
+    names = [f"t.{name}" for name in NAMES]
+    ends = {"inputs": {"u": "t.u"}, "outputs": {"y": "a.y"}}
+    with wb.connect(components, [("t.x", "a.u")], **ends, step=step) as system:
+        # A step that is tried once and then in two halves goes back to the ticks before it.
+        assert (step is None) == (not system.why_fixed_step())
+        with system.open_session() as session:
+            for time in (0.28, 0.714, 0.994) if step is None else (0.28, 0.7, 0.98):
+                session.advance(time, signals=RAMP, record=names)
+                assert session.values(names) == pytest.approx({n: expected(time)[n[2:]] for n in names}, rel=1e-6), time
+
+
 def test_where_nothing_lets_them_tick_it_is_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     file = build_ticking(tmp_path)
     system = tmp_path / "system.toml"
