@@ -14,6 +14,7 @@ from tests.fmi3_fmus import build_ticking
 from workbench.cli.app import run as command
 from workbench.errors import InputError, SimulationError
 from workbench.signals import Table
+from workbench.system.master.model import MasterModel
 
 RAMP = {"u": Table([0.0, 10.0], [0.0, 10.0])}
 NAMES = ["held", "x", "evens", "downs", "down_at", "grows", "grown_at", "even", "counted", "growing", "every2"]
@@ -96,9 +97,10 @@ def test_clocks_of_a_system_in_model_exchange_tick(tmp_path: Path) -> None:
 def test_they_tick_beside_components_of_co_simulation(step: float | None, tmp_path: Path) -> None:
     components = {"t": wb.load(build_ticking(tmp_path), "me"), "a": wb.load("fmu:FirstOrderLag@3", "cs")}
     names = [f"t.{name}" for name in NAMES]
-    ends = {"inputs": {"u": "t.u"}, "outputs": {"y": "a.y"}}
-    with wb.connect(components, [("t.x", "a.u")], **ends, step=step) as system:
+    inputs, outputs = {"u": "t.u"}, {"y": "a.y"}
+    with wb.connect(components, [("t.x", "a.u")], inputs=inputs, outputs=outputs, step=step) as system:
         # A step that is tried once and then in two halves goes back to the ticks before it.
+        assert isinstance(system, MasterModel)
         assert (step is None) == (not system.why_fixed_step())
         with system.open_session() as session:
             for time in (0.28, 0.714, 0.994) if step is None else (0.28, 0.7, 0.98):

@@ -75,7 +75,7 @@ def test_in_a_system_the_masters_inputs_stand_over_a_step(driver: str, tmp_path:
     for behaviour in ("sized-asks", "sized"):
         asked = wb.load(build_sized(tmp_path, behaviour=behaviour), "cs")
         components = {"a": asked, "b": wb.load("fmu:FirstOrderLag@3", "cs")}
-        joined = {"inputs": {"u": "a.u[1]"}, "outputs": {"y": "b.y"}}
-        with wb.connect(components, [("a.y[1]", "b.u")], **joined, step=0.1) as system:
+        inputs, outputs = {"u": "a.u[1]"}, {"y": "b.y"}
+        with wb.connect(components, [("a.y[1]", "b.u")], inputs=inputs, outputs=outputs, step=0.1) as system:
             ends.append(wb.simulate(system, stop=2.0, inputs={"u": SINE["u[1]"]}, verify_step=False).signals["y"])
     assert ends[0] == pytest.approx(ends[1], rel=1e-9)  # who asks makes its step in parts
