@@ -58,11 +58,12 @@ class _Loop(ctypes.Structure):
     )
 
 
-@lru_cache(maxsize=1)
-def _loops() -> ctypes.CDLL:
+@lru_cache(maxsize=2)
+def c_loops(source: str) -> ctypes.CDLL:
+    """Return the compiled functions of a file of bench_data."""
     (platform,) = host_only()
-    library = _folder() / f"loop{platform.suffix}"
-    compile_library(DATA, ["loop.c"], platform, library)
+    library = (_folder() / source).with_suffix(platform.suffix)
+    compile_library(DATA, [source], platform, library)
     return ctypes.CDLL(str(library))
 
 
@@ -114,18 +115,19 @@ class Slave:
         self._start()
         outputs = np.empty(n)
         names = ("SetReal", "DoStep", "GetReal", "SetRealInputDerivatives")
-        functions = [_address(getattr(self.fmu.dll, f"fmi2{f}")) for f in names]
+        functions = [address_of(getattr(self.fmu.dll, f"fmi2{f}")) for f in names]
         if not self.interpolates:
             functions[-1] = None
         u, y = self.references["u"], self.references["y"]
         loop = _Loop(self.fmu.component, *functions, u, y, step, 2.0 * math.pi * frequency, n)
-        status = getattr(_loops(), name)(ctypes.byref(loop), ctypes.c_void_p(outputs.ctypes.data))
+        status = getattr(c_loops("loop.c"), name)(ctypes.byref(loop), ctypes.c_void_p(outputs.ctypes.data))
         if status > 1:
             raise RuntimeError(f"the loop in C ended with status {status}")
         return float(outputs[-1])
 
 
-def _address(function: Any) -> int | None:
+def address_of(function: Any) -> int | None:
+    """Return where a function of a library begins."""
     return ctypes.cast(function, ctypes.c_void_p).value
 
 

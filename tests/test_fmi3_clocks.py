@@ -14,6 +14,7 @@ from tests.fmi3_fmus import build_ticking
 from workbench.cli.app import run as command
 from workbench.errors import InputError, SimulationError
 from workbench.signals import Table
+from workbench.system.master.model import MasterModel
 
 RAMP = {"u": Table([0.0, 10.0], [0.0, 10.0])}
 NAMES = ["held", "x", "evens", "downs", "down_at", "grows", "grown_at", "even", "counted", "growing", "every2"]
@@ -90,6 +91,21 @@ def test_clocks_of_a_system_in_model_exchange_tick(tmp_path: Path) -> None:
     seen = np.array([expected(t)["x"] if t > 0.05 else 0.0 for t in EVEN[EVEN < 0.999]])
     ends = np.append(EVEN[1 : len(seen)], 0.999)
     assert run.signals["second.x"][-1] == pytest.approx(np.sum(seen * (ends - EVEN[: len(seen)])), rel=1e-6)
+
+
+@pytest.mark.parametrize("step", [None, 0.07], ids=["controlled", "fixed"])
+def test_they_tick_beside_components_of_co_simulation(step: float | None, tmp_path: Path) -> None:
+    components = {"t": wb.load(build_ticking(tmp_path), "me"), "a": wb.load("fmu:FirstOrderLag@3", "cs")}
+    names = [f"t.{name}" for name in NAMES]
+    inputs, outputs = {"u": "t.u"}, {"y": "a.y"}
+    with wb.connect(components, [("t.x", "a.u")], inputs=inputs, outputs=outputs, step=step) as system:
+        # A step that is tried once and then in two halves goes back to the ticks before it.
+        assert isinstance(system, MasterModel)
+        assert (step is None) == (not system.why_fixed_step())
+        with system.open_session() as session:
+            for time in (0.28, 0.714, 0.994) if step is None else (0.28, 0.7, 0.98):
+                session.advance(time, signals=RAMP, record=names)
+                assert session.values(names) == pytest.approx({n: expected(time)[n[2:]] for n in names}, rel=1e-6), time
 
 
 def test_where_nothing_lets_them_tick_it_is_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

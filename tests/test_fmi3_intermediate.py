@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.drivers import DRIVERS
 from tests.fmi3_fmus import build_sized
 from workbench.signals import Sine, Step
 
@@ -66,3 +67,17 @@ def test_a_run_goes_on_from_a_snapshot_as_it_did(tmp_path: Path) -> None:
             session.advance(3.0, signals=SINE, record=["y[1]"])
             ends.append(session.values(["y[1]"])["y[1]"])
     assert ends[0] == ends[1] == pytest.approx(float(exact(np.array(3.0))), abs=BOUND)
+
+
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
+def test_in_a_system_the_masters_inputs_stand_over_a_step(driver: str, tmp_path: Path) -> None:
+    ends = []
+    for behaviour in ("sized-asks", "sized"):
+        asked = wb.load(build_sized(tmp_path, behaviour=behaviour), "cs")
+        components = {"a": asked, "b": wb.load("fmu:FirstOrderLag@3", "cs")}
+        inputs, outputs = {"u": "a.u[1]"}, {"y": "b.y"}
+        joined = wb.connect(components, [("a.y[1]", "b.u")], inputs=inputs, outputs=outputs, step=0.1)
+        with joined as system, system.open_session() as session:
+            rows = session.advance(2.0, signals={"u": SINE["u[1]"]}, record=["y"], points=np.arange(0.1, 2.05, 0.1))
+        ends.append(rows.values["y"])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-9)  # who asks makes its step in parts

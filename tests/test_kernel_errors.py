@@ -15,7 +15,7 @@ import pytest
 
 import workbench as wb
 from tests import drivers
-from tests.drivers import DRIVERS, GROUPS, driven_by
+from tests.drivers import DRIVERS, GROUPS, MASTERS, driven_by
 from tests.hybrid_fmus import DISCARD, ERROR, FakeC, Hybrid, open_fake
 from tests.system_models import unity_feedback
 from tests.test_session_events import Ball, Integrator, Lag, Slider, Stiff
@@ -29,7 +29,6 @@ from workbench.model.load import load
 from workbench.session.compiled import CompiledSession
 from workbench.session.compiled_errors import FAILURES, PAUSED
 from workbench.signals import Constant, Signal, Sine
-from workbench.system.master.session import MasterSession
 
 ROOT = Path(__file__).parent.parent
 
@@ -236,5 +235,6 @@ def test_the_driver_is_a_name_of_the_table(name: str) -> None:
         with unity_feedback("fmu:FirstOrderLag", gain=4.0) as system, system.open_session() as session:
             assert type(session) is kinds["me"]
         with lags("me", step=0.05) as mixed, mixed.open_session() as session:
-            assert isinstance(session, MasterSession)
-            assert [type(group.session) for group in session.master._groups.values()] == [GROUPS[name]]
+            assert type(session) is MASTERS[name][1]
+            assert isinstance(session.instance, MASTERS[name][0])
+            assert [type(group.session) for group in session.instance.groups.values()] == [GROUPS[name]]

@@ -6,6 +6,7 @@ import math
 import pickle
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import control
 import numpy as np
@@ -51,6 +52,8 @@ def lags(
     order: str = "auto",
     hold_inputs: bool = False,
     tolerance: float = 1e-8,
+    extrapolation: int = 1,
+    step_tolerance: float | None = None,
 ) -> MasterModel:
     """r → (+) → lag a → lag b → y, with −gain·y fed back."""
     return mastered(
@@ -67,6 +70,8 @@ def lags(
             order=order,
             hold_inputs=hold_inputs,
             tolerance=tolerance,
+            extrapolation=extrapolation,
+            step_tolerance=step_tolerance,
         )
     )
 
@@ -112,6 +117,49 @@ def test_the_error_falls_with_the_square_of_the_step(version: str, first: str, o
 def test_held_inputs_are_of_first_order(order: str) -> None:
     coarse, fine = (error_of(lags(step=h, order=order, hold_inputs=True)) for h in (0.025, 0.0125))
     assert math.log2(coarse / fine) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(("extrapolation", "order"), [(0, 1.0), (1, 2.0), (2, 3.0)])
+@pytest.mark.parametrize("order_of_units", ["gauss-seidel", "jacobi"])
+def test_the_error_falls_with_the_order_of_the_extrapolation(
+    extrapolation: int, order: float, order_of_units: str
+) -> None:
+    """A loop whose signals begin at rest: the first step knows no slope."""
+    coarse, fine = (
+        error_of(lags("me", step=h, order=order_of_units, extrapolation=extrapolation)) for h in (0.05, 0.025)
+    )
+    assert math.log2(coarse / fine) == pytest.approx(order, abs=0.2)
+
+
+def test_the_step_has_a_tolerance_of_its_own() -> None:
+    loose, tight = (error_of(lags(step_tolerance=tolerance)) for tolerance in (1e-3, 1e-6))
+    assert 1e-5 < loose < 5e-3
+    assert tight < 0.03 * loose
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"extrapolation": 3}, "extrapolation 3 is unknown; known: 0, 1, 2"),
+        ({"extrapolation": 2, "hold_inputs": True}, "hold_inputs holds all inputs"),
+        ({"step_tolerance": 1e-3, "step": 0.1}, "give one"),
+        ({"step_tolerance": 2.0}, "step_tolerance is 2, not between 0 and 1"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        lags(**options)
+
+
+@needs_gemseo
+def test_a_step_that_cannot_be_controlled_has_no_tolerance() -> None:
+    with (
+        springs(None, step_tolerance=1e-3) as model,
+        pytest.raises(
+            InputError, match=r"step_tolerance: the step cannot be controlled: .* state.*; give step instead"
+        ),
+    ):
+        model.open_session()
 
 
 @both
@@ -169,7 +217,7 @@ def test_the_delay_of_the_report_destabilises_as_it_says() -> None:
 # -- springs ------------------------------------------------------------------------------------
 
 
-def springs(step: float | None) -> MasterModel:
+def springs(step: float | None, step_tolerance: float | None = None) -> MasterModel:
     files = (str(gemseo_fmu(f"MassSpringSubSystem{k}")) for k in (1, 2))
     return mastered(
         connect(
@@ -177,6 +225,7 @@ def springs(step: float | None) -> MasterModel:
             [("a.x1", "b.x1"), ("b.x2", "a.x2")],
             outputs={"v1": "a.v1", "v2": "b.v2", "x1": "a.x1", "x2": "b.x2"},
             step=step,
+            step_tolerance=step_tolerance,
         )
     )
 

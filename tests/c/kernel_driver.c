@@ -2,7 +2,8 @@
  *
  * The FMU: dx/dt = u + k, x falls to 0 where it reaches 1, a time event every 0.25 s; y = x. Runs model exchange
  * (FMI 2.0) and co-simulation (FMI 3.0 with early returns and event mode), a pair connected by a link, failing
- * functions, and every allocation failing once (linked with -Wl,--wrap=calloc,--wrap=realloc).
+ * functions, the same pair under a master, with the second as co-simulation or as a group of its own, its step fixed
+ * and controlled, and every allocation failing once (linked with -Wl,--wrap=calloc,--wrap=realloc).
  */
 #include "banded.h"
 #include "kernel.h"
@@ -172,6 +173,26 @@ static int do_step(Fake *f, double t, double h, bool no_set, bool *wants_event, 
     return no_set ? 3 : bad(f);
 }
 
+static int get_fmu_state(Fake *f, void **state) {
+    *state = malloc(sizeof *f);
+    if (!*state) {
+        return 3;
+    }
+    *(Fake *)*state = *f;
+    return 0;
+}
+
+static int set_fmu_state(Fake *f, const void *state) {
+    *f = *(const Fake *)state;
+    return 0;
+}
+
+static int free_fmu_state(Fake *f, void **state) {
+    free(*state);
+    *state = NULL;
+    return f ? 0 : 3;
+}
+
 /* ---- a system of such FMUs ---- */
 
 typedef struct {
@@ -208,6 +229,9 @@ static void fill_functions(Bench *b, int version) {
     f[ENTER_EVENT_MODE] = f[ENTER_CONTINUOUS_MODE] = f[ENTER_STEP_MODE] = (Function)enter;
     f[UPDATE_DISCRETE_STATES] = version == 3 ? (Function)update_discrete_states : (Function)new_discrete_states;
     f[DO_STEP] = (Function)do_step;
+    f[GET_FMU_STATE] = (Function)get_fmu_state;
+    f[SET_FMU_STATE] = (Function)set_fmu_state;
+    f[FREE_FMU_STATE] = (Function)free_fmu_state;
 }
 
 static Block block(Bench *b, int version, uint32_t reference, size_t *column, void *buffer, int32_t component) {
@@ -292,6 +316,144 @@ static int32_t run_cs(Bench *b, double until) {
     return done;
 }
 
+/* ---- the same pair under a master: x of the first is the input of the second ---- */
+
+typedef struct {
+    bool grouped, controlled, held;
+} MasterCase;
+
+static int32_t run_master(Bench *b, double until, MasterCase kind) {
+    static const size_t order[2] = {0, 1}, stages[2] = {1, 2}, no_wire = 0, second = 1, forced = 1;
+    static const int32_t float64 = FLOAT64, yes = 1, no = 0, ones[1] = {1};
+    double numbers[2][5] = {{0}}, bows[2] = {0}, raw = 0.0, reached = 0.0, start = 0.0, slopes[2] = {0}, spans[2] = {0}, ramps[2] = {0}, ramped[2] = {0};
+    double times[2] = {0}, table[2] = {0}, scale = 1e-3, coarse = 0.0, fine = 0.0, watched = 1e-3, saved[32];
+    double group_numbers[5] = {0}, bias = 0.0;
+    const double most = 1.0, first_tick = 0.1;
+    int32_t known = 0, group_type = FLOAT64;
+    void *states[2];
+    Block inlets[2] = {block(b, b->components[0].version, U, &b->zero, &b->reals[0], 0),
+                       block(b, b->components[0].version, U, &b->zero, &b->reals[3], 1)};
+    Block outlet = block(b, b->components[0].version, X, &b->zero, &b->reals[1], 0);
+    Component own = b->components[1];
+    Block own_input = inlets[1];
+    Signal signal = {.times = times, .values = table, .n = 2};
+    own_input.component = 0;
+    Forcing forcing = {.signals = &signal, .bias = &bias, .types = &group_type, .owners = &no, .discrete = &no,
+                       .written = &group_numbers[0], .wanted = &group_numbers[1], .seen = &group_numbers[2],
+                       .slopes = &group_numbers[3], .orders = ones, .n = 1, .fast = {&own_input, 1},
+                       .longest_step = INFINITY};
+    System group = {.components = &own, .n_components = 1, .forcing = &forcing};
+    Me me = {.system = &group, .solver_name = "vkm", .rtol = 1e-8, .scale = &scale, .most = &most};
+    Record nobody = {.bound = INFINITY, .every = 1};
+    Unit units[2];
+    for (int32_t i = 0; i < 2; i++) {
+        units[i] = (Unit){.component = i, .as_start = kind.held, .types = &float64, .moving = &yes,
+                          .sources = i ? &no_wire : &forced, .starts = &numbers[i][0], .ends = &numbers[i][1],
+                          .values = &numbers[i][2], .rates = &numbers[i][3], .bows = &numbers[i][4], .orders = ones, .n = 1,
+                          .inlet = {&inlets[i], 1}, .fast = {&inlets[i], 1}};
+        b->components[i].interpolates = 1; /* which they claim only */
+    }
+    units[0].outgoing = &no_wire;
+    units[0].raw = &raw;
+    units[0].n_outgoing = 1;
+    units[0].outlet = (Access){&outlet, 1};
+    units[0].first = &first_tick;
+    units[0].n_first = 1;
+    units[0].period = 0.3;
+    CHECK(kernel_system_open(&group));
+    int32_t done = 1;
+    if (kind.grouped) {
+        units[1].component = -1;
+        units[1].members = &second;
+        units[1].n_members = 1;
+        units[1].me = &me;
+        units[1].signals = &signal;
+        units[1].times = times;
+        units[1].tables = table;
+        units[1].stale = 1;
+        done = kernel_me_open(&me);
+        b->system.failure = group.failure;
+    }
+    Control control = {.tolerance = 1e-4, .step = 1e-2, .least = 1e-6, .wires = &no_wire, .n_wires = 1,
+                       .scale = &watched, .coarse = &coarse, .fine = &fine, .saved = saved, .states = states};
+    Master master = {.units = units, .n_units = 2, .order = order, .stages = stages, .n_stages = 2, .from_held = &no,
+                     .moves = &yes, .known = &known, .start = &start, .reached = &reached, .slopes = slopes, .spans = spans, .extrapolation = kind.held ? 0 : 2,
+                     .ramps = ramps, .ramped = ramped, .bows = bows, .nobody = &nobody, .hold_inputs = kind.held,
+                     .control = kind.controlled ? &control : NULL};
+    Cs cs = {.system = &b->system, .master = &master, .fixed = NAN, .longest = 1e-2, .variable_step = 1};
+    CHECK(kernel_control_doubles(&cs) <= sizeof saved / sizeof saved[0]);
+    done = done && kernel_cs_run(&cs, until, &until, 1, &b->record, 1);
+    while (!done && b->system.failure.code == PAUSED) {
+        done = kernel_cs_go_on(&cs);
+    }
+    CHECK(!done || (cs.time == until && b->components[0].slopes_work == (kind.held ? 1 : 0)));
+    CHECK(!done || !kind.controlled || control.longest > 0.0);
+    if (!done && b->system.failure.code == FAILED_UNIT) {
+        CHECK(group.failure.code != NO_FAILURE);
+        b->system.failure = group.failure;
+    }
+    kernel_me_close(&me);
+    kernel_record_free(&control.trial);
+    return done;
+}
+
+static int32_t run_masters(Bench *b, double until, int number) {
+    return run_master(b, until, (MasterCase){(number & 1) != 0, (number & 2) != 0, (number & 4) != 0});
+}
+
+/* x of the second follows that of the first alike, however it is stepped. */
+static void test_masters(void) {
+    double last[8] = {0.0};
+    for (int k = 0; k < 8; k++) {
+        Bench b;
+        setup(&b, 3, 2);
+        CHECK(run_masters(&b, 3.0, k));
+        CHECK(b.system.failure.code == NO_FAILURE);
+        CHECK(b.fakes[0].falls >= 6 && b.record.rows > 50);
+        last[k] = b.fakes[1].x + b.fakes[1].falls;
+        CHECK(fabs(last[k] - last[0]) < 0.05);
+        kernel_record_free(&b.record);
+    }
+    for (int k = 0; k < 4; k++) {
+        for (size_t who = 0; who < 2; who++) {
+            Bench b;
+            setup(&b, 3, 2);
+            b.fakes[who].bad_time = 0.7;
+            CHECK(!run_masters(&b, 3.0, k));
+            CHECK(b.system.failure.code == FAILED_STATUS || b.system.failure.code == FAILED_SOLVER);
+            kernel_record_free(&b.record);
+        }
+        for (size_t i = 0; i < N_FUNCTIONS; i++) {
+            Bench b;
+            setup(&b, 3, 2);
+            b.functions[i] = i == FREE_FMU_STATE ? b.functions[i] : NULL; /* without it what is saved is lost */
+            if (!run_masters(&b, 1.0, k)) {
+                CHECK(b.system.failure.code == FAILED_MISSING && b.system.failure.function == (int32_t)i);
+            }
+            kernel_record_free(&b.record);
+        }
+    }
+}
+
+/* Every allocation fails once, those of the FMUs' saved states and of the rows of a step that is tried, too. */
+static void test_masters_short_of_memory(void) {
+    for (int k = 0; k < 4; k++) {
+        for (long granted_ones = 0;; granted_ones++) {
+            Bench b;
+            setup(&b, 3, 2);
+            allowed = granted_ones;
+            const int32_t done = run_masters(&b, 0.05, k);
+            allowed = -1;
+            const int32_t code = b.system.failure.code;
+            CHECK(done || code == FAILED_MEMORY || (code == FAILED_STATUS && b.system.failure.status == 3));
+            kernel_record_free(&b.record);
+            if (done) {
+                break;
+            }
+        }
+    }
+}
+
 typedef int32_t (*Run)(Bench *, double);
 
 static void test_run(Run run, int version, size_t n) {
@@ -336,6 +498,50 @@ static void test_loop(Run run, int version) {
         kernel_record_free(&b.record);
     }
     CHECK(fabs(last[0] - last[1]) <= 1e-7 * fabs(last[0]));
+}
+
+/* The derivative by u that the second component gives, which shows none of it: x follows. */
+static int of_input(Fake *f, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns, size_t n_knowns,
+                    const double *seed, size_t n_seed, double *sensitivity, size_t n_sensitivity) {
+    const bool right = n_unknowns <= 1 && n_knowns == 1 && knowns[0] == U && n_seed == 1 && seed[0] == 1.0;
+    for (size_t i = 0; i < n_sensitivity; i++) {
+        sensitivity[i] = f->saying == 1 ? 2.0 : f->saying == 2 ? (double)NAN : 0.0;
+    }
+    (void)unknowns;
+    return !right ? 3 : f->saying == 3 ? 3 : f->saying == 4 ? 4 : 0;
+}
+
+/* The loop's Jacobian by what the component says, if that is true: once compared, then believed or never asked again. */
+static void test_exact_loop(void) {
+    static const int32_t self[1] = {1};
+    static const uint32_t x[1] = {X}, u[1] = {U};
+    for (int saying = 0; saying < 5; saying++) {
+        Bench b;
+        double work[8] = {0};
+        double jacobian = 0.0;
+        int32_t known = 0, exact = PERHAPS_EXACT;
+        uint32_t asked = 0;
+        Block own;
+        setup(&b, 3, 2);
+        own = b.blocks[3];
+        own.columns = &b.zero;
+        b.functions[GET_DIRECTIONAL] = (Function)of_input;
+        b.fakes[1].saying = saying;
+        b.link = (Link){.source = {&own, 1}, .destination = b.link.destination, .members = &b.zero, .n = 1,
+                        .work = work, .jacobian = &jacobian, .known = &known, .from = self, .to = self,
+                        .unknowns = x, .knowns = u, .asked = &asked, .exact = &exact};
+        b.fakes[1].x = 0.5;
+        b.linked = 0.0;
+        const bool solved = loop_solve(&b.system, &b.link, 0.0);
+        CHECK(solved == (saying != 4));
+        CHECK(solved ? exact == (saying == 0 ? EXACT : NOT_EXACT) : b.system.failure.function == GET_DIRECTIONAL);
+        CHECK(!solved || fabs(b.linked - b.gain * 0.5) < 1e-12);
+        if (saying == 0) { /* found again without a difference */
+            known = 0;
+            b.fakes[1].x = 0.7;
+            CHECK(loop_solve(&b.system, &b.link, 0.0) && jacobian == -1.0 && fabs(b.linked - b.gain * 0.7) < 1e-12);
+        }
+    }
 }
 
 /* What a component says of how rows 10 … 13 (f, then y) move with states 20 and 21; TRUE_ONES is right. */
@@ -485,6 +691,17 @@ static void test_blocks(void) {
     double value = 0.0;
     CHECK(lti_get_real(&lti, &y, 1, &value) == 0 && value == 11.0);
     CHECK(lti_get_derivatives(&lti, &value, 1) == 0 && value == -2.0);
+    const uint32_t input_and_state[2] = {0, 1}, output_and_rate[2] = {2, 3}, nothing = 4;
+    const double seed[2] = {10.0, 1.0};
+    double moved[2] = {0.0};
+    CHECK(lti_get_directional(&lti, output_and_rate, 2, input_and_state, 2, seed, moved) == 0);
+    CHECK(moved[0] == 10.0 * d + c && moved[1] == 10.0 * bb + a);
+    CHECK(lti_get_directional(&lti, &nothing, 1, input_and_state, 2, seed, moved) == 3);
+    void *saved = NULL;
+    CHECK(lti_get_fmu_state(&lti, &saved) == 0);
+    memory[1] = 7.0;
+    CHECK(lti_set_fmu_state(&lti, saved) == 0 && memory[1] == 5.0);
+    CHECK(lti_free_fmu_state(&lti, &saved) == 0 && !saved);
     lti.dt = 0.1;
     memory[0] = 4.0;
     CHECK(lti_get_real(&lti, &y, 1, &value) == 0 && value == 11.0); /* held */
@@ -538,6 +755,9 @@ int main(void) {
     }
     test_loop(run_me, 2);
     test_slopes();
+    test_exact_loop();
+    test_masters();
+    test_masters_short_of_memory();
     test_banded();
     test_blocks();
     test_failures(run_me, 2);

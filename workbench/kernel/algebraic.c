@@ -12,7 +12,7 @@
 
 /* Residual, of the largest magnitude that the value has had. Solutions go down to rounding where that is cheap: event
  * indicators inside a loop must have one sign at one point, from wherever the solution came. */
-#define EXACT 1e-15
+#define ROUNDING 1e-15
 #define CONVERGED 1e-12 /* enough if the kept Jacobian makes it no smaller */
 #define ACCEPTED 1e-9   /* enough if rounding lets it become no smaller */
 #define MAX_ITERATIONS 50
@@ -20,6 +20,8 @@
 #define SLOW 0.1 /* a Jacobian that reduces the residual by less than this is found anew */
 #define PERTURBATION (1.0 / 67108864.0) /* 2^-26 */
 #define TINY 1e-300
+#define AGREED 1e-4 /* relative: derivatives that agree with differences */
+#define NOISE 1e-6  /* of differences, of the scales of both values */
 
 enum { VECTORS = 7 };
 
@@ -34,12 +36,13 @@ typedef struct {
     /* [n] each: present values and answers, those of a trial, the scale of residuals, direction, where it began. */
     double *v, *g, *new_v, *new_g, *scale, *step, *start;
     double *matrix; /* [n][n] */
+    bool stands;    /* the components stand at v */
 } Loop;
 
 static Loop loop_of(System *system, Link *link) {
     const size_t n = link->n;
     double *w = link->work;
-    return (Loop){system, link, n, w, w + n, w + 2 * n, w + 3 * n, w + 4 * n, w + 5 * n, w + 6 * n, w + 7 * n};
+    return (Loop){system, link, n, w, w + n, w + 2 * n, w + 3 * n, w + 4 * n, w + 5 * n, w + 6 * n, w + 7 * n, true};
 }
 
 /* What the components answer to v. */
@@ -71,19 +74,103 @@ static double norm(const Loop *loop, const double *v, const double *g) {
     return sqrt(size);
 }
 
-static bool find_jacobian(Loop *loop) {
+/* A column of the Jacobian by differences. */
+static bool difference_column(Loop *loop, size_t j) {
     const size_t n = loop->n;
-    double *jacobian = loop->link->jacobian;
-    for (size_t j = 0; j < n; j++) {
-        const double typical = loop->system->wires.typical[loop->link->members[j]];
-        memcpy(loop->new_v, loop->v, n * sizeof(double));
-        loop->new_v[j] += PERTURBATION * (loop->scale[j] > TINY ? loop->scale[j] : typical);
-        if (!respond(loop, loop->new_v, loop->new_g)) {
+    const double typical = loop->system->wires.typical[loop->link->members[j]];
+    memcpy(loop->new_v, loop->v, n * sizeof(double));
+    loop->new_v[j] += PERTURBATION * (loop->scale[j] > TINY ? loop->scale[j] : typical);
+    if (!respond(loop, loop->new_v, loop->new_g)) {
+        return false;
+    }
+    const double distance = loop->new_v[j] - loop->v[j];
+    for (size_t i = 0; i < n; i++) {
+        loop->link->jacobian[i * n + j] = (loop->new_g[i] - loop->g[i]) / distance - (i == j ? 1.0 : 0.0);
+    }
+    return true;
+}
+
+/* The same by the directional derivatives of the component that the value goes to, to `matrix`. An FMU that gives
+ * none is not asked again; only a fatal error ends the run. The components must stand at v. */
+static bool exact_column(Loop *loop, size_t j) {
+    Link *link = loop->link;
+    const Wires *wires = &loop->system->wires;
+    const size_t n = loop->n;
+    const int32_t who = link->to[j];
+    const Component *component = &loop->system->components[who];
+    const double seed = 1.0;
+    size_t asked = 0;
+    for (size_t i = 0; i < n; i++) {
+        loop->matrix[i * n + j] = i == j ? -1.0 : 0.0;
+        if (link->from[i] == who) {
+            link->asked[asked++] = link->unknowns[i];
+        }
+    }
+    int status = NOT_EXPORTED;
+    if (component->calls->directional) {
+        status = component->calls->directional(component, link->asked, asked, &link->knowns[j], &seed, 1, loop->new_g);
+    }
+    if (status == FMI_FATAL) {
+        return component_checked(component, GET_DIRECTIONAL, status, who, &loop->system->failure);
+    }
+    if (status < 0 || status > FMI_WARNING) {
+        link->exact[j] = NOT_EXACT;
+        return true;
+    }
+    asked = 0;
+    for (size_t i = 0; i < n; i++) {
+        if (link->from[i] == who) {
+            const size_t wire = link->members[i];
+            const double moved = wires->closed[wire] ? wires->gains[wire] * loop->new_g[asked] : 0.0;
+            loop->matrix[i * n + j] += moved;
+            link->exact[j] = isfinite(moved) ? link->exact[j] : NOT_EXACT;
+            asked++;
+        }
+    }
+    return true;
+}
+
+static bool agree(const Loop *loop, size_t j) {
+    const size_t n = loop->n;
+    for (size_t i = 0; i < n; i++) {
+        const double exact = loop->matrix[i * n + j], measured = loop->link->jacobian[i * n + j];
+        const double noise = NOISE * loop->scale[i] / loop->scale[j];
+        if (!(fabs(exact - measured) <= AGREED * fmax(fabs(exact), fabs(measured)) + noise)) {
             return false;
         }
-        const double distance = loop->new_v[j] - loop->v[j];
-        for (size_t i = 0; i < n; i++) {
-            jacobian[i * n + j] = (loop->new_g[i] - loop->g[i]) / distance - (i == j ? 1.0 : 0.0);
+    }
+    return true;
+}
+
+static bool find_exact_columns(Loop *loop) {
+    for (size_t j = 0; j < loop->n && loop->link->exact; j++) {
+        if (loop->link->exact[j] != NOT_EXACT && !exact_column(loop, j)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* By directional derivatives where a comparison has shown that they are true, else by differences. */
+static bool find_jacobian(Loop *loop) {
+    const size_t n = loop->n;
+    int32_t *exact = loop->link->exact;
+    if ((exact && !loop->stands && !respond(loop, loop->v, loop->new_g)) || !find_exact_columns(loop)) {
+        return false;
+    }
+    for (size_t j = 0; j < n; j++) {
+        if (exact && exact[j] == EXACT) {
+            for (size_t i = 0; i < n; i++) {
+                loop->link->jacobian[i * n + j] = loop->matrix[i * n + j];
+            }
+            continue;
+        }
+        loop->stands = false;
+        if (!difference_column(loop, j)) {
+            return false;
+        }
+        if (exact && exact[j] == PERHAPS_EXACT) {
+            exact[j] = agree(loop, j) ? EXACT : NOT_EXACT;
         }
     }
     *loop->link->known = 1;
@@ -203,6 +290,7 @@ static Outcome go_along(Loop *loop, double shortest, double *ratio) {
         for (size_t i = 0; i < loop->n; i++) {
             loop->new_v[i] = loop->v[i] + part * loop->step[i];
         }
+        loop->stands = false;
         if (!respond(loop, loop->new_v, loop->new_g)) {
             return BROKEN;
         }
@@ -214,6 +302,7 @@ static Outcome go_along(Loop *loop, double shortest, double *ratio) {
             memcpy(loop->v, loop->new_v, loop->n * sizeof(double));
             memcpy(loop->g, loop->new_g, loop->n * sizeof(double));
             rescale(loop, loop->v, loop->g, true);
+            loop->stands = true;
             *ratio = norm(loop, loop->v, loop->g) / before;
             return BETTER;
         }
@@ -268,7 +357,7 @@ static bool newton(Loop *loop, double time) {
     for (int i = 0; i < MAX_ITERATIONS; i++) {
         rescale(loop, loop->v, loop->g, true);
         const double size = norm(loop, loop->v, loop->g);
-        if (size <= EXACT) {
+        if (size <= ROUNDING) {
             return found(loop);
         }
         if (!*loop->link->known) {

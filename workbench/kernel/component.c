@@ -5,6 +5,8 @@
 typedef int (*SetTime)(void *, double);
 typedef int (*Vector)(void *, double *, size_t);
 typedef int (*Enter)(void *);
+typedef int (*SaveOrFree)(void *, void **);
+typedef int (*Restore)(void *, void *);
 typedef int (*SetClock)(void *, const uint32_t *, size_t, const bool *);
 typedef int (*GetClock)(void *, const uint32_t *, size_t, bool *);
 typedef int (*GetInterval)(void *, const uint32_t *, size_t, double *, int32_t *);
@@ -23,6 +25,9 @@ static const char *const NAMES[N_FUNCTIONS] = {
     [DO_STEP] = "do_step",
     [SET_SLOPES] = "set_slopes",
     [GET_DIRECTIONAL] = "get_directional",
+    [GET_FMU_STATE] = "get_fmu_state",
+    [SET_FMU_STATE] = "set_fmu_state",
+    [FREE_FMU_STATE] = "free_fmu_state",
     [SET_CLOCK] = "set_clock",
     [GET_INTERVAL] = "get_interval",
     [GET_CLOCK] = "get_clock",
@@ -65,6 +70,19 @@ bool component_states(const Component *component, FunctionIndex function, double
     }
     const Function address = component->functions[function];
     const int status = address ? ((Vector)address)(component->handle, values, n) : NOT_EXPORTED;
+    return component_checked(component, function, status, who, failure);
+}
+
+bool component_saved(const Component *component, FunctionIndex function, void **state, int32_t who, Failure *failure) {
+    const Function address = component->functions[function];
+    int status = NOT_EXPORTED;
+    if (function == FREE_FMU_STATE && !*state) {
+        return true;
+    }
+    if (address) {
+        status = function == SET_FMU_STATE ? ((Restore)address)(component->handle, *state)
+                                           : ((SaveOrFree)address)(component->handle, state);
+    }
     return component_checked(component, function, status, who, failure);
 }
 

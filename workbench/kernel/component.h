@@ -29,6 +29,9 @@ typedef enum {
     DO_STEP,
     SET_SLOPES,
     GET_DIRECTIONAL,
+    GET_FMU_STATE,
+    SET_FMU_STATE,
+    FREE_FMU_STATE,
     SET_CLOCK,
     GET_INTERVAL,
     GET_CLOCK,
@@ -36,7 +39,7 @@ typedef enum {
 } FunctionIndex;
 
 /* NOT_EXPORTED stands for the status of a function that is not there; an FMU may return the same number. */
-enum { FMI_WARNING = 1, FMI_DISCARD = 2, FMI_FATAL = 4, NOT_EXPORTED = -1 };
+enum { FMI_WARNING = 1, FMI_DISCARD = 2, FMI_ERROR = 3, FMI_FATAL = 4, NOT_EXPORTED = -1 };
 
 struct ComponentCalls;
 struct Intermediate;
@@ -95,6 +98,8 @@ bool component_checked(const Component *component, FunctionIndex function, int s
 bool component_set_time(Component *component, double time, int32_t who, Failure *failure);
 bool component_states(const Component *component, FunctionIndex function, double *values, size_t n, int32_t who,
                       Failure *failure);
+/* GET_FMU_STATE, SET_FMU_STATE or FREE_FMU_STATE; a state that is not there is not freed. */
+bool component_saved(const Component *component, FunctionIndex function, void **state, int32_t who, Failure *failure);
 /* Evaluate the event once. */
 bool component_update(Component *component, Answer *answer, int32_t who, Failure *failure);
 /* Into event mode: clocks that are due tick. */

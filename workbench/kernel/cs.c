@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "control.h"
 #include "cs_step.h"
 #include "intermediate.h"
 
@@ -26,12 +27,11 @@ static double steps_to(Cs *cs, double target) {
     return fits ? count : 0.0;
 }
 
-/* Make one step and record its two rows; at `until` the right limit is the next run's. */
-static bool communicate(Cs *cs, double end, bool last) {
+bool cs_communicate(Cs *cs, double end, bool last) {
     System *system = cs->system;
     Forcing *forcing = system->forcing;
     const double start = cs->previous = cs->time;
-    forcing_give_slopes(forcing, system->components, start, end);
+    cs_look_ahead(cs, end);
     intermediate_step(system, start, end);
     if (!cs_step_to(cs, end)) {
         return false;
@@ -54,22 +54,20 @@ static bool choose_target(Cs *cs) {
     }
     const double point = cs->n_targets ? cs->targets[0] : cs->until;
     cs->start = cs->time;
-    cs->target = fmin(point, forcing_next_break(cs->system->forcing, cs->time));
-    for (size_t i = 0; i < cs->system->n_components; i++) {
-        /* What is overdue ticks at the next communication point: time never goes back. */
-        const double tick = clocks_next(cs->system->components[i].clocks);
-        cs->target = tick > cs->time ? fmin(cs->target, tick) : cs->target;
-    }
+    cs->target = cs_next_stop(cs, fmin(point, forcing_next_break(cs->system->forcing, cs->time)));
     cs->count = steps_to(cs, cs->target);
     cs->made = 0.0;
     return cs->count >= 1.0 || fail_value(&cs->system->failure, FAILED_GRID, cs->time, 0, cs->target);
 }
 
 static bool next_step(Cs *cs) {
+    if (cs->master && cs->master->control) {
+        return control_step(cs);
+    }
     cs->made++;
     const double end =
         cs->made == cs->count ? cs->target : cs->start + (cs->target - cs->start) * (cs->made / cs->count);
-    return communicate(cs, end, end == cs->until);
+    return cs_communicate(cs, end, end == cs->until);
 }
 
 static bool run_on(Cs *cs) {
@@ -97,7 +95,9 @@ bool cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Recor
     cs->made = cs->count = 0.0;
     cs->record = record;
     system_go_on(system);
-    intermediate_begin(system);
+    if (!cs->master) { /* whose inputs are lines over a step, known when it begins */
+        intermediate_begin(system);
+    }
     record_begin(record, system);
     return cs_set_inputs(cs, fresh || forcing_next_break(system->forcing, cs->previous) <= cs->time) &&
            add_row(cs, system->forcing->written, ROW_ALWAYS) && run_on(cs);

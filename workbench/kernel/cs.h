@@ -1,7 +1,6 @@
 /* cs.h: co-simulation: the FMUs integrate, the kernel steps them from one communication point to the next.
  *
- * The twin of workbench/session/cs.py. Several FMUs make each communication step in the order of the list, with
- * the inputs of its begin.
+ * The twin of workbench/session/cs.py. How several FMUs make a communication step is the master's affair.
  */
 #ifndef WORKBENCH_KERNEL_CS_H
 #define WORKBENCH_KERNEL_CS_H
@@ -9,8 +8,11 @@
 #include "record.h"
 #include "system.h"
 
+struct Master;
+
 typedef struct {
     System *system;
+    struct Master *master; /* NULL: each FMU goes its own way */
     /* Where the session stands. */
     double time;     /* [s] */
     double previous; /* begin of the last communication step [s] */
@@ -25,6 +27,8 @@ typedef struct {
     Record *record;
 } Cs;
 
+/* Make one step and record its two rows; at `until` the right limit is the next run's. */
+bool cs_communicate(Cs *cs, double end, bool last);
 bool cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Record *record, bool fresh);
 /* Go on after a pause. */
 bool cs_go_on(Cs *cs);

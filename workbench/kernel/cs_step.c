@@ -3,6 +3,9 @@
 #include <math.h>
 
 #include "intermediate.h"
+#include "master.h"
+
+static const double SAME = 1e-9; /* of the communication step: instants closer than this are one */
 
 enum { MAX_EARLY_RETURNS = 10000, MAX_EVENT_ITERATIONS = 1000 };
 
@@ -93,8 +96,19 @@ static bool set_component_inputs(Cs *cs, int32_t who, bool jump) {
     return write_wanted(cs, who, false);
 }
 
+void cs_look_ahead(Cs *cs, double end) {
+    if (cs->master) {
+        master_look_ahead(cs, end);
+    } else {
+        forcing_give_slopes(cs->system->forcing, cs->system->components, cs->time, end);
+    }
+}
+
 bool cs_set_inputs(Cs *cs, bool jump) {
     System *system = cs->system;
+    if (cs->master) {
+        return master_set_inputs(cs, jump);
+    }
     forcing_evaluate(system->forcing, cs->time);
     for (size_t i = 0; i < system->n_components; i++) {
         if ((system->forcing->n || system->components[i].event_due) && !set_component_inputs(cs, (int32_t)i, jump)) {
@@ -154,8 +168,31 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
     return fail_at(failure_of(cs), FAILED_EARLY, cs->time);
 }
 
+/* What is overdue ticks at the next communication point: time never goes back. */
+static double next_tick(const Cs *cs, double target) {
+    for (size_t i = 0; i < cs->system->n_components; i++) {
+        const double tick = clocks_next(cs->system->components[i].clocks);
+        target = tick > cs->time ? fmin(target, tick) : target;
+    }
+    return target;
+}
+
+double cs_next_stop(const Cs *cs, double target) {
+    if (!cs->master) {
+        return next_tick(cs, target);
+    }
+    if (!cs->variable_step) {
+        return target;
+    }
+    const double stop = master_next_stop(cs, cs->time + SAME * cs->longest);
+    return stop >= target - SAME * cs->longest ? target : stop;
+}
+
 bool cs_step_to(Cs *cs, double end) {
     const double start = cs->time;
+    if (cs->master) {
+        return master_step_to(cs, end);
+    }
     for (size_t i = 0; i < cs->system->n_components; i++) {
         if (!step_component(cs, (int32_t)i, start, end)) {
             return false;

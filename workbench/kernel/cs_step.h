@@ -4,6 +4,10 @@
 
 #include "cs.h"
 
+/* Where the way to `target` is interrupted by what is known to happen in a component [s]. */
+double cs_next_stop(const Cs *cs, double target);
+/* Look where the inputs go until `end`, and tell those FMUs that can take it; fills `seen` of the forcing. */
+void cs_look_ahead(Cs *cs, double end);
 /* Set the right limits; jumps and discrete inputs need event mode where there is one. */
 bool cs_set_inputs(Cs *cs, bool jump);
 /* Step every FMU to `end`, going on after early returns and handling events on the way. */

@@ -31,6 +31,7 @@ typedef enum {
     FAILED_LOOP,        /* an algebraic loop has no solution: `value` is left at connection `index`, see `message` */
     FAILED_WIRE,        /* connection `index` passes `value`, which is not finite */
     FAILED_EVENT_TIME,  /* an FMI function gave a next event time that is not a number */
+    FAILED_UNIT,        /* a group of components: unit `index` of the master has noted why */
     FAILED_INTERVAL,    /* the FMU gave an interval of a clock that is negative or not finite */
     PAUSED,             /* no failure: the caller may look after signals, then go on */
     N_FAILURES

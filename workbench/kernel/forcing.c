@@ -91,6 +91,16 @@ static bool block_slopes(Forcing *forcing, const Block *block, Component *compon
     return component->slopes_work != 0;
 }
 
+void forcing_look_ahead(Forcing *forcing, double t, double end) {
+    const double left = forcing_next_break(forcing, t) > end ? end : nextafter(end, -(double)INFINITY);
+    /* A continuous input is a number with a point: its value is what `forcing_evaluate` would find. */
+    forcing->has_wanted = forcing->n_discrete == 0;
+    forcing->wanted_at = left;
+    for (size_t i = 0; i < forcing->n; i++) {
+        forcing->wanted[i] = forcing->discrete[i] ? forcing->written[i] : forcing_value(forcing, i, left);
+    }
+}
+
 void forcing_give_slopes(Forcing *forcing, Component *components, double t, double end) {
     copy_values(forcing->seen, forcing->written, forcing->n);
     bool usable = false;
@@ -101,13 +111,7 @@ void forcing_give_slopes(Forcing *forcing, Component *components, double t, doub
     if (!usable) {
         return;
     }
-    const double left = forcing_next_break(forcing, t) > end ? end : nextafter(end, -(double)INFINITY);
-    /* A continuous input is a number with a point: its value is what `forcing_evaluate` would find. */
-    forcing->has_wanted = forcing->n_discrete == 0;
-    forcing->wanted_at = left;
-    for (size_t i = 0; i < forcing->n; i++) {
-        forcing->wanted[i] = forcing->discrete[i] ? forcing->written[i] : forcing_value(forcing, i, left);
-    }
+    forcing_look_ahead(forcing, t, end);
     for (size_t b = 0; b < forcing->fast.n_blocks; b++) {
         const Block *block = &forcing->fast.blocks[b];
         if (block_slopes(forcing, block, &components[block->component], end - t, forcing->wanted)) {

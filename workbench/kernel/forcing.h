@@ -39,6 +39,8 @@ bool forcing_discrete_differs(const Forcing *forcing);
 bool forcing_write_continuous(Forcing *forcing, Component *components, double t, Failure *failure);
 /* Write `wanted`; allowed in event mode and between co-simulation steps. */
 bool forcing_write_wanted(Forcing *forcing, Component *components, Failure *failure);
+/* All values just before `end`, to `wanted`; discrete ones as they are. */
+void forcing_look_ahead(Forcing *forcing, double t, double end);
 /* Tell those FMUs that can take it how their inputs go on until `end`; fills `seen`. */
 void forcing_give_slopes(Forcing *forcing, Component *components, double t, double end);
 

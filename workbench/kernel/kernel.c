@@ -17,7 +17,8 @@ size_t kernel_sizeof(const char *structure) {
         {"Link", sizeof(Link)},       {"System", sizeof(System)},           {"Fourier", sizeof(Fourier)},
         {"Record", sizeof(Record)},   {"GearLibrary", sizeof(GearLibrary)}, {"Me", sizeof(Me)},
         {"Cs", sizeof(Cs)},           {"Wires", sizeof(Wires)},           {"Lti", sizeof(Lti)},
-        {"Slopes", sizeof(Slopes)},   {"Clocks", sizeof(Clocks)},         {"Tick", sizeof(Tick)},
+        {"Slopes", sizeof(Slopes)},   {"Unit", sizeof(Unit)},             {"Master", sizeof(Master)},
+        {"Control", sizeof(Control)}, {"Clocks", sizeof(Clocks)},         {"Tick", sizeof(Tick)},
         {"Intermediate", sizeof(Intermediate)}, {"Sparsity", sizeof(Sparsity)}, {"Predictor", sizeof(Predictor)},
     };
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
@@ -75,6 +76,10 @@ int32_t kernel_cs_run(Cs *cs, double until, const double *targets, size_t n_targ
 
 int32_t kernel_cs_go_on(Cs *cs) {
     return cs_go_on(cs);
+}
+
+size_t kernel_control_doubles(const Cs *cs) {
+    return control_doubles(cs);
 }
 
 void kernel_record_columns(const Record *record, double *columns) {

@@ -8,9 +8,11 @@
 
 #include "algebraic.h"
 #include "arithmetic.h"
+#include "control.h"
 #include "cs.h"
 #include "intermediate.h"
 #include "lti.h"
+#include "master.h"
 #include "me.h"
 #include "parent.h"
 #include "predictor.h"
@@ -37,6 +39,8 @@ KERNEL_EXPORT void kernel_me_close(Me *me);
 KERNEL_EXPORT int32_t kernel_cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Record *record,
                                     int32_t fresh);
 KERNEL_EXPORT int32_t kernel_cs_go_on(Cs *cs);
+/* How many doubles `saved` of the control of `cs` needs. */
+KERNEL_EXPORT size_t kernel_control_doubles(const Cs *cs);
 
 /* Copy the rows to `columns` [width][rows]. */
 KERNEL_EXPORT void kernel_record_columns(const Record *record, double *columns);
@@ -66,6 +70,11 @@ KERNEL_EXPORT int lti_get_derivatives(Lti *lti, double *dx, size_t n);
 KERNEL_EXPORT int lti_enter_event_mode(Lti *lti);
 KERNEL_EXPORT int lti_enter_continuous_mode(Lti *lti);
 KERNEL_EXPORT int lti_update(Lti *lti, LtiEventInfo *info);
+KERNEL_EXPORT int lti_get_directional(Lti *lti, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns,
+                                      size_t n_knowns, const double *seed, double *sensitivity);
+KERNEL_EXPORT int lti_get_fmu_state(Lti *lti, void **state);
+KERNEL_EXPORT int lti_set_fmu_state(Lti *lti, const void *state);
+KERNEL_EXPORT int lti_free_fmu_state(Lti *lti, void **state);
 KERNEL_EXPORT int lti_get_real(Lti *lti, const uint32_t *references, size_t n, double *values);
 KERNEL_EXPORT int lti_set_real(Lti *lti, const uint32_t *references, size_t n, const double *values);
 

@@ -29,6 +29,7 @@ _SIGNATURES: Mapping[str, tuple[Any, list[Any]]] = {
     "kernel_cs_go_on": (c_int32, [c_void_p]),
     "kernel_me_close": (None, [c_void_p]),
     "kernel_cs_run": (c_int32, _RUN),
+    "kernel_control_doubles": (c_size_t, [c_void_p]),
     "kernel_record_columns": (None, [c_void_p, c_void_p]),
     "kernel_record_free": (None, [c_void_p]),
     "kernel_signal_value": (c_double, [c_void_p, c_double]),

@@ -1,5 +1,6 @@
 #include "lti.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "kernel.h"
@@ -83,6 +84,74 @@ int lti_update(Lti *lti, LtiEventInfo *info) {
     memset(info, 0, sizeof *info);
     info->timed = lti->dt > 0.0;
     info->next_time = tick(lti, lti->ticking);
+    return OK;
+}
+
+/* How an output or a derivative moves with an input or a state, at once; false: it is neither. Value references of
+ * derivatives are those behind the outputs. */
+static bool moved_by(const Lti *lti, uint32_t unknown, uint32_t known, double *value) {
+    const size_t first = lti->nu + lti->nx;
+    const bool rate = unknown >= first + lti->ny;
+    const size_t row = rate ? unknown - first - lti->ny : unknown - first;
+    const bool input = known < lti->nu;
+    if (unknown < first || known >= first || row >= (rate ? lti->nx : lti->ny)) {
+        return false;
+    }
+    const double *by_states = rate ? lti->a : lti->c;
+    const double *by_inputs = rate ? lti->b : lti->d;
+    *value = input ? by_inputs[row * lti->nu + known] : by_states[row * lti->nx + known - lti->nu];
+    return true;
+}
+
+int lti_get_directional(Lti *lti, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns, size_t n_knowns,
+                        const double *seed, double *sensitivity) {
+    const bool moves = lti->dt == 0.0 || lti->ticking; /* else outputs stand */
+    for (size_t i = 0; i < n_unknowns; i++) {
+        sensitivity[i] = 0.0;
+        for (size_t j = 0; j < n_knowns; j++) {
+            double value = 0.0;
+            if (lti->function || !moved_by(lti, unknowns[i], knowns[j], &value)) {
+                return FMI_ERROR;
+            }
+            sensitivity[i] += moves ? seed[j] * value : 0.0;
+        }
+    }
+    return OK;
+}
+
+/* ---- saved states: the block, then its memory ---- */
+
+typedef struct {
+    Lti block;
+    double memory[];
+} LtiState;
+
+static size_t memory_size(const Lti *lti) {
+    return (lti->nu + lti->nx + lti->ny) * sizeof(double);
+}
+
+int lti_get_fmu_state(Lti *lti, void **state) {
+    LtiState *saved = *state ? *state : malloc(sizeof *saved + memory_size(lti));
+    if (!saved) {
+        return FMI_ERROR;
+    }
+    saved->block = *lti;
+    memcpy(saved->memory, lti->memory, memory_size(lti));
+    *state = saved;
+    return OK;
+}
+
+int lti_set_fmu_state(Lti *lti, const void *state) {
+    const LtiState *saved = state;
+    *lti = saved->block;
+    memcpy(lti->memory, saved->memory, memory_size(lti));
+    return OK;
+}
+
+int lti_free_fmu_state(Lti *lti, void **state) {
+    (void)lti;
+    free(*state);
+    *state = NULL;
     return OK;
 }
 

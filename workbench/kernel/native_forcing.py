@@ -34,14 +34,14 @@ class NativeForcing:
         self.n = n = len(inputs)
         discrete = [not variable.is_continuous_input for variable, *_ in inputs]
         self.written = self._keep(ctypes.c_double, [0.0] * n)
-        signals = self._keep(Signal, [self._signal(i) for i in range(n)])
+        self.signals = self._keep(Signal, [self._signal(i) for i in range(n)])
         biases = [bias for _, _, bias, _ in inputs]
         bias, wanted, seen, slopes = self._columns(ctypes.c_double, biases, *[[0.0] * n] * 3)
         owned = [ports[0][0] for *_, ports in inputs]
         kinds = [self._type(i) for i in range(n)]
         types, owners, held, orders = self._columns(ctypes.c_int32, kinds, owned, discrete, [1] * n)
         self.structure = Forcing(
-            signals=ctypes.addressof(signals),
+            signals=ctypes.addressof(self.signals),
             bias=bias,
             types=types,
             owners=owners,

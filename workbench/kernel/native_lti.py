@@ -24,6 +24,10 @@ _NAMES: Mapping[str, str] = {
     "fmi2EnterEventMode": "lti_enter_event_mode",
     "fmi2EnterContinuousTimeMode": "lti_enter_continuous_mode",
     "fmi2NewDiscreteStates": "lti_update",
+    "fmi2GetDirectionalDerivative": "lti_get_directional",
+    "fmi2GetFMUstate": "lti_get_fmu_state",
+    "fmi2SetFMUstate": "lti_set_fmu_state",
+    "fmi2FreeFMUstate": "lti_free_fmu_state",
     "fmi2GetReal": "lti_get_real",
     "fmi2SetReal": "lti_set_real",
 }

@@ -67,9 +67,9 @@ class NativeSystem:
         self.trouble = Trouble()
         self._holds = False
         self._kept: list[Any] = []
-        self._components = c_array(Component, [self._component(i) for i in instances])
+        self.components = c_array(Component, [self._component(i) for i in instances])
         self.structure = System(
-            components=ctypes.addressof(self._components),
+            components=ctypes.addressof(self.components),
             n_components=len(instances),
         )
         if wiring is not None and wiring.connections:
@@ -105,7 +105,7 @@ class NativeSystem:
 
     def hold_inputs(self) -> None:
         """Give no slopes of inputs, also to FMUs that take them."""
-        for component in self._components:
+        for component in self.components:
             component.slopes_work = False
         self._holds = True
 
@@ -125,19 +125,19 @@ class NativeSystem:
     @property
     def event_due(self) -> bool:
         """Whether an event of co-simulation at the end of the last step waits for the inputs there."""
-        return any(bool(component.event_due) for component in self._components)
+        return any(bool(component.event_due) for component in self.components)
 
     @event_due.setter
     def event_due(self, due: bool) -> None:
-        for component in self._components:
+        for component in self.components:
             component.event_due = due
 
     def sync_times(self) -> None:
         """Tell the façade how far the kernel brought each FMU."""
-        for instance, component in zip(self.instances, self._components, strict=True):
+        for instance, component in zip(self.instances, self.components, strict=True):
             instance.time = component.time
 
     def set_times(self, time: float) -> None:
         """Tell the kernel at which time the FMUs stand [s]."""
-        for component in self._components:
+        for component in self.components:
             component.time = time

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
-from workbench.fmi.wiring import Group, Wiring
+from workbench.fmi.wiring import Group, Wire, Wiring
 from workbench.kernel.native_access import join_access, native_access
 from workbench.kernel.structs import Access, Link, System, Wires
 
 __all__ = ["native_wiring"]
 
+_DOUBLES = ("Real", "Float64")
 _VECTORS = 7  # see `loop_doubles` in algebraic.c
 
 
@@ -70,7 +71,33 @@ def _link(instances: Sequence[Instance], wiring: Wiring, group: Group, memory: i
         link.work = work.ctypes.data
         link.jacobian = wiring.jacobians[memory].ctypes.data
         link.known = wiring.known[memory:].ctypes.data
+        _offer_derivatives(link, instances, connections, kept)
     return link
+
+
+def _offer_derivatives(link: Link, instances: Sequence[Instance], connections: Sequence[Wire], kept: list[Any]) -> None:
+    """Let the kernel use directional derivatives of the components that claim them, once it has found them true."""
+    exact = [_claims(instances[c.to_component]) for c in connections]
+    ends = [(c.from_component, c.source) for c in connections] + [(c.to_component, c.destination) for c in connections]
+    scalar = all(v.type in _DOUBLES and v.value_reference not in instances[k].description.shapes for k, v in ends)
+    if not any(exact) or not scalar:
+        return
+    arrays: dict[str, NDArray[Any]] = {
+        "from": np.array([c.from_component for c in connections], dtype=np.int32),
+        "to": np.array([c.to_component for c in connections], dtype=np.int32),
+        "unknowns": np.array([c.source.value_reference for c in connections], dtype=np.uint32),
+        "knowns": np.array([c.destination.value_reference for c in connections], dtype=np.uint32),
+        "asked": np.zeros(len(connections), dtype=np.uint32),
+        "exact": np.array(exact, dtype=np.int32),
+    }
+    kept.append(arrays)
+    for name, array in arrays.items():
+        setattr(link, name, array.ctypes.data)
+
+
+def _claims(instance: Instance) -> bool:
+    """Whether a component offers directional derivatives."""
+    return instance.capabilities.directional_derivatives
 
 
 def _access(

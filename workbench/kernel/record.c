@@ -77,12 +77,38 @@ static bool read_second(Record *record, System *system, double time, double *val
     return true;
 }
 
+/* Make room for a row and for what is read behind it. */
+static bool has_room(Record *record) {
+    return record->rows + 1 < record->capacity || grow(record);
+}
+
+static void put(Record *record, const double *row, bool kept) {
+    if (record->fourier) {
+        fourier_add(record->fourier, row);
+    }
+    record->rows += kept;
+}
+
+bool record_put(Record *record, const double *values, RowKind kind) {
+    const bool kept = record->keep && is_kept(record, kind);
+    if (!kept && !record->fourier) {
+        return true;
+    }
+    if (!has_room(record)) {
+        return false;
+    }
+    double *row = record->data + record->rows * record->width;
+    memcpy(row, values, record->width * sizeof *row);
+    put(record, row, kept);
+    return true;
+}
+
 bool record_add(Record *record, System *system, double time, const double *inputs, RowKind kind) {
     const bool kept = record->keep && is_kept(record, kind);
     if (!kept && !record->fourier && !isfinite(record->bound)) {
         return true;
     }
-    if (record->rows + 1 >= record->capacity && !grow(record)) {
+    if (!has_room(record)) {
         return fail_at(&system->failure, FAILED_MEMORY, time);
     }
     const size_t n = system->forcing->n;
@@ -96,10 +122,7 @@ bool record_add(Record *record, System *system, double time, const double *input
                              : read_values(record, system, time, values))) {
         return false;
     }
-    if (record->fourier) {
-        fourier_add(record->fourier, row);
-    }
-    record->rows += kept;
+    put(record, row, kept);
     return true;
 }
 

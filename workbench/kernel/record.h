@@ -32,6 +32,8 @@ void record_begin(Record *record, const System *system);
  * not read where the file declares no feed-through: an FMU would compute all its outputs anew for it. The declaration
  * is not believed at once: the first rows of each run are read and compared. */
 bool record_add(Record *record, System *system, double time, const double *inputs, RowKind kind);
+/* Take a row that was read elsewhere; false: no memory. */
+bool record_put(Record *record, const double *values, RowKind kind);
 void record_free(Record *record);
 
 #endif

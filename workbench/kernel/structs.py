@@ -17,6 +17,7 @@ __all__ = [
     "Access",
     "Block",
     "Component",
+    "Control",
     "Cs",
     "Failure",
     "Forcing",
@@ -24,6 +25,7 @@ __all__ = [
     "Groups",
     "Link",
     "Lti",
+    "Master",
     "Me",
     "Predictor",
     "Record",
@@ -32,6 +34,7 @@ __all__ = [
     "Sparsity",
     "System",
     "Type",
+    "Unit",
     "Wires",
 ]
 
@@ -53,6 +56,9 @@ FUNCTIONS = (
     "do_step",
     "set_slopes",
     "get_directional",
+    "get_fmu_state",
+    "set_fmu_state",
+    "free_fmu_state",
     "set_clock",
     "get_interval",
     "get_clock",
@@ -209,6 +215,12 @@ class Link(ctypes.Structure):
         ("work", c_void_p),
         ("jacobian", c_void_p),
         ("known", c_void_p),
+        ("from", c_void_p),
+        ("to", c_void_p),
+        ("unknowns", c_void_p),
+        ("knowns", c_void_p),
+        ("asked", c_void_p),
+        ("exact", c_void_p),
     )
 
 
@@ -464,6 +476,7 @@ class Cs(ctypes.Structure):
 
     _fields_ = (
         ("system", c_void_p),
+        ("master", c_void_p),
         ("time", c_double),
         ("previous", c_double),
         ("fixed", c_double),
@@ -478,6 +491,91 @@ class Cs(ctypes.Structure):
         ("targets", c_void_p),
         ("n_targets", c_size_t),
         ("record", c_void_p),
+    )
+
+
+class Unit(ctypes.Structure):
+    """master.h."""
+
+    _fields_ = (
+        ("component", c_int32),
+        ("held", c_int32),
+        ("as_start", c_int32),
+        ("stale", c_int32),
+        ("sources", c_void_p),
+        ("types", c_void_p),
+        ("moving", c_void_p),
+        ("starts", c_void_p),
+        ("ends", c_void_p),
+        ("bows", c_void_p),
+        ("values", c_void_p),
+        ("rates", c_void_p),
+        ("orders", c_void_p),
+        ("n", c_size_t),
+        ("inlet", Access),
+        ("fast", Access),
+        ("outgoing", c_void_p),
+        ("raw", c_void_p),
+        ("n_outgoing", c_size_t),
+        ("outlet", Access),
+        ("first", c_void_p),
+        ("n_first", c_size_t),
+        ("period", c_double),
+        ("members", c_void_p),
+        ("n_members", c_size_t),
+        ("me", c_void_p),
+        ("signals", c_void_p),
+        ("times", c_void_p),
+        ("tables", c_void_p),
+    )
+
+
+class Master(ctypes.Structure):
+    """master.h."""
+
+    _fields_ = (
+        ("units", c_void_p),
+        ("n_units", c_size_t),
+        ("order", c_void_p),
+        ("stages", c_void_p),
+        ("n_stages", c_size_t),
+        ("from_held", c_void_p),
+        ("moves", c_void_p),
+        ("known", c_void_p),
+        ("start", c_void_p),
+        ("reached", c_void_p),
+        ("slopes", c_void_p),
+        ("spans", c_void_p),
+        ("ramps", c_void_p),
+        ("bows", c_void_p),
+        ("ramped", c_void_p),
+        ("since", c_double),
+        ("nobody", c_void_p),
+        ("control", c_void_p),
+        ("hold_inputs", c_int32),
+        ("extrapolation", c_int32),
+        ("event_due", c_int32),
+    )
+
+
+class Control(ctypes.Structure):
+    """control.h."""
+
+    _fields_ = (
+        ("tolerance", c_double),
+        ("step", c_double),
+        ("least", c_double),
+        ("longest", c_double),
+        ("wires", c_void_p),
+        ("n_wires", c_size_t),
+        ("outputs", Access),
+        ("n_outputs", c_size_t),
+        ("scale", c_void_p),
+        ("coarse", c_void_p),
+        ("fine", c_void_p),
+        ("saved", c_void_p),
+        ("states", c_void_p),
+        ("trial", Record),
     )
 
 
@@ -499,5 +597,5 @@ class Predictor(ctypes.Structure):
 
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
     Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
-    Wires, Lti, Slopes, Sparsity, Clocks, Tick, Intermediate, Predictor,
+    Wires, Lti, Slopes, Unit, Master, Control, Sparsity, Clocks, Tick, Intermediate, Predictor,
 )  # fmt: skip

@@ -18,7 +18,15 @@ typedef struct {
     double *work;     /* scratch, see `loop_doubles`; NULL: no loop */
     double *jacobian; /* [n][n] of a loop's residual, by rows */
     int32_t *known;   /* whether that can be used */
+    /* Of a loop whose sources and destinations are all scalar doubles; else NULL. Arrays [n]. */
+    const int32_t *from, *to;            /* components of the sources and the destinations */
+    const uint32_t *unknowns, *knowns;   /* value references of the sources and the destinations */
+    uint32_t *asked;                     /* scratch */
+    int32_t *exact; /* Exactness: whether the directional derivatives by a destination are to be believed */
 } Link;
+
+/* They are compared with differences once. */
+typedef enum { NOT_EXACT, PERHAPS_EXACT, EXACT } Exactness;
 
 /* destination = gain · source + offset, 0 before it closes. Arrays [n]. */
 typedef struct {

@@ -28,6 +28,8 @@ class Situation:
         recorded: the variables that are recorded.
         solver: its name.
         fixed: constant communication step [s]; NaN: none.
+        names: of the components that a master steps; empty: there is no master.
+        unit: what the master's unit of a number has noted, as an exception.
     """
 
     failure: Failure
@@ -35,6 +37,18 @@ class Situation:
     recorded: Sequence[Variable] = ()
     solver: str = ""
     fixed: float = float("nan")
+    names: Sequence[str] = ()
+    unit: Callable[[int], Exception] | None = None
+
+    @property
+    def of_whole(self) -> bool:
+        """Whether a system of several failed as such."""
+        return self.failure.component < 0
+
+    @property
+    def subject(self) -> str:
+        """How messages call the FMU that failed."""
+        return self.names[self.failure.component] if self.names and not self.of_whole else "the FMU"
 
     @property
     def function(self) -> str:
@@ -44,7 +58,7 @@ class Situation:
     @property
     def instance(self) -> Instance:
         """The FMU that failed, told when."""
-        instance = self.whole.parts[self.failure.component]
+        instance = self.whole if self.of_whole else self.whole.parts[self.failure.component]
         instance.time = self.failure.time
         return instance
 
@@ -58,7 +72,7 @@ def _status(now: Situation) -> Exception:
     discarded = now.failure.status == DISCARD and now.function == instance.CALLS.get("do_step")
     end = instance.ended_at() if discarded else None
     if end is not None:
-        return EndedError(f"the FMU ended its run{instance.log.tail()}", time=end)
+        return EndedError(f"{now.subject} ended its run{instance.log.tail()}", time=end)
     try:
         instance.fail(now.function, now.failure.status)
     except SimulationError as error:
@@ -74,11 +88,11 @@ def _missing(now: Situation) -> Exception:
 
 
 def _ended(now: Situation) -> Exception:
-    return EndedError(f"the FMU ended its run{now.instance.log.tail()}", time=now.failure.time)
+    return EndedError(f"{now.subject} ended its run{now.instance.log.tail()}", time=now.failure.time)
 
 
 def _iteration(now: Situation) -> Exception:
-    name = now.whole.description.model_name
+    name = (now.instance if now.names else now.whole).description.model_name
     return now.error(f"{name}: event iteration does not settle after {MAX_EVENT_ITERATIONS} rounds")
 
 
@@ -123,7 +137,7 @@ def _through(now: Situation) -> Exception:
 
 
 def _early(now: Situation) -> Exception:
-    return now.error(f"the FMU returned early from doStep {MAX_EARLY_RETURNS} times in one step")
+    return now.error(f"{now.subject} returned early from doStep {MAX_EARLY_RETURNS} times in one step")
 
 
 def _event_mode(now: Situation) -> Exception:
@@ -163,6 +177,11 @@ def _event_time(now: Situation) -> Exception:
     return no_event_time(now.instance)
 
 
+def _unit(now: Situation) -> Exception:
+    number = int(now.failure.index)
+    return now.error(f"unit {number} failed") if now.unit is None else now.unit(number)
+
+
 def _interval(now: Situation) -> Exception:
     return no_interval(now.whole.description.model_name, now.failure.time)
 
@@ -170,7 +189,7 @@ def _interval(now: Situation) -> Exception:
 # By FailureCode in failure.h, from 1 on; behind the last comes PAUSED.
 FAILURES: tuple[Callable[[Situation], Exception], ...] = (
     _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _chatter, _through,
-    _early, _event_mode, _grid, _memory, _read_only, _loop, _wire, _event_time, _interval,
+    _early, _event_mode, _grid, _memory, _read_only, _loop, _wire, _event_time, _unit, _interval,
 )  # fmt: skip
 PAUSED = len(FAILURES) + 1
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,12 +44,22 @@ class InnerLoop:
     Args:
         instance: the FMU.
         solver: name of the solver, for messages.
+        names: see `Situation`.
+        unit: see `Situation`.
     """
 
-    def __init__(self, instance: Instance, solver: str) -> None:
+    def __init__(
+        self,
+        instance: Instance,
+        solver: str,
+        *,
+        names: Sequence[str] = (),
+        unit: Callable[[int], Exception] | None = None,
+    ) -> None:
         self.instance = instance
         self.system = NativeSystem(instance.parts, instance.wiring)
         self._solver = solver
+        self._names, self._unit = tuple(names), unit
         self._records: dict[tuple[str, ...], NativeRecord] = {}
         self._sums: dict[tuple[int, int], NativeFourier] = {}
         self._native: NativeForcing | None = None
@@ -67,6 +77,11 @@ class InnerLoop:
         self._forcing = forcing
         native.written[: native.n] = forcing.written
         return native
+
+    def reapply(self) -> None:
+        """Put the session's own forcing in force again, after somebody else's."""
+        if self._native is not None:
+            self._native.apply()
 
     def record(self, variables: Sequence[Variable], how: Recording, sums: NativeFourier | None) -> NativeRecord:
         """Return what records `variables`; with sums that see every row none is kept."""
@@ -116,8 +131,12 @@ class InnerLoop:
         """Raise what went wrong in the last call, if anything did."""
         self.system.trouble.check()
         if not done:
-            failure = self.system.structure.failure
-            raise exception_of(Situation(failure, self.instance, recorded, self._solver, fixed))
+            raise self.failed(recorded, fixed=fixed)
+
+    def failed(self, recorded: Sequence[Variable] = (), *, fixed: float = math.nan) -> Exception:
+        """Return what the kernel has noted, as an exception."""
+        failure = self.system.structure.failure
+        return exception_of(Situation(failure, self.instance, recorded, self._solver, fixed, self._names, self._unit))
 
     @staticmethod
     def rows(record: NativeRecord, forcing: Forcing) -> Recorded:

@@ -66,6 +66,8 @@ def connect(
     bias: Mapping[str, float] | None = None,
     order: str = "auto",
     hold_inputs: bool = False,
+    extrapolation: int = 1,
+    step_tolerance: float | None = None,
 ) -> DescribedModel:
     """Connect models; the system is a model again.
 
@@ -92,6 +94,10 @@ def connect(
         order: order of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
             side), or "auto".
         hold_inputs: in such systems, hold inputs between communication points, as simple masters do.
+        extrapolation: in such systems, order of the polynomial by which a value goes on over a step whose source is
+            stepped later: 0 (it stands still), 1 or 2. Order 2 is for smooth signals.
+        step_tolerance: in such systems, tolerance of one communication step, relative to the largest magnitude that
+            each connected value and output has had; None: 100 times `tolerance`. Not together with `step`.
 
     Returns:
         The model; close it, or use it in a `with` block.
@@ -137,11 +143,18 @@ def connect(
         bias=bias or {},
         hold_inputs=hold_inputs,
     )
-    return open_description(embed(description, parts), asked, order=order)
+    return open_description(
+        embed(description, parts), asked, order=order, extrapolation=extrapolation, step_tolerance=step_tolerance
+    )
 
 
 def open_description(
-    description: SystemDescription, asked: Loading | None = None, *, order: str = "auto"
+    description: SystemDescription,
+    asked: Loading | None = None,
+    *,
+    order: str = "auto",
+    extrapolation: int = 1,
+    step_tolerance: float | None = None,
 ) -> DescribedModel:
     """Open a system as it is written down.
 
@@ -150,12 +163,21 @@ def open_description(
         asked: how; None: all at its default.
         order: order of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
             side), or "auto".
+        extrapolation: see `connect`.
+        step_tolerance: see `connect`.
 
     Raises:
         InputError, FmuError: see `connect`.
     """
     source = description.source or description.name
-    return SystemRecipe(source=source, system=description, order=order, **values_of(asked or Loading())).open()
+    return SystemRecipe(
+        source=source,
+        system=description,
+        order=order,
+        extrapolation=extrapolation,
+        step_tolerance=step_tolerance,
+        **values_of(asked or Loading()),
+    ).open()
 
 
 # -- components -------------------------------------------------------------------------------

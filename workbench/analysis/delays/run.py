@@ -14,9 +14,9 @@ from workbench.model import Model
 from workbench.model.placing import standing, start_at
 from workbench.signals import Signal, signals_of
 from workbench.system.master.crossover import crossover
-from workbench.system.master.instance import MasterInstance
 from workbench.system.master.model import MasterModel
 from workbench.system.master.richardson import Halving, halving
+from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, moves
 
 __all__ = ["run"]
@@ -24,6 +24,7 @@ __all__ = ["run"]
 _STEPS = 500  # where nothing says how long to run
 _MOST_POINTS = 500
 _MOST_LOOPS = 20
+_EXTRAPOLATED = {1: "extrapolated from the step before", 2: "extrapolated from the two steps before"}
 _DIVISORS = (1.0, 2.0, 4.0)  # of the step: the error is told from how the answers differ
 
 
@@ -90,8 +91,8 @@ def _outputs(
             record = session.advance(session.time + stop, signals=inputs, record=names, points=at)
             first = np.searchsorted(record.time, at, side="left")
             found.append({n: record.values[n][first] for n in names})
-            if isinstance(session.instance, MasterInstance):
-                takes = {k: session.instance.takes(k) for k in range(len(model.decided.units.units))}
+            if isinstance(session, MasterSession):
+                takes = {k: session.takes(k) for k in range(len(model.decided.units.units))}
         job.done(f"step {1e3 * stop / count / divisor:.4g} ms", len(found), len(_DIVISORS))
     return tuple(halving(n, *(f[n] for f in found)) for n in names), takes
 
@@ -122,11 +123,11 @@ def _judged(
         return "read at the instants of its sampled destination", 0.0, 0.0
     if not moves(connection.source) or not connection.destination.is_continuous_input:
         return "passed on at communication points, events between them are seen then", 0.5 * step, step
-    if decided.hold_inputs:
-        if known:
-            return "held at the value that its source has reached at the end of the step", -0.5 * step, 0.0
+    if decided.hold_inputs and known:
+        return "held at the value that its source has reached at the end of the step", -0.5 * step, 0.0
+    if not known and (decided.hold_inputs or decided.extrapolation == 0):
         return "held at the value from the start of the step", 0.5 * step, step
-    came = "interpolated, its source is stepped first" if known else "extrapolated from the step before"
+    came = "interpolated, its source is stepped first" if known else _EXTRAPOLATED[decided.extrapolation]
     shape = "linear" if takes.get(b) == "slope" else "held at the value in the middle of the step"
     return f"{shape}, {came}", 0.0, 0.0 if known else step
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
+from workbench.kernel.structs import Me
 from workbench.session.base import Floats, Recorded, Snapshot
 from workbench.session.compiled import CompiledMeSession
 from workbench.session.me import MeSession
@@ -54,6 +55,11 @@ class GroupSession(MeSession):
 
 class CompiledGroupSession(GroupSession, CompiledMeSession):
     """`GroupSession` with its loop and its solver in compiled code."""
+
+    @property
+    def native(self) -> Me:
+        """The kernel's session, which the kernel's master steps."""
+        return self._native
 
     def due(self) -> float:
         return float(self._native.next_time)

@@ -1,17 +1,14 @@
-"""Advancing a group of model exchange components: one ordinary differential equation between communication points."""
+"""A group of model exchange components: one ordinary differential equation between communication points."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from workbench.errors import SimulationError
-from workbench.fmi.access import Access
 from workbench.session.base import Snapshot
 from workbench.session.fmu import Setup
-from workbench.signals import Constant, Signal, Table
-from workbench.system.master.course import Course, Reached
 from workbench.system.master.group_instance import GroupInstance
 from workbench.system.master.group_session import CompiledGroupSession, GroupSession
 
@@ -21,32 +18,32 @@ SESSION: type[GroupSession] = CompiledGroupSession
 
 
 class GroupUnit:
-    """One group; its inputs are linear over a step.
+    """One group; the kernel steps it, with the solver of its session.
 
     Args:
         name: of the group.
         instance: its components; the session begins with the first event iteration.
-        names: component → its name.
-        sources: full names of the variables that others read.
+        members: its components' numbers in the system.
         solver, rtol: of the session.
+
+    Attributes:
+        members: see above.
     """
 
     def __init__(
         self,
         name: str,
         instance: GroupInstance,
-        names: Mapping[int, str],
-        sources: Sequence[str],
+        members: Sequence[int],
         *,
         solver: str,
         rtol: float,
     ) -> None:
         self.name = name
         self.instance = instance
-        self._names = names
+        self.members = tuple(members)
         variables = {v.name: v for v in instance.description.variables}
         self._inlet = instance.access([v for v in variables.values() if v.causality == "input"])
-        self._outlet = instance.access([variables[name] for name in sources])
         self._setup = Setup(
             open_instance=lambda: instance,
             variables=variables,
@@ -55,7 +52,6 @@ class GroupUnit:
             state_works=lambda: True,
         )
         self._session: GroupSession | None = None
-        self._accesses: dict[tuple[str, ...], Access] = {}
 
     @property
     def session(self) -> GroupSession:
@@ -65,13 +61,16 @@ class GroupUnit:
         return self._session
 
     @property
-    def takes(self) -> str:
-        """How it takes its inputs over a step."""
-        return "slope"
+    def compiled(self) -> CompiledGroupSession:
+        """The session that the kernel steps."""
+        session = self.session
+        if not isinstance(session, CompiledGroupSession):
+            raise SimulationError(f"{self.name} is not advanced by compiled code")
+        return session
 
-    def read(self) -> list[float]:
-        """Return the present values of the sources."""
-        return [float(v) for v in self._outlet.read()] if self._outlet.variables else []
+    def failed(self) -> Exception:
+        """Return what the kernel has noted for the group, as an exception that names it."""
+        return _of(self.name, self.compiled.loop.failed())
 
     def due(self) -> float:
         """Return the time of the next time event [s]."""
@@ -90,34 +89,12 @@ class GroupUnit:
     def _standing(self) -> list[float]:
         return self._inlet.read() if self._inlet.variables else []
 
-    def step(self, start: float, end: float, courses: Sequence[Course], *, may_stop: bool) -> Reached:
-        """Advance from `start` to `end` [s] with inputs that follow `courses`; events inside are made there."""
-        if self._is_static and self.session.due() > end:
-            self._follow(end, courses)
-            return Reached(end)
-        signals = {f"{self._names[c.component]}.{c.variable.name}": _signal(c, start, end) for c in courses}
-        try:
-            self.session.advance(end, signals=signals)
-        except SimulationError as error:
-            raise _of(self.name, error) from error
+    def stands(self, time: float) -> None:
+        """Note that the kernel has advanced the components to `time` [s]."""
+        session = self.compiled
+        session.loop.reapply()
+        session.time = self.instance.time = time
         self.instance.touch()
-        return Reached(end, event=self.session.due() <= end)
-
-    @property
-    def _is_static(self) -> bool:
-        """Whether there is nothing to integrate and nothing that could happen on the way."""
-        return self.instance.nx == 0 and self.instance.nz == 0
-
-    def _follow(self, end: float, courses: Sequence[Course]) -> None:
-        """Take static components to the end of the step."""
-        names = tuple(f"{self._names[c.component]}.{c.variable.name}" for c in courses)
-        if names not in self._accesses:
-            known = {v.name: v for v in self._inlet.variables}
-            self._accesses[names] = self.instance.access([known[n] for n in names])
-        self.instance.set_time(end)
-        self.session.time = end
-        if courses:
-            self._accesses[names].write([c.end for c in courses])
 
     def snapshot(self) -> Snapshot:
         """Save what the components' own states do not hold."""
@@ -134,13 +111,10 @@ class GroupUnit:
             session.close()
 
 
-def _signal(course: Course, start: float, end: float) -> Signal:
-    if course.start == course.end:
-        return Constant(course.start)
-    return Table((start, end), (course.start, course.end))
-
-
-def _of(name: str, error: SimulationError) -> SimulationError:
+def _of(name: str, error: Exception) -> Exception:
+    """Return an error with the group's name in its message."""
+    if not isinstance(error, SimulationError):
+        return error
     found = type(error)(str(error) if name in str(error) else f"{name}: {error}")
     found.time = error.time
     return found

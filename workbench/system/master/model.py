@@ -35,6 +35,15 @@ if TYPE_CHECKING:
 
 __all__ = ["MasterModel"]
 
+# What a model is made of; tests put the oracle's in place.
+INSTANCE: type[MasterInstance] = MasterInstance
+SESSION: Callable[..., FmuSession] = MasterSession
+
+_EXTRAPOLATED = {  # order → in words, before "linear"
+    0: "held where their source is stepped later, else ",
+    1: "",
+    2: "extrapolated by order 2 where their source is stepped later, ",
+}
 _LOOSER = 100.0  # tolerance of one communication step in terms of the integration's
 
 
@@ -64,7 +73,8 @@ class MasterModel(DescribedModel):
         self._decided: MasterPlan | None = None
         self._probing = False
         setup = _setup(opened, recipe, described)
-        master = _master_note(self.order, self._units, hold_inputs=recipe.hold_inputs)
+        _check(recipe)
+        master = _master_note(self.order, self._units, recipe)
         super().__init__(
             described,
             source=recipe.source,
@@ -93,6 +103,7 @@ class MasterModel(DescribedModel):
                 held=held,
                 ticks={k: found.ticks for k, found in sampled.items()},
                 hold_inputs=self.recipe.hold_inputs,
+                extrapolation=self.recipe.extrapolation,
                 solver=self._solvers,
                 rtol=self._setup.rtol,
             )
@@ -106,11 +117,16 @@ class MasterModel(DescribedModel):
                 made.append(part.instance())
                 undo.callback(made[-1].close)
             undo.pop_all()
-        return MasterInstance(made, decided, self.description, self._ports, source=self.source)
+        return INSTANCE(made, decided, self.description, self._ports, source=self.source)
 
     def _open(self, setup: Setup) -> FmuSession:
-        controlled = setup.step is None and not self._probing and not self.why_fixed_step()
-        return MasterSession(setup, tolerance=_LOOSER * setup.rtol if controlled else None)
+        wanted = self.recipe.step_tolerance
+        if self._probing or setup.step is not None:
+            return SESSION(setup)
+        why = self.why_fixed_step()
+        if why and wanted is not None:
+            raise InputError(f"{self.source}: step_tolerance: the step cannot be controlled: {why}; give step instead")
+        return SESSION(setup, tolerance=None if why else wanted or _LOOSER * setup.rtol)
 
     def why_fixed_step(self) -> str:
         """Return why the communication step is not controlled; empty if it is, as long as no `step` is given."""
@@ -230,11 +246,24 @@ def _own_notes(opened: Opened) -> list[str]:
     return notes + [f"{part.name}: {note}" for part in opened.parts for note in part.notes]
 
 
-def _master_note(order: str, units: Units, *, hold_inputs: bool) -> str:
+def _check(recipe: SystemRecipe) -> None:
+    """Refuse options that do not go together."""
+    if recipe.extrapolation not in _EXTRAPOLATED:
+        known = ", ".join(map(str, _EXTRAPOLATED))
+        raise InputError(f"{recipe.source}: extrapolation {recipe.extrapolation} is unknown; known: {known}")
+    if recipe.extrapolation != 1 and recipe.hold_inputs:
+        raise InputError(f"{recipe.source}: hold_inputs holds all inputs; extrapolation is for inputs that go on")
+    if recipe.step_tolerance is not None and recipe.step is not None:
+        raise InputError(f"{recipe.source}: step fixes the communication step, step_tolerance controls it; give one")
+    if recipe.step_tolerance is not None and not 0.0 < recipe.step_tolerance < 1.0:
+        raise InputError(f"{recipe.source}: step_tolerance is {recipe.step_tolerance:g}, not between 0 and 1")
+
+
+def _master_note(order: str, units: Units, recipe: SystemRecipe) -> str:
     held = (
         "held between communication points, which is a delay"
-        if hold_inputs
-        else "linear, or at their middle value, between communication points"
+        if recipe.hold_inputs
+        else f"{_EXTRAPOLATED[recipe.extrapolation]}linear, or at their middle value, between communication points"
     )
     groups = [u.name for u in units.units if u.group is not None and len(u.members) > 1]
     one = f"; one equation with one solver: {', '.join(groups)}" if groups else ""

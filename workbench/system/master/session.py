@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+import ctypes
+
+import numpy as np
 
 from workbench.errors import InputError
-from workbench.fmi.variable import Variable
-from workbench.session.base import Floats, Recorded
-from workbench.session.cs import CsSession
+from workbench.kernel.structs import Cs
+from workbench.session.compiled import CompiledCsSession
 from workbench.session.fmu import Setup
-from workbench.session.pauses import pause
-from workbench.session.rows import Rows
-from workbench.system.master.control import StepControl
+from workbench.session.loop import InnerLoop
 from workbench.system.master.instance import MasterInstance
+from workbench.system.master.native import NativeMaster
 
-__all__ = ["MasterSession", "UndoableRows"]
+__all__ = ["MasterSession"]
 
-_SAME = 1e-9  # of the communication step: instants closer than this are one
 _SHORTEST = 1e-4  # of the first step: shorter ones are taken as they are
 
 
-class MasterSession(CsSession):
-    """Steps the whole system from one communication point to the next.
+class MasterSession(CompiledCsSession):
+    """Steps the whole system from one communication point to the next, in compiled code.
 
     Communication points are those of `CsSession`, and the instants at which something is known to happen in a
     component: samples, time events, connections that close; components with a constant step know only their grid.
@@ -34,7 +32,6 @@ class MasterSession(CsSession):
 
     def __init__(self, setup: Setup, *, tolerance: float | None = None) -> None:
         self._tolerance = tolerance
-        self._control: StepControl | None = None
         super().__init__(setup)
 
     @property
@@ -45,105 +42,48 @@ class MasterSession(CsSession):
             raise InputError("this session is not one of a system with co-simulation components")
         return instance
 
+    def takes(self, number: int) -> str:
+        """Return how a unit takes its inputs over a step: "start" or "middle" value, or "slope"."""
+        return self._bridge.takes(number)
+
     def _started(self, due: float) -> None:
         super()._started(due)
-        self._control = None
-        if self._tolerance is not None:
-            self.master.watch()
+        self._bridge = NativeMaster(self.master, self.loop.system, tolerance=self._tolerance)
+        self._native.master = self._bridge.address
 
-    def _advance(self, until: float, targets: Floats, variables: Sequence[Variable], *, new: bool) -> Recorded:
-        rows = UndoableRows(self.instance, variables, self.forcing)
-        with rows.kept():
-            self._run(until, targets.tolist(), rows, new=new)
-        return rows.record()
+    def _make_loop(self) -> InnerLoop:
+        super()._make_loop()
+        master = self.master
+        self._loop = InnerLoop(
+            master, self.setup.solver, names=master.decided.names, unit=lambda number: master.groups[number].failed()
+        )
+        return self._loop
 
-    def _longest(self, until: float) -> float:
-        longest = super()._longest(until)
-        if self._tolerance is not None:
-            if self._control is None:
-                self._control = StepControl(self._tolerance, longest, self.master.least())
-            self.communication_step = 0.0  # it is found on the way
-        return longest
+    def _ready(self, until: float) -> Cs:
+        native = super()._ready(until)
+        self._bridge.ready(ctypes.addressof(native), self.forcing, event_due=self._event_due)
+        control = self._bridge.control
+        if control is not None and until > self.time:
+            if np.isnan(control.step):
+                control.step = native.longest
+            control.least, control.longest = _SHORTEST * native.longest, 0.0
+        return native
 
-    def _to_target(self, target: float, until: float, longest: float, rows: Rows) -> None:
-        while self.time < target:
-            stop = self._next_stop(target, longest)
-            if self._control is None or not isinstance(rows, UndoableRows):
-                super()._to_target(stop, until, longest, rows)
-            else:
-                self._controlled(stop, until, longest, rows)
-
-    def _next_stop(self, target: float, longest: float) -> float:
-        if not self.instance.capabilities.variable_step:
-            return target
-        stop = self.master.next_stop(self.time + _SAME * longest)
-        return target if stop >= target - _SAME * longest else stop
-
-    # -- controlled steps ---------------------------------------------------------------------
-
-    def _controlled(self, stop: float, until: float, first: float, rows: UndoableRows) -> None:
-        while self._control is not None and self.time < stop:
-            step = min(self._control.step, self.forcing.longest_step)
-            pieces = max(1, math.ceil((stop - self.time) / step - _SAME))
-            end = stop if pieces == 1 else self.time + (stop - self.time) / pieces
-            self._twice(self._control, end, until, rows, least=_SHORTEST * first)
-            pause(self.time)
-
-    def _twice(self, control: StepControl, end: float, until: float, rows: UndoableRows, *, least: float) -> None:
-        """Make a step in one, then in two halves, which stay if both agree."""
-        begin, span, count = self.time, end - self.time, rows.count
-        saved = self.instance.get_state(), self.forcing.written, self._memory()
-        try:
-            self._give_slopes(end)
-            self._step_to(end)
-            coarse = self.master.reached
-            self._back(begin, saved)
-            self._communicate(begin + 0.5 * span, rows, last=False)
-            self._communicate(end, rows, last=end == until)
-            good, self._control = control.judged(span, coarse, self.master.reached)
-            if good or span <= least:
-                self.communication_step = max(self.communication_step or 0.0, 0.5 * span)
-                return
-            rows.cut(count)
-            self._back(begin, saved, keep=True)
-        finally:
-            self.instance.free_state(saved[0])
-
-    def _back(self, time: float, saved: tuple[object, list[float], object], *, keep: bool = False) -> None:
-        """Go back to where the step began; `keep`: the control remembers that it was too long."""
-        control = self._control
-        state, written, memory = saved
-        self.instance.set_state(state)
-        self.time = self.instance.time = time
-        self.forcing.written = list(written)
-        self._resume(memory)
-        if keep:
-            self._control = control
+    def _take_over(self) -> None:
+        super()._take_over()
+        self._event_due = bool(self._bridge.structure.event_due)
+        self._bridge.take_over(self.time)
+        control = self._bridge.control
+        if control is not None and control.longest > 0.0:
+            self.communication_step = control.longest
 
     # -- snapshots ----------------------------------------------------------------------------
 
     def _memory(self) -> object:  # type: ignore[override]  # more than that of its base
-        return super()._memory(), self._control
+        return super()._memory(), self._bridge.memory()
 
     def _resume(self, memory: object) -> None:
         if not isinstance(memory, tuple) or len(memory) != 2:
             raise InputError("this snapshot belongs to another kind of session")
         super()._resume(memory[0])
-        self._control = memory[1]
-
-
-# -- rows that can be taken back: those of a step that is refused ----------------------------------
-
-
-class UndoableRows(Rows):
-    """`Rows` with a way back."""
-
-    @property
-    def count(self) -> int:
-        """Number of rows so far."""
-        return len(self._times)
-
-    def cut(self, count: int) -> None:
-        """Forget all but the first `count` rows."""
-        for column in (self._times, self._values, self._inputs):
-            del column[count:]
+        self._bridge.resume(memory[1])

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from tests.oracle.master.course import Course, Reached
 from workbench.errors import EndedError, SimulationError
 from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.session.forcing import convert
-from workbench.system.master.course import Course, Reached
 
 __all__ = ["CsUnit"]
 
@@ -88,14 +88,14 @@ class CsUnit:
             access.write([c.start for c in moving])
             return
         if self._slopes_work:
-            access.write([c.at(part) for c in moving])
+            access.write([c.at(part) + c.bow for c in moving])
             self._slopes_work = self._part.try_input_slopes(access, [(c.end - c.start) / span for c in moving])
         if not self._slopes_work:
-            access.write([c.at(0.5 * (part + 1.0)) for c in moving])
+            access.write([c.at(0.5 * (part + 1.0)) + c.bow for c in moving])
 
     def _arrive(self, courses: Sequence[Course], part: float) -> None:
         """Give the inputs the values that they have at the end, for outputs that show them directly."""
-        moving = [c for c in courses if c.variable.is_continuous_input and c.end != c.start]
+        moving = [c for c in courses if c.variable.is_continuous_input and (c.end != c.start or c.bow)]
         if moving and not self._as_start:
             self._access(moving).write([c.at(part) for c in moving])
 

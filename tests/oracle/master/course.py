@@ -17,12 +17,14 @@ class Course:
         component: whose input it is.
         variable: of that component.
         start, end: right limit at the start and left limit at the end of the step.
+        bow: mean over the step less that of the straight line.
     """
 
     component: int
     variable: Variable
     start: float
     end: float
+    bow: float = 0.0
 
     def at(self, part: float) -> float:
         """Return the value after this part of the step."""
