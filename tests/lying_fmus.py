@@ -63,7 +63,7 @@ LIES = {
     "tiny-nominal": Lie("nominals", "watch", _ME, "x reaches .*, its nominal value is 1e-09"),
     "leak": Lie("memory", "watch", evidence="6[0-9].* kB per session"),
     "large-leak": Lie("memory", "broken", evidence="kB per session"),
-    "nameless": Lie("validation", "watch", ("file",), "'der.*' .* is not a structured name"),
+    "nameless": Lie("validation", "watch", ("file",), "'der.*' is not a structured name"),
 }
 
 # What is wrong in the description alone: the library is told to be honest.

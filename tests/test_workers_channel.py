@@ -84,6 +84,10 @@ def test_who_writes_without_end_does_not_keep_the_reader(pair: Pair, monkeypatch
         def recv(self, _: int) -> bytes:
             return b"x" * 1000
 
+        def close(self) -> None:
+            real.close()
+
+    real = pair.here._link
     monkeypatch.setattr(pair.here, "_link", Endless())
     assert list(pair.here.receive()) == []
     assert not pair.here.dry

@@ -40,7 +40,7 @@ from workbench.workers.pool import Pool
 model = wb.load("fmu:FirstOrderLag")
 pool = Pool(model.recipe, jobs=2, limits=Limits())
 for event in pool.run(obey, deque([("sleep", 0.0, 100.0), ("say", 1), ("endless_in_c",)])):
-    print(model.recipe.folder, *pool.pids, flush=True)
+    print(model.recipe.folder, *(w.pid for w in pool._workers), flush=True)
 """
 
 
@@ -108,7 +108,14 @@ def test_what_an_fmu_starts_ends_with_its_crash() -> None:
 
 @linux
 def test_a_stopped_worker_ends_with_its_parent_and_what_its_fmu_has_started() -> None:
-    process = start(["-c", STARTING.replace("TIME", "1000.0").replace("getattr(event", "*pool.pids, getattr(event")])
+    process = start(
+        [
+            "-c",
+            STARTING.replace("TIME", "1000.0").replace(
+                "getattr(event", "*(w.pid for w in pool._workers), getattr(event"
+            ),
+        ]
+    )
     assert process.stdout is not None
     pids = [int(word) for word in process.stdout.readline().split()]
     for pid in pids:
