@@ -124,7 +124,7 @@ MISTAKES: dict[str, tuple[dict[str, bytes | None], str, str]] = {
         "",
         r"it has no sources, .* ask its maker",
     ),
-    "no C": ({"prefixed__c": None}, "", r"there is no file of C in its sources"),
+    "no C": ({"prefixed__c": None}, "", r"its folder sources holds no C files"),
     "missing header": (
         {"gain__h": None},
         "",

@@ -170,7 +170,7 @@ def _tidy(output: Path) -> None:
 
 @dataclass(frozen=True, slots=True)
 class CFile:
-    """A file of C or C++ by somebody else.
+    """A C or C++ file by somebody else.
 
     Attributes:
         name: in the folder of the sources.

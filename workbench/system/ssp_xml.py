@@ -192,7 +192,10 @@ class Files:
         if element.get("sourceBase") != "component":
             return parse(self.package.file(source, where), expected)
         if self.component is None:
-            raise InputError(f"{where}: sourceBase='component', but a system is no file; put '{source}' beside the SSD")
+            raise InputError(
+                f"{where}: sourceBase='component' needs a component that is a file, and this is a system; "
+                f"put '{source}' beside the SSD"
+            )
         inside = self.package.file(self.component, where)
         if inside.is_dir():
             return parse(Package(inside, within=inside).file(source, where), expected)

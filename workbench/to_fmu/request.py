@@ -64,7 +64,7 @@ class Compile(Request[str | Path, "CompiledFmu"]):
     """Compile the sources that an FMU brings, for a machine that it has no binary for.
 
     FMI 1.0, 2.0 and 3.0; the compiler comes with the extra `build`, also for Windows and macOS. What is compiled is
-    what the FMU lists (buildDescription.xml, SourceFiles), else every file of C in its folder sources; the standard's
+    what the FMU lists (buildDescription.xml, SourceFiles), else every C file in its folder sources; the standard's
     headers are there. Function names get the prefix that FMI wants: the model identifier in FMI 1.0, none from 2.0 on.
     Not for sources that need a library, or headers of an operating system, that do not come with them.
 

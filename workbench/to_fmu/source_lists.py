@@ -59,7 +59,7 @@ def listed_libraries(
     """Return what the sources of an unpacked FMU make.
 
     FMI 3.0 lists files in sources/buildDescription.xml, FMI 2.0 in modelDescription.xml, FMI 1.0 nowhere. Where no
-    list is, every file of C in the folder is taken that no other one includes.
+    list is, every C file in the folder is taken that no other one includes.
 
     Args:
         folder: with modelDescription.xml and sources.
@@ -115,12 +115,12 @@ def _named(root: etree._Element | None, identifier: str) -> list[str]:
 
 
 def _all(sources: Path, source: str) -> list[str]:
-    """Return every file of C in the folder that no other one includes."""
+    """Return every C file in the folder that no other one includes."""
     files = sorted(p for p in sources.rglob("*") if p.suffix in _SUFFIXES and p.is_file())
     included = {(p.parent / text).resolve() for p in files for text in _INCLUDED.findall(p.read_text(errors="replace"))}
     names = [p.relative_to(sources).as_posix() for p in files if p.resolve() not in included]
     if not names:
-        raise BuildError(f"{source}: there is no file of C in its sources, so nothing can be compiled")
+        raise BuildError(f"{source}: its folder sources holds no C files, so nothing can be compiled")
     return names
 
 

@@ -173,5 +173,5 @@ def _table(path: str | Path) -> Response:
     order = np.argsort(frequency)
     value = gain * np.exp(1j * np.radians(phase))
     if np.any(np.diff(frequency[order]) <= 0.0):
-        raise InputError(f"{path}: a frequency stands twice; one amplitude at a time is fitted")
+        raise InputError(f"{path}: a frequency is given more than once; fit one amplitude at a time")
     return Response(frequency[order], value[order])

@@ -15,7 +15,7 @@ let leave = null;
 const PATIENCE = 300; // so long the page before is shown [ms]
 
 /** Address → page; a page is a function of the rest of the address that returns {element, title, leave?}. */
-const PAGES = { open: modelPage, work: workPage, compare: comparePage, keep: keepPage, system: diagramPage };
+const PAGES = { open: modelPage, run: workPage, compare: comparePage, keep: keepPage, system: diagramPage };
 
 async function show() {
   const [name, ...rest] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
@@ -85,7 +85,7 @@ function address(file) {
 
 function works() {
   const all = [...server.works.values()].filter((w) => !w.aside).reverse();
-  fill(working, all.length ? all.slice(0, 200).map((w) => h("li", {}, h("a", { href: `#/work/${w.number}`, "data-work": w.number },
+  fill(working, all.length ? all.slice(0, 200).map((w) => h("li", {}, h("a", { href: `#/run/${w.number}`, "data-work": w.number },
     `${w.number} ${w.command} `, h("span", { class: "dim" }, w.subject.join(", ")),
     h("br"), h("span", { class: { failed: "bad", stopped: "watch", done: "dim" }[w.state] ?? "good" }, far(w))))) : h("li", { class: "dim" }, "None yet."));
   mark();

@@ -68,7 +68,7 @@ async function healthOf(number, place) {
   fill(place,
     h("p", {}, Object.entries(counted).map(([verdict, lines], i) => [i ? ", " : "", h("strong", { class: tones[verdict] ?? "dim" }, `${lines.length} ${verdict}`)])),
     h("ul", {}, full.record.checks.filter((l) => ["broken", "poor", "watch"].includes(l.verdict)).map((l) => h("li", {}, h("strong", { class: tones[l.verdict] }, l.name), ` ${l.evidence ?? ""}`))),
-    h("p", {}, h("a", { href: `#/work/${number}` }, "The whole check")));
+    h("p", {}, h("a", { href: `#/run/${number}` }, "The whole check")));
 }
 
 /** Variables that can be searched; only those in sight are elements, so that thousands scroll smoothly. */
