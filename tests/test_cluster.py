@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -322,7 +323,7 @@ def test_a_place_where_no_cluster_can_begin_is_one_line() -> None:
 @posix_signals
 def test_a_cluster_that_does_not_end_by_itself_is_ended_soon_with_its_workers() -> None:
     """Ctrl-C ends a command within two seconds, also while its own cluster is busy or stopped."""
-    psutil = pytest.importorskip("psutil")
+    psutil = import_module("psutil")  # distributed brings it
     cluster = LocalCluster(1)
     main = psutil.Process(cluster.pid)
     those = [main, *main.children(recursive=True)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import scipy.io
 from scipy import signal
 
 import workbench as wb
+from tests.platforms import needs_module
 from workbench.analysis.experiment.experiment import read_pieces
 from workbench.cli.app import run
 from workbench.errors import InputError
@@ -125,8 +127,9 @@ def test_matlab_files_are_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", [".parquet", ".feather"])
 def test_arrow_files_are_read(suffix: str, tmp_path: Path) -> None:
-    arrow = pytest.importorskip("pyarrow")
-    module = pytest.importorskip("pyarrow.parquet" if suffix == ".parquet" else "pyarrow.feather")
+    needs_module("pyarrow", "data")
+    arrow = import_module("pyarrow")
+    module = import_module("pyarrow.parquet" if suffix == ".parquet" else "pyarrow.feather")
     data = part(0)
     table = arrow.table({"time [s]": data.time, "u [V]": data.u[:, 0], "y": data.y[:, 0], "word": ["x"] * len(data.y)})
     write = module.write_table if suffix == ".parquet" else module.write_feather
@@ -137,7 +140,8 @@ def test_arrow_files_are_read(suffix: str, tmp_path: Path) -> None:
 
 
 def test_mdf_files_are_read(tmp_path: Path) -> None:
-    asammdf = pytest.importorskip("asammdf")
+    needs_module("asammdf", "data")
+    asammdf = import_module("asammdf")
     data = part(0)
     with asammdf.MDF() as file:
         for name, values, unit in (("u", data.u[:, 0], "V"), ("y", data.y[:, 0], "deg")):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import pickle
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -95,11 +98,41 @@ def test_a_description_that_lies_about_its_dependencies_costs_no_accuracy(folder
     np.testing.assert_allclose(x, after_step(*rod(path=0.25), 0.7), atol=2e-7)
 
 
+@pytest.mark.skipif(
+    sys.platform != "linux" or not hasattr(ctypes.CDLL(None), "mallinfo2"),
+    reason="only the C library of GNU, from 2.33 on, tells how much of its heap is in use",
+)
 def test_many_sessions_with_a_band_leave_nothing_behind(folder: Path) -> None:
-    with wb.load(build_large(folder, "lying", N), solver="gear") as model:
+    def run_some() -> int:
         for _ in range(20):
             with model.open_session() as session:
                 session.advance(0.01, signals={"u": wb.Constant(1.0)})
+        return heap_in_use()
+
+    with wb.load(build_large(folder, "lying", N), solver="gear") as model:
+        run_some()
+        before = run_some()
+        grown = run_some() - before
+    assert grown < 20 * 8 * N  # one vector of the states a session
+
+
+class HeapFacts(ctypes.Structure):
+    """struct mallinfo2 of the C library of GNU."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_size_t)
+        for name in (
+            "arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost",
+        )
+    )  # fmt: skip
+
+
+def heap_in_use() -> int:
+    gc.collect()
+    ask = ctypes.CDLL(None).mallinfo2
+    ask.restype = HeapFacts
+    facts = ask()
+    return int(facts.uordblks + facts.hblkhd)
 
 
 @pytest.mark.parametrize(

@@ -104,6 +104,7 @@ def measure(page: Page, ui: Ui, model: str = "fmu:Rudder", band: str = "0.5:20",
 
 def test_the_token_leaves_the_address(page: Page, ui: Ui) -> None:
     api.expect(page).to_have_url(f"{ui.base}/")
+    assert "token" not in page.evaluate("location.href + document.referrer")
     page.reload()
     api.expect(page.locator("h1")).to_be_visible()
 
@@ -115,6 +116,7 @@ def test_a_card_says_what_a_model_is_and_whether_it_is_sound(page: Page, ui: Ui)
     page.fill("[aria-label='Search variables']", "supply")
     api.expect(page.locator(".window .line")).to_have_count(1)
     api.expect(page.locator(".window .line")).to_contain_text("pS")
+    assert page.locator(".window .line").inner_text().split()[:4] == ["pS", "input", "2.06e7", "Pa"]
 
 
 def test_an_operating_point_follows_its_inputs_and_is_kept(page: Page, ui: Ui) -> None:
@@ -147,6 +149,9 @@ def test_a_response_is_measured_and_its_points_are_asked(page: Page, ui: Ui) -> 
     api.expect(asked).to_contain_text("offset=0")
     page.click("text=Linear model")
     api.expect(page.locator(".legend").first).to_contain_text("lin: del by delC")
+    # The point is the one under the cursor.
+    assert page.locator(".readout").first.inner_text().startswith("1 deg: frequency 1.0368 Hz")
+    assert asked.inner_text().startswith("Point at 1.0368 Hz")
     picture(page, "measured")
     page.click("text=Report")
     api.expect(page.frame_locator("iframe").locator("h1")).to_be_visible()
@@ -173,6 +178,7 @@ def test_what_is_wrong_stands_at_its_field(page: Page, ui: Ui) -> None:
     api.expect(page.locator("#field-amplitudes-wrong")).to_be_visible()
     api.expect(page.locator("#field-band-wrong")).to_contain_text("LO:HI")
     api.expect(page.locator("#field-band")).to_have_attribute("aria-invalid", "true")
+    assert page.locator("[aria-invalid='true']").count() == 2  # no other field is blamed
 
 
 def test_a_crash_is_a_message(page: Page, ui: Ui) -> None:
@@ -181,6 +187,7 @@ def test_a_crash_is_a_message(page: Page, ui: Ui) -> None:
     page.fill("#field-stop", "1")
     page.click("text=Run simulate")
     api.expect(page.locator("[aria-label='Result'] p.bad").first).to_contain_text("segmentation fault")
+    assert ui.process.poll() is None  # the server lives on
 
 
 def test_a_loop_is_closed_and_its_gain_dragged(page: Page, ui: Ui) -> None:
@@ -221,6 +228,10 @@ def test_curves_are_pinned_and_compared(page: Page, ui: Ui) -> None:
     api.expect(page.locator(".legend li").first).to_contain_text("fmu:Rudder, nfr")
     api.expect(page.locator("main")).to_contain_text("dB at")
     api.expect(page.locator("main canvas")).to_have_count(4)
+    # The same frequencies at both amplitudes, and the difference that their responses have.
+    rows = [row.split("\t") for row in page.locator("main tbody tr").all_inner_texts()]
+    least = min(rows, key=lambda row: float(row[1]))
+    assert f"at most {float(least[1]):.3g} dB at {float(least[0]):.3g} Hz" in page.locator("main").inner_text()
     picture(page, "compare")
 
 
@@ -234,6 +245,7 @@ def test_a_store_appears_at_once(page: Page, ui: Ui) -> None:
     page.click("a[data-name='runs']")
     api.expect(page.locator("h1")).to_have_text("Store runs")
     api.expect(page.locator(".legend li")).to_have_count(2)
+    assert [text[-11:] for text in page.locator(".legend li").all_inner_texts()] == ["amplitude 1", "amplitude 4"]
     picture(page, "store")
 
 
