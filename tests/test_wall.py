@@ -136,8 +136,9 @@ def test_a_copy_of_the_process_answers_nothing(call: str, tmp_path: Path) -> Non
         assert _motion() == before
 
 
-def test_a_warm_worker_is_kept(tmp_path: Path) -> None:
+def test_a_warm_worker_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing that the workbench itself does in a worker looks as if an FMU had changed it."""
+    monkeypatch.delenv("KMP_DUPLICATE_LIB_OK", raising=False)  # as where this process has not loaded threadpoolctl
     _motion()
     used = _workers()[-1]
     with wb.load("fmu:Rudder") as rudder, wb.load(build_misbehaving(tmp_path, "nothing", "nowhere"), "me") as model:

@@ -266,6 +266,7 @@ def _model(packed: bytes) -> Model | None:
 
 def _behave() -> None:
     """Leave the signals that ask to end to the parent; no core dumps or dialogs."""
+    os.environ.setdefault("KMP_DUPLICATE_LIB_OK", "True")  # as threadpoolctl does later: no FMU has changed it
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
