@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import io
 import json
+import math
 import re
 import subprocess
 import sys
@@ -245,7 +246,9 @@ def _run(subject: Subject, command: str, theirs: oracle.Run) -> tuple[str, str, 
     asked = COMMANDS[command](subject)
     if isinstance(asked, str):
         return "n/a", asked, ""
-    limits = ["--timeout", repr(subject.limits.seconds), "--memory-limit", repr(subject.limits.megabytes)]
+    limits = ["--timeout", repr(subject.limits.seconds)]
+    if math.isfinite(subject.limits.megabytes):
+        limits += ["--memory-limit", repr(subject.limits.megabytes)]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.json"
         done = _workbench(

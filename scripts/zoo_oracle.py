@@ -1,18 +1,21 @@
 """FMPy's word on an FMU, for `scripts/zoo.py`: its description and its runs, in a child process under limits.
 
-Run as a script it is the child, which prints a line of JSON for the description and for each run. FMUs crash, hang and
-print; none of it reaches the caller, and what was told before is not lost.
+The child tells the description and each run as they are done. FMUs crash, hang and print; none of it reaches the
+caller, and what was told before is not lost.
 """
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
+import math
+import multiprocessing
+import os
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from itertools import product
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +30,6 @@ MOST_STEPS = 2000
 TOLERANCE = 1e-6
 MOVED = 0.1  # of an input's start value, or of 1
 _STEPS = 500  # where the FMU names no step
-_MARK = "===== "
 _INTERFACES = {"me": ("modelExchange", "ModelExchange"), "cs": ("coSimulation", "CoSimulation")}
 _FLOATS = ("Real", "Float64", "Float32")
 _MB = 1 << 20
@@ -39,11 +41,11 @@ class Limits:
 
     Attributes:
         seconds: of time, for each run.
-        megabytes: of address space, beyond what it has with FMPy loaded (Linux).
+        megabytes: of address space, beyond what it has with FMPy loaded (Linux); inf for any.
     """
 
     seconds: float
-    megabytes: float
+    megabytes: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -124,40 +126,56 @@ def _run(told: Mapping[str, Any]) -> Run:
 
 def _ask(file: Path, what: str, limits: Limits) -> tuple[list[dict[str, Any]], str]:
     """Return what a child tells about an FMU, and why it tells no more."""
-    words = [sys.executable, __file__, what, str(file), repr(limits.megabytes)]
-    why = ""
-    try:
-        done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, timeout=limits.seconds, check=False)
-        said, why = done.stdout, f"its process ended with exit code {done.returncode}"
-    except subprocess.TimeoutExpired as error:
-        said, why = error.stdout or b"", f"it has not answered after {limits.seconds:g} s"
-    lines = [line for line in said.decode(errors="replace").splitlines() if line.startswith(_MARK)]
-    return [json.loads(line.removeprefix(_MARK)) for line in lines], why
+    context = _children()
+    ours, theirs = context.Pipe(duplex=False)
+    child = context.Process(target=_be_child, args=(what, str(file), limits.megabytes, theirs), daemon=True)
+    child.start()
+    theirs.close()
+    said: list[dict[str, Any]] = []
+    end = time.monotonic() + limits.seconds
+    with ours, suppress(EOFError, OSError):
+        while ours.poll(max(0.0, end - time.monotonic())):
+            said.append(ours.recv())
+    child.join(max(0.0, end - time.monotonic()))
+    if child.exitcode is None:
+        child.kill()
+        child.join()
+        return said, f"it has not answered after {limits.seconds:g} s"
+    return said, f"its process ended with exit code {child.exitcode}"
+
+
+@cache
+def _children() -> Any:
+    """Return what starts children; they are forked, where the system can, from a process that has loaded FMPy."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["fmpy.simulation", "scripts.zoo_oracle"])
+    return context
 
 
 # -- the child ------------------------------------------------------------------------------------
 
 
-def _be_child(what: str, file: str, megabytes: float) -> None:
-    import fmpy  # noqa: F401, PLC0415  loaded before the limit is set
+def _be_child(what: str, file: str, megabytes: float, tell: Connection) -> None:
+    import fmpy.simulation  # noqa: F401, PLC0415  loaded before the limit is set
 
+    with open(os.devnull, "r+b", buffering=0) as nothing:  # noqa: PTH123 - a device; what an FMU prints is not read
+        for descriptor in range(3):
+            os.dup2(nothing.fileno(), descriptor)
     _limit_memory(megabytes)
     try:
         read, told = _describe(file)
     except Exception as error:  # noqa: BLE001  whatever FMPy says is its answer
-        _tell(_failure(error))
+        tell.send(_failure(error))
         return
     if what == "describe":
-        _tell(told)
+        tell.send(told)
     for interface in told["interfaces"] if what == "describe" else [what]:
         try:
-            _tell(_simulate(file, interface, read, Asked(**told["asked"])))
+            tell.send(_simulate(file, interface, read, Asked(**told["asked"])))
         except Exception as error:  # noqa: BLE001
-            _tell(_failure(error))
-
-
-def _tell(answer: Mapping[str, Any]) -> None:
-    print("\n" + _MARK + json.dumps(answer), flush=True)
+            tell.send(_failure(error))
 
 
 def _failure(error: Exception) -> dict[str, str]:
@@ -165,6 +183,8 @@ def _failure(error: Exception) -> dict[str, str]:
 
 
 def _limit_memory(megabytes: float) -> None:
+    if not math.isfinite(megabytes):
+        return
     with suppress(ImportError, OSError, ValueError):
         import resource  # noqa: PLC0415 - not on Windows
 
@@ -287,7 +307,3 @@ def _forced(read: Any, asked: Asked) -> dict[str, Any]:
     row = tuple(starts[n] for n in held)
     types = [("time", np.float64), *((n, np.float64) for n in held)]
     return {"start_values": starts, "input": np.array([(asked.start, *row), (asked.stop, *row)], dtype=types)}
-
-
-if __name__ == "__main__":
-    _be_child(sys.argv[1], sys.argv[2], float(sys.argv[3]))

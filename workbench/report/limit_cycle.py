@@ -104,9 +104,9 @@ def _crossing(i: int, c: Crossing) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def _mean(c: LimitCycle) -> str:
+def _mean(mean: float, amplitude: float) -> str:
     """Return the mean, 0 where it is rounding beside the amplitude."""
-    return "0" if abs(c.mean) < _ROUNDING * abs(c.amplitude) else f"{c.mean:.3g}"
+    return "0" if abs(mean) < _ROUNDING * abs(amplitude) else f"{mean:.3g}"
 
 
 def _cycles(result: LimitCycleResult) -> Section:
@@ -117,7 +117,7 @@ def _cycles(result: LimitCycleResult) -> Section:
     rows: list[tuple[str, ...]] = [
         (
             c.number, c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
-            _mean(c), number(c.multiplier, ".4g"), number(c.residual, ".2g"), _STABLE[c.stable],
+            _mean(c.mean, c.amplitude), number(c.multiplier, ".4g"), number(c.residual, ".2g"), _STABLE[c.stable],
         )
         for c in result.limit_cycles
     ]  # fmt: skip
@@ -140,7 +140,7 @@ def _simulated(cycle: SimulatedCycle) -> Section:
             cycle.units.get(name) or "",
             f"{cycle.amplitude[name]:.5g}",
             f"{cycle.fundamental[name]:.5g}",
-            f"{cycle.mean[name]:.3g}",
+            _mean(cycle.mean[name], cycle.amplitude[name]),
         )
         for name in cycle.amplitude
     ]
@@ -227,8 +227,8 @@ def _branch(branch: Branch, unit: str | None = None, input_unit: str | None = No
 
 
 def _branch_point(p: BranchPoint) -> tuple[str, ...]:
-    numbers = (p.value, p.frequency_hz, p.amplitude, p.fundamental, p.mean)
-    return (*(f"{x:.5g}" for x in numbers), _STABLE[p.stable])
+    numbers = (p.value, p.frequency_hz, p.amplitude, p.fundamental)
+    return (*(f"{x:.5g}" for x in numbers), _mean(p.mean, p.amplitude), _STABLE[p.stable])
 
 
 # -- crossings and describing functions --------------------------------------------------------

@@ -70,13 +70,18 @@ class Modes(PointOptions, InParts, Analysis["ModesResult"]):
     )
     method: str = option("Method of linearisation; auto chooses.", choices=METHOD_NAMES, default="auto")
     count: int | None = option(
-        "Follow so many modes only, those nearest to --about at the first value; by default all.",
+        "Follow so many modes only, at the first value those nearest to a given frequency; by default all.",
         metavar="N",
         least=1,
         default=None,
     )
     about: float = option(
-        "Frequency near which these modes lie.", unit="Hz", metavar="HZ", least=0.0, finite=True, default=0.0
+        "Frequency near which the modes lie that are followed, where not all are.",
+        unit="Hz",
+        metavar="HZ",
+        least=0.0,
+        finite=True,
+        default=0.0,
     )
     tolerance: float | None = option(
         "Precision of critical values; by default 1e-6 of the range.",
