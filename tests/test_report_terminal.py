@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import random
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from workbench.report.page import Page, Section, Table
+from workbench.analysis.limit_cycle.result import SimulatedCycle
+from workbench.report import limit_cycle
+from workbench.report.page import Page, Section, Table, write_page
 from workbench.report.terminal import text_of
 
 NAMES = [f"component[{k}].signal_{k}" for k in range(12)]
@@ -35,3 +39,25 @@ def test_a_row_is_a_line_in_a_pipe() -> None:
     rows = [line.split() for line in lines if line.startswith("state_")]
     assert rows == [[f"state_{i}", *row] for i, row in enumerate(NUMBERS)]
     assert WORDS in lines
+
+
+def test_bars_are_drawn_by_a_terminal_alone(tmp_path: Path) -> None:
+    """A page has a picture of the same numbers."""
+    shown = page(Table(("order", "value"), [("1", "2.5"), ("2", "0.1")], bars=["████", "░"]))
+    lines = [line.split() for line in text_of(shown, 80).splitlines()]
+    assert ["1", "2.5", "████"] in lines
+    assert ["2", "0.1", "░"] in lines
+    write_page(shown, tmp_path / "p.html")
+    text = (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "2.5" in text
+    assert "█" not in text
+
+
+def test_a_mean_that_is_rounding_is_shown_as_0() -> None:
+    cycle = SimulatedCycle(
+        crossing=1, frequency_hz=2.6, amplitude={"a": 0.2, "b": 3.0}, fundamental={"a": 0.2, "b": 3.0},
+        mean={"a": 1.4e-11, "b": -0.5}, units={"a": "rad/s"}, steady=True, periods=40, time=np.zeros(1), values={},
+        predicted_frequency_hz=2.6, predicted_amplitude=0.2,
+    )  # fmt: skip
+    (table,) = limit_cycle._simulated(cycle).tables
+    assert [row[-1] for row in table.rows] == ["0", "-0.5"]

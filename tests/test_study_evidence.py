@@ -53,6 +53,12 @@ def test_the_report_names_file_revision_and_author(folder: Path) -> None:
     assert facts["study"] == "lag.toml"
 
 
+def test_the_report_tells_where_each_analysis_was_measured(folder: Path) -> None:
+    cells = [e.text for e in read_page(folder / "s.html").elements if e.tag == "td"]
+    row = cells.index("x = 0; t = 0 s")
+    assert cells[row - 2 : row] == ["linear", "u = 0"]
+
+
 def test_requirements_have_their_ids_and_approvals_their_lines(folder: Path) -> None:
     cells = [e.text for e in read_page(folder / "s.html").elements if e.tag in {"td", "th"}]
     assert {"id", "ACT-REQ-012", "signature", "checked", "M. Roe", "2026-03-02"} <= set(cells)

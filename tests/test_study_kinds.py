@@ -33,6 +33,7 @@ def nfr(responses: dict[float, Sequence[complex]], frequency: Sequence[float], *
     rows = list(responses.values())
     plain = {
         "command": "nfr",
+        "input": {"name": "u", "unit": "mm"},
         "output": {"name": "y", "unit": "deg"},
         "frequency_hz": list(frequency),
         "amplitude": list(responses),
@@ -79,7 +80,7 @@ def test_the_worst_amplitude_counts_unless_one_is_chosen() -> None:
     result = nfr({1.0: [1.0, 1.0], 4.0: [1.0, 0.1]}, [1.0, 10.0])
     found = find("gain", result, frequency=10.0, min=-3)
     assert found.value == pytest.approx(-20.0)
-    assert found.where == "10 Hz, amplitude 4"
+    assert found.where == "10 Hz, amplitude 4 mm"
     assert find("gain", result, frequency=10.0, min=-3, amplitude=1).passed
     with pytest.raises(InputError, match=r"amplitude 2 was not measured; measured: 1, 4"):
         find("gain", result, frequency=10.0, min=-3, amplitude=2)
@@ -260,13 +261,13 @@ def loop(linear: dict[str, Any], **measured: dict[str, Any]) -> dict[str, Any]:
     curves = [
         {"amplitude": float(name[1:]), "how": "break", "margins": m, "points": []} for name, m in measured.items()
     ]
-    return {"command": "loop", "linear": {"margins": linear}, "measured": curves}
+    return {"command": "loop", "unit": "mm", "linear": {"margins": linear}, "measured": curves}
 
 
 def test_margins_of_the_worst_loop() -> None:
     result = loop(margins(), a1=margins(gain_margin_db=7.0), a4=margins(gain_margin_db=5.0))
     found = find("gain margin", result, min=6)
-    assert (found.value, found.margin, found.where) == (5.0, -1.0, "3 Hz, amplitude 4")
+    assert (found.value, found.margin, found.where) == (5.0, -1.0, "3 Hz, amplitude 4 mm")
     assert find("gain margin", result, min=6, source="linear").value == 10.0
     assert find("gain margin", result, min=6, amplitude=1).value == 7.0
     assert find("phase margin", result, min=45).unit == "deg"
@@ -283,7 +284,7 @@ def test_an_unstable_loop_has_no_margins() -> None:
 def test_a_margin_without_a_crossing_is_infinite_only_for_the_linear_loop() -> None:
     found = find("gain margin", loop(margins(gain_margin_db=None)), min=6)
     assert (found.value, found.passed) == (math.inf, True)
-    with pytest.raises(NotMeasured, match="amplitude 1: not seen in the measured band"):
+    with pytest.raises(NotMeasured, match="amplitude 1 mm: not seen in the measured band"):
         find("gain margin", loop(margins(), a1=margins(gain_margin_db=None)), min=6)
 
 

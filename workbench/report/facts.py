@@ -10,12 +10,15 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from workbench import __version__
+from workbench.core.operating_point import point_of_json
+from workbench.errors import InputError
 from workbench.origin import ModelFacts, Origin
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
 
-__all__ = ["finished", "versions"]
+__all__ = ["finished", "point_facts", "versions"]
 
+_NAMED = 12  # inputs and states of an operating point
 _PACKAGES = ("fmpy", "numpy", "scipy", "control")
 _INTERFACES = {"me": "model exchange", "cs": "co-simulation", "mixed": "model exchange and co-simulation"}
 
@@ -62,6 +65,35 @@ def finished(page: Page, origin: Origin) -> Page:
         sections=[*page.sections, *_components(origin.models)],
         kind=" · ".join(["FMI workbench", *filter(None, [page.kind or origin.command.replace("_", "-")])]),
     )
+
+
+def point_facts(data: Mapping[str, Any]) -> dict[str, str]:
+    """Return where a result was measured: the inputs that were held, and the operating point.
+
+    Args:
+        data: the result as JSON has it.
+    """
+    try:
+        point = point_of_json(data)
+    except InputError:  # a search that ran away leaves no finite numbers
+        return {}
+    if point is None:
+        return {}
+    forced = _forced(data)
+    held = {name: value for name, value in point.u.items() if name not in forced}
+    still = replace(point, u={name: value for name, value in point.u.items() if name in forced})
+    return {
+        **(
+            {"held inputs": replace(point, u=held, x={}, discrete={}).words(_NAMED).rpartition("; ")[0]} if held else {}
+        ),
+        "operating point": still.words(_NAMED),
+    }
+
+
+def _forced(data: Mapping[str, Any]) -> set[str]:
+    """Return the inputs that were moved."""
+    one = data.get("input")
+    return {str(one["name"] if isinstance(one, Mapping) and "name" in one else one)}
 
 
 def _is_choice(note: str) -> bool:

@@ -32,6 +32,9 @@ __all__ = [
 ]
 
 
+_BAR = 40  # length of the longest bar [characters]
+
+
 def identify_page(result: IdentifyResult) -> Page:
     """Return the page of an identification: data, advice, order, model, validation, comparison."""
     sections = [
@@ -100,14 +103,16 @@ def order_section(result: IdentifyResult) -> Section:
 
 
 def _order_table(found: SubspaceEstimate) -> Table:
-    """Return the first singular values, and which of them the order takes."""
-    most = max(2 * found.order, found.order + 4)
-    pairs = zip(found.singular_values[:most].tolist(), found.principal_angles_deg.tolist(), strict=False)
-    rows = [
-        (str(k), f"{value:.4g}", f"{angle:.2f}", "taken" if k <= found.order else "left out")
-        for k, (value, angle) in enumerate(pairs, start=1)
+    """Return the first singular values with bars, which are full up to the order that was chosen."""
+    values = found.singular_values[: max(2 * found.order, found.order + 4)].tolist()
+    largest = values[0] or 1.0
+    angles = found.principal_angles_deg.tolist()
+    rows = [(str(k), f"{v:.4g}", f"{a:.2f}") for k, (v, a) in enumerate(zip(values, angles, strict=False), start=1)]
+    bars = [
+        ("█" if k < found.order else "░") * max(1, round(_BAR * value / largest))
+        for k, value in enumerate(values[: len(rows)])
     ]
-    return Table(("state", "singular value", "principal angle [deg]", "by the order"), rows, right=(0, 1, 2))
+    return Table(("state", "singular value", "principal angle [deg]"), rows, bars=bars)
 
 
 def _of_model(result: IdentifyResult) -> Section:

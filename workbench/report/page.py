@@ -40,6 +40,7 @@ class Table:
             "passed", "failed", …); None: no colours.
         title: above the table.
         right: numbers of the columns that stand at the right edge; None: those that hold numbers only.
+        bars: one for each row, which a terminal draws behind it; other pages have a picture instead.
     """
 
     headings: Sequence[str]
@@ -47,6 +48,7 @@ class Table:
     verdict: int | None = None
     title: str = ""
     right: Sequence[int] | None = None
+    bars: Sequence[str] = ()
 
     @property
     def at_right(self) -> frozenset[int]:

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from workbench import __version__
 from workbench.core.named import named
-from workbench.core.operating_point import point_of_json
 from workbench.core.record import drawn, plain
 from workbench.errors import InputError, one_line, visible
 from workbench.origin import Origin, origin_of
-from workbench.report.facts import finished
+from workbench.report.facts import finished, point_facts
 from workbench.report.page import SUFFIXES, Page, write_page
 from workbench.report.stmd import write_stmd
 from workbench.report.svg import svg_of
@@ -28,7 +27,6 @@ __all__ = ["SHOWN", "line_of", "notebook_of", "page_of", "picture_of", "write_re
 
 _VERDICTS = 6  # of a result in a notebook; the others are folded
 _LINE = 200  # characters of a result in one line
-_NAMED = 12  # inputs and states of an operating point
 
 # Class of the result → (function of `workbench.report` that makes its page, function of `workbench.plotting` that draws
 # it, "" where there is no picture); packages of their own are named in full. Both by name, so that a page loads what it
@@ -172,34 +170,9 @@ def write_report(result: object, path: str | Path, origin: Origin | None = None)
     known = origin or origin_of(result) or Origin()
     page = result if isinstance(result, Page) else page_of(result)
     data = _data(result, page, known)
-    page = finished(replace(page, facts={**page.facts, **_point(data)}), known)
+    page = finished(replace(page, facts={**page.facts, **point_facts(data)}), known)
     write_page(replace(page, data=data), path)
     write_stmd(page, known, path)
-
-
-def _point(data: Mapping[str, Any]) -> dict[str, str]:
-    """Return where the result was measured, in one line."""
-    try:
-        point = point_of_json(data)
-    except InputError:  # a search that ran away leaves no finite numbers
-        return {}
-    if point is None:
-        return {}
-    forced = _forced(data)
-    held = {name: value for name, value in point.u.items() if name not in forced}
-    still = replace(point, u={name: value for name, value in point.u.items() if name in forced})
-    return {
-        **(
-            {"held inputs": replace(point, u=held, x={}, discrete={}).words(_NAMED).rpartition("; ")[0]} if held else {}
-        ),
-        "operating point": still.words(_NAMED),
-    }
-
-
-def _forced(data: Mapping[str, Any]) -> set[str]:
-    """Return the inputs that were moved."""
-    one = data.get("input")
-    return {str(one["name"] if isinstance(one, Mapping) and "name" in one else one)}
 
 
 def _data(result: object, page: Page, origin: Origin) -> Mapping[str, Any]:

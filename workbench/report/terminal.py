@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise, zip_longest
 
 from workbench.errors import shortened, unbroken
@@ -83,6 +84,9 @@ def _table(table: Table, width: int | None) -> Iterator[str]:
         return
     if table.title:
         yield from _folded(table.title, None)
+    if table.bars:
+        barred = [(*row, bar) for row, bar in zip(table.rows, table.bars, strict=True)]
+        table = replace(table, headings=(*table.headings, ""), rows=barred, right=sorted(table.at_right), bars=())
     headings = [_cell(text) for text in table.headings]
     rows = [[_cell(text) for text in row] for row in table.rows[:_MOST_ROWS]]
     sizes = _sizes(table, [headings, *rows], width)

@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError
+from workbench.report.facts import point_facts
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import sentence
 from workbench.report.tones import Verdict
@@ -24,6 +25,7 @@ __all__ = ["study_page"]
 
 _HEADINGS = ("requirement", "verdict", "value", "limit", "margin", "where")
 _BLANK = "_" * 18
+_FEW = 6  # operating points that are shown without being asked for
 _MOST = 12  # pictures on a page; those of violated requirements first
 
 
@@ -38,6 +40,7 @@ def study_page(result: StudyResult) -> Page:
         *_requirements(result),
         *_pictures(result),
         *_grid(result),
+        *_points(result),
         _analyses(result),
         *_approvals(result),
     ]
@@ -122,6 +125,19 @@ def _approvals(result: StudyResult) -> Iterator[Section]:
     if result.study.approvals:
         rows = [(a.role, a.name or _BLANK, a.date or _BLANK, _BLANK) for a in result.study.approvals]
         yield Section("Approval", tables=[Table(("role", "name", "date", "signature"), rows)])
+
+
+def _points(result: StudyResult) -> Iterator[Section]:
+    """Yield where each analysis was measured; those at one point share a row."""
+    where: dict[tuple[str, str], list[str]] = {}
+    for run, outcome in result.runs.items():
+        told = point_facts(outcome.result or {})
+        if told:
+            where.setdefault((told.get("held inputs", ""), told["operating point"]), []).append(run.label)
+    if where:
+        rows = [(", ".join(labels), *told) for told, labels in where.items()]
+        table = Table(("analysis", "held inputs", "operating point"), rows, right=())
+        yield Section("Operating points", tables=[table], folded=len(rows) > _FEW)
 
 
 def _analyses(result: StudyResult) -> Section:

@@ -16,9 +16,10 @@ from workbench.core.decibels import decibels, unwrapped
 from workbench.core.matrices import Complex, Floats
 from workbench.core.poles import continuous, natural_frequency_hz, vanished
 from workbench.errors import InputError, suggest
+from workbench.report.tables import behind
 from workbench.study.kinds.base import NotMeasured, Result
 
-__all__ = ["READERS", "Curve", "curves", "interpolate", "poles", "unwrap"]
+__all__ = ["READERS", "Curve", "amplitude_words", "curves", "interpolate", "poles", "unwrap"]
 
 _SAME = 1e-9  # frequencies that differ by less are the same
 _DENSE = 60  # points per decade
@@ -30,7 +31,7 @@ class Curve:
     """One frequency response.
 
     Attributes:
-        label: which one, such as "amplitude 4"; empty: there is only one.
+        label: which one, such as "amplitude 4 deg"; empty: there is only one.
         amplitude: of the sine; None: it is a linear model's.
         frequency: rising [Hz].
         gain: [dB].
@@ -111,7 +112,7 @@ class Curve:
         return f", {self.label}" if self.label else ""
 
     def where(self, frequency: float) -> str:
-        """Return a place for people: "4.2 Hz, amplitude 4 (averaged)"."""
+        """Return a place for people: "4.2 Hz, amplitude 4 deg (averaged)"."""
         averaged = any(math.isclose(frequency, f, rel_tol=_SAME) for f in self.averaged)
         return f"{frequency:.4g} Hz{self.told}{' (averaged)' if averaged else ''}"
 
@@ -119,6 +120,11 @@ class Curve:
 def interpolate(frequency: float, frequencies: Sequence[float], values: Sequence[float]) -> float:
     """Return the value at a frequency inside of `frequencies` (rising), linear over log frequency."""
     return float(np.interp(math.log(frequency), np.log(frequencies), values))
+
+
+def amplitude_words(amplitude: float, unit: str | None) -> str:
+    """Return an amplitude for people: "amplitude 4 deg"."""
+    return f"amplitude {amplitude:g}{behind(unit)}"
 
 
 def unwrap(phases: Sequence[float]) -> list[float]:
@@ -176,7 +182,7 @@ def _of_amplitude(result: Result, i: int, amplitude: float, *, told: bool) -> Cu
     kept = [j for j, gain in enumerate(result["gain_db"][i]) if gain is not None and frequency[j] not in reasons]
     kept.sort(key=lambda j: frequency[j])
     return Curve(
-        label=f"amplitude {amplitude:g}" if told else "",
+        label=amplitude_words(amplitude, result["input"].get("unit")) if told else "",
         amplitude=amplitude,
         frequency=[frequency[j] for j in kept],
         gain=[result["gain_db"][i][j] for j in kept],
@@ -282,7 +288,7 @@ def _of_loop(result: Result, options: Mapping[str, Any]) -> list[Curve]:
     if not result["measured"]:
         raise InputError('the loop was not measured; give the analysis an amplitude, or take source = "linear"')
     told = len(result["measured"]) > 1
-    return [_measured_loop(m, told=told) for m in result["measured"]]
+    return [_measured_loop(m, result["unit"], told=told) for m in result["measured"]]
 
 
 def _linear_loop(result: Result) -> Curve:
@@ -292,10 +298,10 @@ def _linear_loop(result: Result) -> Curve:
     return Curve(frequency=linear["frequency_hz"], gain=_db(linear["gain"]), phase=unwrap(linear["phase_deg"]))
 
 
-def _measured_loop(measured: Result, *, told: bool) -> Curve:
+def _measured_loop(measured: Result, unit: str | None, *, told: bool) -> Curve:
     points = sorted((p for p in measured["points"] if p["gain"] is not None), key=lambda p: float(p["frequency_hz"]))
     return Curve(
-        label=f"amplitude {measured['amplitude']:g}, {measured['how']}" if told else "",
+        label=f"{amplitude_words(measured['amplitude'], unit)}, {measured['how']}" if told else "",
         amplitude=measured["amplitude"],
         frequency=[p["frequency_hz"] for p in points],
         gain=_db([p["gain"] for p in points]),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 from workbench.study.kinds.base import Limited, NotMeasured, Result, Value
+from workbench.study.kinds.curves import amplitude_words
 
 __all__ = ["DelayMargin", "DiskMargin", "GainMargin", "PeakSensitivity", "PhaseMargin"]
 
@@ -58,7 +59,7 @@ def _sources(result: Result, source: str | None, amplitude: float | None) -> lis
         found.append(("linear", result["linear"]["margins"]))
     if source != "linear":
         chosen = [m for m in result["measured"] if amplitude is None or math.isclose(m["amplitude"], amplitude)]
-        found += [(f"amplitude {m['amplitude']:g}", m["margins"]) for m in chosen]
+        found += [(amplitude_words(m["amplitude"], result["unit"]), m["margins"]) for m in chosen]
     return found
 
 
