@@ -74,6 +74,7 @@ LINES = (
     "identify data.csv --input u --output y --order 3 --json identify.json",
     "export lin.json --out rudder_lin.fmu --json export.json",
     "run study:rudder_specification --json run.json",
+    "envelope study:aileron_envelope --plan sobol --points 4 --width 0.5 --json envelope.json",
 )
 
 # The two parts step one after the other, so that there is a delay to be found.

@@ -73,6 +73,13 @@ equation
 end Lag;
 """
 
+ENVELOPE = """
+models.lag = "fmu:FirstOrderLag"
+analyses.linear = {command = "lin", model = "lag"}
+requirements = [{name = "quick", analysis = "linear", kind = "stability", max = 0.0}]
+envelope.parameters = {"lag.tau" = {range = [0.5, 2.0], steps = 4}}
+"""
+
 LAG_FMU = "fmu:FirstOrderLag"
 SWEEP = "--input u --output y --freq 0.1,0.2 --amplitude 1 --in-process"
 DESIGN = "braked.toml --block block --to brake.u1 --orders 1,1 --low-pass-order 0 --band 0.01:1"
@@ -92,6 +99,7 @@ LINES = {
     "feed-forward": (f"{DESIGN} --input u=pulse:value=1,duration=0.1 --stop 2 --crude", "filter"),
     "modes": (f"{LAG_FMU} --vary tau=0.5:2 --points 3 --against tau=1 --in-process", ""),
     "compare": (f"{LAG_FMU} {LAG_FMU} --label one --label two --signal y --input u=1 --window 0:1", "motions"),
+    "envelope": ("envelope.toml --jobs 1", "points"),
     "check": (f"{LAG_FMU} --interface me --only runs,reset", "checks"),
     "excite": (f"{LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
     "identify": ("data.csv --input u --output y --order 1", ""),
@@ -106,7 +114,7 @@ LINES = {
 
 def write_files(path: Path) -> None:
     """Write the files of `LINES` into a folder."""
-    systems = {"lags": LAGS, "loop": LOOP, "braked": BRAKED, "master": MASTER}
+    systems = {"envelope": ENVELOPE, "lags": LAGS, "loop": LOOP, "braked": BRAKED, "master": MASTER}
     for name, text in systems.items():
         (path / f"{name}.toml").write_text(text, encoding="utf-8")
     (path / "Lag.mo").write_text(LAG, encoding="utf-8")

@@ -27,6 +27,7 @@ SLOW = {
     "check",
     "identify",
     "run",
+    "envelope",
     "reproduce",
     "build",
     "compile",

@@ -131,4 +131,6 @@ def test_every_bundled_study_is_explained() -> None:
     studies = bundled_studies()
     assert {"rudder_specification", "rudder_loop", "failed_aileron", "elevator_law"} <= set(studies)
     for name, path in studies.items():
-        assert f"workbench run study:{name}" in path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
+        command = "envelope" if "[envelope]" in text else "run"
+        assert f"workbench {command} study:{name}" in text

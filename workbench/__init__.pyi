@@ -150,6 +150,13 @@ from workbench.signals import Table as Table
 from workbench.signals import gust as gust
 from workbench.signals import parse_signal as parse_signal
 from workbench.signals import pulse as pulse
+from workbench.study.envelope.probability import Probability as Probability
+from workbench.study.envelope.request import envelope as envelope
+from workbench.study.envelope.result import Border as Border
+from workbench.study.envelope.result import EnvelopeParameter as EnvelopeParameter
+from workbench.study.envelope.result import EnvelopePoint as EnvelopePoint
+from workbench.study.envelope.result import EnvelopeResult as EnvelopeResult
+from workbench.study.envelope.result import WorstCase as WorstCase
 from workbench.study.result import StudyResult as StudyResult
 from workbench.study.run import run_study as run_study
 from workbench.system.connect import connect as connect

@@ -23,6 +23,7 @@ REQUESTS = {
     "feedback": "feedback.request:Feedback",
     "feed-forward": "feed_forward.request:FeedForward",
     "modes": "modes.request:Modes",
+    "envelope": "workbench.study.envelope.request:EnvelopeOf",
     "compare": "motions.request:CompareMotions",
     "check": "check.request:Check",
     "excite": "excite.request:Excite",

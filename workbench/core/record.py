@@ -60,7 +60,7 @@ def drawn(name: str, path: str | Path | None, *shown: object, **options: object)
     """Return a picture that `workbench.plotting` draws; matplotlib, which is slow to import, is imported then.
 
     Args:
-        name: "module:function" there.
+        name: "module:function" there; one of a package of its own in full.
         path: also write the picture here; png, svg or pdf by suffix.
         shown: what the function draws.
         options: it is told.
@@ -69,7 +69,7 @@ def drawn(name: str, path: str | Path | None, *shown: object, **options: object)
         InputError: unknown suffix, file cannot be written, or the function refuses.
     """
     figure: Figure = named("workbench.plotting.figure:with_point")(
-        named(f"workbench.plotting.{name}")(*shown, **options), shown[0]
+        named(name if name.startswith("workbench.") else f"workbench.plotting.{name}")(*shown, **options), shown[0]
     )
     if path is not None:
         named("workbench.plotting.figure:save")(figure, path)

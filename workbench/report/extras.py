@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from workbench.core.files import replacing
 from workbench.core.forms import File
 from workbench.core.option import Options, option
 from workbench.errors import InputError
@@ -146,6 +147,34 @@ class _Identify(Written):
             yield self.bode
 
 
+class _Envelope(Written):
+    _: KW_ONLY
+    worst: File | None = option(
+        "Write the model of the worst case as a system file, .toml; of several models, each with its name added.",
+        default=None,
+    )
+
+    def check(self, asked: Any) -> None:  # noqa: ANN401 - see `Written`
+        if self.worst is not None and Path(self.worst).suffix.lower() != ".toml":
+            raise InputError(f"--worst: {self.worst} is not a system file; name it .toml")
+
+    def write(self, record: Any) -> Iterator[str | Path]:  # noqa: ANN401 - of a layer above
+        if self.worst is None:
+            return
+        systems = {} if record.worst is None else record.worst.systems
+        if not systems:
+            raise InputError(
+                "--worst: there is no system file of the worst case: no margin is known, or the model is not an FMU "
+                "or a system in TOML; the command lines that are shown measure it again"
+            )
+        path = Path(self.worst)
+        for name, text in systems.items():
+            file = path if len(systems) == 1 else path.with_stem(f"{path.stem}_{name}")
+            with replacing(file) as part:
+                part.write_text(text, encoding="utf-8")
+            yield file
+
+
 class _Build(Written):
     def write(self, record: BuiltModels) -> Iterator[str | Path]:
         """Yield the FMUs, which are there already."""
@@ -165,6 +194,7 @@ EXTRAS: dict[str, type[Written]] = {
     "feedback": _Feedback,
     "feed-forward": _FeedForward,
     "identify": _Identify,
+    "envelope": _Envelope,
     "build": _Build,
     "compile": _Export,
     "export": _Export,

@@ -76,6 +76,10 @@ SHOWN: dict[str, tuple[str, str]] = {
     "build.fmu.BuiltModels": ("build:built_page", ""),
     "reproduce.result.ReproduceResult": ("workbench.reproduce.page:reproduce_page", ""),
     "reproduce.result.TargetList": ("workbench.reproduce.page:targets_page", ""),
+    "study.envelope.result.EnvelopeResult": (
+        "workbench.study.envelope.page:envelope_page",
+        "workbench.study.envelope.page:plot_envelope",
+    ),
     "system.container.ContainerResult": ("build:container_page", ""),
     "to_fmu.compile_fmu.CompiledFmu": ("build:compiled_page", ""),
 }

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from workbench.study.commands import Command, Reference, references
 from workbench.study.kinds.base import Requirement, Scalar
+
+if TYPE_CHECKING:
+    from workbench.study.envelope.table import Envelope
 
 __all__ = ["Analysis", "Approval", "Change", "Point", "Study"]
 
@@ -113,6 +116,7 @@ class Study:
         revision: as written; empty: not told.
         approvals: who has to agree.
         sha256: of the file.
+        envelope: parameters that spread, in place of a grid; None: it has none.
     """
 
     name: str
@@ -128,6 +132,7 @@ class Study:
     revision: str = ""
     approvals: tuple[Approval, ...] = ()
     sha256: str = ""
+    envelope: Envelope | None = None
 
     @property
     def folder(self) -> Path:
@@ -143,6 +148,17 @@ class Study:
             for configuration in configurations
             for values in product(*self.grid.values())
         ]
+
+    def alone(self, names: Iterable[str]) -> Study:
+        """Return the study with some of its analyses and those that they refer to, without requirements."""
+        wanted: dict[str, Analysis] = {}
+        waiting = list(names)
+        while waiting:
+            name = waiting.pop()
+            wanted[name] = self.analyses[name]
+            waiting += [r.analysis for r in wanted[name].references if r.analysis not in wanted]
+        kept = {name: analysis for name, analysis in self.analyses.items() if name in wanted}
+        return replace(self, analyses=kept, requirements=())
 
     def model_at(self, model: str, point: Point) -> Change:
         """Return a model as a point has it."""

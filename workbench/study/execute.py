@@ -34,14 +34,15 @@ class Execution:
         plan: what to run.
         finished: the store.
         folder: of the study.
+        patient: whether an analysis that cannot be done at any of these points fails there, and is not an error.
 
     Attributes:
         outcomes: of the runs that are done.
         measured: how many were run now.
     """
 
-    def __init__(self, plan: Plan, *, finished: Finished, folder: Path) -> None:
-        self._plan = plan
+    def __init__(self, plan: Plan, *, finished: Finished, folder: Path, patient: bool = False) -> None:
+        self._plan, self._patient = plan, patient
         self._finished, self._folder = finished, folder
         self._jobs, self._confine = 1, False
         self._runner: Runner | None = None
@@ -80,18 +81,33 @@ class Execution:
             WorkbenchError: the store cannot be written.
         """
         from workbench.workers.choose import runner_for  # noqa: PLC0415
-        from workbench.workers.limits import cores  # noqa: PLC0415
 
-        self._jobs = 1 if workers.scheduler is not None else workers.jobs or cores()
         progress(len(self.outcomes), "")
         # The worker of an analysis writes its files; that of the FMU, which it begins, is confined.
-        self._confine = workers.confine
         with runner_for(recast(Workers, workers, confine=False)) as self._runner:
             if self._stopped:
                 self._runner.stop()
             with suppress(KeyboardInterrupt):  # what is missing tells
-                self._drive(self._runner, progress)
+                self.execute_on(self._runner, workers, progress)
             self.afterwards = tuple(dict.fromkeys(self._runner.afterwards))
+
+    def execute_on(self, runner: Runner, workers: Workers, progress: Progress) -> None:
+        """Run what is missing on a runner that stays open.
+
+        Args:
+            runner: that runs the analyses.
+            workers: it was made for.
+            progress: is told after each.
+
+        Raises:
+            InputError, WorkbenchError: see `execute`.
+            KeyboardInterrupt: the runner was stopped.
+        """
+        from workbench.workers.limits import cores  # noqa: PLC0415
+
+        self._jobs = 1 if workers.scheduler is not None else workers.jobs or cores()
+        self._confine = workers.confine
+        self._drive(runner, progress)
 
     def _drive(self, runner: Runner, progress: Progress) -> None:
         from workbench.study.worker import perform  # noqa: PLC0415
@@ -114,7 +130,7 @@ class Execution:
         self.measured += 1
         self.outcomes[run] = outcome
         self._finished.save(run, outcome)
-        if outcome.kind == InputError.kind:
+        if outcome.kind == InputError.kind and not self._patient:
             self._refuse(run)
 
     def _refuse(self, run: Run) -> None:

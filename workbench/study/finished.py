@@ -72,6 +72,7 @@ class Finished(Closable):
         self._temporary = scratch_folder("study") if folder is None else None
         self.folder = folder or self._temporary or Path()
         self._opened: _Results | None = None
+        self._tidied = False
 
     def load(self, run: Run) -> Outcome | None:
         """Return what was measured before; None: nothing was, or a file that the run writes is not there.
@@ -138,6 +139,9 @@ class Finished(Closable):
 
     def _tidy(self) -> None:
         """Keep the store out of version control, as other tools do with their caches, and free of what is forgotten."""
+        if self._tidied:  # a folder of a thousand points is looked through once
+            return
+        self._tidied = True
         file = self.folder / ".gitignore"
         if not file.exists():
             file.write_text("*\n", encoding="utf-8")

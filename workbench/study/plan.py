@@ -127,16 +127,17 @@ class Plan:
     notes: Sequence[str]
 
 
-def make_plan(study: Study) -> Plan:
+def make_plan(study: Study, points: Sequence[Point] | None = None) -> Plan:
     """Return what has to be run.
 
     Args:
         study: what was asked for.
+        points: at which; None: those of its grid.
 
     Raises:
         InputError: a file cannot be read; a parameter of the grid for a command that has no `set`.
     """
-    return _Planner(study).plan()
+    return _Planner(study).plan(study.points if points is None else points)
 
 
 class _Planner:
@@ -154,9 +155,8 @@ class _Planner:
         self._files = Hashes(study.folder)
         self._common = {"workbench": __version__, "code": code_hash()}
 
-    def plan(self) -> Plan:
-        """Return all of it."""
-        every = self._study.points
+    def plan(self, every: Sequence[Point]) -> Plan:
+        """Return all of it at some points."""
         at: dict[tuple[str, int], Run] = {}
         for k, point in enumerate(every):
             for name in self._ordered():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -48,6 +49,7 @@ class StudyTable(Table):
     models: dict[str, Any] = Field(default_factory=dict)
     configurations: dict[str, Any] = Field(default_factory=dict)
     grid: dict[str, Any] = Field(default_factory=dict)
+    envelope: dict[str, Any] | None = None
     analyses: dict[str, Any]
     requirements: list[Any] = Field(default_factory=list)
 
@@ -174,7 +176,7 @@ def _study(path: Path, data: Mapping[str, Any]) -> Study:
         raise InputError("[analyses]: is empty; give at least one, as in [analyses.response]")
     configurations = {n: _configuration(n, given, models, path.parent) for n, given in table.configurations.items()}
     grid = dict(_grid(table.grid, models))
-    return Study(
+    study = Study(
         name=table.name or path.stem,
         description=table.description,
         path=path,
@@ -189,6 +191,11 @@ def _study(path: Path, data: Mapping[str, Any]) -> Study:
         approvals=tuple(Approval(role=a.role, name=a.name, date=a.date) for a in table.approvals),
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
     )
+    if table.envelope is None:
+        return study
+    from workbench.study.envelope.table import read_envelope  # noqa: PLC0415 - few studies have one, and it is slow
+
+    return replace(study, envelope=read_envelope(table.envelope, study))
 
 
 # -- models ------------------------------------------------------------------------------------

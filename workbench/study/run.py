@@ -22,7 +22,7 @@ from workbench.study.result import Checked, StudyResult
 if TYPE_CHECKING:
     from workbench.workers import Workers
 
-__all__ = ["StudyRun", "default_store", "run_study"]
+__all__ = ["StudyRun", "check_runs", "default_store", "finding_of", "run_study"]
 
 
 def default_store(name: str | Path) -> Path:
@@ -48,6 +48,8 @@ class StudyRun:
 
     def __init__(self, name: str | Path, *, store: Path | None, fresh: bool = False) -> None:
         self.study: Study = read_study(name)
+        if self.study.envelope is not None:
+            raise InputError(f"{name}: has an [envelope], which `workbench envelope {name}` runs")
         self._store, self._fresh = store, fresh
         with place(str(self.study.path)):
             self.plan: Plan = make_plan(self.study)
@@ -58,15 +60,6 @@ class StudyRun:
     def total(self) -> int:
         """Number of analyses at all points."""
         return len(self.plan.runs)
-
-    def _check(self, runs: Sequence[Run]) -> None:
-        """Look for mistakes before anything runs; what is in the store had none."""
-        from workbench.study.names import check_names  # noqa: PLC0415 - a study in its store opens no model
-
-        for run in {run.analysis.name: run for run in runs}.values():
-            with place(f"[analyses.{run.analysis.name}]"), chdir(self.study.folder):
-                run.analysis.command.check(run.options)
-        check_names(self.study, runs)
 
     def _checked(self, finished: Finished, execution: Execution) -> list[Checked]:
         """Return every requirement, as it came out before where nothing is new."""
@@ -110,7 +103,7 @@ class StudyRun:
                 execution.stop()
             reused = len(execution.outcomes)
             if execution.missing:
-                self._check(execution.missing)
+                check_runs(self.study, execution.missing)
                 execution.execute(workers(), progress)
             checked = self._checked(finished, execution)
         return StudyResult(
@@ -182,6 +175,25 @@ def run_study(
     return prepared.run(lambda: place)
 
 
+def check_runs(study: Study, runs: Sequence[Run]) -> None:
+    """Look for mistakes before anything runs; what is in the store had none.
+
+    Args:
+        study: that they belong to.
+        runs: that are going to be run.
+
+    Raises:
+        InputError: an option of a value that it cannot have, a name that the model does not have.
+        FmuError: a model cannot be opened.
+    """
+    from workbench.study.names import check_names  # noqa: PLC0415 - a study in its store opens no model
+
+    for run in {run.analysis.name: run for run in runs}.values():
+        with place(f"[analyses.{run.analysis.name}]"), chdir(study.folder):
+            run.analysis.command.check(run.options)
+    check_names(study, runs)
+
+
 # -- requirements ------------------------------------------------------------------------------
 
 
@@ -214,7 +226,7 @@ def _answer(question: Checked, outcomes: Mapping[Run, Outcome]) -> Checked:
     Raises:
         InputError: the requirement asks for what cannot be in such a result.
     """
-    return replace(question, finding=_found(question.requirement, [outcomes.get(run) for run in question.runs]))
+    return replace(question, finding=finding_of(question.requirement, [outcomes.get(run) for run in question.runs]))
 
 
 def _applies(requirement: Requirement, point: Point) -> bool:
@@ -230,7 +242,16 @@ def _label(runs: Sequence[Run]) -> str:
     return Point(configuration=configuration, values=values).label
 
 
-def _found(requirement: Requirement, outcomes: Sequence[Outcome | None]) -> Compliance:
+def finding_of(requirement: Requirement, outcomes: Sequence[Outcome | None]) -> Compliance:
+    """Return how a requirement came out.
+
+    Args:
+        requirement: to be met.
+        outcomes: of its analyses; None: not run.
+
+    Raises:
+        InputError: it asks for what cannot be in such a result.
+    """
     results: list[Result] = []
     for name, outcome in zip(requirement.analyses, outcomes, strict=True):
         if outcome is None:

@@ -1,0 +1,154 @@
+"""The requirement of an envelope at points: measured on the workers, or taken from the store."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from workbench.core.closable import Closable
+from workbench.core.option import recast
+from workbench.core.where import Workers
+from workbench.errors import InputError
+from workbench.study.description import Point, Study
+from workbench.study.execute import Execution, Progress
+from workbench.study.finished import Finished
+from workbench.study.kinds.base import Compliance, Requirement
+from workbench.study.plan import Outcome, Plan, Run, make_plan
+from workbench.study.run import check_runs, finding_of
+
+if TYPE_CHECKING:
+    from workbench.workers import Runner
+
+__all__ = ["Evaluator"]
+
+
+class Evaluator(Closable):
+    """Runs analyses of a study at points, on workers that stay warm from one call to the next.
+
+    Args:
+        study: whose analyses are run.
+        finished: the store.
+        workers: where they run.
+
+    Attributes:
+        measured: how many analyses were run.
+        reused: how many were in the store.
+        files: that they depend on → SHA-256.
+        afterwards: what went wrong at the workers when all was told.
+    """
+
+    def __init__(self, study: Study, finished: Finished, workers: Workers) -> None:
+        self._study, self._finished, self._workers = study, finished, workers
+        self._stack = ExitStack()
+        self._runner: Runner | None = None
+        self._stopped = False
+        self.measured = self.reused = 0
+        self.files: dict[str, str] = {}
+
+    @property
+    def afterwards(self) -> tuple[str, ...]:
+        """What went wrong at the workers when all was told."""
+        return () if self._runner is None else tuple(dict.fromkeys(self._runner.afterwards))
+
+    def stop(self) -> None:
+        """Let what runs end; a signal handler may call it."""
+        self._stopped = True
+        if self._runner is not None:
+            self._runner.stop()
+
+    def outcomes(
+        self,
+        names: Sequence[str],
+        points: Sequence[Point],
+        *,
+        progress: Progress = lambda _done, _label: None,
+        patient: bool = False,
+    ) -> tuple[Plan, dict[Run, Outcome]]:
+        """Run analyses at points.
+
+        Args:
+            names: of the analyses.
+            points: where.
+            progress: is told after each.
+            patient: see `Execution`.
+
+        Returns:
+            What is run where, and what came out; what an interrupt left undone is missing.
+
+        Raises:
+            InputError: an analysis cannot be done at any point.
+        """
+        plan = make_plan(self._study.alone(names), points)
+        execution = Execution(plan, finished=self._finished, folder=self._study.folder, patient=patient)
+        self.reused += len(execution.outcomes)
+        for run in plan.runs:
+            self.files.update(run.subject["files"])
+        progress(len(execution.outcomes), "")
+        if execution.missing and not self._stopped:
+            if self._runner is None:
+                check_runs(self._study, execution.missing)
+            try:
+                execution.execute_on(self._open(), self._workers, progress)
+            except KeyboardInterrupt:
+                self._stopped = True
+        self.measured += execution.measured
+        return plan, execution.outcomes
+
+    def findings(
+        self,
+        requirement: Requirement,
+        points: Sequence[Point],
+        *,
+        progress: Progress = lambda _done, _label: None,
+        patient: bool = False,
+    ) -> list[Compliance | None]:
+        """Return how a requirement came out at points; None where an interrupt came before.
+
+        Args:
+            requirement: to be met.
+            points: where.
+            progress: is told after each analysis.
+            patient: see `Execution`.
+
+        Raises:
+            InputError: an analysis cannot be done at any point, or the requirement asks for what no result has.
+        """
+        plan, outcomes = self.outcomes(requirement.analyses, points, progress=progress, patient=patient)
+        found: list[Compliance | None] = []
+        wrong: list[InputError] = []
+        for k in range(len(points)):
+            runs = [plan.at[name, k] for name in requirement.analyses]
+            try:
+                there = all(run in outcomes for run in runs)
+                found.append(finding_of(requirement, [outcomes[run] for run in runs]) if there else None)
+            except InputError as error:
+                wrong.append(error)
+                found.append(Compliance(value=None, reason=str(error)))
+        if wrong and len(wrong) == len(found) and not patient:
+            raise wrong[0]
+        return found
+
+    def line_at(self, requirement: Requirement, point: Point) -> list[str]:
+        """Return the command lines that measure the requirement at a point again."""
+        plan = make_plan(self._study.alone(requirement.analyses), [point])
+        return [run.command_line for run in plan.runs]
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it was interrupted."""
+        return self._stopped
+
+    def _open(self) -> Runner:
+        from workbench.workers.choose import runner_for  # noqa: PLC0415 - what is in the store needs no workers
+
+        if self._runner is None:
+            # The worker of an analysis writes its files; that of the FMU, which it begins, is confined.
+            self._runner = self._stack.enter_context(runner_for(recast(Workers, self._workers, confine=False)))
+            if self._stopped:
+                self._runner.stop()
+        return self._runner
+
+    def close(self) -> None:
+        """End the workers. Any number of times."""
+        self._stack.close()
