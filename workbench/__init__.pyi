@@ -19,6 +19,7 @@ from workbench.analysis.describing.base import Block as Block
 from workbench.analysis.describing.describe import DescribingFunction as DescribingFunction
 from workbench.analysis.describing.describe import describing_function as describing_function
 from workbench.analysis.describing.describe import standard_block as standard_block
+from workbench.analysis.describing.sector import Sector as Sector
 from workbench.analysis.excite.multisine import MultisineDesign as MultisineDesign
 from workbench.analysis.excite.prbs import PrbsDesign as PrbsDesign
 from workbench.analysis.excite.request import excite as excite
@@ -85,6 +86,8 @@ from workbench.analysis.nfr.result import FailedPoint as FailedPoint
 from workbench.analysis.nfr.result import NfrResult as NfrResult
 from workbench.analysis.nfr.run import NfrSweep as NfrSweep
 from workbench.analysis.nfr.zero_input import ZeroInput as ZeroInput
+from workbench.analysis.nyquist.absolute import AbsoluteStability as AbsoluteStability
+from workbench.analysis.nyquist.absolute import absolute_stability as absolute_stability
 from workbench.analysis.nyquist.nyquist import nyquist as nyquist
 from workbench.analysis.nyquist.result import Crossing as Crossing
 from workbench.analysis.nyquist.result import NyquistResult as NyquistResult

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from workbench.analysis.describing.describe import DescribingFunction
 from workbench.analysis.limit_cycle.branch import Branch, BranchPoint
 from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
+from workbench.analysis.nyquist.absolute import AbsoluteStability
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.decibels import degrees
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import behind, bracketed, counted, number, sampled_rows, sentence
 from workbench.report.tones import Verdict
 
-__all__ = ["branch_page", "describing_page", "free_run_page", "limit_cycle_page", "nyquist_page"]
+__all__ = ["absolute_page", "branch_page", "describing_page", "free_run_page", "limit_cycle_page", "nyquist_page"]
 
 _STABLE = {True: "stable", False: "unstable", None: "not known"}
 _KINDS = {
@@ -42,6 +45,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
             ),
             _crossings(result.nyquist),
             _cycles(result),
+            *([] if result.absolute is None else [_absolute(result.absolute)]),
             *([] if result.simulated is None else [_simulated(result.simulated)]),
             *([] if result.free_run is None else [_free_run(result.free_run)]),
             *(_branch(b, result.units.get(b.parameter), result.input_unit) for b in result.branches),
@@ -232,6 +236,58 @@ def _branch_point(p: BranchPoint) -> tuple[str, ...]:
 
 
 # -- crossings and describing functions --------------------------------------------------------
+
+
+def absolute_page(result: AbsoluteStability) -> Page:
+    """Return the page of absolute stability."""
+    return Page(
+        title=f"Absolute stability of {result.name}",
+        lead=_proven(result),
+        facts={},
+        sections=[_absolute(result)],
+        kind="absolute-stability",
+    )
+
+
+def _proven(result: AbsoluteStability) -> str:
+    if result.refused:
+        return sentence(f"nothing is proven: {result.refused}")
+    if result.sector is None:
+        return "The sectors of characteristics for which the loop is stable."
+    where = (
+        "" if result.sector.reach is None else f", as long as the block's input stays within ±{result.sector.reach:g}"
+    )
+    if result.proven_by:
+        return sentence(f"the loop with the block is proven stable by the {_CRITERIA[result.proven_by]}{where}")
+    return "Neither criterion proves the loop with the block stable; they are sufficient, not necessary."
+
+
+_CRITERIA = {"circle": "circle criterion", "Popov": "criterion of Popov"}
+
+
+def _absolute(result: AbsoluteStability) -> Section:
+    """Return the sectors by criterion, and by how much the block may be larger."""
+
+    def row(name: str, k: float | None, words: str) -> tuple[str, ...]:
+        high = math.inf if k is None else k
+        own = None if result.sector is None or result.low != 0.0 else result.sector.high
+        times = "" if not own else "∞" if k is None else f"{high / own:.4g}"
+        return (name, f"{result.low:.5g}", "∞" if k is None else f"{k:.6g}", times, words)
+
+    at = "" if result.circle_hz is None else f"decided at {result.circle_hz:.4g} Hz"
+    q = "" if result.popov_s is None else f"q = {result.popov_s:.4g} s"
+    rows = [] if result.refused else [
+        row("circle", result.circle, "proven, also for a characteristic that changes with time; " + at if at else at),
+        row("Popov", result.popov, "proven for a characteristic that does not; " + q if q else q),
+        row("constant gain", result.linear, "below, the describing function predicts no cycle"),
+    ]  # fmt: skip
+    if result.sector is not None:
+        reach = "at all inputs" if result.sector.reach is None else f"for inputs within ±{result.sector.reach:g}"
+        high = result.sector.high
+        end = "∞" if math.isinf(high) else f"{high:.6g}"
+        rows.append(("the block itself", f"{result.sector.low:.5g}", end, "", reach))
+    headings = ("criterion", "slopes from", "to", "times the block", "")
+    return Section("Absolute stability", paragraphs=[_proven(result)], tables=[Table(headings, rows)])
 
 
 def nyquist_page(result: NyquistResult) -> Page:

@@ -60,6 +60,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.modes.result.ModesResult": ("modes:modes_page", "modes:plot_modes"),
     "analysis.motions.result.MotionComparison": ("motions:motions_page", "motions:plot_motions"),
     "analysis.nfr.result.NfrResult": ("nfr:nfr_page", "bode:plot_nfr"),
+    "analysis.nyquist.absolute.AbsoluteStability": ("limit_cycle:absolute_page", ""),
     "analysis.nyquist.result.NyquistResult": ("limit_cycle:nyquist_page", "nyquist:plot_nyquist"),
     "analysis.reduction.balanced.BalancedReduction": ("feed_forward:reduction_page", ""),
     "analysis.simulate.result.SimulationResult": ("simulate:simulate_page", "time_history:time_history"),

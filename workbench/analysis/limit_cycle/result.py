@@ -10,6 +10,7 @@ from workbench.analysis.describing.base import Floats
 from workbench.analysis.limit_cycle.branch import Branch
 from workbench.analysis.limit_cycle.free_run import FreeRun
 from workbench.analysis.limit_cycle.observe import Observation
+from workbench.analysis.nyquist.absolute import AbsoluteStability
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.record import Part, Record, entry
@@ -106,6 +107,8 @@ class LimitCycleResult(Record):
         units: variable → unit, of what was varied.
         notes: what should be known, one line each.
         operating_point: about which the loop was cut; None: not known.
+        absolute: sectors for which the loop is proven stable, beside the block's; None: the block has a memory, there
+            are several, or there is no point of rest.
     """
 
     model: str
@@ -125,6 +128,7 @@ class LimitCycleResult(Record):
     units: Mapping[str, str | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
+    absolute: AbsoluteStability | None = None
 
     _WHAT, _COMMAND = "a result of limit-cycle", "limit-cycle"
 

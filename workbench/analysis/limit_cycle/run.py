@@ -37,6 +37,8 @@ from workbench.analysis.limit_cycle.request import (
 from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.analysis.limit_cycle.shooting import Orbits, shoot
 from workbench.analysis.limit_cycle.vary import GAIN, follow_cycles, range_of
+from workbench.analysis.nyquist.absolute import AbsoluteStability, absolute_stability
+from workbench.analysis.nyquist.nyquist import AMPLITUDES
 from workbench.analysis.nyquist.result import Crossing
 from workbench.analysis.opened import Ports
 from workbench.core.blas import one_thread
@@ -110,11 +112,13 @@ class _Work:
     branches: list[Branch] = field(default_factory=list)
     following: Callable[[], Branch] | None = None
     run_from_rest: FreeRun | None = None
+    absolute: AbsoluteStability | None = None
     stage: tuple[int, int] = (0, 1)
 
     def run(self) -> None:
         """Refine each predicted cycle; where none is predicted, look for one."""
         self.notes += [*self.loop.notes, *self.predicted.notes]
+        self._prove()
         crossings, (done, total) = self.predicted.curve.crossings, self.stage
         for number, crossing in enumerate(crossings):
             if crossing.amplitude is not None:
@@ -123,6 +127,17 @@ class _Work:
             self.job.done(f"cycles of crossing {number + 1}", done + int(_PARTS * far), total)
         if not self.found and SIMULATION in self.asked.methods:
             self._observe()
+
+    def _prove(self) -> None:
+        """Compare the block's sector with those for which the loop is proven stable."""
+        loop, block = self.loop, self.loop.block
+        if block is None or len(loop.every) > 1 or loop.moving:
+            return
+        reach = (self.asked.amplitudes or AMPLITUDES)[1]
+        try:
+            self.absolute = absolute_stability(loop.part, block, reach=reach, name=self.predicted.curve.name)
+        except InputError as error:
+            self.notes.append(f"nothing is proven by circle and Popov criterion: {error}")
 
     def result(self) -> LimitCycleResult:
         """Return what is found so far; of a branch that is being followed, what there is of it."""
@@ -147,6 +162,7 @@ class _Work:
             units={v.name: v.unit for v in model.description.variables if v.name in self.asked.vary},
             notes=tuple(dict.fromkeys(notes)),
             operating_point=named(model, self.loop.point),
+            absolute=self.absolute,
         )
 
     def _refine(self, number: int, c: Crossing, amplitude: float) -> None:

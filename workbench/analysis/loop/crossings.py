@@ -13,7 +13,7 @@ from workbench.core.linear import LinearPart
 from workbench.core.poles import damped_frequency_hz, natural_frequency_hz
 from workbench.session.base import Floats
 
-__all__ = ["gain_crossings", "odd_pencil", "real_crossings", "scan"]
+__all__ = ["gain_crossings", "level_frequencies", "odd_pencil", "real_crossings", "scan"]
 
 _REAL = 1e-9  # |Im F| / |F| at a crossing of the real axis; at a pole on the axis it is 1
 _ROUNDING = 1e-13  # of |F|: an imaginary part below this has no sign
@@ -34,7 +34,7 @@ def gain_crossings(f: LinearPart) -> list[float]:
         size = abs(f.at(frequency))
         return float(np.log(size)) if 0.0 < size < np.inf else np.nan if np.isnan(size) else -np.inf
 
-    return _roots(level, _candidates(f, _gain_pencil), f.highest_hz)
+    return _roots(level, level_frequencies(f, _gain_pencil), f.highest_hz)
 
 
 def real_crossings(f: LinearPart) -> list[float]:
@@ -50,7 +50,7 @@ def real_crossings(f: LinearPart) -> list[float]:
         value = f.at(frequency)
         return value.imag / abs(value) if abs(value.imag) > _ROUNDING * abs(value) else 0.0
 
-    found = _roots(imaginary, _candidates(f, odd_pencil), f.highest_hz)
+    found = _roots(imaginary, level_frequencies(f, odd_pencil), f.highest_hz)
     return [x for x in found if abs(imaginary(x)) < _REAL]
 
 
@@ -86,8 +86,13 @@ def _below(highest: float) -> float:
     return float(highest * (1.0 - 1e-9))
 
 
-def _candidates(f: LinearPart, pencil: Callable[[LinearPart], tuple[Floats, Floats]]) -> Floats:
-    """Return frequencies between which the function cannot change its sign, and others, rising [Hz]."""
+def level_frequencies(f: LinearPart, pencil: Callable[[LinearPart], tuple[Floats, Floats]]) -> Floats:
+    """Return frequencies between which the function cannot change its sign, and others, rising [Hz].
+
+    Args:
+        f: transfer function, continuous or sampled.
+        pencil: of a continuous one → (a, b) whose generalised eigenvalues are the zeros of the function.
+    """
     try:
         plane = _bilinear(f) if f.dt > 0.0 else f
         a, b = pencil(plane)
