@@ -243,7 +243,7 @@ def test_a_failed_point_keeps_its_reason_and_widens_the_interval(study: Callable
         (LAG, r"has no \[envelope\]"),
         (LAG + "[envelope]\nparameters = {}", r"\[envelope.parameters\]: is empty"),
         (LAG + '[envelope]\nparameters = {"lagg.tau" = [0.5, 1.0]}', "model 'lagg' is unknown; did you mean lag"),
-        (LAG + '[envelope]\nparameters = {"lag.tou" = [0.5, 1.0]}', "tou"),
+        (LAG + '[envelope]\nparameters = {"lag.tou" = [0.5, 1.0]}', r'\[envelope.parameters\] "lag.tou"'),
         (LAG + '[envelope]\nplan = "cube"\nparameters = {"lag.tau" = [0.5, 1.0]}', "plan"),
         (ENVELOPE + "[grid]\nlag.tau = [1.0]", r"\[grid\] and \[envelope\]: only one"),
         (ENVELOPE + "[envelope.failures]\nworn = 1.0", "configuration 'worn' is unknown"),

@@ -84,10 +84,12 @@ def _names(model: DescribedModel) -> _Names:
 
 def _where(study: Study, model: str, message: str) -> str:
     """Return the table that names what the model complains about."""
-    for name in study.grid:
+    spreads = () if study.envelope is None else study.envelope.spreads
+    tables = {**dict.fromkeys(study.grid, "[grid]"), **{s.name: "[envelope.parameters]" for s in spreads}}
+    for name, table in tables.items():
         owner, _, parameter = name.partition(".")
         if owner == model and parameter in message:
-            return f'[grid] "{name}"'
+            return f'{table} "{name}"'
     return f"[models] {model}"
 
 

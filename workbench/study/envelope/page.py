@@ -96,10 +96,14 @@ def _worst(result: EnvelopeResult) -> Iterator[Section]:
     where = f" ({worst.where})" if worst.where else ""
     told = f"{result.requirement} is {worst.value:.6g}, margin {worst.margin:+.4g}{where}."
     how = (
-        f"Found by the search, after {worst.evaluations} evaluations beside the points of the plan."
+        f"Found by the search, after {counted(worst.evaluations, 'evaluation')} beside the points of the plan."
         if worst.found == "search"
         else "It is a point of the plan"
-        + (f"; {worst.evaluations} evaluations of the search met nothing worse." if worst.evaluations else ".")
+        + (
+            f"; {counted(worst.evaluations, 'evaluation')} of the search met nothing worse."
+            if worst.evaluations
+            else "."
+        )
     )
     failure = [("failure", worst.failure)] if worst.failure is not None else []
     rows = [*failure, *((name, f"{v:.12g}" if isinstance(v, float) else str(v)) for name, v in worst.values.items())]

@@ -37,7 +37,7 @@ def run(name: str | Path, asked: EnvelopeOf, job: Job) -> EnvelopeResult:
     """Map, search and count; see `EnvelopeOf`."""
     study = read_study(name)
     if study.envelope is None:
-        raise InputError(f"{name}: has no [envelope]; `workbench run {name}` runs it, a study without one")
+        raise InputError(f"{name}: has no [envelope]; it is a study that `workbench run {name}` runs")
     envelope = _as_asked(study.envelope, asked)
     folder = (Path(asked.store) if asked.store is not None else default_store(name)) if asked.keep else None
     with (
