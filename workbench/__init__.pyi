@@ -1,9 +1,9 @@
 from workbench.analysis.advice import Advice as Advice
 from workbench.analysis.advice import Finding as Finding
 from workbench.analysis.advice.advise import advise as advise
+from workbench.analysis.bla.request import best_linear as best_linear
 from workbench.analysis.bla.request import bla as bla
 from workbench.analysis.bla.result import BlaResult as BlaResult
-from workbench.analysis.bla.run import best_linear as best_linear
 from workbench.analysis.branches.request import branches as branches
 from workbench.analysis.branches.result import BranchesResult as BranchesResult
 from workbench.analysis.branches.result import Fold as Fold

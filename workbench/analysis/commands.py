@@ -27,7 +27,7 @@ REQUESTS = {
     "check": "check.request:Check",
     "excite": "excite.request:Excite",
     "identify": "identify.request:Identify",
-    "bla": "bla.request:Bla",
+    "bla": "bla.request:BlaCommand",
     "fit": "fit.request:Fit",
     "reproduce": "workbench.reproduce.request:ReproduceCommand",
     "build": "workbench.to_fmu.request:Build",
