@@ -104,6 +104,9 @@ from workbench.analysis.spectra import Coherence as Coherence
 from workbench.analysis.spectra import SpectralDensity as SpectralDensity
 from workbench.analysis.spectra import sdf as sdf
 from workbench.analysis.spectra.coherence import coherence as coherence
+from workbench.analysis.structures.request import identify_structure as identify_structure
+from workbench.analysis.structures.result import StructureResult as StructureResult
+from workbench.analysis.structures.table import StaticTable as StaticTable
 from workbench.analysis.subspace import SubspaceEstimate as SubspaceEstimate
 from workbench.analysis.subspace.estimate import estimate as estimate
 from workbench.analysis.trim.request import trim as trim

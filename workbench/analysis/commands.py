@@ -26,7 +26,7 @@ REQUESTS = {
     "compare": "motions.request:CompareMotions",
     "check": "check.request:Check",
     "excite": "excite.request:Excite",
-    "identify": "identify.request:Identify",
+    "identify": "structures.request:IdentifyCommand",
     "bla": "bla.request:BlaCommand",
     "fit": "fit.request:Fit",
     "reproduce": "workbench.reproduce.request:ReproduceCommand",
