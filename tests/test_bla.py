@@ -136,22 +136,118 @@ def test_the_multisine_has_the_power_asked_for_and_other_phases_for_each_seed() 
     assert np.abs(one - other).max() > 0.1
 
 
+def recorded(
+    *seeds: int, periods: int = 3, noise: float = 0.0, on_input: float = 0.0, kind: str = "random-odd"
+) -> wb.Experiment:
+    """Realisations one after the other through the linear block and a weak cubic one behind it."""
+    lines = lines_of(kind, 1, 300, 3)
+    ones = [
+        RandomPhase(rms=1.0, length=N, excited=tuple(lines.excited), periods=2, transient=0, seed=s).period()
+        for s in seeds
+    ]
+    u = np.concatenate([np.tile(one, periods) for one in ones])
+    y = np.concatenate([np.tile(filtered(one) + 0.1 * filtered(one) ** 3, periods) for one in ones])
+    random = np.random.default_rng(seeds[0])
+    given = u + on_input * random.standard_normal(len(u))
+    return wb.make_experiment(
+        0.01, given, y + noise * random.standard_normal(len(u)), input_names=["force"], output_names=["way"]
+    )
+
+
 def test_records_give_the_same_as_what_they_were_made_of() -> None:
     lines = lines_of("random-odd", 1, 300, 3)
-    records = []
-    for seed in range(5):
-        one = RandomPhase(rms=1.0, length=N, excited=tuple(lines.excited), periods=2, transient=0, seed=seed).period()
-        records.append(wb.make_experiment(0.01, np.tile(one, 3), np.tile(filtered(one) + 0.1 * filtered(one) ** 3, 3)))
+    records = [recorded(seed) for seed in range(5)]
     found = wb.best_linear(records, period=N * 0.01, transient=1)
     assert found.frequency_hz == pytest.approx(lines.excited / (N * 0.01))
     assert (found.periods, found.realisations, found.lines) == (2, 5, "random-odd")
     assert found.worth == (True,)
+    assert np.isnan(found.offset).all()  # the output at rest is not known
+    together = wb.best_linear([recorded(*range(5))], period=N * 0.01, transient=1)
+    assert together.realisations == 5
+    assert together.response == pytest.approx(found.response, abs=1e-12)
     with pytest.raises(InputError, match="not a whole number of samples"):
         wb.best_linear(records, period=0.015)
-    with pytest.raises(InputError, match="at least two experiments"):
-        wb.best_linear(records[:1], period=1.0)
-    with pytest.raises(InputError, match="at least two are needed"):
+    with pytest.raises(InputError, match="does not repeat with a period of 7 s"):
+        wb.best_linear(records, period=7.0)
+    with pytest.raises(InputError, match=r"1 whole period of 10\.24 s after the transient"):
         wb.best_linear(records, period=N * 0.01, transient=2)
+    with pytest.raises(InputError, match="excite different lines"):
+        wb.best_linear([*records, recorded(9, kind="odd")], period=N * 0.01)
+
+
+def test_records_that_begin_within_a_period_lose_the_ones_with_two_phases() -> None:
+    late = recorded(1, 2, 3, periods=4).part(100)
+    found = wb.best_linear([late], period=N * 0.01)
+    assert (found.realisations, found.periods) == (3, 3)
+    assert found.distortion_rms == pytest.approx(
+        wb.best_linear([recorded(1, 2, 3)], period=10.24).distortion_rms, rel=0.05
+    )
+    assert any("at other phases are left out" in note for note in found.notes)
+
+
+def test_one_realisation_tells_distortion_by_the_lines_left_out() -> None:
+    """The fast method: as large an error as that of many realisations, and it holds the truth as often as it says."""
+    one = RandomPhase(
+        rms=1.0, length=N, excited=tuple(lines_of("random-odd", 1, 300, 3).excited), periods=2, transient=0, seed=0
+    ).period()
+    lines = lines_of("random-odd", 1, 300, 3)
+    true = block(lines) * (1.0 + 0.1 * cubic(filtered(one), lines))
+    every = [wb.best_linear([recorded(s, noise=0.02, on_input=0.01)], period=N * 0.01) for s in range(30)]
+    held = [np.mean(np.abs(found.response[0] - true) <= found.error[0]) for found in every]
+    assert 0.92 <= np.mean(held) <= 0.98  # of 3300 in 30 realisations
+    many = wb.best_linear([recorded(*range(30), noise=0.02)], period=N * 0.01)
+    alone = np.sqrt(np.mean([found.distortion_rms[0] ** 2 for found in every]))
+    assert alone == pytest.approx(many.distortion_rms[0], rel=0.1)
+    with pytest.raises(InputError, match="only where odd lines are left out"):
+        wb.best_linear([recorded(1, kind="odd")], period=N * 0.01)
+
+
+def test_noise_of_a_measured_input_is_in_the_error() -> None:
+    """What the input's noise adds to Y − G U: √(σ_y² + |G|² σ_u²) of the linear block."""
+    lines = lines_of("random-odd", 1, 300, 3)
+    random = np.random.default_rng(0)
+    u, y = [], []
+    for s in range(20):
+        design = RandomPhase(rms=1.0, length=N, excited=tuple(lines.excited), periods=2, transient=0, seed=s)
+        one = design.period()
+        u.append(np.tile(one, (4, 1)) + 0.1 * random.standard_normal((4, N)))
+        y.append(np.tile(filtered(one), (4, 1)))
+    found = approximate(np.array(u), np.array(y), lines)
+    size = np.sqrt(0.5 / len(lines.excited))
+    said = found.noise / np.abs(block(lines))
+    assert np.sqrt(np.mean(said**2)) == pytest.approx(0.1 / np.sqrt(4.0 * N) / size, rel=0.05)
+
+
+def test_the_command_takes_recorded_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recorded(1, 2).to_csv(tmp_path / "one.csv")
+    recorded(3).to_csv(tmp_path / "two.csv")
+    ends = ["--input", "force", "--output", "way"]
+    command = ["bla", str(tmp_path / "one.csv"), *ends, "--period", "10.24"]
+    also = [
+        "--also",
+        str(tmp_path / "two.csv"),
+        "--json",
+        str(tmp_path / "bla.json"),
+        "--plot",
+        str(tmp_path / "b.png"),
+    ]
+    assert run([*command, *also]) == 0
+    assert "3 realisations of 2 periods of 1024 samples" in capsys.readouterr().out
+    found = wb.BlaResult.read(tmp_path / "bla.json")
+    expected = wb.best_linear([recorded(1, 2), recorded(3)], period=10.24, transient=1)
+    assert found.response == pytest.approx(expected.response, abs=1e-9)
+    assert np.isnan(found.offset).all()
+    for more, said in (
+        ([*command, "--rms", "1"], "--rms is for models"),
+        ([*command, "--solver", "gear"], "--solver is for models"),
+        ([*command, "--periods", "3"], "--periods is for models"),
+        (command[:-2], "--period is missing"),
+        (["bla", "fmu:Rudder", "--input", "delC", "--output", "del", "--period", "2"], "--period is for recorded data"),
+        (["bla", "fmu:Rudder", "--input", "delC", "--output", "del", "--rms", "2"], "--band is missing"),
+        ([*command[:2], "--input", "forc", "--output", "way", "--period", "1"], "no column 'forc'"),
+    ):
+        assert run(more) == 2
+        assert said in capsys.readouterr().err
 
 
 def test_the_rudder_stops_being_linear_where_its_rate_limit_is(

@@ -1,9 +1,9 @@
 from workbench.analysis.advice import Advice as Advice
 from workbench.analysis.advice import Finding as Finding
 from workbench.analysis.advice.advise import advise as advise
+from workbench.analysis.bla.request import best_linear as best_linear
 from workbench.analysis.bla.request import bla as bla
 from workbench.analysis.bla.result import BlaResult as BlaResult
-from workbench.analysis.bla.run import best_linear as best_linear
 from workbench.analysis.branches.request import branches as branches
 from workbench.analysis.branches.result import BranchesResult as BranchesResult
 from workbench.analysis.branches.result import Fold as Fold
@@ -107,6 +107,9 @@ from workbench.analysis.spectra import Coherence as Coherence
 from workbench.analysis.spectra import SpectralDensity as SpectralDensity
 from workbench.analysis.spectra import sdf as sdf
 from workbench.analysis.spectra.coherence import coherence as coherence
+from workbench.analysis.structures.request import identify_structure as identify_structure
+from workbench.analysis.structures.result import StructureResult as StructureResult
+from workbench.analysis.structures.table import StaticTable as StaticTable
 from workbench.analysis.subspace import SubspaceEstimate as SubspaceEstimate
 from workbench.analysis.subspace.estimate import estimate as estimate
 from workbench.analysis.trim.request import trim as trim

@@ -22,7 +22,8 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         "Identification",
         (
             "analysis.advice", "analysis.bla", "analysis.excite", "analysis.experiment", "analysis.fit",
-            "analysis.identif", "analysis.preprocess", "analysis.spectra", "analysis.subspace", "analysis.validate",
+            "analysis.identif", "analysis.preprocess", "analysis.spectra", "analysis.structures", "analysis.subspace",
+            "analysis.validate",
         ),
     ),
     ("systems", "Systems", ("system", "analysis.delays")),

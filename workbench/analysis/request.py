@@ -354,7 +354,8 @@ def _line_of(kind: type[Request[Any, Any]], given: Mapping[str, Any]) -> str:
 
     source = facts_of(subject).source
     commands = named("workbench.analysis.commands:REQUESTS")
-    known = kind.command in commands and commands[kind.command].endswith(f":{kind.__name__}")
+    own = tuple(f":{kind.__name__}{end}" for end in ("", "Command"))  # the command may have more options
+    known = kind.command in commands and commands[kind.command].endswith(own)
     if not source or not known:  # as lin_over, which is a part of the command lin
         return ""
     tolerance = recipe.tolerance if kind.usual_tolerance is None else recipe.tolerance or subject.rtol or None

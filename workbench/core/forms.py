@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FILE",
+    "FILES",
     "MODEL",
     "TEXTS",
     "VARIED",
@@ -381,6 +382,15 @@ FILE = Form(
     write=lambda value: [str(value)],
     take=lambda value: value,
     files=lambda texts: texts,
+)
+
+# One or more data sets: files on the command line, anything that can be read as data in Python.
+FILES = Form(
+    metavar="DATA,..",
+    read=lambda texts: tuple(part for text in texts for part in text.split(",") if part),
+    write=lambda value: [",".join(map(str, value))] if value else [],
+    take=lambda value: (value,) if isinstance(value, str) or not isinstance(value, Sequence) else tuple(value),
+    repeated=True,
 )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from workbench.analysis.bla.result import BlaResult
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import number
+from workbench.report.tables import counted, number
 from workbench.report.tones import Verdict
 
 __all__ = ["bla_page"]
@@ -30,8 +30,8 @@ def bla_page(result: BlaResult) -> Page:
         facts={
             "multisine": f"{result.lines} lines, {len(result.frequency_hz)} excited, "
             f"{result.frequency_hz[0]:.4g} to {result.frequency_hz[-1]:.4g} Hz",
-            "records": f"{result.realisations} realisations of {result.periods} periods of {result.samples} samples "
-            f"every {result.dt:.4g} s, {result.transient} before",
+            "records": f"{counted(result.realisations, 'realisation')} of {result.periods} periods of "
+            f"{result.samples} samples every {result.dt:.4g} s, {result.transient} before",
         },
         sections=[Section("Levels (root mean squares)", items=result.words[:-1], tables=[levels], figures=figures)],
         summary=[Verdict("good" if all(result.worth) else "watch", result.verdict)],

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from workbench.analysis.feedback.request import Feedback
     from workbench.analysis.identify.request import Identify
     from workbench.analysis.identify.result import IdentifyResult
+    from workbench.analysis.structures.result import StructureResult
     from workbench.build.export import ExportResult
     from workbench.build.fmu import BuiltModels
     from workbench.system.container import ContainerResult
@@ -141,9 +142,10 @@ class _Identify(Written):
         if self.bode is not None and asked.lin is asked.nfr is None:
             raise InputError("--bode: give what to compare the model with: --lin, --nfr or both")
 
-    def write(self, record: IdentifyResult) -> Iterator[str | Path]:
-        if self.bode is not None and record.overlay is not None:
-            record.overlay.plot(self.bode)
+    def write(self, record: IdentifyResult | StructureResult) -> Iterator[str | Path]:
+        overlay = getattr(record, "overlay", None)
+        if self.bode is not None and overlay is not None:
+            overlay.plot(self.bode)
             yield self.bode
 
 

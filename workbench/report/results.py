@@ -66,6 +66,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.simulate.result.SimulationResult": ("simulate:simulate_page", "time_history:time_history"),
     "analysis.spectra.coherence.Coherence": ("data:coherence_page", "spectra:plot_coherence"),
     "analysis.spectra.density.SpectralDensity": ("data:density_page", "spectra:plot_density"),
+    "analysis.structures.result.StructureResult": ("structures:structure_page", "structures:plot_structure"),
     "analysis.subspace.result.SubspaceEstimate": ("identify:estimate_page", "identify:plot_order"),
     "analysis.trim.result.TrimResult": ("trim:trim_page", "residual_bars:plot_residuals"),
     "analysis.validate.bootstrap.PoleBootstrap": ("identify:bootstrap_page", "identify:plot_bootstrap"),

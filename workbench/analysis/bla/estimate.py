@@ -1,14 +1,18 @@
 """The best linear approximation from records of several realisations and periods.
 
-With U and Y the discrete Fourier transforms of realisation m and period p at an excited line (Pintelon & Schoukens, 2nd
-ed., section 4.3.1, the robust method):
+With U and Y the discrete Fourier transforms of realisation m and period p at an excited line, Ū and Ȳ their means over
+the periods (Pintelon & Schoukens, 2nd ed., section 4.3.1, the robust method):
 
-    G(m) = mean over p of Y / U,      G = mean over m of G(m)
-    σ²   = Σ |G(m) − G|² / (M (M − 1))                   of G: noise and distortion together
-    σₙ²  = Σ Σ |Y/U − G(m)|² / (M² P (P − 1))            of G: noise alone
-    σₛ²  = M (σ² − σₙ²)                                   distortion of one realisation, over the input
+    G(m) = Ȳ / Ū,      G = mean over m of G(m)
+    σ²   = Σ |G(m) − G|² / (M (M − 1))                       of G: noise and distortion together
+    σₙ²  = Σ Σ |(Y − G(m) U) / Ū|² / (M² P (P − 1))          of G: noise alone, that of the input included
+    σₛ²  = M (σ² − σₙ²)                                       distortion of one realisation, over the input
 
 |G − G₀|²/σ² of complex normal errors has Fisher's distribution with 2 and 2 (M − 1) degrees of freedom.
+
+One realisation alone (section 4.3.2, the fast method) tells as much where odd lines are left out at random: there the
+output has noise and distortion only, as much as at excited lines near by. σ² |Ū|² is the mean of |Ȳ|² at the nearest
+of them.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ __all__ = ["Approximation", "approximate"]
 Complex = NDArray[np.complex128]
 
 _CONFIDENCE = 0.95
+_NEAR = 8  # lines left out whose mean is the level at an excited one
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,24 +75,33 @@ def approximate(u: Floats, y: Floats, lines: Lines, *, rest: float = 0.0) -> App
         rest: output at rest.
 
     Raises:
-        InputError: fewer than two realisations or periods, or no input at a line.
+        InputError: fewer than two periods, no input at a line, or one realisation without odd lines left out.
     """
     M, P, N = u.shape
-    if M < 2 or P < 2:
-        raise InputError(f"at least two realisations and two periods are needed, not {M} and {P}")
+    if P < 2:
+        raise InputError(f"at least two periods are needed, not {P}")
+    if M < 2 and len(lines.odd) < 3:
+        raise InputError(
+            "one realisation of the phases tells distortion from the response only where odd lines are left out at "
+            "random (random-odd); record several realisations"
+        )
     U, Y = (np.fft.rfft(s, axis=2) / N for s in (u, y))
     at = lines.excited
-    if np.min(np.abs(U[:, :, at])) <= 1e-9 * np.max(np.abs(U[:, :, at])):
+    forced, answer = U[:, :, at].mean(axis=1), Y[:, :, at].mean(axis=1)
+    if np.min(np.abs(forced)) <= 1e-9 * np.max(np.abs(forced)):
         raise InputError("the input has no power at a line: the period or the lines are others than said")
-    every = Y[:, :, at] / U[:, :, at]
-    each = every.mean(axis=1)
+    each = answer / forced
     response = each.mean(axis=0)
-    total = np.sum(np.abs(each - response) ** 2, axis=0) / (M * (M - 1))
-    noise = np.sum(np.abs(every - each[:, None]) ** 2, axis=(0, 1)) / (M**2 * P * (P - 1))
+    left = (Y[:, :, at] - each[:, None] * U[:, :, at]) / forced[:, None]
+    noise = np.sum(np.abs(left) ** 2, axis=(0, 1)) / (M**2 * P * (P - 1))
+    if M > 1:
+        total, freedom = np.sum(np.abs(each - response) ** 2, axis=0) / (M * (M - 1)), M - 1
+    else:
+        total, freedom = _left_out(Y[0].mean(axis=0), lines) / np.abs(forced[0]) ** 2, min(_NEAR, len(lines.odd))
     distortion = np.maximum(M * (total - noise), 0.0)
-    size = np.sqrt(total * stats.f.ppf(_CONFIDENCE, 2, 2 * (M - 1)))
+    size = np.sqrt(total * stats.f.ppf(_CONFIDENCE, 2, 2 * freedom))
     spread = np.var(Y, axis=1, ddof=1)  # of one period, (M, N/2 + 1)
-    power = np.mean(np.abs(U[:, :, at]) ** 2, axis=(0, 1))
+    power = np.mean(np.abs(forced) ** 2, axis=0)
     mean = Y.mean(axis=1)
 
     def quiet(which: NDArray[np.intp]) -> float:
@@ -108,3 +122,15 @@ def approximate(u: Floats, y: Floats, lines: Lines, *, rest: float = 0.0) -> App
         even_rms=quiet(lines.even),
         offset=float(np.mean(y)) - rest,
     )
+
+
+def _left_out(mean: Complex, lines: Lines) -> Floats:
+    """Return the mean power of the output at the odd lines that are left out nearest to each excited one, shape (k,).
+
+    Args:
+        mean: shape (N/2 + 1,), of the periods.
+        lines: with odd ones that are not excited.
+    """
+    far = np.abs(lines.excited[:, None] - lines.odd)
+    nearest = np.argsort(far, axis=1, kind="stable")[:, :_NEAR]
+    return np.asarray(np.mean(np.abs(mean[lines.odd[nearest]]) ** 2, axis=1))

@@ -1,4 +1,4 @@
-"""Measure best linear approximations of a model, or take them from records."""
+"""Measure best linear approximations of a model."""
 
 from __future__ import annotations
 
@@ -15,17 +15,15 @@ from workbench.analysis.bla.request import Bla
 from workbench.analysis.bla.result import BlaResult
 from workbench.analysis.excite.playing import Begin, Samples, measure, sampling_of
 from workbench.analysis.excite.request import Excite
-from workbench.analysis.experiment.experiment import Experiment
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.names import check_variables
 from workbench.model.placing import find_point
-from workbench.origin import with_origin
 from workbench.session.base import Floats
 
-__all__ = ["best_linear", "run"]
+__all__ = ["Grid", "gathered", "run"]
 
 _PER_PERIOD = 8.0  # samples of the highest frequency's period
 _SETTLED = 1e-3  # of the output: two periods that differ by more are not periodic yet
@@ -43,7 +41,7 @@ def run(model: Model, asked: Bla, job: Job) -> BlaResult:
     length = 2 * math.ceil(0.5 / (low * dt) - 1e-9)
     lines = lines_of(asked.lines, 1, math.floor(high * length * dt + 1e-6), asked.seed)
     levels = np.atleast_1d(np.asarray(asked.rms, dtype=np.float64))
-    under_way = _UnderWay(model, asked, levels, _Grid(lines, dt, length), list(remarks))
+    under_way = _UnderWay(model, asked, levels, Grid(lines, dt, length), list(remarks))
     total = len(levels) * asked.realisations
     for rms in levels:
         inputs, outputs, rest = [], [], 0.0
@@ -66,7 +64,7 @@ def run(model: Model, asked: Bla, job: Job) -> BlaResult:
 
 
 @dataclass(frozen=True, eq=False)
-class _Grid:
+class Grid:
     """Lines of a multisine, sampling interval [s] and samples of a period."""
 
     lines: Lines
@@ -88,7 +86,7 @@ class _UnderWay:
     model: Model
     asked: Bla
     levels: Floats
-    grid: _Grid
+    grid: Grid
     notes: list[str]
     found: list[Approximation] = field(default_factory=list)
     where: OperatingPoint | None = None
@@ -108,7 +106,7 @@ class _UnderWay:
             "transient": asked.transient, "lines": asked.lines, "notes": tuple(self.notes),
             "operating_point": self.where,
         }  # fmt: skip
-        return _gathered(self.found, self.levels[: len(self.found)], self.grid, told)
+        return gathered(self.found, self.levels[: len(self.found)], self.grid, told)
 
 
 def _usual(model: Model, point: OperatingPoint | None, high: float) -> float | None:
@@ -147,7 +145,15 @@ _STACKED = (
 )  # fmt: skip
 
 
-def _gathered(found: Sequence[Approximation], levels: Floats, grid: _Grid, told: dict[str, Any]) -> BlaResult:
+def gathered(found: Sequence[Approximation], levels: Floats, grid: Grid, told: dict[str, Any]) -> BlaResult:
+    """Return the result of all powers, with a note where periods differ.
+
+    Args:
+        found: one for each power.
+        levels: root mean squares of the input.
+        grid: of all.
+        told: further fields by name.
+    """
     stacked: dict[str, Any] = {name: np.array([getattr(a, name) for a in found]) for name in _STACKED}
     output = np.array([a.output for a in found])
     doubts = [
@@ -161,65 +167,3 @@ def _gathered(found: Sequence[Approximation], levels: Floats, grid: _Grid, told:
         linear_rms=np.array([a.linear for a in found]), dt=grid.dt, samples=grid.length,
         **stacked, **{**told, "notes": (*told.get("notes", ()), *doubts)},
     )  # fmt: skip
-
-
-@with_origin()
-def best_linear(
-    experiments: Sequence[Experiment], *, period: float, transient: int = 0, name: str = "data"
-) -> BlaResult:
-    """Return the best linear approximation of recorded data: one experiment for each realisation of the phases.
-
-    Excited lines are those where the input of the first experiment has power.
-
-    Args:
-        experiments: one input and one output each, all of the same length, whole periods of a multisine.
-        period: of the multisine [s].
-        transient: so many periods are left out at the beginning of each.
-        name: what the data come from.
-
-    Raises:
-        InputError: fewer than two, other channels or intervals, less than two whole periods.
-
-    Examples:
-        >>> import numpy as np
-        >>> rng, t = np.random.default_rng(0), np.arange(64)
-        >>> def one():
-        ...     u = sum(np.cos(2 * np.pi * k * t / 64 + rng.uniform(0, 6.3)) for k in (1, 3, 5, 7))
-        ...     return wb.make_experiment(0.1, np.tile(u, 2), np.tile(2 * u, 2))
-        >>> print(wb.best_linear([one(), one(), one()], period=6.4).response[0].round(6).real)
-        [2. 2. 2. 2.]
-    """
-    first = experiments[0] if len(experiments) > 1 else None
-    if first is None:
-        raise InputError("at least two experiments are needed, one for each realisation of the phases")
-    length = round(period / first.dt)
-    if length < 4 or abs(length * first.dt - period) > 1e-6 * period:
-        raise InputError(f"period: {period:g} s is not a whole number of samples of {first.dt:g} s")
-    u, y = zip(*(_periods(e, first, length, transient) for e in experiments), strict=True)
-    spectrum = np.abs(np.fft.rfft(u[0][0]))
-    excited = np.flatnonzero(spectrum[1 : length // 2] > 1e-3 * spectrum[1:].max()) + 1
-    between = np.arange(1, excited[-1] + 1)
-    quiet = np.setdiff1d(between, excited)
-    lines = Lines(excited, quiet[quiet % 2 == 1], quiet[quiet % 2 == 0])
-    found = approximate(np.array(u), np.array(y), lines)
-    odd = bool(np.all(excited % 2 == 1))
-    told = {
-        "model": name, "input": first.input_names[0], "output": first.output_names[0],
-        "input_unit": first.input_units[0], "output_unit": first.output_units[0], "periods": len(u[0]),
-        "realisations": len(u), "transient": transient,
-        "lines": "all" if not odd else "random-odd" if len(lines.odd) else "odd",
-    }  # fmt: skip
-    level = float(np.sqrt(np.mean(np.var(np.array(u), axis=2))))
-    return _gathered([found], np.array([level]), _Grid(lines, first.dt, length), told)
-
-
-def _periods(data: Experiment, first: Experiment, length: int, transient: int) -> tuple[Floats, Floats]:
-    if data.n_inputs != 1 or data.y.shape[1] != 1:
-        raise InputError(f"{data.name}: one input and one output are needed; select them")
-    if abs(data.dt - first.dt) > 1e-9 * first.dt or data.n_samples != first.n_samples:
-        raise InputError(f"{data.name}: other interval or length than {first.name}")
-    count = data.n_samples // length - transient
-    if count < 2:
-        raise InputError(f"{data.name}: {max(count, 0)} whole periods after the transient, at least two are needed")
-    kept = slice(transient * length, (transient + count) * length)
-    return data.u[kept, 0].reshape(count, length), data.y[kept, 0].reshape(count, length)

@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from workbench.analysis.request import Request, Subject, function
-from workbench.core.forms import FILE, File, Form, Names
+from workbench.core.forms import FILE, FILES, File, Form, Names
 from workbench.core.option import option, recast
 from workbench.core.where import DEFAULT_TIMEOUT, Parts, Workers
 from workbench.errors import InputError
@@ -55,13 +55,6 @@ _DELAY = Form(
     take=lambda value: value,
 )
 _NOISE = Form(metavar="auto|shared|N", read=_read_noise, write=lambda value: [str(value)], take=lambda value: value)
-_FILES = Form(
-    metavar="DATA,..",
-    read=lambda texts: tuple(part for text in texts for part in text.split(",") if part),
-    write=lambda value: [",".join(map(str, value))] if value else [],
-    take=lambda value: (value,) if isinstance(value, str) or not isinstance(value, Sequence) else tuple(value),
-    repeated=True,
-)
 
 if TYPE_CHECKING:
     _Noise = int | Literal["auto", "shared"]
@@ -70,7 +63,7 @@ if TYPE_CHECKING:
     _Data = Experiment | File
     _Several = Sequence[Experiment | File]
 else:
-    _Several = Annotated[object, _FILES]
+    _Several = Annotated[object, FILES]
     _Noise = Annotated[object, _NOISE]
     _Order = Annotated[object, _ORDER]
     _Delay = Annotated[object, _DELAY]

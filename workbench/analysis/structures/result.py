@@ -1,0 +1,176 @@
+"""The result of an identification with static blocks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from workbench.analysis.experiment.experiment import Experiment
+from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.structures.table import StaticTable
+from workbench.analysis.validate.fit import Fit, fit_of
+from workbench.core.record import Part, Record, entry
+from workbench.session.base import Floats
+
+__all__ = ["StructureResult", "Tried"]
+
+_STEPS = 10  # of the search for an initial state
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried(Part):
+    """One number of knots that was tried.
+
+    Attributes:
+        knots: of each static block; 0: the linear model alone.
+        criterion: Bayesian, smallest is best.
+    """
+
+    knots: int
+    criterion: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StructureResult(Record):
+    """A linear block with static blocks: y = g(G f(u)).
+
+    Attributes:
+        structure: hammerstein, wiener or hammerstein-wiener.
+        before: f, from the input's unit to the same; None: there is none.
+        linear: G, from the input's unit to the output's, with the covariance of its parameters.
+        behind: g, from the output's unit to the same; None: there is none.
+        knots: of each static block.
+        tried: numbers of knots, and 0 for the linear model alone.
+        order_reason: why the linear block has its order.
+        noise_order: coefficients of the equation of the disturbance.
+        noise_rms: standard deviation of its innovations [unit of the output].
+        settled: a further step would change nothing.
+        data: of the fit.
+        other: validation data; None: those of the fit.
+        simulated: shape (N,), output of the blocks on the validation data.
+        linear_fit_percent: fit of the linear model alone on the same data [%].
+        notes: what else should be known, one line each.
+    """
+
+    structure: str
+    before: StaticTable | None
+    linear: IdentifiedModel
+    behind: StaticTable | None
+    knots: int
+    tried: tuple[Tried, ...]
+    order_reason: str
+    noise_order: int
+    noise_rms: float
+    settled: bool
+    data: Experiment = field(metadata=entry(key="experiment"))
+    other: Experiment | None = field(default=None, metadata=entry(key="validation_experiment"))
+    simulated: Floats = field(metadata=entry(dims=("validation_time",)))
+    linear_fit_percent: float
+    notes: tuple[str, ...] = ()
+
+    _WHAT, _COMMAND = "an identification with static blocks", "identify"
+
+    @property
+    def model(self) -> IdentifiedModel:
+        """The linear block."""
+        return self.linear
+
+    @property
+    def order(self) -> int:
+        """Number of states of the linear block, delays not counted."""
+        return self.linear.order - sum(self.linear.delay)
+
+    @property
+    def judged(self) -> Experiment:
+        """The data of the figures: other data where there are some, else those of the fit."""
+        return self.data if self.other is None else self.other
+
+    @property
+    def fit(self) -> Fit:
+        """Fit of the simulation."""
+        return fit_of(self.data.output_names[0], self.judged.y[:, 0], self.simulated)
+
+    @property
+    def fit_percent(self) -> float:
+        """Fit of the simulation; see `validate.Fit` [%]."""
+        return self.fit.fit_percent
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Output → why the simulation has no fit."""
+        return {self.fit.output: self.fit.reason} if self.fit.reason else {}
+
+    @property
+    def pays(self) -> bool:
+        """Whether the Bayesian criterion is lower than that of the linear model alone."""
+        alone = min((t.criterion for t in self.tried if not t.knots), default=math.inf)
+        return min((t.criterion for t in self.tried if t.knots), default=math.inf) < alone
+
+    def simulate(self, u: Floats, y: Floats | None = None) -> Floats:
+        """Return the output without noise, shape (N,).
+
+        Args:
+            u: shape (N,), [unit of the input].
+            y: shape (N,), the measured output, by which the state at the first sample is found; None: at rest at the
+                first input.
+        """
+        given = np.asarray(u, dtype=np.float64).reshape(-1)
+        v = given if self.before is None else self.before(given)
+        state = _rest(self.linear, float(v[0]))
+        if y is not None:
+            state = self._begun(v, np.asarray(y, dtype=np.float64).reshape(-1), state)
+        w = self.linear.simulate(v[:, None], state)[:, 0]
+        return w if self.behind is None else self.behind(w)
+
+    def _begun(self, v: Floats, y: Floats, state: Floats) -> Floats:
+        """Return the state at the first sample that fits a record best."""
+        if self.behind is None:
+            return self.linear.initial_state(v[:, None], y[:, None])
+        free = replace(self.linear, B=np.zeros_like(self.linear.B), D=np.zeros_like(self.linear.D), y0=np.zeros(1))
+        units = np.array([free.simulate(v[:, None], row)[:, 0] for row in np.eye(len(state))]).reshape(-1, len(v)).T
+        width = 1e-4 * float(np.ptp(self.behind.x))
+        for _ in range(_STEPS):
+            w = self.linear.simulate(v[:, None], state)[:, 0]
+            slope = (self.behind(w + width) - self.behind(w - width)) / (2.0 * width)
+            change = np.linalg.lstsq(slope[:, None] * units, y - self.behind(w), rcond=1e-6)[0]
+            tried = state + change
+            if np.sum((y - self.behind(self.linear.simulate(v[:, None], tried)[:, 0])) ** 2) >= np.sum(
+                (y - self.behind(w)) ** 2
+            ):
+                break
+            state = tried
+        return state
+
+    def derived(self) -> dict[str, Any]:
+        """Return figures, and the data by name."""
+        return {
+            "model": self.data.name, "order": self.order, "fit_percent": self.fit_percent, "pays": self.pays,
+            "validated_on": "other data" if self.other is not None else "the data of the fit",
+            "failed": [{"where": where, "reason": why} for where, why in self.failed.items()],
+        }  # fmt: skip
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return what the fields take."""
+        return data
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield time, input, measured and simulated output of the validation data."""
+        data = self.judged
+        yield ("time [s]", data.input_names[0], data.output_names[0], f"{data.output_names[0]} simulated")
+        yield from np.column_stack([data.time, data.u[:, 0], data.y[:, 0], self.simulated]).tolist()
+
+
+def _rest(model: IdentifiedModel, v: float) -> Floats:
+    """Return the state at rest under an input; 0 where there is none."""
+    n = model.order
+    with np.errstate(all="ignore"):
+        try:
+            found = np.linalg.solve(np.eye(n) - model.A, model.B[:, 0] * (v - model.u0[0]))
+        except np.linalg.LinAlgError:
+            return np.zeros(n)
+    return found if np.all(np.isfinite(found)) else np.zeros(n)

@@ -1,0 +1,247 @@
+"""Identify a linear block with static blocks; see `IdentifyStructure`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from workbench.analysis.experiment.experiment import Experiment
+from workbench.analysis.identified.model import IdentifiedModel
+from workbench.analysis.identify.preparing import chosen, cut
+from workbench.analysis.identify.request import Identify
+from workbench.analysis.identify.result import IdentifyResult
+from workbench.analysis.identify.run import run as identify_linear
+from workbench.analysis.prediction.innovations import Innovations
+from workbench.analysis.structures.refine import Chain, Fitted, Table, fitted
+from workbench.analysis.structures.request import IdentifyCommand, IdentifyStructure
+from workbench.analysis.structures.result import StructureResult, Tried
+from workbench.analysis.structures.start import (
+    block_of,
+    placed,
+    rescaled,
+    starts_before,
+    straight,
+    with_before,
+    with_behind,
+)
+from workbench.analysis.structures.table import StaticTable
+from workbench.analysis.subspace.delays import advance, with_chains
+from workbench.core.blas import one_thread
+from workbench.core.job import Job
+from workbench.errors import InputError
+from workbench.session.base import Floats
+
+__all__ = ["run", "run_command"]
+
+_KNOTS = (4, 6, 8, 11, 15, 20)  # that auto tries
+_IN_A_ROW = 2  # without an improvement that end the search
+
+
+def run(data: Experiment | str | Path, asked: IdentifyStructure, job: Job) -> StructureResult:
+    """Identify the blocks; see `IdentifyStructure`."""
+    names = [None if name is None else [name] for name in (asked.input, asked.output)]
+    record = cut(chosen(data, names[0], names[1], asked.dt), asked.settle)
+    _check(record, asked)
+    linear = Identify(
+        order=asked.order, validation=asked.validation, max_order=asked.max_order, feedthrough=asked.feedthrough,
+        delay=asked.delay, dt=asked.dt,
+    ).run(record, Job())  # fmt: skip
+    scaled = _Scaled.of(record, asked.delay)
+    counts = _KNOTS if asked.knots == "auto" else (int(asked.knots),)
+    job.done("linear model", 1, len(counts) + 1)
+    with one_thread():
+        search = _Search(scaled, linear.model, asked)
+        best: Fitted | None = None
+        tried, worse = [Tried(knots=0, criterion=search.alone())], 0
+        for k, count in enumerate(counts, 2):
+            found = search.best(count)
+            job.done(f"{count} knots", k, len(counts) + 1)
+            if found is None:
+                continue
+            tried.append(Tried(knots=count, criterion=found.criterion))
+            better = best is None or found.criterion < best.criterion
+            best, worse = (found, 0) if better else (best, worse + 1)
+            if worse >= _IN_A_ROW:
+                break
+    if best is None:
+        raise InputError(f"{record.name}: no model of this structure has a finite output on these data")
+    return _result(best, tried, scaled, linear, asked)
+
+
+def run_command(data: Experiment | str | Path, asked: IdentifyCommand, job: Job) -> IdentifyResult | StructureResult:
+    """Identify a linear model, or one with static blocks; see `IdentifyCommand`."""
+    return identify_linear(data, asked, job) if asked.structure is None else run(data, asked.blocks, job)
+
+
+def _check(record: Experiment, asked: IdentifyStructure) -> None:
+    if record.n_inputs != 1 or record.n_outputs != 1:
+        raise InputError(
+            f"{record.name}: {asked.structure} is for one input and one output, not {record.n_inputs} and "
+            f"{record.n_outputs}; name one of each"
+        )
+    levels = len(np.unique(np.round(record.u[:, 0] / max(float(np.ptp(record.u)), 1e-300), 6)))
+    if asked.structure != "wiener" and levels < 3:
+        raise InputError(
+            f"{record.name}: the input {record.input_names[0]} has {levels} levels, which show {levels} points of a "
+            "static block before the linear one; excite with more (multisine, or several amplitudes)"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """The record with mean 0 and size 1, the delay taken out.
+
+    Attributes:
+        u, y: shape (N,).
+        means: of input and output.
+        sizes: standard deviations.
+    """
+
+    u: Floats
+    y: Floats
+    means: tuple[float, float]
+    sizes: tuple[float, float]
+
+    @classmethod
+    def of(cls, record: Experiment, delay: int) -> _Scaled:
+        means = float(record.u.mean()), float(record.y.mean())
+        sizes = float(record.u.std()), float(record.y.std())
+        u, y = advance((record.u - means[0]) / sizes[0], (record.y - means[1]) / sizes[1], (delay,))
+        return cls(u[:, 0], y[:, 0], means, sizes)
+
+
+class _Search:
+    """Fits of one structure with different numbers of knots."""
+
+    def __init__(self, scaled: _Scaled, model: IdentifiedModel, asked: IdentifyStructure) -> None:
+        self.u, self.y, self.asked = scaled.u, scaled.y, asked
+        core, (su, sy) = model.undelayed(), scaled.sizes
+        free = asked.feedthrough
+        self.linear = block_of(core.A, core.B * su, core.C / sy, core.D * su / sy, feedthrough=free)
+        powers = starts_before(len(core.A), self.u, self.y, feedthrough=free)
+        self.blocks: tuple[Innovations, ...] = (self.linear,) if powers is None else (self.linear, powers)
+
+    def alone(self) -> float:
+        """Return the criterion of the linear block alone."""
+        found = fitted(Chain(None, self.linear, None), self.u, self.y)
+        return float("inf") if found is None else found.criterion
+
+    def best(self, count: int) -> Fitted | None:
+        """Return the best fit with so many knots.
+
+        Args:
+            count: of knots.
+        """
+        found = [fit for fit in _FITS[self.asked.structure](self, count) if fit is not None]
+        return min(found, key=lambda fit: fit.criterion, default=None)
+
+    def hammerstein(self, count: int) -> Iterator[Fitted | None]:
+        """Yield fits with a block before the linear one, from each start."""
+        for block in self.blocks:
+            yield fitted(with_before(block, self.u, self.y, count), self.u, self.y)
+
+    def wiener(self, count: int) -> Iterator[Fitted | None]:
+        """Yield fits with a block behind the linear one, the last with knots where its input is."""
+        first = fitted(with_behind(self.linear, self.u, self.y, count), self.u, self.y)
+        if first is not None:
+            yield self._placed(first, count)
+
+    def both(self, count: int) -> Iterator[Fitted | None]:
+        """Yield fits with both, each from the one with one block only."""
+        starts = [placed(fit.chain, self.u, self.y, count) for fit in self.hammerstein(count) if fit is not None]
+        behind = [fit.chain for fit in self.wiener(count) if fit is not None]
+        starts += [replace(chain, before=straight(self.u, count)) for chain in behind]
+        for start in starts:
+            first = fitted(start, self.u, self.y)
+            if first is not None:
+                yield self._placed(first, count)
+
+    def _placed(self, first: Fitted, count: int) -> Fitted | None:
+        """Return the fit with knots where the last block's input is, its scale that of the data it ends with."""
+        found = fitted(placed(first.chain, self.u, self.y, count), self.u, self.y)
+        return None if found is None else fitted(rescaled(found.chain, self.u), self.u, self.y)
+
+
+_FITS: Mapping[str, Callable[[_Search, int], Iterator[Fitted | None]]] = {
+    "hammerstein": _Search.hammerstein,
+    "wiener": _Search.wiener,
+    "hammerstein-wiener": _Search.both,
+}
+
+
+# -- back in the units of the data -----------------------------------------------------------------
+
+
+def _result(
+    best: Fitted, tried: list[Tried], scaled: _Scaled, linear: IdentifyResult, asked: IdentifyStructure
+) -> StructureResult:
+    before, behind, record = best.chain.before, best.chain.behind, linear.data
+    first = 0 if before is None else before.free.shape[1]
+    last = len(best.covariance) - (0 if behind is None else behind.free.shape[1])
+    root = np.linalg.cholesky(best.covariance + 1e-15 * np.trace(best.covariance) * np.eye(len(best.covariance)))
+    other = None if asked.validation is None else linear.validation.data
+    found = StructureResult(
+        structure=asked.structure,
+        before=_table(before, root[:first], scaled.means[0], scaled.sizes[0]),
+        linear=_model(best, root[first:last], scaled, record, asked.delay),
+        behind=_table(behind, root[last:], scaled.means[1], scaled.sizes[1]),
+        knots=max(len(t.knots) for t in (before, behind) if t is not None),
+        tried=tuple(tried),
+        order_reason="given" if asked.order != "auto" else f"that of the linear model: {linear.estimate.order_reason}",
+        noise_order=len(best.colour),
+        noise_rms=scaled.sizes[1] * float(np.sqrt(best.variance)),
+        settled=best.settled,
+        data=record,
+        other=other,
+        simulated=np.zeros(0),
+        linear_fit_percent=linear.fit_percent,
+        notes=tuple(record.notes),
+    )
+    judged = found.judged
+    found = replace(found, simulated=found.simulate(judged.u[:, 0], judged.y[:, 0]))
+    return replace(found, notes=(*found.notes, *_notes(found, tried, linear)))
+
+
+def _table(table: Table | None, root: Floats, mean: float, size: float) -> StaticTable | None:
+    if table is None:
+        return None
+    spread = np.linalg.norm(table.free @ root, axis=1)
+    return StaticTable(x=mean + size * table.knots, y=mean + size * table.values, spread=size * spread)
+
+
+def _model(best: Fitted, root: Floats, scaled: _Scaled, record: Experiment, delay: int) -> IdentifiedModel:
+    """Return the linear block between the units of input and output."""
+    fit, (su, sy), (mu, my) = best.chain.linear, scaled.sizes, scaled.means
+    n, count = len(fit.A), root.shape[1]
+    every = np.zeros((sum(part.size for part in fit.parts), count))
+    every[best.chain.entries()] = best.coordinates @ root
+    sizes = np.cumsum([0, *(part.size for part in fit.parts)])
+    A, B, _, C, D = (every[a:b] for a, b in pairwise(sizes[:6]))
+    spread = np.concatenate([A, B / su, sy * C, sy / su * D])
+    matrices = with_chains((fit.A, fit.B / su, sy * fit.C, sy / su * fit.D), (delay,))
+    return IdentifiedModel(
+        A=matrices[0], B=matrices[1], C=matrices[2], D=matrices[3], K=np.zeros((n + delay, 1)),
+        x0=np.append(fit.x0, np.zeros(delay)), dt=record.dt, u0=np.array([mu]), y0=my + sy * fit.offset,
+        covariance=np.array([[sy**2 * best.variance]]), input_names=record.input_names,
+        output_names=record.output_names, input_units=record.input_units, output_units=record.output_units,
+        delay=(delay,) if delay else (), name=record.name, spread=spread,
+    )  # fmt: skip
+
+
+def _notes(found: StructureResult, tried: list[Tried], linear: IdentifyResult) -> Iterator[str]:
+    """Yield what a user should know."""
+    if not found.pays:
+        yield "the linear model alone has the lower Bayesian criterion: these data show no static block of this kind"
+    counts = [t.knots for t in tried if t.knots]
+    if len(counts) > 1 and found.knots >= max(counts):
+        yield f"{found.knots} knots are the most that were tried: the block may bend more than it can"
+    if not found.settled:
+        yield "the fit did not come to its end, or the data leave a parameter open; errors are those where it stopped"
+    if linear.closed_loop:
+        yield "the data come from a closed loop: the blocks are biased"
+    if found.other is None:
+        yield "judged on the data of the fit, which makes the model look too good; give other data (--validate)"

@@ -1,0 +1,69 @@
+"""The page of an identification with static blocks."""
+
+from __future__ import annotations
+
+from workbench.analysis.structures.result import StructureResult
+from workbench.analysis.structures.table import StaticTable
+from workbench.analysis.validate.spread import model_spread
+from workbench.report.data import data_facts
+from workbench.report.page import Page, Section, Table
+from workbench.report.tables import bracketed, number, pole_table
+from workbench.report.tones import Verdict
+
+__all__ = ["structure_page"]
+
+
+def structure_page(result: StructureResult) -> Page:
+    """Return the page of a linear block with static blocks: tables with errors, poles, how well it follows."""
+    where = "other data" if result.other is not None else "the data of the fit"
+    lead = (
+        f"{result.structure.capitalize()} model of order {result.order}: fit {result.fit_percent:.4g} % on {where}, "
+        f"the linear model alone {result.linear_fit_percent:.4g} %."
+    )
+    data = result.data
+    ends = ((result.before, data.input_names[0], data.input_units[0]), (result.behind, *_output(result)))
+    tables = [_values(table, name, unit) for table, name, unit in ends if table is not None]
+    words = "Static blocks with 95 % errors; below, measured and simulated output."
+    tried = [("linear" if t.knots == 0 else str(t.knots), number(t.criterion, ".6g")) for t in result.tried]
+    regions = model_spread(result.linear).words if result.order else ()
+    return Page(
+        title=f"{result.structure.capitalize()} model of {data.name}",
+        lead=lead,
+        facts={
+            **data_facts(data),
+            "order": f"{result.order}, {result.order_reason}",
+            "disturbance": f"equation of order {result.noise_order}, innovations {number(result.noise_rms, '.4g')} rms",
+        },
+        sections=[
+            Section("Static blocks", tables=tables, figures=[(result.plot, words)]),
+            Section(
+                "Linear block",
+                items=regions,
+                tables=[pole_table(result.linear.poles.tolist(), result.linear.dt, "Poles")],
+            ),
+            Section("Numbers of knots", tables=[Table(("knots", "Bayesian criterion"), tried)]),
+        ],
+        summary=[
+            Verdict("good" if result.pays else "watch", _verdict(result)),
+            *(Verdict("failed", f"no fit: {why}") for why in result.failed.values()),
+        ],
+        notes=result.notes,
+        kind="structure",
+    )
+
+
+def _output(result: StructureResult) -> tuple[str, str | None]:
+    return result.data.output_names[0], result.data.output_units[0]
+
+
+def _verdict(result: StructureResult) -> str:
+    return "the data show static blocks" if result.pays else "the data show no static block of this kind"
+
+
+def _values(table: StaticTable, name: str, unit: str | None) -> Table:
+    head = bracketed(name, unit)
+    rows = [
+        (number(x), number(y), number(error, ".2g"))
+        for x, y, error in zip(table.x.tolist(), table.y.tolist(), table.error.tolist(), strict=True)
+    ]
+    return Table((f"into the block: {head}", "out of it", "95 % error ±"), rows, right=range(3))
