@@ -236,6 +236,15 @@ def test_poles_near_a_frequency_are_those_of_dense_algebra(monkeypatch: pytest.M
     assert np.abs(residual).max() <= 1e-8 * np.abs(A).max()
 
 
+def test_no_pole_near_a_frequency_is_left_out() -> None:
+    half, frequency = 300, 5.0
+    found = poles_near(chain(2 * half), 50, frequency).value
+    stiff = (2.0 * half * np.sin(np.arange(1, half + 1) * np.pi / (2.0 * (half + 1)))) ** 2
+    exact = -0.1 + 1j * np.sqrt(stiff - 0.01)
+    nearest = exact[np.argsort(np.abs(exact - 2j * np.pi * frequency))[:50]]
+    np.testing.assert_allclose(np.sort(found.imag), np.sort(nearest.imag), rtol=1e-8)
+
+
 def test_modes_follows_the_wanted_ones_only(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(modal, "_LARGE", 64)
     monkeypatch.setattr(matrices, "_LARGE", 64)

@@ -17,6 +17,7 @@ from typing import NoReturn
 from workbench.build.differentiate import partial
 from workbench.build.expressions import CONDITION, QUOTIENT, RELATION, VARIABLE, ExpressionGraph
 from workbench.build.ir import SourceLocation
+from workbench.build.loops import alike_together
 from workbench.build.scalar_model import DiscreteEquation, Residual, ScalarModel
 from workbench.build.translate import refuse
 from workbench.errors import BuildError
@@ -128,7 +129,8 @@ def _sort(model: ScalarModel, steps: Sequence[Assignment]) -> list[Assignment]:
     except CycleError as error:
         # The cycle comes as [a, b, …, a].
         _refuse_loop(model, [steps[number] for number in error.args[1][:-1]])
-    return [steps[number] for number in order]
+    variables = [step.expression if step.kind == "variable" else None for step in steps]
+    return [steps[number] for number in alike_together(model.graph, variables, order, needs)]
 
 
 def reads(model: ScalarModel, step: Assignment) -> set[tuple[str, int]]:

@@ -2,156 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
 
 from workbench.build.causalise import Assignment
 from workbench.build.differentiate import tangent
+from workbench.build.emit_expressions import Writer, bare, uses_of
 from workbench.build.emit_tables import c_number, c_string, indicator_references, tables
-from workbench.build.expressions import (
-    COMPARISONS,
-    CONDITION,
-    CONDITION_PRE,
-    DOT,
-    DOT_TANGENT,
-    INITIAL,
-    MATRIX,
-    MATRIX_PRE,
-    MATRIX_TANGENT,
-    NUMBER,
-    PRE,
-    QUOTIENT,
-    RELATION,
-    TANGENT,
-    TICK,
-    VARIABLE,
-    ExpressionGraph,
-    Node,
-)
+from workbench.build.loops import Shapes
 from workbench.build.output_cone import output_cone
 from workbench.build.scalar_model import TIME, ScalarModel
-
-_INFIX = {
-    "add": "+", "subtract": "-", "multiply": "*", "divide": "/",
-    "greater": ">", "greater_equal": ">=", "less": "<", "less_equal": "<=", "equal": "==", "not_equal": "!=",
-}  # fmt: skip
-_CALLS = {
-    "power": "pow", "min": "smaller", "max": "larger", "abs": "fabs", "sign": "sign_of", "truncate": "trunc",
-}  # fmt: skip
-# Operation → text, out of the operands' texts and the same as conditions.
-_SPECIAL: dict[str, Callable[[list[str], list[str]], str]] = {
-    "negate": lambda t, _c: f"(-{t[0]})",
-    "and": lambda _t, c: f"({c[0]} && {c[1]})",
-    "or": lambda _t, c: f"({c[0]} || {c[1]})",
-    "not": lambda _t, c: f"(!{c[0]})",
-    "select": lambda t, c: f"({c[0]} ? {t[1]} : {t[2]})",
-    "lookup": lambda t, _c: f"pick({t[0]}, {len(t) - 1}, (const double[]){{{', '.join(t[1:])}}})",
-}
-_BOOLEAN = {*COMPARISONS, "and", "or", "not"}
-_LINE = 110  # an expression longer than this gets a name of its own
-
-
-@dataclass(slots=True)
-class _Writer:
-    """Emits statements of one C function; common parts are computed once."""
-
-    graph: ExpressionGraph
-    n_relations: int
-    uses: dict[int, int]
-    lines: list[str] = field(default_factory=list)
-    texts: dict[int, str] = field(default_factory=dict)
-
-    def text(self, expression: int) -> str:
-        """Return C text for `expression`, after emitting the parts that deserve a name."""
-        for number in self.graph.reachable([expression]):
-            if number in self.texts:
-                continue
-            node = self.graph[number]
-            written = self._write(number)
-            if node.operands and (self.uses.get(number, 0) > 1 or len(written) > _LINE):
-                name = f"t{number}"
-                self.lines.append(f"const double {name} = {_bare(written)};")
-                written = name
-            self.texts[number] = written
-        return self.texts[expression]
-
-    def _write(self, number: int) -> str:
-        node = self.graph[number]
-        if not node.operands:
-            return self._leaf(node)
-        texts = [self.texts[o] for o in node.operands]
-        operation = node.operation
-        if operation in _INFIX:
-            return f"({texts[0]} {_INFIX[operation]} {texts[1]})"
-        if operation in _SPECIAL:
-            conditions = [self._condition(o) for o in node.operands]
-            return _SPECIAL[operation](texts, conditions)
-        return f"{_CALLS.get(operation, operation)}({', '.join(_bare(t) for t in texts)})"
-
-    def _condition(self, number: int) -> str:
-        text = self.texts[number]
-        is_boolean = self.graph[number].operation in _BOOLEAN and text.startswith("(")
-        return text if is_boolean else f"({text} != 0.0)"
-
-    def _leaf(self, node: Node) -> str:
-        operation = node.operation
-        if operation == NUMBER:
-            return c_number(node.number)
-        if operation in {DOT, DOT_TANGENT}:
-            a, stride_a, x, stride_x, length = node.row
-            other = "d" if operation == DOT_TANGENT else "f->v"
-            return f"dot(f->v + {a}, {stride_a}, {other} + {x}, {stride_x}, {length})"
-        if operation in _MATRIX_ROWS:
-            start, _, x, _, length = node.row
-            return f"dot(matrix_rows + {start}, 1, {_MATRIX_ROWS[operation]} + {x}, 1, {length})"
-        if operation == QUOTIENT:
-            return f"f->frozen[{self.n_relations + node.reference}]"
-        if operation == INITIAL:
-            return "(double)f->initial"
-        return _LEAVES[operation].format(node.reference)
-
-
-_MATRIX_ROWS = {MATRIX: "f->v", MATRIX_PRE: "f->pre", MATRIX_TANGENT: "d"}
-_LEAVES = {
-    VARIABLE: "f->v[{}]",
-    PRE: "f->pre[{}]",
-    TANGENT: "d[{}]",
-    RELATION: "f->frozen[{}]",
-    CONDITION: "f->condition[{}]",
-    CONDITION_PRE: "f->condition_pre[{}]",
-    TICK: "f->tick[{}]",
-}
-
-
-def _bare(text: str) -> str:
-    """Drop one pair of brackets that encloses the whole text."""
-    if not (text.startswith("(") and text.endswith(")")):
-        return text
-    depth = 0
-    for position, character in enumerate(text):
-        depth += (character == "(") - (character == ")")
-        if depth == 0 and position < len(text) - 1:
-            return text
-    return text[1:-1]
 
 
 class _Emitter:
     def __init__(self, model: ScalarModel, order: Sequence[Assignment]) -> None:
         self.model, self.order, self.graph = model, order, model.graph
         self.indicators = indicator_references(model)
+        self.shapes = Shapes(model.graph)
 
-    def _writer(self, expressions: Iterable[int]) -> _Writer:
+    def _writer(self, expressions: Iterable[int]) -> Writer:
         """Count how often each node is used in one function, then write it."""
-        roots = list(expressions)
-        uses: dict[int, int] = {}
-        for number in self.graph.reachable(roots):
-            for operand in self.graph[number].operands:
-                uses[operand] = uses.get(operand, 0) + 1
-        for root in roots:
-            uses[root] = uses.get(root, 0) + 1
-        return _Writer(self.graph, len(self.model.relations), uses)
+        return Writer(self.graph, len(self.model.relations), uses_of(self.graph, expressions), self.shapes)
 
-    def function(self, signature: str, writer: _Writer, unused: Sequence[str] = ()) -> str:
+    def function(self, signature: str, writer: Writer, unused: Sequence[str] = ()) -> str:
         body = [f"(void){name};" for name in unused] + writer.lines
         return signature + "\n{\n" + "".join(f"    {line}\n" for line in body) + "}\n"
 
@@ -160,8 +32,7 @@ class _Emitter:
     def continuous(self) -> str:
         steps = [s for s in self.order if s.kind in {"variable", "relation", "quotient"}]
         writer = self._writer(e for s in steps for e in self._read(s))
-        for step in steps:
-            self._assign(writer, step)
+        self._assign_all(writer, steps)
         return self.function("void model_continuous(const Frame *f)", writer, ["f"])
 
     def outputs(self) -> str:
@@ -169,15 +40,13 @@ class _Emitter:
         cone = output_cone(self.model, self.order)
         steps = cone or []
         writer = self._writer(e for s in steps for e in self._read(s))
-        for step in steps:
-            self._assign(writer, step)
+        self._assign_all(writer, steps)
         flag = f"const bool model_outputs_apart = {'true' if cone is not None else 'false'};\n\n"
         return flag + self.function("void model_outputs(const Frame *f)", writer, ["f"])
 
     def discrete(self) -> str:
         writer = self._writer(e for s in self.order for e in self._read(s))
-        for step in self.order:
-            self._assign(writer, step)
+        self._assign_all(writer, self.order)
         return self.function("void model_discrete(const Frame *f)", writer, ["f"])
 
     def _read(self, step: Assignment) -> list[int]:
@@ -188,7 +57,23 @@ class _Emitter:
             return [relation.indicator if relation.deadline is None else relation.deadline]
         return [] if step.expression is None else [step.expression]
 
-    def _assign(self, writer: _Writer, step: Assignment) -> None:
+    def _assign_all(self, writer: Writer, steps: Sequence[Assignment]) -> None:
+        for places, loop in self.shapes.runs([s.expression if s.kind == "variable" else None for s in steps]):
+            if loop:
+                self._loop(writer, "f->v[{}]", [(steps[p].target, steps[p].expression or 0) for p in places])
+            else:
+                for place in places:
+                    self._assign(writer, steps[place])
+
+    def _loop(self, writer: Writer, left: str, assigned: Sequence[tuple[int, int]]) -> None:
+        first, last = (_comment(self._name(target)) for target, _ in (assigned[0], assigned[-1]))
+        writer.loop(left, [t for t, _ in assigned], [e for _, e in assigned], f" /* {first} ... {last} */")
+
+    def _name(self, reference: int) -> str:
+        variables = self.model.variables
+        return variables[reference].name if reference < len(variables) else "event indicator"
+
+    def _assign(self, writer: Writer, step: Assignment) -> None:
         handlers = {
             "variable": self._assign_variable,
             "relation": self._assign_relation,
@@ -198,34 +83,34 @@ class _Emitter:
         }
         handlers[step.kind](writer, step)
 
-    def _assign_variable(self, writer: _Writer, step: Assignment) -> None:
-        text = _bare(writer.text(step.expression or 0)) if step.expression is not None else "0.0"
+    def _assign_variable(self, writer: Writer, step: Assignment) -> None:
+        text = bare(writer.text(step.expression or 0)) if step.expression is not None else "0.0"
         writer.lines.append(f"f->v[{step.target}] = {text}; /* {_comment(self.model.variables[step.target].name)} */")
 
-    def _assign_relation(self, writer: _Writer, step: Assignment) -> None:
+    def _assign_relation(self, writer: Writer, step: Assignment) -> None:
         relation, slot = self.model.relations[step.target], step.target
         if relation.deadline is not None:
-            after = f"reached(f->v[{TIME}], {_bare(writer.text(relation.deadline))})"
+            after = f"reached(f->v[{TIME}], {bare(writer.text(relation.deadline))})"
             value = after if relation.holds_when_positive else f"!{after}"
         else:
             reference = self.indicators["relation", slot]
-            writer.lines.append(f"f->v[{reference}] = {_bare(writer.text(relation.indicator))};")
+            writer.lines.append(f"f->v[{reference}] = {bare(writer.text(relation.indicator))};")
             value = f"f->v[{reference}] {'>' if relation.holds_when_positive else '<='} 0.0"
         writer.lines.append(f"f->frozen[{slot}] = f->fresh ? {value} : f->frozen[{slot}];")
 
-    def _assign_quotient(self, writer: _Writer, step: Assignment) -> None:
+    def _assign_quotient(self, writer: Writer, step: Assignment) -> None:
         argument = writer.text(self.model.quotients[step.target].argument)
         slot = len(self.model.relations) + step.target
         first = self.indicators["quotient", step.target]
-        writer.lines.append(f"f->frozen[{slot}] = f->fresh ? floor({_bare(argument)}) : f->frozen[{slot}];")
+        writer.lines.append(f"f->frozen[{slot}] = f->fresh ? floor({bare(argument)}) : f->frozen[{slot}];")
         writer.lines.append(f"f->v[{first}] = f->frozen[{slot}] + 1.0 - {argument};")
         writer.lines.append(f"f->v[{first + 1}] = f->frozen[{slot}] - {argument};")
 
-    def _assign_condition(self, writer: _Writer, step: Assignment) -> None:
+    def _assign_condition(self, writer: Writer, step: Assignment) -> None:
         if step.expression is not None:
-            writer.lines.append(f"f->condition[{step.target}] = {_bare(writer.text(step.expression))};")
+            writer.lines.append(f"f->condition[{step.target}] = {bare(writer.text(step.expression))};")
 
-    def _assign_discrete(self, writer: _Writer, step: Assignment) -> None:
+    def _assign_discrete(self, writer: Writer, step: Assignment) -> None:
         if step.discrete is None:
             return
         value = f"f->pre[{step.target}]"
@@ -237,7 +122,7 @@ class _Emitter:
                 fires = writer.text(branch.fires)
                 value = f"(({fires} != 0.0) ? {chosen} : {value})"
         name = self.model.variables[step.target].name
-        writer.lines.append(f"f->v[{step.target}] = {_bare(value)}; /* {_comment(name)} */")
+        writer.lines.append(f"f->v[{step.target}] = {bare(value)}; /* {_comment(name)} */")
 
     # Starts and parameters
 
@@ -247,14 +132,14 @@ class _Emitter:
             value = self.graph.value(variable.start)
             if value:
                 lines.append(f"v[{reference}] = {c_number(value)}; /* {_comment(variable.name)} */")
-        writer = _Writer(self.graph, 0, {}, ["(void)v;", *lines])
+        writer = Writer(self.graph, 0, {}, self.shapes, ["(void)v;", *lines])
         return self.function("void model_start_values(double *v)", writer)
 
     def parameters(self) -> str:
         order = parameter_order(self.model)
         writer = self._writer(self.model.bindings[r] for r in order)
         for reference in order:
-            text = _bare(writer.text(self.model.bindings[reference]))
+            text = bare(writer.text(self.model.bindings[reference]))
             name = _comment(self.model.variables[reference].name)
             writer.lines.append(f"f->v[{reference}] = {text}; /* {name} */")
         return self.function("void model_parameters(const Frame *f)", writer, ["f"])
@@ -267,7 +152,7 @@ class _Emitter:
         ]
         writer = self._writer(start for _, start in items)
         for reference, start in items:
-            writer.lines.append(f"f->v[{reference}] = f->pre[{reference}] = {_bare(writer.text(start))};")
+            writer.lines.append(f"f->v[{reference}] = f->pre[{reference}] = {bare(writer.text(start))};")
         return self.function("void model_start_expressions(const Frame *f)", writer, ["f"])
 
     # Events
@@ -280,7 +165,7 @@ class _Emitter:
         for action in self.model.actions:
             fires = writer.text(action.fires)
             if action.kind == "reinit" and action.state is not None and action.value is not None:
-                then = f"x[{states[action.state]}] = {_bare(writer.text(action.value))};"
+                then = f"x[{states[action.state]}] = {bare(writer.text(action.value))};"
             else:
                 then = f"*message = {c_string(action.message)};"
             flag = f"fired |= (unsigned)ACTION_{action.kind.upper()};"
@@ -295,8 +180,8 @@ class _Emitter:
         writer.lines.append("double next = HUGE_VAL;")
         for deadline in deadlines:
             text = writer.text(deadline)
-            writer.lines.append(f"if (!reached(f->v[{TIME}], {_bare(text)})) {{")
-            writer.lines += [f"    next = smaller(next, {_bare(text)});", "}"]
+            writer.lines.append(f"if (!reached(f->v[{TIME}], {bare(text)})) {{")
+            writer.lines += [f"    next = smaller(next, {bare(text)});", "}"]
         writer.lines.append("return next;")
         return self.function("double model_next_deadline(const Frame *f)", writer, ["f"])
 
@@ -320,8 +205,12 @@ class _Emitter:
                 targets += [(reference, argument), (reference + 1, argument)]
         derivatives = [(r, tangent(self.graph, e, moving)) for r, e in targets]
         writer = self._writer(e for _, e in derivatives)
-        for reference, expression in derivatives:
-            writer.lines.append(f"d[{reference}] = {_bare(writer.text(expression))};")
+        for places, loop in self.shapes.runs([e for _, e in derivatives]):
+            if loop:
+                self._loop(writer, "d[{}]", [derivatives[place] for place in places])
+                continue
+            for reference, expression in (derivatives[place] for place in places):
+                writer.lines.append(f"d[{reference}] = {bare(writer.text(expression))};")
         return self.function("void model_tangent(const Frame *f, double *d)", writer, ["f", "d"])
 
 

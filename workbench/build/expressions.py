@@ -9,7 +9,7 @@ constructors fold constants and remove neutral elements, which keeps forward-mod
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 # Leaves carry a number, a reference or a row; all other nodes carry operands.
@@ -301,13 +301,18 @@ class ExpressionGraph:
 
     # Walks
 
-    def reachable(self, expressions: Iterable[int]) -> list[int]:
-        """Return all nodes that `expressions` are made of, in an order of evaluation."""
+    def reachable(self, expressions: Iterable[int], known: Container[int] = ()) -> list[int]:
+        """Return all nodes that `expressions` are made of, in an order of evaluation.
+
+        Args:
+            expressions: where the walk begins.
+            known: where it ends; these nodes are not among those returned.
+        """
         seen: set[int] = set()
         stack = list(expressions)
         while stack:
             expression = stack.pop()
-            if expression not in seen:
+            if expression not in seen and expression not in known:
                 seen.add(expression)
                 stack.extend(self._nodes[expression].operands)
         return sorted(seen)

@@ -25,7 +25,7 @@ from workbench.build.frontend import Checked, check, models_in
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
-from workbench.core.files import named_path, pack
+from workbench.core.files import cache_folder, named_path, pack, replacing
 from workbench.core.job import Job
 from workbench.core.record import Record, entry
 from workbench.errors import BuildError, suggest
@@ -35,6 +35,7 @@ from workbench.toolchain import PLATFORMS, Platform, compile_all
 TOOL = "FMI workbench"
 DEFAULT_TOLERANCE = 1.0e-6
 FMI_VERSIONS = (2, 3)
+_MODEL = "model.c"  # the one C file that is the model's own
 
 
 @dataclass(frozen=True)
@@ -206,7 +207,7 @@ def assemble(
         digest.update(name.encode() + b"\0" + runtime[name] + b"\0")
     digest.update(c_model("").encode())
     token = "{" + digest.hexdigest()[:32] + "}"
-    c_files = {**runtime, "model.c": c_model(token).encode()}
+    c_files = {**runtime, _MODEL: c_model(token).encode()}
     compiled = tuple(sorted(n for n in c_files if n.endswith(".c")))
     description = Description(scalar, order, token, TOOL, experiment, compiled, naming)
     return Sources(
@@ -300,17 +301,32 @@ def compile_and_pack(generated: Sources, targets: Mapping[int, Path], platforms:
     Raises:
         BuildError: The compiler failed.
     """
+    runtime = _kept({name: data for name, data in generated.c_files.items() if name != _MODEL})
     with tempfile.TemporaryDirectory(prefix="workbench-build-") as temporary:
-        folder = Path(temporary) / "sources"
-        folder.mkdir()
-        for name, contents in generated.c_files.items():
-            (folder / name).write_bytes(contents)
-        libraries = compile_all(folder, generated.compiled, platforms, Path(temporary) / "lib", generated.identifier)
+        model = Path(temporary) / _MODEL
+        model.write_bytes(generated.c_files[_MODEL])
+        sources = [str(model) if name == _MODEL else name for name in generated.compiled]
+        libraries = compile_all(runtime, sources, platforms, Path(temporary) / "lib", generated.identifier)
         binaries = {name: library.read_bytes() for name, library in libraries.items()}
     for version, target in targets.items():
         pack(target, _contents(generated, version, platforms, binaries))
     names = tuple(p.name for p in platforms)
     return BuildResult(generated.name, tuple(targets.values()), names, generated.stiff, generated.n_states)
+
+
+def _kept(files: Mapping[str, bytes]) -> Path:
+    """Return a folder with these files, always the same one: the compiler knows by its path what it has compiled."""
+    digest = hashlib.sha256()
+    for name, contents in sorted(files.items()):
+        digest.update(name.encode() + b"\0" + contents + b"\0")
+    folder = cache_folder("runtime") / digest.hexdigest()[:32]
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, contents in files.items():
+        file = folder / name
+        if not file.exists() or file.read_bytes() != contents:
+            with replacing(file) as part:
+                part.write_bytes(contents)
+    return folder
 
 
 def _contents(

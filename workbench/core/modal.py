@@ -150,7 +150,8 @@ def _arnoldi(a: Floats, count: int, aim: complex) -> tuple[Complex, Complex, Com
     from scipy.sparse import csc_array  # noqa: PLC0415  slow to import
     from scipy.sparse.linalg import ArpackError, eigs  # noqa: PLC0415
 
-    matrix = csc_array(a)
+    # Of a real matrix and a complex σ ARPACK would take the real part of (A − σI)⁻¹, in which modes near σ may vanish.
+    matrix = csc_array(a, dtype=np.complex128 if aim.imag else np.float64)
     start = np.random.default_rng(0).standard_normal(len(a))  # the same answer each time
     norm = float(abs(matrix).sum(axis=0).max())
     beside = aim + _BESIDE * max(abs(aim), _SMALLEST * norm)  # on a pole there is no inverse

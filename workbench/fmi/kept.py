@@ -6,21 +6,20 @@ be written only means that nothing is kept; what cannot be understood there is r
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import pickle
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from workbench.core.cycles import undisturbed
 from workbench.core.files import cache_folder, replacing
 from workbench.errors import InputError
 from workbench.fmi import description, variable
 from workbench.fmi.description import Description
 
-__all__ = ["keep", "kept", "undisturbed"]
+__all__ = ["keep", "kept"]
 
 _MOST = 32  # files; the oldest are removed
 _READERS = ("clocks", "declared", "declared_xml", "description", "meaning", "rules", "variable")
@@ -79,15 +78,3 @@ class _Values(pickle.Unpickler):
             if module == home.__name__ and name in home.__all__:
                 return getattr(home, name)
         raise pickle.UnpicklingError(name)
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Hold the collector of cycles off, which would look through all that is made, again and again."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()

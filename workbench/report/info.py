@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import overload
 
 from workbench.analysis.info.result import ClockFacts, FmuInfo, InterfaceFacts, SystemInfo, VariableFacts, WireFacts
 from workbench.fmi.description import DefaultExperiment, DisplayUnit, Terminal, TerminalMember
@@ -101,10 +102,32 @@ def _variables(record: FmuInfo | SystemInfo) -> list[Section]:
     for group, title in _GROUPS.items():
         variables: tuple[VariableFacts, ...] = getattr(record, group, ())
         if variables:
-            rows = [_variable(v, items.get(v.name, {})) for v in variables]
+            rows = _Rows(variables, items)
             table = Table(("name", "type", "unit", "start", "description"), rows, right=(3,))
             found.append(Section(f"{title} ({len(rows)})", tables=[table], folded=len(rows) > _MANY))
     return found
+
+
+class _Rows(Sequence[tuple[str, ...]]):
+    """Rows of variables, written when they are looked at: a terminal shows few of a hundred thousand."""
+
+    def __init__(self, variables: Sequence[VariableFacts], items: Mapping[str, Mapping[str, int]]) -> None:
+        self._variables, self._items = variables, items
+
+    def __len__(self) -> int:
+        return len(self._variables)
+
+    @overload
+    def __getitem__(self, place: int) -> tuple[str, ...]: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> list[tuple[str, ...]]: ...
+
+    def __getitem__(self, place: int | slice) -> tuple[str, ...] | list[tuple[str, ...]]:
+        if isinstance(place, slice):
+            return [self[k] for k in range(*place.indices(len(self)))]
+        variable = self._variables[place]
+        return _variable(variable, self._items.get(variable.name, {}))
 
 
 def _variable(v: VariableFacts, items: Mapping[str, int]) -> tuple[str, ...]:

@@ -14,6 +14,8 @@ import zlib
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from workbench.core.cycles import undisturbed
+
 __all__ = ["HUNG_UP", "MARK_BYTES", "Channel"]
 
 MARK_BYTES = 16
@@ -130,9 +132,13 @@ class Channel:
         for _ in range(_PIECES):
             self.dry = not self._read()
             while (packed := self._next()) is not None:
-                yield self._loads(packed)
+                yield self._made(packed)
             if self.dry:
                 return
+
+    def _made(self, packed: bytes) -> Any:  # noqa: ANN401 - anything that can be pickled
+        with undisturbed():
+            return self._loads(packed)
 
     def _read(self) -> bool:
         """Take what is there, or a piece of it; return whether there was something."""

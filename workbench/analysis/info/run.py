@@ -16,6 +16,7 @@ from workbench.analysis.info.result import (
     WireFacts,
 )
 from workbench.analysis.snapshots import Snapshots, probe_snapshots
+from workbench.core.cycles import undisturbed
 from workbench.core.job import Job
 from workbench.errors import FmuError
 from workbench.fmi.archive import Unpacked, locate, unpack
@@ -44,7 +45,10 @@ __all__ = ["run"]
 
 def run(path: str | Path, asked: Info, _: Job) -> FmuInfo | SystemInfo:
     """Read an FMU or a system; see `Info`."""
-    return _system(path) if is_system_file(path) else _fmu(path, probe=asked.probe)
+    if is_system_file(path):
+        return _system(path)
+    with undisturbed():
+        return _fmu(path, probe=asked.probe)
 
 
 def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
