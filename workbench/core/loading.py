@@ -74,8 +74,8 @@ class Loading(Options):
     )
     bias: Values = option("Constant added to an input, whether it is forced or not.", default_factory=dict)
     hold_inputs: bool = option(
-        "Co-simulation: hold inputs constant between communication points, as most masters do, even if the FMU accepts "
-        "their slopes. For comparisons with such masters; less accurate at the same step.",
+        "Co-simulation: hold inputs over each communication step at their value at its start, as most masters do, even "
+        "if the FMU accepts their slopes. For comparisons with such masters; less accurate at the same step.",
         default=False,
         python=True,
     )

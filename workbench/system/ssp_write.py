@@ -115,6 +115,8 @@ class _Writer:
         add_enumerations(root, self.enumerations)
         add_units(root, self.units)
         self._experiment(root)
+        if lost := ", ".join(self.description.master.given()):
+            self.notes.append(f"of the master nothing is written: {lost}")
         return root
 
     def _experiment(self, root: Element) -> None:
