@@ -15,6 +15,7 @@ from tests.ssp_packages import (
     variables_of,
 )
 from workbench.analysis.simulate.request import simulate
+from workbench.core.conversion import BASE_UNITS
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.description import DefaultExperiment
@@ -33,7 +34,6 @@ from workbench.system.fmu_facts import fmu_facts
 from workbench.system.health import resolve
 from workbench.system.read import read_system
 from workbench.system.ssp_write import write_ssp
-from workbench.system.units import BASE_UNITS
 
 
 def loop() -> SystemDescription:

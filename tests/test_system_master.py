@@ -16,6 +16,7 @@ from tests.drivers import DRIVERS
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.system_models import difference
 from workbench.analysis.delays.request import delays
+from workbench.analysis.delays.result import DelayReport
 from workbench.analysis.simulate.request import simulate
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
@@ -184,8 +185,8 @@ def test_a_file_says_how_its_components_are_stepped(tmp_path: Path) -> None:
     assert errors[0] > 2.0 * errors[1]
     file.write_text(_FILE + "step_tolerance = 1e-6\n")
     assert error_of(mastered(load(file, tolerance=1e-8))) < 1e-4
-    with load(file, step=0.5) as model:
-        assert any("step_tolerance of the file is not used" in note for note in model.notes)
+    with load(file, step=0.5) as stepped:
+        assert any("step_tolerance of the file is not used" in note for note in stepped.notes)
 
 
 def test_the_phase_that_a_loop_loses_is_known_whatever_the_extrapolation(tmp_path: Path) -> None:
@@ -194,7 +195,9 @@ def test_the_phase_that_a_loop_loses_is_known_whatever_the_extrapolation(tmp_pat
     for n in (1, 2):
         file.write_text(_FILE + f"extrapolation = {n}\n")
         with load(file, step=0.05) as model:
-            (loop,) = delays(model, stop=1.0).loops
+            report = delays(model, stop=1.0)
+        assert isinstance(report, DelayReport)
+        (loop,) = report.loops
         found.append(loop.crossover_hz)
     assert found[0] is not None
     assert found[1] == pytest.approx(found[0])

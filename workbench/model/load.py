@@ -180,11 +180,12 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     binary_path(unpacked.folder, description.interfaces[chosen].identifier, source=source)
     name, note = _choose_solver(recipe.solver, chosen, description)
     variables = {v.name: v for v in description.variables}
+    bias = check_biases(recipe.bias, variables, description.units)
     setup = Setup(
         open_instance=_not_yet,
         variables=variables,
-        start_values=check_starts(recipe.start_values, variables, description.enumerations),
-        bias=check_biases(recipe.bias, variables),
+        start_values=check_starts(recipe.start_values, variables, description.enumerations, description.units),
+        bias=bias,
         rtol=recipe.tolerance or description.experiment.tolerance or DEFAULT_TOLERANCE,
         tolerance=recipe.tolerance or description.experiment.tolerance,
         start_time=start_of(recipe, description),
@@ -199,7 +200,9 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
         *filter(None, [note]),
     ]
     notes = (*description.notes, *choices)
-    return FmuModel(unpacked, description, interface=chosen, setup=setup, notes=notes, recipe=recipe)
+    return FmuModel(
+        unpacked, description, interface=chosen, setup=setup, notes=notes, recipe=replace(recipe, bias=bias)
+    )
 
 
 def _not_yet() -> Instance:

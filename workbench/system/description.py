@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.conversion import Unit
 from workbench.core.linear import Linear
 from workbench.fmi.archive import Unpacked
 from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wire
-from workbench.system.units import Unit
 
 __all__ = [
     "Component",

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from workbench.core.conversion import Unit, known_unit
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Wire
@@ -35,7 +36,6 @@ from workbench.system.ssp_write_xml import (
     serialise,
 )
 from workbench.system.ssp_xml import Element
-from workbench.system.units import Unit, known_unit
 
 __all__ = ["write_ssp"]
 

@@ -87,7 +87,7 @@ class MasterModel(DescribedModel):
                 *experiment_notes(recipe, described),
                 *notes,
             ),
-            recipe=recipe,
+            recipe=dataclasses.replace(recipe, bias=setup.bias),
         )
 
     @property
@@ -200,7 +200,7 @@ def _setup(opened: Opened, recipe: SystemRecipe, described: Description) -> Setu
         open_instance=_not_yet,
         variables=variables,
         start_values={**starts_of(opened.parts), **system_starts(recipe.start_values, described)},
-        bias=check_biases(recipe.bias, variables),
+        bias=check_biases(recipe.bias, variables, described.units),
         rtol=tolerance or DEFAULT_TOLERANCE,
         tolerance=tolerance,
         start_time=start_of(recipe, described),
