@@ -284,15 +284,16 @@ def _verdict(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
     if done.returncode not in (1, 2) or "Traceback" in done.stderr or len(said) > 1:
         return "crashed", (lines or [f"exit code {done.returncode}"])[-1]
     if done.returncode == 1:
-        return "no", (said or [_last(done.stdout)])[0]
+        left_out = [line.removeprefix("note: ") for line in lines if " is left out: " in line]
+        return "no", (said or [_last(done.stdout, left_out)])[0]
     return ("refused", said[0]) if said else ("crashed", "exit code 2 without a line")
 
 
-def _last(text: str) -> str:
-    """Return the line of a page that says what failed or is broken, else its last one."""
+def _last(text: str, left_out: Sequence[str]) -> str:
+    """Return the line of a page that says what failed or is broken, else what was left out, else its last line."""
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("wrote ")]
-    told = (line for line in lines if line.startswith("failed: ") or " broken " in line)
-    return " ".join(next(told, lines[-1] if lines else "").split())
+    told = [line for line in lines if line.startswith("failed: ") or " broken " in line]
+    return " ".join([*told, *left_out, *lines[-1:], ""][0].split())
 
 
 # -- comparing --------------------------------------------------------------------------------------
