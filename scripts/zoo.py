@@ -215,7 +215,8 @@ def _try(file: Path, commands: Sequence[str], limits: oracle.Limits) -> Iterator
     done = _workbench("info", str(file), "--json", "-")
     verdict, reason = _verdict(done)
     facts = json.loads(done.stdout) if verdict == "ok" else {}
-    about = (file.name, described.tool or facts.get("generation_tool") or "", described.fmi or "?")
+    fmi = described.fmi or facts.get("fmi_version") or "?"
+    about = (file.name, described.tool or facts.get("generation_tool") or "", fmi)
 
     def row(interface: str, command: str, verdict: str, reason: str = "", said: str = "") -> Row:
         return Row(*about, interface, command, verdict, reason, said, round(time.perf_counter() - began, 3))
