@@ -215,7 +215,8 @@ def _try(file: Path, commands: Sequence[str], limits: oracle.Limits) -> Iterator
     done = _workbench("info", str(file), "--json", "-")
     verdict, reason = _verdict(done)
     facts = json.loads(done.stdout) if verdict == "ok" else {}
-    about = (file.name, described.tool or facts.get("generation_tool") or "", described.fmi or "?")
+    fmi = described.fmi or facts.get("fmi_version") or "?"
+    about = (file.name, described.tool or facts.get("generation_tool") or "", fmi)
 
     def row(interface: str, command: str, verdict: str, reason: str = "", said: str = "") -> Row:
         return Row(*about, interface, command, verdict, reason, said, round(time.perf_counter() - began, 3))
@@ -284,15 +285,16 @@ def _verdict(done: subprocess.CompletedProcess[str]) -> tuple[str, str]:
     if done.returncode not in (1, 2) or "Traceback" in done.stderr or len(said) > 1:
         return "crashed", (lines or [f"exit code {done.returncode}"])[-1]
     if done.returncode == 1:
-        return "no", (said or [_last(done.stdout)])[0]
+        left_out = [line.removeprefix("note: ") for line in lines if " is left out: " in line]
+        return "no", (said or [_last(done.stdout, left_out)])[0]
     return ("refused", said[0]) if said else ("crashed", "exit code 2 without a line")
 
 
-def _last(text: str) -> str:
-    """Return the line of a page that says what failed or is broken, else its last one."""
+def _last(text: str, left_out: Sequence[str]) -> str:
+    """Return the line of a page that says what failed or is broken, else what was left out, else its last line."""
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("wrote ")]
-    told = (line for line in lines if line.startswith("failed: ") or " broken " in line)
-    return " ".join(next(told, lines[-1] if lines else "").split())
+    told = [line for line in lines if line.startswith("failed: ") or " broken " in line]
+    return " ".join([*told, *left_out, *lines[-1:], ""][0].split())
 
 
 # -- comparing --------------------------------------------------------------------------------------

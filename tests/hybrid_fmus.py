@@ -317,6 +317,7 @@ def open_fake(
     step: float | None = None,
     bias: dict[str, float] | None = None,
     start_time: float = 0.0,
+    hold_inputs: bool = False,
 ) -> FmuSession:
     """Return a session on a fake; `session.instance.c.m` is the model."""
     description = describe(make(), state=state)
@@ -338,6 +339,7 @@ def open_fake(
             step=step,
             bias=bias or {},
             start_time=start_time,
+            hold_inputs=hold_inputs,
             state_works=lambda: works,
         )
     )

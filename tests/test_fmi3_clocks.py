@@ -11,6 +11,7 @@ import pytest
 import workbench as wb
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from tests.fmi3_fmus import build_ticking
+from tests.mimic_fmus import build_mimic
 from workbench.cli.app import run as command
 from workbench.errors import InputError, SimulationError
 from workbench.signals import Table
@@ -93,12 +94,14 @@ def test_clocks_of_a_system_in_model_exchange_tick(tmp_path: Path) -> None:
     assert run.signals["second.x"][-1] == pytest.approx(np.sum(seen * (ends - EVEN[: len(seen)])), rel=1e-6)
 
 
+@pytest.mark.parametrize("interface", ["me", "cs"])
 @pytest.mark.parametrize("step", [None, 0.07], ids=["controlled", "fixed"])
-def test_they_tick_beside_components_of_co_simulation(step: float | None, tmp_path: Path) -> None:
-    components = {"t": wb.load(build_ticking(tmp_path), "me"), "a": wb.load("fmu:FirstOrderLag@3", "cs")}
+def test_they_tick_beside_components_of_co_simulation(step: float | None, interface: str, tmp_path: Path) -> None:
+    components = {"t": wb.load(build_ticking(tmp_path), interface), "a": wb.load("fmu:FirstOrderLag@3", "cs")}
     names = [f"t.{name}" for name in NAMES]
     inputs, outputs = {"u": "t.u"}, {"y": "a.y"}
     with wb.connect(components, [("t.x", "a.u")], inputs=inputs, outputs=outputs, step=step) as system:
+        assert not any("t.even" in note for note in system.notes)  # a clock keeps no start value
         # A step that is tried once and then in two halves goes back to the ticks before it.
         assert isinstance(system, MasterModel)
         assert (step is None) == (not system.why_fixed_step())
@@ -108,12 +111,24 @@ def test_they_tick_beside_components_of_co_simulation(step: float | None, tmp_pa
                 assert session.values(names) == pytest.approx({n: expected(time)[n[2:]] for n in names}, rel=1e-6), time
 
 
+@pytest.mark.parametrize("count", [20, 30])
+def test_in_a_system_they_tick_at_points_that_are_off_by_rounding(count: int, tmp_path: Path) -> None:
+    points = np.arange(1, count + 1) / count  # 0.15 = 3 · 0.05 is not 3/20; the kernel must find them the same
+    with wb.connect({"t": wb.load(build_ticking(tmp_path), "cs")}, inputs={"u": "t.u"}, outputs={"x": "t.x"}) as system:
+        run = wb.simulate(system, stop=1.0, inputs=RAMP, outputs=["t.evens", "t.x"], points=points * (1.0 - 1e-15))
+    assert run.signals["t.evens"][-1] == expected(0.9999)["evens"]
+    assert run.signals["t.x"][-1] == pytest.approx(expected(0.9999999999)["x"], rel=1e-6)
+
+
+def test_a_component_with_a_constant_step_keeps_clocks_out(tmp_path: Path) -> None:
+    file = build_ticking(tmp_path)
+    components = {"t": wb.load(file, "cs"), "c": wb.load(build_mimic(tmp_path, "simulink"), "cs")}
+    with pytest.raises(InputError, match=r"component t: clock even ticks at its own instants, but c wants a constant"):
+        wb.connect(components, outputs={"x": "t.x"})
+
+
 def test_where_nothing_lets_them_tick_it_is_said(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     file = build_ticking(tmp_path)
-    system = tmp_path / "system.toml"
-    system.write_text('[components]\na = {model = "ticking.fmu", interface = "cs"}\n[outputs]\nx = "a.x"\n')
-    with pytest.raises(InputError, match=r"component a: clock even ticks in a co-sim.* only with interface"):
-        wb.load(system)
     with wb.load(file) as model, pytest.raises(InputError, match=r"'even' is a Clock; a signal cannot force it"):
         wb.simulate(model, stop=1.0, inputs={"even": 1.0})
     with pytest.raises(InputError, match=r"every2: this is a Clock, which cannot be set"):

@@ -23,6 +23,11 @@ def exact(t: np.ndarray) -> np.ndarray:
     return np.asarray((np.sin(OMEGA * t) - OMEGA * np.cos(OMEGA * t) + OMEGA * np.exp(-t)) / (1.0 + OMEGA**2))
 
 
+def notes_of(file: Path, *, hold: bool = False) -> str:
+    with wb.load(file, "cs", hold_inputs=hold) as model:
+        return "; ".join(model.notes)
+
+
 def run(file: Path, *, hold: bool = False) -> wb.SimulationResult:
     with wb.load(file, "cs", step=STEP, hold_inputs=hold) as model:
         return wb.simulate(model, stop=4.0, interval=STEP, inputs=SINE, verify_step=False)
@@ -35,6 +40,7 @@ def worst(found: wb.SimulationResult) -> float:
 def test_inputs_are_right_inside_the_step(tmp_path: Path) -> None:
     found = run(build_sized(tmp_path, behaviour="sized-asks"))
     assert worst(found) < BOUND
+    assert "inputs: held" not in notes_of(build_sized(tmp_path, behaviour="sized-asks"))
     assert found.signals["y[2]"][-1] == pytest.approx((1.0 - math.exp(-2.0 * 3.0)) / 2.0, rel=1e-9)
 
 
@@ -48,12 +54,31 @@ def test_a_row_at_the_end_of_a_step_has_the_inputs_that_the_fmu_saw_last(tmp_pat
     assert rows.inputs["u[2]"][[jump, jump + 1]].tolist() == [0.0, 1.0]
 
 
-def test_where_they_may_not_be_set_or_should_be_held_they_are_held(tmp_path: Path) -> None:
-    held = run(build_sized(tmp_path))
+def test_where_they_may_not_be_set_they_are_held_at_the_value_of_the_middle(tmp_path: Path) -> None:
+    middle = run(build_sized(tmp_path))
+    assert BOUND < worst(middle) < STEP**2 * (OMEGA**2 / 24.0 + OMEGA / 12.0)
+    assert "at their value in its middle" in notes_of(build_sized(tmp_path))
+    assert worst(run(build_sized(tmp_path, behaviour="sized-asks", between=False))) == pytest.approx(worst(middle))
+
+
+def test_where_they_should_be_held_they_are_as_at_the_start(tmp_path: Path) -> None:
+    held = run(build_sized(tmp_path), hold=True)
     assert worst(held) > 0.1
-    assert worst(run(build_sized(tmp_path, behaviour="sized-asks", between=False))) == pytest.approx(worst(held))
+    assert "half a step late" in notes_of(build_sized(tmp_path), hold=True)
     asks = build_sized(tmp_path, behaviour="sized-asks")
     assert worst(run(asks, hold=True)) == pytest.approx(worst(held))
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("driver", DRIVERS, indirect=True)
+def test_no_input_is_half_a_step_late(driver: str, version: int) -> None:
+    def error(step: float) -> float:
+        with wb.load(f"fmu:FirstOrderLag@{version}", "cs", step=step) as model:
+            found = wb.simulate(model, stop=4.0, interval=0.1, inputs={"u": SINE["u[1]"]}, verify_step=False)
+        return float(np.max(np.abs(found.signals["y"] - exact(found.time))))
+
+    coarse, fine = error(0.1), error(0.05)
+    assert coarse / fine == pytest.approx(4.0, rel=0.02)  # second order; 2 where they are late
 
 
 def test_a_run_goes_on_from_a_snapshot_as_it_did(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
+from tests.mimic_fmus import build_mimic
 from workbench.analysis.modes.match import closeness, coincide, match
 from workbench.analysis.modes.modes import critical_values, find_root, sign_of
 from workbench.analysis.modes.request import modes
@@ -434,6 +435,18 @@ def test_the_published_interval_of_position_gains() -> None:
     assert (low.becomes, high.becomes) == ("stable", "unstable")
     assert low.value == pytest.approx(-1.3125, rel=5e-3)
     assert high.value == pytest.approx(-0.3185, rel=5e-3)
+
+
+def test_another_interface_is_named_only_where_the_fmu_has_it(tmp_path: Path) -> None:
+    for file, words in (
+        (build_mimic(tmp_path, "simulink"), "the FMU offers no other interface"),
+        (build_mimic(tmp_path, "orderly"), "use interface me"),
+    ):
+        with (
+            load(file, "cs") as model,
+            pytest.raises(InputError, match=f"no states by which modes are followed; {words}"),
+        ):
+            modes(model, vary="d", values=[3.0, 4.0, 5.0])
 
 
 # -- command ---------------------------------------------------------------------------------

@@ -11,11 +11,11 @@ import pytest
 from tests.foreign_fmus import build_foreign
 from workbench.analysis.simulate.request import simulate
 from workbench.cli.app import run
+from workbench.core.conversion import known_unit
 from workbench.core.names import plain_unit, split_names
 from workbench.errors import InputError
 from workbench.model.load import load
 from workbench.study.names import _parts
-from workbench.system.units import known_unit
 
 
 @pytest.mark.parametrize(

@@ -83,6 +83,25 @@ def test_every_communication_point_is_a_left_and_a_right_limit() -> None:
     with open_fake(Euler, "fmu", interface="cs", step=0.05) as session:
         record = session.advance(0.1, signals={"u": signal}, record=["y", "x"])
     assert record.time == pytest.approx([0.0, 0.05, 0.05, 0.1])
+    there = [signal(0.0), signal(0.05), signal(0.05), signal(0.1)]
+    assert record.inputs["u"] == pytest.approx(there)
+    assert record.values["y"] == pytest.approx(record.values["x"] + there)
+    assert record.values["x"][-1] == pytest.approx(0.05 * (signal(0.025) + signal(0.075)))
+
+
+def test_an_input_jumps_after_the_left_limit_of_its_break() -> None:
+    with open_fake(Euler, "fmu", interface="cs", step=0.2) as session:
+        record = session.advance(0.4, signals={"u": Step(time=0.2, value=1.0)}, record=["y"])
+    assert record.time.tolist() == pytest.approx([0.0, 0.2, 0.2, 0.4])
+    assert record.values["y"] == pytest.approx([0.0, 0.0, 1.0, 1.2])
+
+
+@pytest.mark.parametrize("course", ["constant step", "held"])
+def test_inputs_are_held_from_the_start_where_the_fmu_may_sample_there(course: str) -> None:
+    signal = Sine(frequency=1.0)
+    kind, hold = (Constantly, False) if course == "constant step" else (Euler, True)
+    with open_fake(kind, "fmu", interface="cs", step=0.05, hold_inputs=hold) as session:
+        record = session.advance(0.1, signals={"u": signal}, record=["y", "x"])
     held = [signal(0.0), signal(0.0), signal(0.05), signal(0.05)]
     assert record.inputs["u"] == pytest.approx(held)
     assert record.values["y"] == pytest.approx(record.values["x"] + held)

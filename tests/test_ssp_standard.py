@@ -26,6 +26,7 @@ from tests.ssp_packages import (
 )
 from tests.system_fmus import plain_fmu
 from workbench.analysis.simulate.request import simulate
+from workbench.core.conversion import Unit
 from workbench.core.loading import Loading
 from workbench.signals import Constant
 from workbench.system.connect import open_description
@@ -33,7 +34,6 @@ from workbench.system.description import Connection, FmuComponent, SystemDescrip
 from workbench.system.health import resolve
 from workbench.system.read import read_system
 from workbench.system.ssp_write import write_ssp
-from workbench.system.units import Unit
 
 LENGTH = (0, 1, 0, 0, 0, 0, 0, 0)
 A = component("a", {"y": ("output", "")})

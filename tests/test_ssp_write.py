@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from tests.ssp_packages import (
     variables_of,
 )
 from workbench.analysis.simulate.request import simulate
+from workbench.core.conversion import BASE_UNITS
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.description import DefaultExperiment
@@ -26,6 +28,7 @@ from workbench.system.description import (
     FunctionComponent,
     GainComponent,
     LinearComponent,
+    MasterOptions,
     SumComponent,
     SystemDescription,
 )
@@ -33,7 +36,6 @@ from workbench.system.fmu_facts import fmu_facts
 from workbench.system.health import resolve
 from workbench.system.read import read_system
 from workbench.system.ssp_write import write_ssp
-from workbench.system.units import BASE_UNITS
 
 
 def loop() -> SystemDescription:
@@ -204,3 +206,10 @@ def test_units_of_a_written_package_are_defined(tmp_path: Path) -> None:
     assert units["deg"].factor == pytest.approx(np.pi / 180.0, rel=1e-15)
     pressure = {b: getattr(units["Pa"], b) for b in BASE_UNITS}
     assert pressure == {**dict.fromkeys(BASE_UNITS, 0), "kg": 1, "m": -1, "s": -2}
+
+
+def test_what_the_master_is_told_is_not_written_and_said(tmp_path: Path) -> None:
+    given = replace(loop(), master=MasterOptions(order="jacobi", extrapolation=2))
+    notes = write_ssp(given, tmp_path / "loop.ssp")
+    assert "of the master nothing is written: order, extrapolation" in notes
+    assert read_system(tmp_path / "loop.ssp").master == MasterOptions()

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.system_fmus import description_of, plain_fmu
+from workbench.core.conversion import BASE_UNITS, Unit, conversion, is_same_unit, known_unit
 from workbench.errors import FmuError, InputError
 from workbench.fmi.variable import Variable
 from workbench.system.description import (
@@ -25,7 +26,6 @@ from workbench.system.description import (
 from workbench.system.fmu_facts import fmu_facts
 from workbench.system.health import resolve, settled
 from workbench.system.read import is_system_file, read_system
-from workbench.system.units import BASE_UNITS, Unit, conversion, is_same_unit, known_unit
 
 LOOP = """
 name = "loop"

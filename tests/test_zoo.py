@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -71,3 +72,11 @@ def test_an_oracle_that_crashes_is_no_oracle(tmp_path: Path) -> None:
 def test_names_are_unique_and_told() -> None:
     assert len({e.name for e in CORPUS}) == len(CORPUS)
     assert all(e.source and e.mimics for e in CORPUS)
+
+
+def test_what_is_left_out_is_the_reason_of_a_no() -> None:
+    page, out = "Linear model of X (cs)\nx1 output 0.002\n", "note: order 2\nnote: k1 is left out: it does not act\n"
+    done = subprocess.CompletedProcess((), 1, page, out)
+    assert zoo_script._verdict(done) == ("no", "k1 is left out: it does not act")
+    done = subprocess.CompletedProcess((), 1, page + "failed: 1 point\n", out)
+    assert zoo_script._verdict(done) == ("no", "failed: 1 point")

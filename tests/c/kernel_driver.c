@@ -258,7 +258,7 @@ static void setup(Bench *b, int version, size_t n) {
         b->fakes[i] = (Fake){.next = 0.25, .bad_time = 1e9, .bad_status = 3};
         b->components[i] = (Component){
             .handle = &b->fakes[i], .functions = b->functions, .names = b->names, .nx = 1, .nz = 1,
-            .version = version, .event_mode = 1, .completed_step = version == 2, .slopes_work = 1,
+            .version = version, .event_mode = 1, .completed_step = version == 2, .slopes_work = 1, .centres = 1,
         };
     }
     b->blocks[0] = block(b, version, U, &b->zero, &b->reals[0], 0);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,7 @@ __all__ = [
     "Limits",
     "Names",
     "Numbers",
+    "Quantities",
     "Ranges",
     "Settings",
     "Starts",
@@ -35,6 +37,7 @@ __all__ = [
     "Widths",
     "number",
     "pairs",
+    "quantity",
     "setting",
     "several",
     "table",
@@ -197,11 +200,50 @@ def _named(name: str, value: Any) -> float:  # noqa: ANN401
         raise ValueError(f"{name}: {error}") from None
 
 
+_QUANTITY = re.compile(r"\s*([-+0-9.eE]*[0-9.])\s*(.*?)\s*")  # a number, and what follows it
+
+
+def quantity(value: float | str) -> tuple[float, str]:
+    """Return number and unit of "25deg"; a number alone has the unit "".
+
+    Args:
+        value: as it was given.
+
+    Raises:
+        ValueError: it does not begin with a number.
+    """
+    found = _QUANTITY.fullmatch(str(value))
+    try:
+        return float(found[1] if found else ""), found[2] if found else ""
+    except ValueError:
+        raise ValueError(f"'{value}' is not a number with a unit, as in 25deg") from None
+
+
 _VALUES = Form(
     metavar="NAME=VALUE",
     read=_read_values,
     write=lambda value: [f"{name}={_short(x)}" for name, x in value.items()],
     take=lambda value: {name: _named(name, x) for name, x in table(value).items()},
+    repeated=True,
+)
+
+
+def _take_quantities(value: Any) -> dict[str, float | str]:  # noqa: ANN401
+    found = {}
+    for name, given in table(value).items():
+        try:
+            number_, unit = quantity(given)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+        found[name] = str(given).strip() if unit else number_
+    return found
+
+
+_QUANTITIES = Form(
+    metavar="NAME=VALUE",
+    read=lambda texts: _take_quantities(pairs(texts)),
+    write=lambda value: [f"{name}={written(x)}" for name, x in value.items()],
+    take=_take_quantities,
     repeated=True,
 )
 
@@ -417,6 +459,7 @@ if TYPE_CHECKING:
     Band = tuple[float, float]
     Names = Sequence[str]
     Values = Mapping[str, float]
+    Quantities = Mapping[str, Any]  # numbers; texts such as "2deg" until the model is open
     Limits = Mapping[str, tuple[float, float]]
     Ranges = Mapping[str, tuple[float, float]]
     Grid = Mapping[str, Sequence[float]]
@@ -430,6 +473,7 @@ else:
     Band = Annotated[object, _BAND]
     Names = Annotated[object, _NAMES]
     Values = Annotated[object, _VALUES]
+    Quantities = Annotated[object, _QUANTITIES]
     Limits = Annotated[object, _LIMITS]
     Ranges = Annotated[object, _RANGES]
     Grid = Annotated[object, _GRID]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY
 
-from workbench.core.forms import Starts, Values
+from workbench.core.forms import Quantities, Starts
 from workbench.core.option import Options, documented, option
 
 __all__ = ["INTERFACES", "Loading"]
@@ -68,14 +68,19 @@ class Loading(Options):
     )
     start_values: Starts = option(
         "Value of a parameter, or start value of a variable; of a whole array as NAME=[1,2]; an item of an enumeration "
-        "by its name. A structural parameter changes the sizes of arrays.",
+        "by its name; with a unit, as in T=20degC, converted to that of the variable. A structural parameter changes "
+        "the sizes of arrays.",
         flag="--set",
         default_factory=dict,
     )
-    bias: Values = option("Constant added to an input, whether it is forced or not.", default_factory=dict)
+    bias: Quantities = option(
+        "Constant added to an input, whether it is forced or not; with a unit, as in elevator=2deg, it is converted to "
+        "that of the input.",
+        default_factory=dict,
+    )
     hold_inputs: bool = option(
-        "Co-simulation: hold inputs constant between communication points, as most masters do, even if the FMU accepts "
-        "their slopes. For comparisons with such masters; less accurate at the same step.",
+        "Co-simulation: hold inputs over each communication step at their value at its start, as most masters do, even "
+        "if the FMU accepts their slopes. For comparisons with such masters; less accurate at the same step.",
         default=False,
         python=True,
     )

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from workbench.core.conversion import BASE_UNITS, Unit
 from workbench.fmi.variable import Variable
 
 __all__ = [
@@ -84,6 +85,12 @@ class UnitDefinition:
     factor: float = 1.0
     offset: float = 0.0
     display: tuple[DisplayUnit, ...] = ()
+
+    def unit(self, name: str) -> Unit | None:
+        """Return it as a unit that converts; None: what it is made of is not declared."""
+        if self.exponents is None or self.factor == 0.0:
+            return None
+        return Unit(name, tuple(self.exponents[b] for b in BASE_UNITS), self.factor, self.offset)
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,7 @@ typedef struct {
     int32_t completed_step; /* wants to be told of completed steps */
     int32_t interpolates;   /* co-simulation: takes the slopes of its inputs */
     int32_t slopes_work;    /* until it says otherwise */
+    int32_t centres;        /* co-simulation: inputs held over a step have the value of its middle */
     int32_t event_due;      /* co-simulation: the last step ended at an event, which waits for the inputs there */
     double time;            /* of the last set_time or do_step [s] */
     double due;             /* its next time event [s] */

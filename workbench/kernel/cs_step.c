@@ -96,6 +96,45 @@ static bool set_component_inputs(Cs *cs, int32_t who, bool jump) {
     return write_wanted(cs, who, false);
 }
 
+/* Whether inputs are held over a step at the value of its middle: the FMU takes no slopes. */
+static bool is_centred(const Component *component) {
+    return component->centres && !(component->interpolates && component->slopes_work);
+}
+
+/* Write the continuous inputs of `wanted`, where they are not what the FMU sees. */
+static bool write_moved(Cs *cs, int32_t who) {
+    Forcing *forcing = cs->system->forcing;
+    bool moved = false;
+    for (size_t i = 0; i < forcing->n && !moved; i++) {
+        moved = forcing->owners[i] == who && !forcing->discrete[i] && !(forcing->wanted[i] == forcing->written[i]);
+    }
+    return !moved || write_wanted(cs, who, false);
+}
+
+/* Inputs inside a step as they are at `t`. */
+static bool write_inside(Cs *cs, int32_t who, double t) {
+    Forcing *forcing = cs->system->forcing;
+    if (!is_centred(&cs->system->components[who])) {
+        return true;
+    }
+    forcing->has_wanted = 0;
+    for (size_t i = 0; i < forcing->n; i++) {
+        forcing->wanted[i] = forcing->discrete[i] ? forcing->written[i] : forcing_value(forcing, i, t);
+    }
+    return write_moved(cs, who);
+}
+
+/* After a step: inputs as they are just before its end, for outputs that show them directly. */
+static bool arrive(Cs *cs, int32_t who, double start, double end) {
+    Forcing *forcing = cs->system->forcing;
+    if (!is_centred(&cs->system->components[who])) {
+        return true;
+    }
+    forcing_look_ahead(forcing, start, end);
+    copy_values(forcing->seen, forcing->wanted, forcing->n);
+    return write_moved(cs, who);
+}
+
 void cs_look_ahead(Cs *cs, double end) {
     if (cs->master) {
         master_look_ahead(cs, end);
@@ -133,7 +172,7 @@ static bool handle(Cs *cs, int32_t who, const Answer *answer, bool early) {
         return fail_at(failure_of(cs), FAILED_EVENT_MODE, answer->time);
     }
     cs->system->components[who].event_due = !early;
-    return !early || (enter_event_mode(cs, who) && leave_event_mode(cs, who));
+    return !early || (write_inside(cs, who, cs->time) && enter_event_mode(cs, who) && leave_event_mode(cs, who));
 }
 
 /* Whether the FMU stopped before the end by more than rounding. */
@@ -147,6 +186,9 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
     for (int i = 0; i < MAX_EARLY_RETURNS; i++) {
         Answer answer = {0};
         component->time = cs->time;
+        if (!write_inside(cs, who, 0.5 * (cs->time + end))) {
+            return false;
+        }
         const int status = component->calls->do_step(component, cs->time, end - cs->time, &answer);
         if (!component_checked(component, DO_STEP, status, who, failure_of(cs)) ||
             failure_of(cs)->code != NO_FAILURE) { /* of a callback */
@@ -161,7 +203,7 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
         }
         if (!early) {
             component->time = end;
-            return true;
+            return arrive(cs, who, start, end);
         }
     }
     failure_of(cs)->component = who;

@@ -80,11 +80,17 @@ static bool write_ramps(Cs *cs) {
     return access_write(&forcing->fast, cs->system->components, master->ramped, failure_of(cs));
 }
 
+/* A tick as near as rounding is one of now: the next stop is looked for beyond it. */
+static double event_time(const Cs *cs, const Component *component) {
+    const double tick = clocks_next(component->clocks);
+    return tick > cs->time && tick <= cs->time + SAME * cs->longest ? tick : cs->time;
+}
+
 static bool enter_events(Cs *cs) {
     System *system = cs->system;
     for (size_t i = 0; i < system->n_components; i++) {
         Component *component = &system->components[i];
-        component->time = cs->time;
+        component->time = event_time(cs, component);
         if (component->event_mode && !component_enter(component, ENTER_EVENT_MODE, (int32_t)i, &system->failure)) {
             return false;
         }

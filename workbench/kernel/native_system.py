@@ -96,6 +96,7 @@ class NativeSystem:
             completed_step=capabilities.completed_step,
             interpolates=capabilities.interpolates_inputs,
             slopes_work=True,
+            centres=capabilities.variable_step,
             time=instance.time,
             due=-math.inf,
             clock=instance.clock,
@@ -104,9 +105,9 @@ class NativeSystem:
         )
 
     def hold_inputs(self) -> None:
-        """Give no slopes of inputs, also to FMUs that take them."""
+        """Let inputs stand over a step as they are at its start, also where FMUs take slopes."""
         for component in self.components:
-            component.slopes_work = False
+            component.slopes_work = component.centres = False
         self._holds = True
 
     def answer(self, forced: Iterable[tuple[int, Variable]]) -> None:

@@ -124,6 +124,7 @@ class Component(ctypes.Structure):
         ("completed_step", c_int32),
         ("interpolates", c_int32),
         ("slopes_work", c_int32),
+        ("centres", c_int32),
         ("event_due", c_int32),
         ("time", c_double),
         ("due", c_double),

@@ -35,6 +35,7 @@ __all__ = [
     "experiment_notes",
     "load",
     "load_fmu",
+    "silent_clocks",
     "start_of",
 ]
 
@@ -179,11 +180,12 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     binary_path(unpacked.folder, description.interfaces[chosen].identifier, source=source)
     name, note = _choose_solver(recipe.solver, chosen, description)
     variables = {v.name: v for v in description.variables}
+    bias = check_biases(recipe.bias, variables, description.units)
     setup = Setup(
         open_instance=_not_yet,
         variables=variables,
-        start_values=check_starts(recipe.start_values, variables, description.enumerations),
-        bias=check_biases(recipe.bias, variables),
+        start_values=check_starts(recipe.start_values, variables, description.enumerations, description.units),
+        bias=bias,
         rtol=recipe.tolerance or description.experiment.tolerance or DEFAULT_TOLERANCE,
         tolerance=recipe.tolerance or description.experiment.tolerance,
         start_time=start_of(recipe, description),
@@ -193,11 +195,14 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     )
     choices = [
         *_notes(recipe.interface, chosen, description, recipe.step),
+        *(_course_of_inputs(description, hold=recipe.hold_inputs) if chosen == "cs" else ()),
         *experiment_notes(recipe, description),
         *filter(None, [note]),
     ]
     notes = (*description.notes, *choices)
-    return FmuModel(unpacked, description, interface=chosen, setup=setup, notes=notes, recipe=recipe)
+    return FmuModel(
+        unpacked, description, interface=chosen, setup=setup, notes=notes, recipe=replace(recipe, bias=bias)
+    )
 
 
 def _not_yet() -> Instance:
@@ -245,17 +250,6 @@ def _choose_solver(wanted: str, interface: str, description: Description) -> tup
     return "fmu", ""
 
 
-def _silent_clocks(description: Description, *, event_mode: bool) -> list[str]:
-    """Say which clocks do not tick although something depends on them."""
-    driven = time_based(description.clocks)
-    inputs = {name: c for name, c in description.clocks.items() if c.causality == "input"}
-    waiting = [name for name in inputs if name not in driven]
-    notes = [f"triggered by nothing here, these clocks never tick: {', '.join(waiting)}"] if waiting else []
-    if driven and not event_mode:
-        notes.append(f"without event mode, which its co-simulation does not have, no clock ticks: {', '.join(driven)}")
-    return notes
-
-
 def choose_solver(wanted: str, *, states: int) -> tuple[str, str]:
     """Return the name of the solver of model exchange and a note about the choice (may be empty).
 
@@ -278,6 +272,30 @@ def choose_solver(wanted: str, *, states: int) -> tuple[str, str]:
     return "gear", "solver: gear (chosen by auto)"
 
 
+def silent_clocks(description: Description, interface: str) -> list[str]:
+    """Return notes on clocks that do not tick although something depends on them."""
+    driven, claims = time_based(description.clocks), description.interfaces[interface]
+    waiting = [name for name, c in description.clocks.items() if c.causality == "input" and name not in driven]
+    notes = [f"triggered by nothing here, these clocks never tick: {', '.join(waiting)}"] if waiting else []
+    if driven and interface == "cs" and not claims.event_mode:
+        notes.append(f"without event mode, which its co-simulation does not have, no clock ticks: {', '.join(driven)}")
+    return notes
+
+
+def _course_of_inputs(description: Description, *, hold: bool) -> list[str]:
+    """Say what a co-simulation sees of its continuous inputs inside a step, where that is not their course."""
+    claims = description.interfaces["cs"]
+    takes = claims.interpolates_inputs or (claims.intermediate_update and bool(description.intermediate))
+    if not any(v.is_continuous_input for v in description.variables) or (takes and not hold):
+        return []
+    if hold or not claims.variable_step:
+        why = "as asked" if hold else "since the FMU wants a constant step, at which it may sample them"
+        return [
+            f"inputs: held over a communication step at their value at its start, {why}: half a step late on average"
+        ]
+    return ["inputs: held over a communication step at their value in its middle; the FMU does not ask how they go on"]
+
+
 def _notes(wanted: str, chosen: str, description: Description, step: float | None) -> list[str]:
     notes = []
     if wanted == "auto" and len(description.interfaces) > 1:
@@ -290,7 +308,7 @@ def _notes(wanted: str, chosen: str, description: Description, step: float | Non
             else f"communication step: {default:g} s, from the FMU's default experiment; --step changes it"
         )
     claims = description.interfaces[chosen]
-    notes += _silent_clocks(description, event_mode=chosen == "me" or claims.event_mode)
+    notes += silent_clocks(description, chosen)
     if claims.needs_tool:
         notes.append("the FMU says that it needs its authoring tool installed on this machine")
     return notes

@@ -102,7 +102,7 @@ def bias_of(model: Model, name: str, at: OperatingPoint | None = None) -> float:
     point = at or model.at
     if not isinstance(model.recipe, LoadRecipe) or (point is not None and name in point.u):
         return 0.0
-    return model.recipe.bias.get(name, 0.0)
+    return float(model.recipe.bias.get(name, 0.0))
 
 
 def _held(model: Model) -> list[Variable]:

@@ -7,14 +7,18 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TypeAlias, Union
 
-from workbench.core.names import check_names, split_names
+from workbench.core.conversion import named_conversion
+from workbench.core.forms import quantity
+from workbench.core.names import check_names, plain_unit, split_names
 from workbench.errors import InputError, article, suggest
+from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 
 __all__ = ["check_biases", "check_starts", "elements_of"]
 
 _SETTABLE = ("parameter", "structuralParameter", "input", "local", "output")
 _NO_TYPES: Mapping[str, Mapping[str, int]] = MappingProxyType({})
+_NO_UNITS: Mapping[str, UnitDefinition] = MappingProxyType({})
 _Nested: TypeAlias = Union[str, "list[_Nested]"]
 
 
@@ -32,17 +36,19 @@ def check_starts(
     values: Mapping[str, Value],
     variables: Mapping[str, Variable],
     enumerations: Mapping[str, Mapping[str, int]] = _NO_TYPES,
+    units: Mapping[str, UnitDefinition] = _NO_UNITS,
 ) -> dict[str, Value]:
     """Return start values in their variables' types, arrays element by element.
 
     Args:
         values: name → value; that of a whole array is a text such as "[1, 2]" or "[[1, 2], [3, 4]]", of an enumeration
-            the name or the number of an item.
+            the name or the number of an item; a number with a unit, such as "20degC", is converted.
         variables: by name.
         enumerations: type → item → value.
+        units: what the FMU defines about its units, by name.
 
     Raises:
-        InputError: no such variable, it cannot be set, or the value is not of its type.
+        InputError: no such variable, it cannot be set, the value is not of its type, or its unit does not fit.
     """
     found: dict[str, Value] = {}
     for name, value in values.items():
@@ -50,7 +56,7 @@ def check_starts(
         for one, part in _parts(name, value, elements).items() if elements else ((name, value),):
             if one in found:
                 raise InputError(f"{one} is set twice: by itself, and with the whole array")
-            found[one] = _start(one, part, variables, enumerations)
+            found[one] = _start(one, part, variables, enumerations, units)
     return found
 
 
@@ -86,7 +92,11 @@ def _flat(given: _Nested) -> list[str]:
 
 
 def _start(
-    name: str, value: Value, variables: Mapping[str, Variable], enumerations: Mapping[str, Mapping[str, int]]
+    name: str,
+    value: Value,
+    variables: Mapping[str, Variable],
+    enumerations: Mapping[str, Mapping[str, int]],
+    units: Mapping[str, UnitDefinition],
 ) -> Value:
     check_names([name], variables, kinds=("variable",))
     variable = variables[name]
@@ -98,6 +108,8 @@ def _start(
     if isinstance(value, str) and value in items:
         return items[value]
     try:
+        if isinstance(value, str) and variable.type in FLOAT_TYPES:
+            value = _converted(variable, value, units)
         number = _as_type(variable, value)
         if items and number not in items.values():
             raise ValueError(value)
@@ -106,6 +118,50 @@ def _start(
         if items:
             raise InputError(f"{name}: its enumeration has no item '{value}'; {suggest(str(value), items)}") from None
         raise InputError(f"{name}: '{value}' is not a value that {article(variable.type)} can have") from None
+
+
+def _converted(
+    variable: Variable, value: float | str, units: Mapping[str, UnitDefinition], *, change: bool = False
+) -> float:
+    """Return a number in the variable's unit of one that may be given in another, as in "2deg".
+
+    Args:
+        variable: whose value it is.
+        value: a number, or a text.
+        units: what the FMU defines about its units, by name.
+        change: it is added to a value: a zero that lies elsewhere would leave open what is meant.
+
+    Raises:
+        InputError: the unit does not fit.
+        ValueError: it is not a number.
+    """
+    number, given = quantity(value)
+    if not given or given == variable.unit:
+        return number
+    if variable.unit is None:
+        raise InputError(f"{variable.name}: it has no unit; give a plain number in place of '{value}'")
+    factor, offset = _conversion(variable, given, units)
+    if change and offset:
+        raise InputError(
+            f"{variable.name}: {value} may be a value or a difference, since the zeros of {given} and {variable.unit} "
+            f"differ; give it in {variable.unit}"
+        )
+    return factor * number + offset
+
+
+def _conversion(variable: Variable, given: str, units: Mapping[str, UnitDefinition]) -> tuple[float, float]:
+    own = units.get(variable.unit or "", UnitDefinition())
+    for shown in own.display:
+        if plain_unit(shown.name) == plain_unit(given) and shown.factor:
+            return 1.0 / shown.factor, -shown.offset / shown.factor
+    known = {name: unit for name, defined in units.items() if (unit := defined.unit(name)) is not None}
+    found = named_conversion(given, variable.unit or "", known)
+    if found is None:
+        raise InputError(
+            f"{variable.name}: '{given}' does not convert to its unit, {variable.unit}; give a number in that, or a "
+            "unit that does"
+        )
+    return found
 
 
 def _as_type(variable: Variable, value: Value) -> Value:
@@ -131,17 +187,33 @@ def _as_boolean(value: Value) -> bool:
     return text in ("true", "1", "1.0")
 
 
-def check_biases(bias: Mapping[str, float], variables: Mapping[str, Variable]) -> dict[str, float]:
-    """Return the biases.
+def check_biases(
+    bias: Mapping[str, float | str],
+    variables: Mapping[str, Variable],
+    units: Mapping[str, UnitDefinition] = _NO_UNITS,
+) -> dict[str, float]:
+    """Return the biases, in the units of their inputs.
+
+    Args:
+        bias: input → number, or a text with a unit, such as "2deg".
+        variables: by name.
+        units: what the FMU defines about its units, by name.
 
     Raises:
-        InputError: no such real input, or the value is not finite.
+        InputError: no such real input, the value is not finite, or its unit does not fit.
     """
+    found = {}
     inputs = {n: v for n, v in variables.items() if v.causality == "input"}
     check_names(bias, inputs, kinds=("input",), what="bias", others={n: v.causality for n, v in variables.items()})
     for name, value in bias.items():
         if inputs[name].type not in FLOAT_TYPES:
             raise InputError(f"bias: input '{name}' is a {inputs[name].type}; only real inputs take a bias")
-        if not math.isfinite(value):
+        try:
+            found[name] = _converted(inputs[name], value, units, change=True)
+        except InputError as error:
+            raise InputError(f"bias: {error}") from None
+        except ValueError as error:
+            raise InputError(f"bias: {name}: {error}") from None
+        if not math.isfinite(found[name]):
             raise InputError(f"bias: {name} must be a finite number, not {value}")
-    return dict(bias)
+    return found

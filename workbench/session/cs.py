@@ -29,8 +29,10 @@ class CsSession(FmuSession):
     """Steps one FMU.
 
     Communication points are the recorded points, the breaks of the signals, and as many more
-    between them as keep every step within the communication step. Continuous inputs are held, or
-    linear between communication points where the FMU interpolates its inputs.
+    between them as keep every step within the communication step. Over a step continuous inputs are
+    linear where the FMU interpolates its inputs, given where the FMU asks for them (`kernel/intermediate.c`), else
+    held at their value in the middle, which is right to second order; at its start where the step is constant, since
+    the FMU may sample there, or where they are to be held.
     """
 
     _fixed: float | None = None
@@ -108,6 +110,9 @@ class CsSession(FmuSession):
         start = self._previous = self.time
         seen = self._give_slopes(end)
         self._step_to(end)
+        if self._centres():
+            seen = self.forcing.ramp(start, end)[1]
+            self.forcing.write_moved(seen)
         self._event_due = self._event_due or self.instance.next_tick <= self.time
         self.forcing.written = seen
         rows.add(self.time, inputs=seen)
@@ -145,11 +150,22 @@ class CsSession(FmuSession):
         self._slopes_work = self.instance.try_input_slopes(self.forcing.continuous, slopes)
         return ends if self._slopes_work else list(self.forcing.written)
 
+    def _centres(self) -> bool:
+        """Whether inputs are held over a step at the value of its middle."""
+        claims = self.instance.capabilities
+        linear = claims.interpolates_inputs and self._slopes_work
+        return claims.variable_step and not self.setup.hold_inputs and not linear
+
+    def _write_inside(self, t: float) -> None:
+        if self._centres():
+            self.forcing.write_moved(self.forcing.moved_to(t))
+
     # -- steps ----------------------------------------------------------------------------
 
     def _step_to(self, end: float) -> None:
         """Step to `end`, going on after early returns and handling events on the way."""
         for _ in range(MAX_EARLY_RETURNS):
+            self._write_inside(0.5 * (self.time + end))
             result = self.instance.do_step(self.time, end - self.time)
             early = result.time < end - 1e-12 * max(abs(end), end - self.time)
             self._after(result, early=early)
@@ -171,6 +187,7 @@ class CsSession(FmuSession):
                 raise SimulationError("the FMU requests event mode, which it does not offer", time=result.time)
             self._event_due = not early
             if early:
+                self._write_inside(self.time)
                 self.instance.enter_event_mode()
                 self._leave_event_mode()
 

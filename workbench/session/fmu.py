@@ -92,7 +92,7 @@ class Setup:
         start_time: [s].
         step: communication step [s]; None: derived from signals and points.
         signals: what forces the inputs during initialisation.
-        hold_inputs: co-simulation: inputs stand still between communication points, also where the FMU interpolates.
+        hold_inputs: co-simulation: inputs stand over a step as they are at its start, also where the FMU interpolates.
         solver: "gear", "vkm", "none" (there are no states), or "fmu".
         state_works: asks once whether the FMU's own state can be trusted for snapshots.
         manners: in which order it lets itself be started; shared by the sessions of one model.

@@ -80,6 +80,20 @@ class Forcing:
             for i, value in zip(self._fast, values, strict=True):
                 self.written[i] = value
 
+    def moved_to(self, t: float) -> list[float]:
+        """Return the continuous inputs at t, and the others as they are."""
+        values = list(self.written)
+        for i in self._fast:
+            signal, bias = self._pairs[i]
+            values[i] = signal(t) + bias
+        return values
+
+    def write_moved(self, values: Sequence[float]) -> None:
+        """Write the continuous inputs where one of them differs from what the FMU sees."""
+        if any(values[i] != self.written[i] for i in self._fast):
+            self.continuous.write([values[i] for i in self._fast])
+            self.written = list(values)
+
     def write_all(self, values: Sequence[float]) -> None:
         """Write every forced input; allowed in event mode and between co-simulation steps."""
         if self._fast:
@@ -95,10 +109,7 @@ class Forcing:
     def ramp(self, t: float, end: float) -> tuple[list[float], list[float]]:
         """Return the continuous inputs' mean slopes over (t, end) [1/s], and all inputs before `end`."""
         left = end if self.next_break(t) > end else math.nextafter(end, -math.inf)
-        values = list(self.written)
-        for i in self._fast:
-            signal, bias = self._pairs[i]
-            values[i] = signal(left) + bias
+        values = self.moved_to(left)
         return [(values[i] - self.written[i]) / (end - t) for i in self._fast], values
 
 

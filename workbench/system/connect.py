@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -27,6 +28,7 @@ from workbench.system.description import (
     FunctionComponent,
     GainComponent,
     LinearComponent,
+    MasterOptions,
     SystemDescription,
 )
 from workbench.system.model import SystemModel
@@ -127,6 +129,9 @@ def connect(
         inputs=_inputs(inputs),
         outputs=_outputs(outputs),
         default_experiment=DefaultExperiment(),
+        master=MasterOptions(
+            order=order, extrapolation=extrapolation, step_tolerance=step_tolerance, hold_inputs=hold_inputs
+        ),
     )
     starts = {
         f"{name}.{inner}": value
@@ -141,43 +146,23 @@ def connect(
         start=start,
         start_values={**starts, **(start_values or {})},
         bias=bias or {},
-        hold_inputs=hold_inputs,
     )
-    return open_description(
-        embed(description, parts), asked, order=order, extrapolation=extrapolation, step_tolerance=step_tolerance
-    )
+    return open_description(embed(description, parts), asked)
 
 
-def open_description(
-    description: SystemDescription,
-    asked: Loading | None = None,
-    *,
-    order: str = "auto",
-    extrapolation: int = 1,
-    step_tolerance: float | None = None,
-) -> DescribedModel:
+def open_description(description: SystemDescription, asked: Loading | None = None) -> DescribedModel:
     """Open a system as it is written down.
 
     Args:
         description: the system.
         asked: how; None: all at its default.
-        order: order of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
-            side), or "auto".
-        extrapolation: see `connect`.
-        step_tolerance: see `connect`.
 
     Raises:
         InputError, FmuError: see `connect`.
     """
     source = description.source or description.name
-    return SystemRecipe(
-        source=source,
-        system=description,
-        order=order,
-        extrapolation=extrapolation,
-        step_tolerance=step_tolerance,
-        **values_of(asked or Loading()),
-    ).open()
+    asked = replace(asked or Loading(), hold_inputs=description.master.hold_inputs)
+    return SystemRecipe(source=source, system=description, **values_of(asked)).open()
 
 
 # -- components -------------------------------------------------------------------------------

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.conversion import Unit
 from workbench.core.linear import Linear
 from workbench.fmi.archive import Unpacked
 from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wire
-from workbench.system.units import Unit
 
 __all__ = [
     "Component",
@@ -23,6 +24,7 @@ __all__ = [
     "FunctionComponent",
     "GainComponent",
     "LinearComponent",
+    "MasterOptions",
     "Port",
     "Resolved",
     "SumComponent",
@@ -148,6 +150,29 @@ class Connection:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MasterOptions:
+    """How the co-simulation components of a system are stepped; of no use where there are none.
+
+    Attributes:
+        order: "gauss-seidel" (one after the other), "jacobi" (side by side), or "auto".
+        extrapolation: order of the polynomial by which a value goes on over a step whose source is stepped later: 0 (it
+            stands still), 1 or 2. Order 2 is for smooth signals.
+        step_tolerance: tolerance of one communication step, relative to the largest magnitude that each connected value
+            and output has had; None: 100 times the tolerance of the integration. Not together with a given step.
+        hold_inputs: inputs stand over a step as they are at its start, as with simple masters.
+    """
+
+    order: str = "auto"
+    extrapolation: int = 1
+    step_tolerance: float | None = None
+    hold_inputs: bool = False
+
+    def given(self) -> dict[str, Any]:
+        """Return what is not as it is anyway."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
+
+
+@dataclass(frozen=True, kw_only=True)
 class SystemDescription:
     """A system as it is written down; nothing is opened or checked against FMUs yet (`health.resolve` does that).
 
@@ -158,6 +183,7 @@ class SystemDescription:
         inputs: the system's input → the component inputs it drives.
         outputs: the system's output → the component variable it shows.
         default_experiment: what the file suggests.
+        master: how its co-simulation components are stepped.
         notes: what of the file was bent or ignored, one line each.
         units: definitions of units in the file, by name.
         source: the file it comes from, for messages; empty: made in Python.
@@ -171,6 +197,7 @@ class SystemDescription:
     inputs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     outputs: Mapping[str, str] = field(default_factory=dict)
     default_experiment: DefaultExperiment = field(default_factory=DefaultExperiment)
+    master: MasterOptions = field(default_factory=MasterOptions)
     notes: tuple[str, ...] = ()
     units: Mapping[str, Unit] = field(default_factory=dict)
     source: str = ""

@@ -9,13 +9,12 @@ from pathlib import Path
 
 from lxml import etree
 
+from workbench.core.conversion import BASE_UNITS, Unit
 from workbench.core.names import plain_unit
 from workbench.errors import FmuError
 from workbench.fmi.archive import locate
-from workbench.fmi.description import UnitDefinition
 from workbench.fmi.reading import DESCRIPTION, described_at
 from workbench.fmi.variable import Variable
-from workbench.system.units import BASE_UNITS, Unit
 
 __all__ = ["FmuFacts", "fmu_facts", "read_units"]
 
@@ -55,7 +54,7 @@ def fmu_facts(file: str) -> FmuFacts:
 @lru_cache(maxsize=64)
 def _facts(path: Path, _changed: int, _size: int) -> FmuFacts:
     description = described_at(path)
-    made = {name: _unit_of(name, unit) for name, unit in description.units.items()}
+    made = {name: unit.unit(name) for name, unit in description.units.items()}
     return FmuFacts(
         variables={v.name: v for v in description.variables},
         units={name: unit for name, unit in made.items() if unit is not None},
@@ -66,12 +65,6 @@ def _facts(path: Path, _changed: int, _size: int) -> FmuFacts:
         },
         interfaces=tuple(description.interfaces),
     )
-
-
-def _unit_of(name: str, unit: UnitDefinition) -> Unit | None:
-    if unit.exponents is None or unit.factor == 0.0:
-        return None
-    return Unit(name, tuple(unit.exponents[b] for b in BASE_UNITS), unit.factor, unit.offset)
 
 
 def read_units(root: etree._Element) -> dict[str, Unit]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from workbench.core.conversion import Unit, conversion, is_same_unit, known_unit
 from workbench.core.names import plain_unit
 from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.variable import Variable
@@ -16,7 +17,6 @@ from workbench.system.description import (
     SystemDescription,
 )
 from workbench.system.fmu_facts import fmu_facts
-from workbench.system.units import Unit, conversion, is_same_unit, known_unit
 
 __all__ = ["UnitCheck", "all_units", "declared_unit"]
 

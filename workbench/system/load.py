@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from workbench.core.loading import Loading
@@ -29,7 +30,11 @@ def open_file(path: str | Path, asked: Loading) -> DescribedModel:
 
     if asked.hold_inputs:
         raise InputError(f"{path}: hold_inputs is for one co-simulation FMU, not for a system")
-    return open_description(read_system(path), asked)
+    system = read_system(path)
+    if asked.step is not None and system.master.step_tolerance is not None:
+        note = f"step_tolerance of the file is not used: the communication step is given, {asked.step:g} s"
+        system = replace(system, master=replace(system.master, step_tolerance=None), notes=(*system.notes, note))
+    return open_description(system, asked)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from types import MethodType
 from typing import TYPE_CHECKING
 
@@ -54,7 +55,7 @@ class SystemModel(DescribedModel):
             open_instance=self.new_instance,
             variables=variables,
             start_values={**starts_of(opened.parts), **system_starts(recipe.start_values, described)},
-            bias=check_biases(recipe.bias, variables),
+            bias=check_biases(recipe.bias, variables, described.units),
             rtol=recipe.tolerance or described.experiment.tolerance or DEFAULT_TOLERANCE,
             tolerance=recipe.tolerance or described.experiment.tolerance,
             start_time=start_of(recipe, described),
@@ -67,7 +68,7 @@ class SystemModel(DescribedModel):
             interface="me",
             setup=setup,
             notes=(*_notes(opened, self._plan), *experiment_notes(recipe, described), *filter(None, [note])),
-            recipe=recipe,
+            recipe=replace(recipe, bias=setup.bias),
         )
 
     @property

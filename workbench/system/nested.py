@@ -71,10 +71,15 @@ def embed(outer: SystemDescription, parts: Sequence[Component | Inner]) -> Syste
         connections=(*(p.connection(c) for p in inner.values() for c in p.system.connections), *own),
         inputs={n: tuple(e for t in targets for e in _ends(t, inner, "input")) for n, targets in outer.inputs.items()},
         outputs={n: _ends(target, inner, "output")[0] for n, target in outer.outputs.items()},
-        notes=(*outer.notes, *(f"{p.name}: {note}" for p in inner.values() for note in p.system.notes)),
+        notes=(*outer.notes, *(f"{p.name}: {note}" for p in inner.values() for note in _notes(p.system))),
         units={**{n: u for p in inner.values() for n, u in p.system.units.items()}, **outer.units},
         folder=_together([p.system.folder for p in inner.values()]),
     )
+
+
+def _notes(system: SystemDescription) -> tuple[str, ...]:
+    lost = ", ".join(system.master.given())
+    return (*system.notes, f"of its master is not used, the whole system has one: {lost}") if lost else system.notes
 
 
 def _components(part: Component | Inner) -> tuple[Component, ...]:

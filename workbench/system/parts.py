@@ -13,7 +13,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
 from workbench.model.described import DescribedModel
-from workbench.model.load import FmuRecipe, load
+from workbench.model.load import FmuRecipe, load, silent_clocks
 from workbench.model.starts import check_starts
 from workbench.system.blocks import BlockComponent, BlockInstance, block_description
 from workbench.system.description import Component, FmuComponent, FunctionComponent, Resolved, SystemDescription
@@ -162,7 +162,7 @@ def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> Part:
         description=_told(model.description, starts, component.units),
         interface=model.interface,
         starts=starts,
-        notes=tuple(model.description.notes),
+        notes=(*model.description.notes, *silent_clocks(model.description, model.interface)),
         model=model,
         make=model.new_instance,
     )
@@ -206,7 +206,7 @@ def system_starts(values: Mapping[str, Value], described: Description) -> dict[s
     Raises:
         InputError: see `check_starts`; a structural parameter, which a component is opened with.
     """
-    found = check_starts(values, {v.name: v for v in described.variables}, described.enumerations)
+    found = check_starts(values, {v.name: v for v in described.variables}, described.enumerations, described.units)
     sizes = {v.name for v in described.variables if v.causality == STRUCTURAL}
     for name in found.keys() & sizes:
         raise InputError(f"{name}: a structural parameter is set with its component: set = {{…}} in the system file")

@@ -26,26 +26,17 @@ if TYPE_CHECKING:
 __all__ = ["SystemRecipe"]
 
 
-_USUAL: Mapping[str, Any] = {"order": "auto", "extrapolation": 1, "step_tolerance": None}  # of the master
-
-
 class SystemRecipe(LoadRecipe):
     """A system, and what `load` or `connect` was told.
 
     Attributes:
         system: as it is written down.
         parts: component → how to load its FMU; empty: from the file that the component names.
-        order: of co-simulation components: "gauss-seidel", "jacobi" or "auto".
-        extrapolation: see `connect`.
-        step_tolerance: see `connect`.
     """
 
     _: KW_ONLY
     system: SystemDescription
     parts: Mapping[str, FmuRecipe] = field(default_factory=dict)
-    order: str = "auto"
-    extrapolation: int = 1
-    step_tolerance: float | None = None
 
     def __eq__(self, other: object) -> bool:
         """Whether both make the same model; workers and executors keep the one that they opened last."""
@@ -85,14 +76,9 @@ class SystemRecipe(LoadRecipe):
         if self.interface not in ("auto", opened.interface):
             kinds = ", ".join(f"{p.name}: {p.interface}" for p in opened.parts)
             raise InputError(f"{self.source}: interface {self.interface} is wanted, but its components have {kinds}")
-        given = [*self._mastered(), *(["hold_inputs"] if self.hold_inputs else [])]
-        for name in given:
+        for name in self.system.master.given():
             if opened.interface == "me":
                 raise InputError(f"{self.source}: {name} is for systems with co-simulation components; this has none")
-
-    def _mastered(self) -> dict[str, Any]:
-        """Return what the master is told, as far as it is not what it does anyway."""
-        return {n: getattr(self, n) for n, usual in _USUAL.items() if getattr(self, n) != usual}
 
     def with_parts(self, parts: Sequence[Part]) -> Self:
         """Return the recipe with the FMUs as they are opened now."""
@@ -132,7 +118,7 @@ class SystemRecipe(LoadRecipe):
         return {
             "system": self._described({c.name: self._component(c) for c in self.system.components}),
             **self.settings(),
-            **self._mastered(),
+            **self.system.master.given(),
         }
 
     def _described(self, components: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from workbench.core.conversion import Unit, is_same_unit, known_unit, named_conversion
 from workbench.errors import InputError
 from workbench.system.description import Connection, GainComponent
 from workbench.system.ssp_tree import Hop, Key, Node
-from workbench.system.units import Unit, is_same_unit, known_unit, named_conversion
 
 __all__ = ["Chain", "Flat", "Flattener", "full_name"]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+from workbench.core.conversion import Unit
 from workbench.core.names import plain_unit
 from workbench.errors import InputError
 from workbench.system.fmu_facts import read_units
 from workbench.system.ssp_tree import Key, Node
 from workbench.system.ssp_xml import Element, Files, boolean, children, descend, linear, number, tag
-from workbench.system.units import Unit
 
 __all__ = ["Parameter", "bound_parameters"]
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from workbench.core.conversion import Unit, known_unit
 from workbench.core.files import content_of
 from workbench.core.parsing import from_json
 from workbench.core.scratch import scratch_folder
@@ -24,7 +25,6 @@ from workbench.system.ssp_tree import ANNOTATION, Key, Node, Origin, own_annotat
 from workbench.system.ssp_values import values_for
 from workbench.system.ssp_xml import Element, Package, descend, number, parse, tag
 from workbench.system.toml_components import read_component
-from workbench.system.units import Unit, known_unit
 
 __all__ = ["read_ssd", "read_ssp"]
 

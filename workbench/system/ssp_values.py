@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from workbench.core.conversion import Unit, named_conversion
 from workbench.errors import InputError, suggest
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.system.fmu_facts import FmuFacts
 from workbench.system.ssp_parameters import Parameter
-from workbench.system.units import Unit, named_conversion
 
 __all__ = ["values_for"]
 

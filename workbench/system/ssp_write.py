@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from workbench.core.conversion import Unit, known_unit
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Wire
@@ -35,7 +36,6 @@ from workbench.system.ssp_write_xml import (
     serialise,
 )
 from workbench.system.ssp_xml import Element
-from workbench.system.units import Unit, known_unit
 
 __all__ = ["write_ssp"]
 
@@ -115,6 +115,8 @@ class _Writer:
         add_enumerations(root, self.enumerations)
         add_units(root, self.units)
         self._experiment(root)
+        if lost := ", ".join(self.description.master.given()):
+            self.notes.append(f"of the master nothing is written: {lost}")
         return root
 
     def _experiment(self, root: Element) -> None:

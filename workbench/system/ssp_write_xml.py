@@ -7,11 +7,11 @@ from types import MappingProxyType
 
 from lxml import etree
 
+from workbench.core.conversion import BASE_UNITS, Unit
 from workbench.fmi.variable import FLOAT_TYPES, Value
 from workbench.system.description import FmuComponent
 from workbench.system.fmu_facts import FmuFacts
 from workbench.system.ssp_xml import NAMESPACES, Element
-from workbench.system.units import BASE_UNITS, Unit
 
 __all__ = [
     "add_annotation",

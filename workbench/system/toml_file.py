@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 from workbench.core.record import read_toml_table
 from workbench.errors import InputError
 from workbench.fmi.description import DefaultExperiment
-from workbench.system.description import Component, Connection, FmuComponent, SystemDescription
+from workbench.system.description import Component, Connection, FmuComponent, MasterOptions, SystemDescription
 from workbench.system.nested import Inner, embed
 from workbench.system.read import is_system_file, read_system
 from workbench.system.toml_components import read_component
@@ -47,6 +47,7 @@ def _description(path: Path, data: Mapping[str, Any], parents: tuple[Path, ...])
         inputs={name: (given,) if isinstance(given, str) else tuple(given) for name, given in table.inputs.items()},
         outputs=dict(table.outputs),
         default_experiment=DefaultExperiment(experiment.start, experiment.stop, experiment.tolerance, experiment.step),
+        master=read_record(MasterOptions, table.master, "[master]"),
         source=str(path),
     )
     return embed(outer, parts)

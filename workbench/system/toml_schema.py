@@ -42,6 +42,7 @@ class SystemTable(Table):
     inputs: dict[str, str | list[str]] = Field(default_factory=dict)
     outputs: dict[str, str] = Field(default_factory=dict)
     experiment: dict[str, Any] = Field(default_factory=dict)
+    master: dict[str, Any] = Field(default_factory=dict)
 
 
 class ExperimentTable(Table):

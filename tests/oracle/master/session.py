@@ -91,6 +91,7 @@ class OracleMasterSession(CsSession):
     def _next_stop(self, target: float, longest: float) -> float:
         if not self.instance.capabilities.variable_step:
             return target
+        self.master.near = _SAME * longest
         stop = self.master.next_stop(self.time + _SAME * longest)
         return target if stop >= target - _SAME * longest else stop
 

@@ -136,7 +136,7 @@ class CheckedFmu:
     def _start_of(self, variable: Variable) -> float:
         recipe = self.model.recipe
         given = self.model.start_values.get(variable.name, variable.start)
-        return float(given or 0.0) + recipe.bias.get(variable.name, 0.0)
+        return float(given or 0.0) + float(recipe.bias.get(variable.name, 0.0))
 
     def constants(self, share: float = 1.0) -> dict[str, Constant]:
         """Return inputs that jump once, by `share` of the amplitude, and stay there."""

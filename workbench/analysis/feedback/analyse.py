@@ -14,7 +14,7 @@ from workbench.analysis.feedback.block import TwoPorts, cut_at, find_block
 from workbench.analysis.feedback.gains import Interval, count_poles, crossings, fixed_modes, intervals, stable_gains
 from workbench.analysis.feedback.locus import fastest
 from workbench.analysis.feedback.place import SEEN, FeedbackPath, find_place
-from workbench.analysis.feedback.request import Feedback, Range, quantity
+from workbench.analysis.feedback.request import Feedback, Range
 from workbench.analysis.feedback.result import FeedbackResult, interval_words
 from workbench.analysis.feedback.run import FeedbackRun, feedback_run
 from workbench.analysis.feedback.settling import SettlingSettings, SettlingStudy, settling_study
@@ -24,7 +24,8 @@ from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nyquist.grid import adaptive_grid
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND
 from workbench.core.blas import one_thread
-from workbench.core.forms import several
+from workbench.core.conversion import named_conversion
+from workbench.core.forms import quantity, several
 from workbench.core.job import Job
 from workbench.core.linear import Complex, LinearPart
 from workbench.core.operating_point import OperatingPoint
@@ -34,7 +35,6 @@ from workbench.model import placing
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
 from workbench.signals import signals_of
-from workbench.system.units import named_conversion
 
 __all__ = ["curve", "run"]
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated
 
 from workbench.analysis.lin.request import METHOD_NAMES
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import MODEL, Form, Names, Numbers, two_numbers
+from workbench.core.forms import MODEL, Form, Names, Numbers, quantity, two_numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.core.where import InParts
@@ -20,7 +19,7 @@ from workbench.signals import Signals
 if TYPE_CHECKING:
     from workbench.analysis.feedback.result import FeedbackResult  # noqa: F401 - the record's type, below
 
-__all__ = ["THRESHOLDS", "Feedback", "Range", "feedback", "quantity"]
+__all__ = ["THRESHOLDS", "Feedback", "Range", "feedback"]
 
 THRESHOLDS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
 
@@ -29,8 +28,6 @@ _MOTION = "Motion that the feedback closes on"
 _SETTLING = "Settling times, with --settle"
 _RUN = "One simulation, with --gain"
 _ACTUATOR = "Between gain and target"
-
-_QUANTITY = re.compile(r"\s*([-+0-9.eE]*[0-9.])\s*(.*?)\s*")
 
 
 def _read_range(texts: Sequence[str]) -> tuple[float, float]:
@@ -49,22 +46,6 @@ def _take_range(value: Sequence[float]) -> tuple[float, float]:
     if not low < high:
         raise ValueError(f"{low:g} … {high:g} must rise")
     return low, high
-
-
-def quantity(value: float | str) -> tuple[float, str]:
-    """Return number and unit of "25deg"; a number alone has the unit "".
-
-    Args:
-        value: as it was given.
-
-    Raises:
-        ValueError: it does not begin with a number.
-    """
-    found = _QUANTITY.fullmatch(str(value))
-    try:
-        return float(found[1] if found else ""), found[2] if found else ""
-    except ValueError:
-        raise ValueError(f"'{value}' is not a number with a unit, as in 25deg") from None
 
 
 def _checked_quantity(value: float | str) -> float | str:

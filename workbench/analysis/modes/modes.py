@@ -108,7 +108,8 @@ def _instead(model: Model) -> str:
         return "use another method"
     if isinstance(model, MasterModel):
         return 'give the components interface "me" if their FMUs offer it'
-    return "use interface me"
+    offers_it = isinstance(model, DescribedModel) and "me" in model.description.interfaces
+    return "use interface me" if offers_it else "the FMU offers no other interface, so export it for model exchange"
 
 
 def _values(asked: Modes, limits: str) -> list[float]:

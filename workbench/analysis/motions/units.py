@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.system.units import named_conversion
+from workbench.core.conversion import named_conversion
 
 __all__ = ["Shown", "shown_unit"]
 

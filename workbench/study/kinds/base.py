@@ -305,7 +305,7 @@ def convert(value: float, unit: str | None, wanted: str, where: str) -> float:
     """
     if unit == wanted or (unit in _PLAIN and wanted in _PLAIN):
         return value
-    from workbench.system.units import conversion, known_unit  # noqa: PLC0415 - seldom needed
+    from workbench.core.conversion import conversion, known_unit  # noqa: PLC0415 - seldom needed
 
     source, target = known_unit(unit or "1"), known_unit(wanted)
     if target is None and wanted not in ("dB", "%"):

@@ -16,7 +16,7 @@ from workbench.core.linear import LinearPart
 from workbench.errors import WorkbenchError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
-from workbench.system.description import FmuComponent
+from workbench.system.description import FmuComponent, MasterOptions
 from workbench.system.health import as_written
 
 if TYPE_CHECKING:
@@ -52,11 +52,12 @@ def opened_loop(opened: Opened, recipe: SystemRecipe, without: int) -> Described
         connections=as_written(kept),
         inputs={LOOP: (destination,)},
         outputs={LOOP + "_back": source},
+        master=MasterOptions(),
     )
     made = {n: dataclasses.replace(r, interface="me", step=None) for n, r in recipe.parts.items()}
     try:
         plain = dataclasses.replace(
-            recipe, system=system, parts=made, interface="auto", step=None, order="auto", hold_inputs=False, bias={}
+            recipe, system=system, parts=made, interface="auto", step=None, hold_inputs=False, bias={}
         )
         return plain.open()
     except WorkbenchError:

@@ -68,7 +68,7 @@ class MasterModel(DescribedModel):
         described = _described(opened)
         self._ports = joint_ports(opened.parts, opened.resolved)
         self._units = find_units(opened.parts, opened.resolved.wires, opened.resolved)
-        self.order, _ = choose_order(recipe.order, self._units)
+        self.order, _ = choose_order(recipe.system.master.order, self._units)
         self._solvers, notes = _solvers(self._units, recipe.solver)
         self._decided: MasterPlan | None = None
         self._probing = False
@@ -87,7 +87,7 @@ class MasterModel(DescribedModel):
                 *experiment_notes(recipe, described),
                 *notes,
             ),
-            recipe=recipe,
+            recipe=dataclasses.replace(recipe, bias=setup.bias),
         )
 
     @property
@@ -99,11 +99,11 @@ class MasterModel(DescribedModel):
             self._decided = MasterPlan(
                 units=self._units,
                 names=tuple(p.name for p in self._opened.parts),
-                stages=choose_order(self.recipe.order, self._units, held)[1],
+                stages=choose_order(self.recipe.system.master.order, self._units, held)[1],
                 held=held,
                 ticks={k: found.ticks for k, found in sampled.items()},
                 hold_inputs=self.recipe.hold_inputs,
-                extrapolation=self.recipe.extrapolation,
+                extrapolation=self.recipe.system.master.extrapolation,
                 solver=self._solvers,
                 rtol=self._setup.rtol,
             )
@@ -120,7 +120,7 @@ class MasterModel(DescribedModel):
         return INSTANCE(made, decided, self.description, self._ports, source=self.source)
 
     def _open(self, setup: Setup) -> FmuSession:
-        wanted = self.recipe.step_tolerance
+        wanted = self.recipe.system.master.step_tolerance
         if self._probing or setup.step is not None:
             return SESSION(setup)
         why = self.why_fixed_step()
@@ -180,12 +180,17 @@ class MasterModel(DescribedModel):
 
 
 def _refuse_clocks(opened: Opened) -> None:
-    """Refuse clocks that the master would have to let tick: it steps from one point to the next without them."""
+    """Refuse clocks whose ticks lie between the communication points of a component that wants a constant step."""
+    claims = {p.name: p.description.interfaces[p.interface] for p in opened.parts}
+    constant = [name for name, claim in claims.items() if not claim.variable_step]
     for part in opened.parts:
-        clocks = time_based(part.description.clocks) if part.interface == "cs" else {}
-        if clocks:
-            words = f"clock {next(iter(clocks))} ticks in a co-simulation system only with interface me"
-            raise InputError(f"component {part.name}: {words}, or where the FMU runs by itself")
+        driven = part.interface == "cs" and claims[part.name].event_mode
+        clocks = time_based(part.description.clocks) if driven else {}
+        if clocks and constant:
+            raise InputError(
+                f"component {part.name}: clock {next(iter(clocks))} ticks at its own instants, but {constant[0]} wants "
+                "a constant communication step; use interface me for one of them where it has that"
+            )
 
 
 def _setup(opened: Opened, recipe: SystemRecipe, described: Description) -> Setup:
@@ -195,7 +200,7 @@ def _setup(opened: Opened, recipe: SystemRecipe, described: Description) -> Setu
         open_instance=_not_yet,
         variables=variables,
         start_values={**starts_of(opened.parts), **system_starts(recipe.start_values, described)},
-        bias=check_biases(recipe.bias, variables),
+        bias=check_biases(recipe.bias, variables, described.units),
         rtol=tolerance or DEFAULT_TOLERANCE,
         tolerance=tolerance,
         start_time=start_of(recipe, described),
@@ -248,22 +253,24 @@ def _own_notes(opened: Opened) -> list[str]:
 
 def _check(recipe: SystemRecipe) -> None:
     """Refuse options that do not go together."""
-    if recipe.extrapolation not in _EXTRAPOLATED:
+    asked = recipe.system.master
+    if asked.extrapolation not in _EXTRAPOLATED:
         known = ", ".join(map(str, _EXTRAPOLATED))
-        raise InputError(f"{recipe.source}: extrapolation {recipe.extrapolation} is unknown; known: {known}")
-    if recipe.extrapolation != 1 and recipe.hold_inputs:
+        raise InputError(f"{recipe.source}: extrapolation {asked.extrapolation} is unknown; known: {known}")
+    if asked.extrapolation != 1 and recipe.hold_inputs:
         raise InputError(f"{recipe.source}: hold_inputs holds all inputs; extrapolation is for inputs that go on")
-    if recipe.step_tolerance is not None and recipe.step is not None:
+    if asked.step_tolerance is not None and recipe.step is not None:
         raise InputError(f"{recipe.source}: step fixes the communication step, step_tolerance controls it; give one")
-    if recipe.step_tolerance is not None and not 0.0 < recipe.step_tolerance < 1.0:
-        raise InputError(f"{recipe.source}: step_tolerance is {recipe.step_tolerance:g}, not between 0 and 1")
+    if asked.step_tolerance is not None and not 0.0 < asked.step_tolerance < 1.0:
+        raise InputError(f"{recipe.source}: step_tolerance is {asked.step_tolerance:g}, not between 0 and 1")
 
 
 def _master_note(order: str, units: Units, recipe: SystemRecipe) -> str:
+    goes_on = _EXTRAPOLATED[recipe.system.master.extrapolation]
     held = (
         "held between communication points, which is a delay"
         if recipe.hold_inputs
-        else f"{_EXTRAPOLATED[recipe.extrapolation]}linear, or at their middle value, between communication points"
+        else f"{goes_on}linear, or at their middle value, between communication points"
     )
     groups = [u.name for u in units.units if u.group is not None and len(u.members) > 1]
     one = f"; one equation with one solver: {', '.join(groups)}" if groups else ""
