@@ -1,4 +1,4 @@
-"""Components of a system file: FMUs, linear systems, gains and sums."""
+"""Components of a system file: FMUs, linear systems, gains, sums and blocks."""
 
 from __future__ import annotations
 
@@ -15,13 +15,22 @@ from workbench.core.forms import whole
 from workbench.core.parsing import from_json
 from workbench.errors import InputError, close_names, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
-from workbench.system.description import Component, Floats, FmuComponent, GainComponent, LinearComponent, SumComponent
+from workbench.system.description import (
+    BlockComponent,
+    Component,
+    Floats,
+    FmuComponent,
+    GainComponent,
+    LinearComponent,
+    SumComponent,
+)
 from workbench.system.toml_schema import (
     FmuTable,
     LinearFileTable,
     LinearTable,
     SumTable,
     TransferTable,
+    UnitsTable,
     read_record,
     read_table,
 )
@@ -234,9 +243,19 @@ def _check_ports(units: Mapping[str, str], known: list[str], where: str) -> None
 
 _Reader = Callable[[str, Mapping[str, Any], _Context], Component]
 
+def _block(name: str, given: Mapping[str, Any], place: _Context) -> BlockComponent:
+    parameters = {key: value for key, value in given.items() if key not in ("block", "units")}
+    units = read_table(UnitsTable, {"units": given.get("units", {})}, place.where).units
+    try:
+        return BlockComponent(name=name, kind=given["block"], parameters=parameters, units=units)
+    except InputError as error:
+        raise InputError(f"{place.where}: {str(error).removeprefix(f'component {name}: ')}") from None
+
+
 # The key that tells what a component is → how to read it.
 _READERS: Mapping[str, _Reader] = {
     "model": _fmu,
+    "block": _block,
     "gain": _gain,
     "sum": _sum,
     "A": _state_space,

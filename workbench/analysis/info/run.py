@@ -31,6 +31,7 @@ from workbench.origin.models import facts_of, fmu_facts
 from workbench.system.description import (
     Component,
     FmuComponent,
+    BlockComponent,
     FunctionComponent,
     GainComponent,
     LinearComponent,
@@ -172,3 +173,5 @@ def _what(component: Component) -> str:
             return f"sum {''.join('+' if s > 0 else '-' for s in component.signs)}"
         case FunctionComponent():
             return "Python function"
+        case BlockComponent():
+            return component.block.words
