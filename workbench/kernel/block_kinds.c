@@ -72,6 +72,7 @@ static void relay_choose(const Element *e, double *mode) {
 
 static void relay_indicators(const Element *e, double *z) {
     outside(e->memory[0], e->p + 2, z);
+    z[e->mode[0] > 0.0 ? 0 : 1] = -1.0; /* it is there already */
 }
 
 static double relay_output(const Element *e, const double *mode) {

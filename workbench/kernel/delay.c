@@ -15,7 +15,7 @@ enum { POINTS = 4, FIRST_CAPACITY = 64 };
 enum { PLAIN, KINK, JUMP }; /* what begins with a sample */
 static const double TOLERANCE = 1e-7; /* of the largest |u| */
 static const double ERROR_PART = 0.0234375; /* of a cubic between its middle points, of that one step beyond them */
-static const double FIRST_STEP = 1e-2, LEAST_STEP = 1e-3, TOGETHER = 1e-6; /* of the shortest T */
+static const double FIRST_STEP = 5e-3, LEAST_STEP = 1e-3, TOGETHER = 1e-6; /* of the shortest T */
 static const double SAME = 1e-9; /* of the largest |u|: a smaller jump is none */
 
 typedef struct {
@@ -99,7 +99,8 @@ static size_t up_to(const History *history, double s) {
 
 /* The polynomial through samples [first, last] at s, and its derivative. */
 static double polynomial(const Sample *samples, size_t first, size_t last, double s, double *slope) {
-    double value = 0.0;
+    const double base = samples[first].u; /* a constant comes out as it is */
+    double value = base;
     *slope = 0.0;
     for (size_t i = first; i <= last; i++) {
         double weight = 1.0, change = 0.0;
@@ -110,8 +111,8 @@ static double polynomial(const Sample *samples, size_t first, size_t last, doubl
                 weight *= (s - samples[j].t) / width;
             }
         }
-        value += weight * samples[i].u;
-        *slope += change * samples[i].u;
+        value += weight * (samples[i].u - base);
+        *slope += change * (samples[i].u - base);
     }
     return value;
 }
@@ -234,7 +235,7 @@ static void adapt(Element *e, size_t first) {
     const Sample *samples = history->samples;
     const size_t n = history->n;
     const double shortest = e->p[1], step = samples[n - 1].t - samples[n - 2].t;
-    double slope, factor = 2.0;
+    double slope, factor = 1.0; /* until there are points to judge by */
     if (n - 1 - first >= POINTS) {
         const double guess = polynomial(samples, n - 1 - POINTS, n - 2, samples[n - 1].t, &slope);
         const double error = ERROR_PART * fabs(samples[n - 1].u - guess);

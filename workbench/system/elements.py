@@ -10,6 +10,7 @@ import ctypes
 from pathlib import Path
 from typing import Any, NoReturn
 
+from workbench.errors import SimulationError
 from workbench.fmi.description import Capabilities, DefaultExperiment, Description
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.library import Library
@@ -48,17 +49,18 @@ class ElementInstance(Instance2):
     def longest_address(self) -> int | None:
         if self._block.number != "delay":
             return None
-        return ctypes.addressof(self._native) + type(self._native).longest.offset  # type: ignore[attr-defined]
+        field: Any = type(self._native).longest
+        return ctypes.addressof(self._native) + int(field.offset)
 
     def fail(self, name: str, status: int) -> NoReturn:
-        """Raise for a bad status: a table whose input is beyond its ends."""
-        grids = self._block.grids()
-        for input, grid, value in zip(self._block.inputs, grids, self.memory, strict=False):  # noqa: A001 - what it is
-            if not grid[0] <= value <= grid[-1]:
-                self.log.add(
-                    3, f"{input} = {value:g} is beyond the table, {grid[0]:g} … {grid[-1]:g}, and extrapolation is "
-                    "'error'".encode(),
-                )  # fmt: skip
+        """Raise for a bad status: a table that ends where its input goes on."""
+        for port, grid, value in zip(self._block.inputs, self._block.grids(), self.memory.tolist(), strict=False):
+            if not grid[0] < value < grid[-1]:
+                raise SimulationError(
+                    f"{self.description.model_name}: {port} = {value:.10g} is at the end of the table, {grid[0]:g} … "
+                    f"{grid[-1]:g}, and goes beyond it; widen the table, or let extrapolation be 'hold' or 'linear'",
+                    time=self.time,
+                )
         super().fail(name, status)
 
 
@@ -66,9 +68,7 @@ def element_description(component: BlockComponent) -> Description:
     """Return what a block of the kernel says about itself, in an FMU's words."""
     block = component.block
     variables, states, rates = _variables(block, component)
-    able = Capabilities(
-        "", state=True, directional_derivatives=True, completed_step=block.number == "delay"
-    )
+    able = Capabilities("", state=True, directional_derivatives=True, completed_step=block.number == "delay")
     return Description(
         fmi_version="2.0",
         major=2,

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import tf2ss
 
 from workbench.core.files import content_of, named_path
 from workbench.core.forms import whole
 from workbench.core.parsing import from_json
 from workbench.errors import InputError, close_names, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
+from workbench.system.block_table.linear import realised
 from workbench.system.description import (
     BlockComponent,
     Component,
@@ -172,16 +172,11 @@ def _nonzero(value: object) -> bool:
 
 def _transfer(name: str, given: Mapping[str, Any], place: _Context) -> LinearComponent:
     table = read_table(TransferTable, given, place.where)
-    numerator, denominator = np.trim_zeros(table.numerator, "f"), np.trim_zeros(table.denominator, "f")
-    if not denominator or len(numerator) > len(denominator):
-        raise InputError(
-            f"{place.where}: the numerator's degree exceeds the denominator's; such a system cannot be simulated"
-        )
-    if len(denominator) == 1:
-        gain = numerator[0] / denominator[0] if numerator else 0.0
-        static = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]))
-        return _linear(name, static, table, place.where)
-    return _linear(name, tf2ss(numerator or [0.0], denominator), table, place.where)
+    try:
+        found = realised(table.numerator, table.denominator)
+    except InputError as error:
+        raise InputError(f"{place.where}: {error}") from None
+    return _linear(name, (found.a, found.b, found.c, found.d), table, place.where)
 
 
 def _matrix(key: str, rows: list[list[float]], where: str) -> Floats:
@@ -242,6 +237,7 @@ def _check_ports(units: Mapping[str, str], known: list[str], where: str) -> None
 
 
 _Reader = Callable[[str, Mapping[str, Any], _Context], Component]
+
 
 def _block(name: str, given: Mapping[str, Any], place: _Context) -> BlockComponent:
     parameters = {key: value for key, value in given.items() if key not in ("block", "units")}

@@ -154,7 +154,8 @@ class TwoPorts:
 def find_block(model: DescribedModel) -> tuple[str | None, str]:
     """Return the only component that may be a nonlinear block, and in words why there is none.
 
-    Candidates are Python functions, FMUs and nonlinear blocks, with one input and one output connected, without a memory of their own.
+    Candidates are Python functions, FMUs and nonlinear blocks, with one input and one output connected, without a
+    memory of their own.
 
     Args:
         model: a system; of one FMU there is no block.

@@ -22,6 +22,10 @@ def _unwritten(_texts: object) -> object:
     raise ValueError("is written in a system file, not on a command line")
 
 
+def _listed(value: object) -> list[str]:
+    return [str(value)]
+
+
 def _rows(value: Any) -> tuple[tuple[float, ...], ...]:  # noqa: ANN401 - what Python or a TOML file holds
     found = tuple(several(row) for row in value)
     if len({len(row) for row in found}) > 1:
@@ -35,10 +39,10 @@ def _values(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - what Python or a
     return several(value)
 
 
-Values = Annotated[tuple[float, ...], Form(metavar="[A, ..]", read=_unwritten, write=str, take=_values)]  # type: ignore[arg-type]
+Values = Annotated[tuple[float, ...], Form(metavar="[A, ..]", read=_unwritten, write=_listed, take=_values)]
 Matrix = Annotated[
     tuple[tuple[float, ...], ...],
-    Form(metavar="[[A, ..], ..]", read=_unwritten, write=str, take=_rows),  # type: ignore[arg-type]
+    Form(metavar="[[A, ..], ..]", read=_unwritten, write=_listed, take=_rows),
 ]
 
 
@@ -104,7 +108,7 @@ class Block(Options):
             raise InputError(f"{self.kind}: {error}") from None
 
     def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and values_of(self) == values_of(other)  # type: ignore[arg-type]
+        return type(self) is type(other) and values_of(self) == values_of(other)
 
     def __hash__(self) -> int:
         return hash((self.kind, *values_of(self).values()))
@@ -201,7 +205,7 @@ class Block(Options):
 
 
 def _short(value: object) -> str:
-    if isinstance(value, tuple) and len(value) > 4:  # noqa: PLR2004 - what a line has room for
+    if isinstance(value, tuple) and len(value) > 4:
         return f"{len(value)} values"
     if isinstance(value, bool):
         return str(value).lower()

@@ -12,7 +12,16 @@ from workbench.core.option import option
 from workbench.errors import InputError
 from workbench.system.block_table.base import Block, Matrices, Values, ordered
 
-__all__ = ["Delay", "DiscreteTransfer", "LeadLag", "Notch", "TransferFunction", "VariableDelay", "ZeroOrderHold"]
+__all__ = [
+    "Delay",
+    "DiscreteTransfer",
+    "LeadLag",
+    "Notch",
+    "TransferFunction",
+    "VariableDelay",
+    "ZeroOrderHold",
+    "realised",
+]
 
 _DYNAMIC = "dynamic"
 _SAMPLED = "sampled"
@@ -23,7 +32,8 @@ def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float
     """Return a transfer function as matrices, highest power first.
 
     Args:
-        numerator, denominator: coefficients.
+        numerator: coefficients.
+        denominator: coefficients.
         dt: sample period [s]; 0: continuous.
 
     Raises:
@@ -37,7 +47,8 @@ def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float
     if len(below) == 1:
         gain = float(above[0] / below[0]) if len(above) else 0.0
         return Matrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]), dt)
-    return Matrices(*tf2ss(above if len(above) else [0.0], below), dt)
+    a, b, c, d = tf2ss(above if len(above) else [0.0], below)
+    return Matrices(a, b, c, d, dt)
 
 
 class _Linear(Block):

@@ -54,7 +54,7 @@ def block_of(kind: str, parameters: Mapping[str, Any]) -> Block:
         InputError: unknown kind or parameter (near names are in the message), a parameter that is missing or out of
             its range.
     """
-    found = BLOCKS.get(kind) if isinstance(kind, str) else None
+    found = BLOCKS.get(str(kind))
     if found is None:
         raise InputError(f"block '{kind}' is unknown; {suggest(str(kind), BLOCKS)}")
     known = {d.name: d for d in options_of(found)}
