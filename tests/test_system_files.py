@@ -133,7 +133,7 @@ def test_paths_are_relative_to_the_file(tmp_path: Path) -> None:
         (
             "k = 2",
             "k = {}",
-            "[components] k: does not say what it is; give one of: model, gain, sum, A, linear, numerator",
+            "[components] k: does not say what it is; give one of: model, block, gain, sum, A, linear, numerator",
         ),
         ("k = 2", 'k = {modl = "a.fmu"}', "[components] k: key 'modl' is unknown; did you mean model?"),
         ("[[1.0, 2.0]]", "[[1.0, 2.0], [1]]", "[components] l: key 'B' has rows of different lengths"),

@@ -168,6 +168,7 @@ from workbench.study.run import run_study as run_study
 from workbench.system.connect import connect as connect
 from workbench.system.container import ContainerResult as ContainerResult
 from workbench.system.container import export_container as export_container
+from workbench.system.description import BlockComponent as BlockComponent
 from workbench.system.description import Connection as Connection
 from workbench.system.description import FmuComponent as FmuComponent
 from workbench.system.description import FunctionComponent as FunctionComponent

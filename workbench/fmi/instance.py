@@ -272,6 +272,11 @@ class Instance(ABC):
         return None
 
     @property
+    def longest_address(self) -> int | None:
+        """Where it says how long the next step of a solver may be [s], a C double; None: it does not mind."""
+        return None
+
+    @property
     def next_tick(self) -> float:
         """When the next of these clocks ticks [s]; infinite: none does, or it is not known yet."""
         return math.inf

@@ -65,6 +65,7 @@ typedef struct {
     const struct ComponentCalls *calls;
     Clocks *clocks; /* that the importer lets tick; NULL: none */
     struct Intermediate *intermediate; /* its environment, where it asks for inputs inside a step; NULL: it does not */
+    const double *longest; /* how long the next step of a solver may be [s]; NULL: it does not mind */
 } Component;
 
 /* What an event iteration or a step says. */

@@ -8,6 +8,7 @@
 
 #include "algebraic.h"
 #include "arithmetic.h"
+#include "blocks.h"
 #include "control.h"
 #include "cs.h"
 #include "intermediate.h"
@@ -18,7 +19,7 @@
 #include "predictor.h"
 
 /* To be raised with every change of a structure or of the meaning of a call. */
-enum { KERNEL_VERSION = 14 };
+enum { KERNEL_VERSION = 15 };
 
 KERNEL_EXPORT int32_t kernel_version(void);
 /* Size of a structure by its name, 0 if there is none: the caller compares it with its own. */
@@ -77,5 +78,28 @@ KERNEL_EXPORT int lti_set_fmu_state(Lti *lti, const void *state);
 KERNEL_EXPORT int lti_free_fmu_state(Lti *lti, void **state);
 KERNEL_EXPORT int lti_get_real(Lti *lti, const uint32_t *references, size_t n, double *values);
 KERNEL_EXPORT int lti_set_real(Lti *lti, const uint32_t *references, size_t n, const double *values);
+
+/* Nonlinear blocks and delays, with the signatures of FMI 2.0. */
+KERNEL_EXPORT int block_setup(Element *e, int tolerance_given, double tolerance, double start, int stop_given,
+                              double stop);
+KERNEL_EXPORT int block_nothing(Element *e);
+KERNEL_EXPORT void block_free(Element *e);
+KERNEL_EXPORT int block_set_time(Element *e, double time);
+KERNEL_EXPORT int block_set_states(Element *e, const double *x, size_t n);
+KERNEL_EXPORT int block_get_states(Element *e, double *x, size_t n);
+KERNEL_EXPORT int block_get_derivatives(Element *e, double *dx, size_t n);
+KERNEL_EXPORT int block_get_indicators(Element *e, double *z, size_t n);
+KERNEL_EXPORT int block_enter_event_mode(Element *e);
+KERNEL_EXPORT int block_enter_continuous_mode(Element *e);
+KERNEL_EXPORT int block_update(Element *e, LtiEventInfo *info);
+KERNEL_EXPORT int block_completed_step(Element *e, int never_back, int *event, int *terminate);
+KERNEL_EXPORT int block_get_directional(Element *e, const uint32_t *unknowns, size_t n_unknowns,
+                                        const uint32_t *knowns, size_t n_knowns, const double *seed,
+                                        double *sensitivity);
+KERNEL_EXPORT int block_get_fmu_state(Element *e, void **state);
+KERNEL_EXPORT int block_set_fmu_state(Element *e, const void *state);
+KERNEL_EXPORT int block_free_fmu_state(Element *e, void **state);
+KERNEL_EXPORT int block_get_real(Element *e, const uint32_t *references, size_t n, double *values);
+KERNEL_EXPORT int block_set_real(Element *e, const uint32_t *references, size_t n, const double *values);
 
 #endif

@@ -207,12 +207,21 @@ static bool solver_failed(Me *me) {
     return fail_at(failure, FAILED_SOLVER, me->solver->t);
 }
 
+/* How long the next step may be: for inputs, after an event, and for components that note their inputs at steps. */
+static double longest_step(const Me *me) {
+    const System *system = me->system;
+    double longest = fmin(system->forcing->longest_step, me->cautious);
+    for (size_t i = 0; i < system->n_components; i++) {
+        longest = system->components[i].longest ? fmin(longest, *system->components[i].longest) : longest;
+    }
+    return longest;
+}
+
 /* One accepted step with all that belongs to it, but its event; *located: that is at an indicator's zero. */
 static bool take_step(Me *me, double stop, bool *located, bool *event) {
     Solver *solver = me->solver;
     bool some = false;
-    const double longest = fmin(me->system->forcing->longest_step, me->cautious);
-    if (!solver->method->step(solver, stop, longest, located)) {
+    if (!solver->method->step(solver, stop, longest_step(me), located)) {
         return solver_failed(me);
     }
     *event = *located;

@@ -102,6 +102,7 @@ class NativeSystem:
             clock=instance.clock,
             clocks=instance.clocks_address,
             intermediate=None if instance.intermediate is None else ctypes.addressof(instance.intermediate),
+            longest=instance.longest_address,
         )
 
     def hold_inputs(self) -> None:

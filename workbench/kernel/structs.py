@@ -19,6 +19,7 @@ __all__ = [
     "Component",
     "Control",
     "Cs",
+    "Element",
     "Failure",
     "Forcing",
     "Fourier",
@@ -132,6 +133,7 @@ class Component(ctypes.Structure):
         ("calls", c_void_p),
         ("clocks", c_void_p),
         ("intermediate", c_void_p),
+        ("longest", c_void_p),
     )
 
 
@@ -267,6 +269,29 @@ class Lti(ctypes.Structure):
         ("time", c_double),
         ("ticks", c_int64),
         ("ticking", c_int32),
+    )
+
+
+class Element(ctypes.Structure):
+    """blocks.h: one nonlinear block or delay; the caller owns what it points to."""
+
+    mode: Any
+    longest: float
+
+    _fields_ = (
+        ("p", c_void_p),
+        ("grids", c_void_p * 3),
+        ("sizes", c_size_t * 3),
+        ("memory", c_void_p),
+        ("nu", c_size_t),
+        ("nx", c_size_t),
+        ("nz", c_size_t),
+        ("mode", c_double * 2),
+        ("time", c_double),
+        ("longest", c_double),
+        ("history", c_void_p),
+        ("kind", c_int32),
+        ("event_mode", c_int32),
     )
 
 
@@ -599,4 +624,5 @@ class Predictor(ctypes.Structure):
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
     Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
     Wires, Lti, Slopes, Unit, Master, Control, Sparsity, Clocks, Tick, Intermediate, Predictor,
+    Element,
 )  # fmt: skip

@@ -25,16 +25,17 @@ from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_lti import Lti, call_back, lti_addresses
 from workbench.system.description import (
+    BlockComponent,
     FunctionComponent,
     GainComponent,
     LinearComponent,
     SumComponent,
 )
 
-__all__ = ["BlockComponent", "BlockInstance", "block_description", "block_ports"]
+__all__ = ["BlockInstance", "NativeComponent", "block_description", "block_ports"]
 
 Floats = NDArray[np.float64]
-BlockComponent = LinearComponent | GainComponent | SumComponent | FunctionComponent
+NativeComponent = LinearComponent | GainComponent | SumComponent | FunctionComponent | BlockComponent
 
 
 class BlockInstance(Instance):
@@ -53,7 +54,7 @@ class BlockInstance(Instance):
     TYPES: ClassVar[Mapping[str, TypeCalls]] = {"Real": TypeCalls("fmi2GetReal", "fmi2SetReal", ctypes.c_double)}
     CALLS: ClassVar[Mapping[str, str]] = Instance2.CALLS
 
-    def __init__(self, component: BlockComponent, description: Description) -> None:
+    def __init__(self, component: NativeComponent, description: Description) -> None:
         linear = _linear(component)
         self._function = component.function if isinstance(component, FunctionComponent) else None
         self._sampled = linear.dt > 0.0
@@ -243,10 +244,16 @@ class _BlockLibrary(Library):
         return lti_addresses().get(name)
 
 
-def _linear(component: BlockComponent) -> LinearComponent:
+def _linear(component: NativeComponent) -> LinearComponent:
     """Return gains and sums as what they are: linear systems without states; functions with no matrices."""
     if isinstance(component, LinearComponent):
         return component
+    if isinstance(component, BlockComponent) and (found := component.block.matrices()) is not None:
+        return LinearComponent(
+            name=component.name, A=found.a, B=found.b, C=found.c, D=found.d, dt=found.dt, x0=np.zeros(len(found.a)),
+            input_names=component.block.inputs, output_names=("y",), state_names=component.block.states,
+            units=component.units,
+        )  # fmt: skip
     inputs, outputs, gains = block_ports(component)
     return LinearComponent(
         name=component.name, A=np.zeros((0, 0)), B=np.zeros((0, len(inputs))), C=np.zeros((len(outputs), 0)), D=gains,
@@ -254,7 +261,7 @@ def _linear(component: BlockComponent) -> LinearComponent:
     )  # fmt: skip
 
 
-def block_ports(component: BlockComponent) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
+def block_ports(component: NativeComponent) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
     """Return the names of a block's m inputs and p outputs, and its direct gains, shape (p, m)."""
     if isinstance(component, LinearComponent):
         return component.input_names, component.output_names, component.D
@@ -265,10 +272,12 @@ def block_ports(component: BlockComponent) -> tuple[tuple[str, ...], tuple[str, 
         return names, ("y",), np.array([component.signs])
     if isinstance(component, FunctionComponent):
         return component.inputs, component.outputs, np.ones((len(component.outputs), len(component.inputs)))
+    if isinstance(component, BlockComponent):
+        return component.block.inputs, ("y",), np.full((1, len(component.block.inputs)), float(component.block.feeds))
     raise InputError(f"{component.name}: this kind of component is unknown")
 
 
-def block_description(component: BlockComponent) -> Description:
+def block_description(component: NativeComponent) -> Description:
     """Return what a block says about itself, in an FMU's words."""
     linear = _linear(component)
     units = _units(component, linear)
@@ -295,7 +304,7 @@ def block_description(component: BlockComponent) -> Description:
     )
 
 
-def _units(component: BlockComponent, linear: LinearComponent) -> Mapping[str, str]:
+def _units(component: NativeComponent, linear: LinearComponent) -> Mapping[str, str]:
     if not isinstance(component, SumComponent):
         return component.units
     return dict.fromkeys((*linear.input_names, *linear.output_names), component.unit) if component.unit else {}

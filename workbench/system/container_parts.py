@@ -18,6 +18,7 @@ from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.fmi.wiring import Wire
 from workbench.model.starts import check_starts
 from workbench.system.description import (
+    BlockComponent,
     Component,
     FmuComponent,
     FunctionComponent,
@@ -35,6 +36,7 @@ _BLOCKS: Mapping[type, str] = {
     LinearComponent: "a linear system is not an FMU; make it one with `workbench export` and connect that",
     GainComponent: "a gain is not an FMU, and a container holds only FMUs",
     SumComponent: "a sum is not an FMU, and a container holds only FMUs",
+    BlockComponent: "a block is not an FMU, and a container holds only FMUs",
     FunctionComponent: "a Python function exists only in this process, and a container holds only FMUs",
 }
 _CLOSE = 1e-9  # relative; of a step to a multiple of another

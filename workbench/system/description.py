@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,16 @@ from numpy.typing import NDArray
 
 from workbench.core.conversion import Unit
 from workbench.core.linear import Linear
+from workbench.errors import InputError, suggest
 from workbench.fmi.archive import Unpacked
 from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wire
+from workbench.system.block_table.base import Block
+from workbench.system.block_table.registry import block_of
 
 __all__ = [
+    "BlockComponent",
     "Component",
     "Connection",
     "Floats",
@@ -123,7 +128,50 @@ class FunctionComponent:
     units: Mapping[str, str] = field(default_factory=dict)
 
 
-Component = FmuComponent | LinearComponent | GainComponent | SumComponent | FunctionComponent
+@dataclass(frozen=True, kw_only=True)
+class BlockComponent:
+    """A limit, a hysteresis, a table, a controller, a delay … : see `workbench blocks` for all of them.
+
+    Attributes:
+        name: name of the component.
+        kind: kind of the block, as "saturation".
+        parameters: parameters of that kind, by name; those left out have their default.
+        units: input or output → unit; those left out have none.
+
+    Raises:
+        InputError: unknown kind or parameter, a parameter that is missing or out of its range.
+
+    Examples:
+        A saturation lets through what is within its limits.
+
+        >>> limiter = wb.BlockComponent(name="limiter", kind="saturation", parameters={"lower": -0.5, "upper": 0.5})
+        >>> with wb.connect({"limiter": limiter}, inputs=["limiter.u"], outputs=["limiter.y"]) as system:
+        ...     print(wb.lin(system, u0={"limiter.u": 0.2}).D)
+        [[1.]]
+    """
+
+    name: str
+    kind: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check kind, parameters and units."""
+        try:
+            ports = (*self.block.inputs, "y")
+            for port in self.units:
+                if port not in ports:
+                    raise InputError(f"units: '{port}' is not an input or output; {suggest(port, ports)}")
+        except InputError as error:
+            raise InputError(f"component {self.name}: {error}") from None
+
+    @cached_property
+    def block(self) -> Block:
+        """The block with its parameters."""
+        return block_of(self.kind, self.parameters)
+
+
+Component = FmuComponent | LinearComponent | GainComponent | SumComponent | FunctionComponent | BlockComponent
 
 
 @dataclass(frozen=True, kw_only=True)

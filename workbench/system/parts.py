@@ -15,8 +15,16 @@ from workbench.fmi.variable import Value, Variable
 from workbench.model.described import DescribedModel
 from workbench.model.load import FmuRecipe, load, silent_clocks
 from workbench.model.starts import check_starts
-from workbench.system.blocks import BlockComponent, BlockInstance, block_description
-from workbench.system.description import Component, FmuComponent, FunctionComponent, Resolved, SystemDescription
+from workbench.system.blocks import BlockInstance, NativeComponent, block_description
+from workbench.system.description import (
+    BlockComponent,
+    Component,
+    FmuComponent,
+    FunctionComponent,
+    Resolved,
+    SystemDescription,
+)
+from workbench.system.elements import ElementInstance, element_description
 
 __all__ = ["Opened", "Part", "open_parts", "starts_of", "system_starts"]
 
@@ -182,8 +190,8 @@ def _told(description: Description, starts: Mapping[str, Value], units: Mapping[
     return dataclasses.replace(description, variables=tuple(told(v) for v in description.variables))
 
 
-def _block(component: BlockComponent) -> Part:
-    description = block_description(component)
+def _block(component: NativeComponent) -> Part:
+    description, make = _native(component)
     note = "a Python function, called at every evaluation: slow, and in this process only"
     return Part(
         component=component,
@@ -192,8 +200,17 @@ def _block(component: BlockComponent) -> Part:
         starts={},
         notes=(note,) if isinstance(component, FunctionComponent) else (),
         model=None,
-        make=lambda: BlockInstance(component, description),
+        make=make,
     )
+
+
+def _native(component: NativeComponent) -> tuple[Description, Callable[[], Instance]]:
+    """Return what a component that is not an FMU says about itself, and how an instance of it is made."""
+    if isinstance(component, BlockComponent) and component.block.number:
+        said = element_description(component)
+        return said, lambda: ElementInstance(component, said)
+    description = block_description(component)
+    return description, lambda: BlockInstance(component, description)
 
 
 def system_starts(values: Mapping[str, Value], described: Description) -> dict[str, Value]:

@@ -7,7 +7,8 @@ from typing import Any
 
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
-from workbench.system.description import Component, GainComponent, LinearComponent, SumComponent
+from workbench.system.block_table.registry import block_table
+from workbench.system.description import BlockComponent, Component, GainComponent, LinearComponent, SumComponent
 
 __all__ = ["BLOCK_TYPE", "block_bytes", "block_variables"]
 
@@ -29,6 +30,8 @@ def _table(component: Component) -> dict[str, Any]:
         return {"gain": component.gain, "units": dict(component.units)}
     if isinstance(component, SumComponent):
         return {"sum": list(component.signs), **({} if component.unit is None else {"unit": component.unit})}
+    if isinstance(component, BlockComponent):
+        return {**block_table(component.block), **({"units": dict(component.units)} if component.units else {})}
     if not isinstance(component, LinearComponent):
         raise InputError(f"component {component.name} is a Python function or an FMU, which no such file can hold")
     return {
@@ -42,9 +45,11 @@ def _table(component: Component) -> dict[str, Any]:
 
 
 def block_variables(component: Component) -> tuple[Variable, ...]:
-    """Return inputs and outputs of a linear system, a gain or a sum."""
+    """Return inputs and outputs of a component that is not an FMU."""
     if isinstance(component, LinearComponent):
         inputs, outputs = component.input_names, component.output_names
+    elif isinstance(component, BlockComponent):
+        inputs, outputs = component.block.inputs, ("y",)
     elif isinstance(component, SumComponent):
         inputs, outputs = tuple(f"u{k + 1}" for k in range(len(component.signs))), ("y",)
     else:

@@ -1,4 +1,4 @@
-"""Components of a system file: FMUs, linear systems, gains and sums."""
+"""Components of a system file: FMUs, linear systems, gains, sums and blocks."""
 
 from __future__ import annotations
 
@@ -8,20 +8,29 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import tf2ss
 
 from workbench.core.files import content_of, named_path
 from workbench.core.forms import whole
 from workbench.core.parsing import from_json
 from workbench.errors import InputError, close_names, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
-from workbench.system.description import Component, Floats, FmuComponent, GainComponent, LinearComponent, SumComponent
+from workbench.system.block_table.linear import realised
+from workbench.system.description import (
+    BlockComponent,
+    Component,
+    Floats,
+    FmuComponent,
+    GainComponent,
+    LinearComponent,
+    SumComponent,
+)
 from workbench.system.toml_schema import (
     FmuTable,
     LinearFileTable,
     LinearTable,
     SumTable,
     TransferTable,
+    UnitsTable,
     read_record,
     read_table,
 )
@@ -163,16 +172,11 @@ def _nonzero(value: object) -> bool:
 
 def _transfer(name: str, given: Mapping[str, Any], place: _Context) -> LinearComponent:
     table = read_table(TransferTable, given, place.where)
-    numerator, denominator = np.trim_zeros(table.numerator, "f"), np.trim_zeros(table.denominator, "f")
-    if not denominator or len(numerator) > len(denominator):
-        raise InputError(
-            f"{place.where}: the numerator's degree exceeds the denominator's; such a system cannot be simulated"
-        )
-    if len(denominator) == 1:
-        gain = numerator[0] / denominator[0] if numerator else 0.0
-        static = (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]))
-        return _linear(name, static, table, place.where)
-    return _linear(name, tf2ss(numerator or [0.0], denominator), table, place.where)
+    try:
+        found = realised(table.numerator, table.denominator)
+    except InputError as error:
+        raise InputError(f"{place.where}: {error}") from None
+    return _linear(name, (found.a, found.b, found.c, found.d), table, place.where)
 
 
 def _matrix(key: str, rows: list[list[float]], where: str) -> Floats:
@@ -234,9 +238,20 @@ def _check_ports(units: Mapping[str, str], known: list[str], where: str) -> None
 
 _Reader = Callable[[str, Mapping[str, Any], _Context], Component]
 
+
+def _block(name: str, given: Mapping[str, Any], place: _Context) -> BlockComponent:
+    parameters = {key: value for key, value in given.items() if key not in ("block", "units")}
+    units = read_table(UnitsTable, {"units": given.get("units", {})}, place.where).units
+    try:
+        return BlockComponent(name=name, kind=given["block"], parameters=parameters, units=units)
+    except InputError as error:
+        raise InputError(f"{place.where}: {str(error).removeprefix(f'component {name}: ')}") from None
+
+
 # The key that tells what a component is → how to read it.
 _READERS: Mapping[str, _Reader] = {
     "model": _fmu,
+    "block": _block,
     "gain": _gain,
     "sum": _sum,
     "A": _state_space,

@@ -20,6 +20,7 @@ __all__ = [
     "SystemTable",
     "Table",
     "TransferTable",
+    "UnitsTable",
     "read_record",
     "read_table",
 ]
@@ -62,6 +63,12 @@ class FmuTable(Table):
     interface: Literal["auto", "me", "cs"] = "auto"
     solver: Literal["auto", "vkm", "gear"] = "auto"
     step: float | None = Field(default=None, gt=0.0)
+
+
+class UnitsTable(Table):
+    """Units of inputs and outputs."""
+
+    units: dict[str, str] = Field(default_factory=dict)
 
 
 class SumTable(Table):

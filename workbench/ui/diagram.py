@@ -126,6 +126,7 @@ _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 # The key that tells what a component is → what stands in its box.
 _LABELS: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
     "model": lambda table: str(table["model"]),
+    "block": lambda table: str(table["block"]).replace("_", " "),
     "gain": lambda table: f"× {table['gain']}",
     "sum": lambda table: " ".join(map(str, table["sum"])).replace("-", "−"),
     "A": lambda table: f"{len(table['A'])} states",

@@ -21,7 +21,7 @@ from workbench.core.record import Part, entry
 from workbench.errors import InputError, WorkbenchError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
-from workbench.system.description import Component, FmuComponent, FunctionComponent
+from workbench.system.description import BlockComponent, Component, FmuComponent, FunctionComponent
 from workbench.system.model import SystemModel
 
 __all__ = ["CyclesLeft", "TwoPorts", "cut_at", "find_block"]
@@ -154,7 +154,8 @@ class TwoPorts:
 def find_block(model: DescribedModel) -> tuple[str | None, str]:
     """Return the only component that may be a nonlinear block, and in words why there is none.
 
-    Candidates are Python functions and FMUs, with one input and one output connected, without a memory of their own.
+    Candidates are Python functions, FMUs and nonlinear blocks, with one input and one output connected, without a
+    memory of their own.
 
     Args:
         model: a system; of one FMU there is no block.
@@ -172,7 +173,8 @@ def find_block(model: DescribedModel) -> tuple[str | None, str]:
 
 
 def _connected(model: SystemModel, component: Component) -> bool:
-    if not isinstance(component, FunctionComponent | FmuComponent):
+    linear = isinstance(component, BlockComponent) and component.block.matrices() is not None
+    if linear or not isinstance(component, FunctionComponent | FmuComponent | BlockComponent):
         return False
     try:
         find_ports(model, component.name)

@@ -30,6 +30,7 @@ from workbench.model.load import FmuRecipe
 from workbench.origin import ModelFacts, Origin, remember
 from workbench.origin.models import facts_of, fmu_facts
 from workbench.system.description import (
+    BlockComponent,
     Component,
     FmuComponent,
     FunctionComponent,
@@ -176,3 +177,5 @@ def _what(component: Component) -> str:
             return f"sum {''.join('+' if s > 0 else '-' for s in component.signs)}"
         case FunctionComponent():
             return "Python function"
+        case BlockComponent():
+            return component.block.words

@@ -18,6 +18,8 @@ __all__ = ["Tangent", "instants", "tangent"]
 # Abscissae of Gauss's rule with two points in an interval of length 1.
 _FIRST, _SECOND = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
 _NODES = np.array([_FIRST, _SECOND])
+# In an interval over which slopes change by more than this, times its length, the flow is that of held slopes.
+_CHANGED = 1.0
 _ALPHA, _BETA = 0.25 + math.sqrt(3.0) / 6.0, 0.25 - math.sqrt(3.0) / 6.0
 
 
@@ -103,6 +105,9 @@ def tangent(slopes: NativeSlopes, period: float, unit: Floats, order: int = 1, *
     mixed = np.empty_like(A)
     mixed[0::2] = 2.0 * (_ALPHA * A[0::2] + _BETA * A[1::2])
     mixed[1::2] = 2.0 * (_ALPHA * A[1::2] + _BETA * A[0::2])
+    # Where a limit is met within an interval, a quick mode comes or goes, and the negative weight would let it grow.
+    quick = 2.0 * half * np.max(np.abs(A[1::2] - A[0::2])[:, :n, :n], axis=(1, 2), initial=0.0) > _CHANGED
+    mixed[np.repeat(quick, 2)] = A[np.repeat(quick, 2)]
     with np.errstate(over="ignore", invalid="ignore"):
         both = exponentials(half * (np.concatenate([mixed, A]) if rows else mixed))
         flows, held = both[:k], both[k:]

@@ -1,0 +1,192 @@
+"""Blocks that are linear: transfer functions, lead–lag, notch, sampled ones; and delays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import tf2ss
+
+from workbench.core.option import option
+from workbench.errors import InputError
+from workbench.system.block_table.base import Block, Matrices, Values, ordered
+
+__all__ = [
+    "Delay",
+    "DiscreteTransfer",
+    "LeadLag",
+    "Notch",
+    "TransferFunction",
+    "VariableDelay",
+    "ZeroOrderHold",
+    "realised",
+]
+
+_DYNAMIC = "dynamic"
+_SAMPLED = "sampled"
+_DELAYS = "delays"
+
+
+def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float = 0.0) -> Matrices:
+    """Return a transfer function as matrices, highest power first.
+
+    Args:
+        numerator: coefficients.
+        denominator: coefficients.
+        dt: sample period [s]; 0: continuous.
+
+    Raises:
+        InputError: it has no realisation.
+    """
+    above, below = np.trim_zeros(np.array(numerator), "f"), np.trim_zeros(np.array(denominator), "f")
+    if not len(below):
+        raise InputError("denominator holds no coefficient but 0")
+    if len(above) > len(below):
+        raise InputError("the numerator's degree exceeds the denominator's; such a system cannot be simulated")
+    if len(below) == 1:
+        gain = float(above[0] / below[0]) if len(above) else 0.0
+        return Matrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]), dt)
+    a, b, c, d = tf2ss(above if len(above) else [0.0], below)
+    return Matrices(a, b, c, d, dt)
+
+
+class _Linear(Block):
+    def check(self) -> None:
+        self.matrices()
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        found = self.matrices()
+        return tuple(f"x{k}" for k in range(1, len(found.a) + 1)) if found is not None else ()
+
+
+class TransferFunction(_Linear):
+    """Transfer function in s."""
+
+    kind = "transfer_function"
+    group = _DYNAMIC
+    equations = "y = (numerator(s) / denominator(s)) u"
+    numerator: Values = option("Coefficients of the numerator, highest power of s first.")
+    denominator: Values = option("Coefficients of the denominator, highest power of s first.")
+
+    def matrices(self) -> Matrices:
+        return realised(self.numerator, self.denominator)
+
+
+class LeadLag(_Linear):
+    """Lead–lag: raises or lowers the phase between two corner frequencies."""
+
+    kind = "lead_lag"
+    group = _DYNAMIC
+    equations = "y = gain (lead s + 1) / (lag s + 1) u"
+    gain: float = option("Gain at low frequencies.", default=1.0, finite=True)
+    lead: float = option("Time constant of the numerator.", default=0.1, unit="s", finite=True)
+    lag: float = option("Time constant of the denominator.", default=0.01, unit="s", positive=True)
+
+    def matrices(self) -> Matrices:
+        return realised([self.gain * self.lead, self.gain], [self.lag, 1.0])
+
+
+class Notch(_Linear):
+    """Notch filter: lowers the gain around one frequency."""
+
+    kind = "notch"
+    group = _DYNAMIC
+    equations = (
+        "w = 2π frequency\ny = (s² + 2 depth · width · w s + w²) / (s² + 2 width · w s + w²) u, the gain at w is depth"
+    )
+    frequency: float = option("Middle of the notch.", default=1.0, unit="Hz", positive=True)
+    width: float = option("Damping ratio of the denominator.", default=0.5, positive=True)
+    depth: float = option("Gain in the middle.", default=0.0, least=0.0, finite=True)
+
+    def matrices(self) -> Matrices:
+        w = 2.0 * math.pi * self.frequency
+        middle = 2.0 * self.width * w
+        return realised([1.0, self.depth * middle, w * w], [1.0, middle, w * w])
+
+
+class ZeroOrderHold(_Linear):
+    """Sampler with zero-order hold: the input at the last multiple of the period."""
+
+    kind = "zero_order_hold"
+    group = _SAMPLED
+    equations = "y = u at the ticks t = start, start + period, …, and stands between them"
+    period: float = option("Sample period.", default=0.1, unit="s", positive=True)
+
+    def matrices(self) -> Matrices:
+        return realised([1.0], [1.0], self.period)
+
+
+class DiscreteTransfer(_Linear):
+    """Sampled transfer function in z, with a hold at its output."""
+
+    kind = "discrete_transfer_function"
+    group = _SAMPLED
+    equations = "y = (numerator(z) / denominator(z)) u at the ticks t = start, start + period, …"
+    numerator: Values = option("Coefficients of the numerator, highest power of z first.")
+    denominator: Values = option("Coefficients of the denominator, highest power of z first.")
+    period: float = option("Sample period.", default=0.1, unit="s", positive=True)
+
+    def matrices(self) -> Matrices:
+        return realised(self.numerator, self.denominator, self.period)
+
+
+class Delay(Block):
+    """Transport delay.
+
+    The input is kept at the solver's steps, with a polynomial of third order between them that is good for 1e-7 of the
+    largest input, and never reaches across an event. A jump comes out at an event of its own. The solver's steps are
+    no longer than the delay.
+    """
+
+    kind = "delay"
+    group = _DELAYS
+    equations = "y(t) = u(t − delay); before that past, or u at the start where no past is given"
+    number = "delay"
+    delay: float = option("Delay.", default=0.1, unit="s", positive=True)
+    past: float | None = option("Input before the start; left out: what it is at the start.", default=None, finite=True)
+    pade: int = option("Order of the Padé approximation in linear models.", default=4, least=1, below=21)
+
+    def packed(self) -> tuple[float, ...]:
+        return self.delay, self.delay, *_past(self.past)
+
+    def first_mode(self) -> tuple[float, ...]:
+        return (-math.inf,)
+
+
+def _past(past: float | None) -> tuple[float, float]:
+    return (0.0, 0.0) if past is None else (1.0, past)
+
+
+class VariableDelay(Block):
+    """Transport delay whose time is a second input, u2.
+
+    It must not grow faster than time passes. See `delay`.
+    """
+
+    kind = "variable_delay"
+    group = _DELAYS
+    equations = "y(t) = u1(t − min(max(u2, smallest), largest))"
+    number = "delay"
+    largest: float = option("Largest delay.", default=1.0, unit="s", positive=True)
+    smallest: float = option("Smallest delay.", default=0.01, unit="s", positive=True)
+    past: float | None = option("Input before the start; left out: what it is at the start.", default=None, finite=True)
+    pade: int = option("Order of the Padé approximation in linear models.", default=4, least=1, below=21)
+
+    def check(self) -> None:
+        ordered(self.smallest, self.largest, ("smallest", "largest"))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        return "u1", "u2"
+
+    @property
+    def indicators(self) -> int:
+        return 1
+
+    def packed(self) -> tuple[float, ...]:
+        return self.largest, self.smallest, *_past(self.past)
+
+    def first_mode(self) -> tuple[float, ...]:
+        return (-math.inf,)

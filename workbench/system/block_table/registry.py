@@ -1,0 +1,77 @@
+"""All kinds of blocks by name, and the reading of one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from workbench.core.option import options_of
+from workbench.errors import InputError, suggest
+from workbench.system.block_table.base import Block
+from workbench.system.block_table.choices import Friction, Lookup, Lookup2d, Maximum, Minimum, Product, Switch
+from workbench.system.block_table.limits import (
+    Backlash,
+    DeadBand,
+    Integrator,
+    Pi,
+    Pid,
+    Quantiser,
+    RateLimiter,
+    Relay,
+    Saturation,
+)
+from workbench.system.block_table.linear import (
+    Delay,
+    DiscreteTransfer,
+    LeadLag,
+    Notch,
+    TransferFunction,
+    VariableDelay,
+    ZeroOrderHold,
+)
+
+__all__ = ["BLOCKS", "block_of", "block_table"]
+
+# In the order of lists and palettes.
+BLOCKS: Mapping[str, type[Block]] = {
+    kind.kind: kind
+    for kind in (
+        Saturation, DeadBand, RateLimiter, Backlash, Relay, Quantiser, Integrator, Pi, Pid, TransferFunction, LeadLag,
+        Notch, Product, Minimum, Maximum, Switch, Friction, Lookup, Lookup2d, Delay, VariableDelay, ZeroOrderHold,
+        DiscreteTransfer,
+    )
+}  # fmt: skip
+
+
+def block_of(kind: str, parameters: Mapping[str, Any]) -> Block:
+    """Return a block.
+
+    Args:
+        kind: a name in `BLOCKS`.
+        parameters: parameters by name.
+
+    Raises:
+        InputError: unknown kind or parameter (near names are in the message), a parameter that is missing or out of
+            its range.
+    """
+    found = BLOCKS.get(str(kind))
+    if found is None:
+        raise InputError(f"block '{kind}' is unknown; {suggest(str(kind), BLOCKS)}")
+    known = {d.name: d for d in options_of(found)}
+    for name in parameters:
+        if name not in known:
+            raise InputError(f"{kind}: parameter '{name}' is unknown; {suggest(str(name), known)}")
+    for name, declared in known.items():
+        if declared.required and name not in parameters:
+            raise InputError(f"{kind}: parameter '{name}' is missing")
+    made: Any = found
+    return made(**parameters)  # type: ignore[no-any-return]
+
+
+def block_table(block: Block) -> dict[str, Any]:
+    """Return a block as a table of a system file holds it: its kind, and the parameters that are not at their default.
+
+    Args:
+        block: any.
+    """
+    return {"block": block.kind, **block.given}

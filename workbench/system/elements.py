@@ -1,0 +1,119 @@
+"""Blocks that the kernel computes, as instances: FMUs of FMI 2.0 whose binary is the kernel.
+
+Python calls the same functions as the kernel does, so there is no second implementation.
+"""
+
+# ruff: noqa: ANN401 - C buffers come in here as ctypes gives them
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+from typing import Any, NoReturn
+
+from workbench.errors import SimulationError
+from workbench.fmi.description import Capabilities, DefaultExperiment, Description
+from workbench.fmi.fmi2 import Instance2
+from workbench.fmi.library import Library
+from workbench.fmi.variable import Variable
+from workbench.kernel.native_blocks import block_functions, new_element
+from workbench.system.block_table.base import Block
+from workbench.system.description import BlockComponent
+
+__all__ = ["ElementInstance", "element_description"]
+
+
+class ElementInstance(Instance2):
+    """One block of the kernel.
+
+    Args:
+        component: the block.
+        description: its variables, from `element_description`.
+    """
+
+    def __init__(self, component: BlockComponent, description: Description) -> None:
+        block = self._block = component.block
+        counts = (len(block.inputs), len(block.states), block.indicators)
+        self._native, self.memory, self._kept = new_element(
+            block.number, counts, block.packed(), block.grids(), block.first_mode()
+        )
+        nu, nx, _ = counts
+        self.memory[nu : nu + nx] = block.starts()
+        super().__init__(
+            description, Path(), interface="me", source=description.model_name, library=Library(block_functions())
+        )
+
+    def _instantiate(self, *, logging: bool) -> Any:
+        return ctypes.addressof(self._native)
+
+    @property
+    def longest_address(self) -> int | None:
+        if self._block.number != "delay":
+            return None
+        field: Any = type(self._native).longest
+        return ctypes.addressof(self._native) + int(field.offset)
+
+    def fail(self, name: str, status: int) -> NoReturn:
+        """Raise for a bad status: a table that ends where its input goes on."""
+        for port, grid, value in zip(self._block.inputs, self._block.grids(), self.memory.tolist(), strict=False):
+            if not grid[0] < value < grid[-1]:
+                raise SimulationError(
+                    f"{self.description.model_name}: {port} = {value:.10g} is at the end of the table, {grid[0]:g} … "
+                    f"{grid[-1]:g}, and goes beyond it; widen the table, or let extrapolation be 'hold' or 'linear'",
+                    time=self.time,
+                )
+        super().fail(name, status)
+
+
+def element_description(component: BlockComponent) -> Description:
+    """Return what a block of the kernel says about itself, in an FMU's words."""
+    block = component.block
+    variables, states, rates = _variables(block, component)
+    able = Capabilities("", state=True, directional_derivatives=True, completed_step=block.number == "delay")
+    return Description(
+        fmi_version="2.0",
+        major=2,
+        model_name=component.name,
+        token="",
+        generation_tool=None,
+        description=None,
+        interfaces={"me": able},
+        platforms=(),
+        experiment=DefaultExperiment(),
+        variables=variables,
+        states=states,
+        derivatives=rates,
+        state_count=len(states),
+        indicator_count=block.indicators,
+        shapes={},
+        log_categories=(),
+        notes=(),
+    )
+
+
+def _variables(
+    block: Block, component: BlockComponent
+) -> tuple[tuple[Variable, ...], tuple[Variable, ...], tuple[Variable, ...]]:
+    """Return all variables, states and derivatives; by value reference inputs, states, output, derivatives, modes."""
+    nu, nx, units = len(block.inputs), len(block.states), component.units
+    inputs = tuple(
+        Variable(n, unit=units.get(n), start=0.0, causality="input", value_reference=i)
+        for i, n in enumerate(block.inputs)
+    )
+    states = tuple(
+        Variable(n, start=start, value_reference=nu + i)
+        for i, (n, start) in enumerate(zip(block.states, block.starts(), strict=True))
+    )
+    through = (*(block.inputs if block.feeds else ()), *block.states)
+    output = Variable("y", unit=units.get("y"), causality="output", value_reference=nu + nx, dependencies=through)
+    rates = tuple(
+        Variable(
+            f"der({s.name})", value_reference=nu + nx + 1 + i, derivative_of=s.name,
+            dependencies=(*block.inputs, *block.states),
+        )
+        for i, s in enumerate(states)
+    )  # fmt: skip
+    modes = tuple(
+        Variable(n, start=start, variability="discrete", value_reference=nu + 2 * nx + 1 + i)
+        for i, (n, start) in enumerate(block.remembers.items())
+    )
+    return (*inputs, *states, output, *modes), states, rates
