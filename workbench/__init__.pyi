@@ -88,6 +88,11 @@ from workbench.analysis.nfr.zero_input import ZeroInput as ZeroInput
 from workbench.analysis.nyquist.nyquist import nyquist as nyquist
 from workbench.analysis.nyquist.result import Crossing as Crossing
 from workbench.analysis.nyquist.result import NyquistResult as NyquistResult
+from workbench.analysis.onset.request import onset as onset
+from workbench.analysis.onset.result import Attitude as Attitude
+from workbench.analysis.onset.result import Jump as Jump
+from workbench.analysis.onset.result import OnsetPoint as OnsetPoint
+from workbench.analysis.onset.result import OnsetResult as OnsetResult
 from workbench.analysis.preprocess.detrend import detrend as detrend
 from workbench.analysis.preprocess.detrend import remove_offset as remove_offset
 from workbench.analysis.preprocess.outliers import remove_outliers as remove_outliers
@@ -155,9 +160,9 @@ from workbench.study.run import run_study as run_study
 from workbench.system.connect import connect as connect
 from workbench.system.container import ContainerResult as ContainerResult
 from workbench.system.container import export_container as export_container
+from workbench.system.description import BlockComponent as BlockComponent
 from workbench.system.description import Connection as Connection
 from workbench.system.description import FmuComponent as FmuComponent
-from workbench.system.description import BlockComponent as BlockComponent
 from workbench.system.description import FunctionComponent as FunctionComponent
 from workbench.system.description import GainComponent as GainComponent
 from workbench.system.description import LinearComponent as LinearComponent

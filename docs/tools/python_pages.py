@@ -25,7 +25,7 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
             "analysis.identif", "analysis.preprocess", "analysis.spectra", "analysis.subspace", "analysis.validate",
         ),
     ),
-    ("systems", "Systems", ("system", "analysis.delays")),
+    ("systems", "Systems", ("system", "analysis.delays", "analysis.onset")),
     ("loops", "Loops, limit cycles, control", (
         "analysis.loop", "analysis.branches", "analysis.describing", "analysis.nyquist", "analysis.limit_cycle",
         "analysis.feedback",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from ctypes import POINTER, c_double, c_int, c_size_t, c_uint, c_void_p
 from functools import lru_cache

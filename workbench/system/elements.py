@@ -53,7 +53,7 @@ class ElementInstance(Instance2):
     def fail(self, name: str, status: int) -> NoReturn:
         """Raise for a bad status: a table whose input is beyond its ends."""
         grids = self._block.grids()
-        for input, grid, value in zip(self._block.inputs, grids, self.memory, strict=False):  # noqa: A001 - what it is
+        for input, grid, value in zip(self._block.inputs, grids, self.memory, strict=False):
             if not grid[0] <= value <= grid[-1]:
                 self.log.add(
                     3, f"{input} = {value:g} is beyond the table, {grid[0]:g} … {grid[-1]:g}, and extrapolation is "
@@ -66,9 +66,7 @@ def element_description(component: BlockComponent) -> Description:
     """Return what a block of the kernel says about itself, in an FMU's words."""
     block = component.block
     variables, states, rates = _variables(block, component)
-    able = Capabilities(
-        "", state=True, directional_derivatives=True, completed_step=block.number == "delay"
-    )
+    able = Capabilities("", state=True, directional_derivatives=True, completed_step=block.number == "delay")
     return Description(
         fmi_version="2.0",
         major=2,

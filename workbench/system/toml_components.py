@@ -243,6 +243,7 @@ def _check_ports(units: Mapping[str, str], known: list[str], where: str) -> None
 
 _Reader = Callable[[str, Mapping[str, Any], _Context], Component]
 
+
 def _block(name: str, given: Mapping[str, Any], place: _Context) -> BlockComponent:
     parameters = {key: value for key, value in given.items() if key not in ("block", "units")}
     units = read_table(UnitsTable, {"units": given.get("units", {})}, place.where).units

@@ -29,9 +29,9 @@ from workbench.model.load import FmuRecipe
 from workbench.origin import ModelFacts, Origin, remember
 from workbench.origin.models import facts_of, fmu_facts
 from workbench.system.description import (
+    BlockComponent,
     Component,
     FmuComponent,
-    BlockComponent,
     FunctionComponent,
     GainComponent,
     LinearComponent,

@@ -201,7 +201,7 @@ class Block(Options):
 
 
 def _short(value: object) -> str:
-    if isinstance(value, tuple) and len(value) > 4:  # noqa: PLR2004 - what a line has room for
+    if isinstance(value, tuple) and len(value) > 4:
         return f"{len(value)} values"
     if isinstance(value, bool):
         return str(value).lower()

@@ -29,7 +29,9 @@ class Friction(Block):
 
     kind = "friction"
     group = _SEVERAL
-    equations = "sliding: y = coulomb · sign(u1) + viscous · u1\nstuck: y = u2, until |u2| > breakaway or |u1| > stuck_speed"
+    equations = (
+        "sliding: y = coulomb · sign(u1) + viscous · u1\nstuck: y = u2, until |u2| > breakaway or |u1| > stuck_speed"
+    )
     number = "friction"
     coulomb: float = option("Friction while sliding.", default=1.0, least=0.0, finite=True)
     breakaway: float | None = option("Force at which it breaks away; left out: coulomb.", default=None, least=0.0)

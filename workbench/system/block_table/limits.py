@@ -326,9 +326,7 @@ class Pi(_Controller):
     """PI controller, parallel form, with limits and back-calculation against windup; the input is the error."""
 
     kind: ClassVar[str] = "pi"
-    equations = (
-        "v = proportional · u + x\ny = min(max(v, lower), upper)\ndx/dt = integral · u + (y − v) / tracking"
-    )
+    equations = "v = proportional · u + x\ny = min(max(v, lower), upper)\ndx/dt = integral · u + (y − v) / tracking"
 
 
 class Pid(_Controller):
