@@ -69,6 +69,7 @@ LINES = (
         "excite fmu:FirstOrderLag --input u --output y --prbs amplitude=1 --step 0.05 --samples 200 --json excite.json "
         "--csv data.csv"
     ),
+    "onset system:pitch_rate_limit --input stick --limiter limiter --amplitude 1.1 --json onset.json",
     "bla fmu:FirstOrderLag --input u --output y --rms 1 --band 0.1:1 --json bla.json",
     "fit bla.json --order 1 --json fit.json",
     "identify data.csv --input u --output y --order 3 --json identify.json",

@@ -103,6 +103,7 @@ LINES = {
     "check": (f"{LAG_FMU} --interface me --only runs,reset", "checks"),
     "excite": (f"{LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
     "identify": ("data.csv --input u --output y --order 1", ""),
+    "onset": ("system:pitch_rate_limit --input stick --limiter limiter --amplitude 0.1,1.1", ""),
     "bla": (f"{LAG_FMU} --input u --output y --rms 1,2 --band 0.1:1 --realisations 2", "words"),
     "fit": ("response.csv --max-order 4", ""),
     "reproduce": ("fig31 --list", "targets"),

@@ -91,6 +91,11 @@ from workbench.analysis.nyquist.absolute import absolute_stability as absolute_s
 from workbench.analysis.nyquist.nyquist import nyquist as nyquist
 from workbench.analysis.nyquist.result import Crossing as Crossing
 from workbench.analysis.nyquist.result import NyquistResult as NyquistResult
+from workbench.analysis.onset.request import onset as onset
+from workbench.analysis.onset.result import Attitude as Attitude
+from workbench.analysis.onset.result import Jump as Jump
+from workbench.analysis.onset.result import OnsetPoint as OnsetPoint
+from workbench.analysis.onset.result import OnsetResult as OnsetResult
 from workbench.analysis.preprocess.detrend import detrend as detrend
 from workbench.analysis.preprocess.detrend import remove_offset as remove_offset
 from workbench.analysis.preprocess.outliers import remove_outliers as remove_outliers

@@ -19,6 +19,7 @@ REQUESTS = {
     "lin": "lin.request:LinCommand",
     "loop": "loop.request:Loop",
     "delays": "delays.request:Delays",
+    "onset": "onset.request:RateOnset",
     "limit-cycle": "limit_cycle.request:LimitCycles",
     "feedback": "feedback.request:Feedback",
     "feed-forward": "feed_forward.request:FeedForward",

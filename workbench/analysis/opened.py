@@ -78,17 +78,18 @@ def recipe_of(model: DescribedModel) -> SystemRecipe:
     return model.recipe
 
 
-def find_ports(model: Model, component: str) -> Ports:
+def find_ports(model: Model, component: str, *, needs: str = "limit cycles need") -> Ports:
     """Return the input and the output by which a component of a system is connected.
 
     Args:
         model: a system.
         component: name of the block's component.
+        needs: what needs the system, for the message.
 
     Raises:
         InputError: no system, unknown component, or not exactly one input and one output connected.
     """
-    system = system_of(model, "limit cycles need")
+    system = system_of(model, needs)
     names = [c.name for c in system.components]
     if component not in names:
         raise InputError(f"{model.name}: there is no component '{component}'; {suggest(component, names)}")

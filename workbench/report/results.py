@@ -63,6 +63,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     "analysis.nyquist.absolute.AbsoluteStability": ("limit_cycle:absolute_page", ""),
     "analysis.nyquist.result.NyquistResult": ("limit_cycle:nyquist_page", "nyquist:plot_nyquist"),
     "analysis.reduction.balanced.BalancedReduction": ("feed_forward:reduction_page", ""),
+    "analysis.onset.result.OnsetResult": ("onset:onset_page", "onset:plot_onset"),
     "analysis.simulate.result.SimulationResult": ("simulate:simulate_page", "time_history:time_history"),
     "analysis.spectra.coherence.Coherence": ("data:coherence_page", "spectra:plot_coherence"),
     "analysis.spectra.density.SpectralDensity": ("data:density_page", "spectra:plot_density"),

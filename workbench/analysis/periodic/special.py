@@ -135,7 +135,8 @@ def _turning(family: Family, a: Place, b: Place) -> Place | None:
         return -sign * tried[-1].p
 
     with suppress(SimulationError):
-        minimize_scalar(lower, bounds=(0.0, far), method="bounded", options={"xatol": 1e-4 * abs(far), "maxiter": 30})
+        ends = (min(0.0, far), max(0.0, far))  # the tangent at a kink may point away from where the branch goes
+        minimize_scalar(lower, bounds=ends, method="bounded", options={"xatol": 1e-4 * abs(far), "maxiter": 30})
     found = max(tried, key=lambda place: sign * place.p)
     return None if found is a or found is b else found
 

@@ -1,0 +1,204 @@
+"""Find where a rate limiter begins to act: the linear closed loop says when, the open loop says whether it jumps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from workbench.analysis.branches.request import branches
+from workbench.analysis.loop.request import loop
+from workbench.analysis.nyquist.grid import adaptive_grid
+from workbench.analysis.onset.attitude import attitude_of
+from workbench.analysis.onset.boundary import boundary_db
+from workbench.analysis.onset.request import RateOnset
+from workbench.analysis.onset.result import Jump, OnsetPoint, OnsetResult
+from workbench.analysis.opened import find_ports, linear_between, recipe_of, system_of
+from workbench.core.decibels import decibels
+from workbench.core.forms import several
+from workbench.core.job import Job
+from workbench.core.linear import Linear, LinearPart
+from workbench.core.matrices import Complex, Floats
+from workbench.core.modal import poles_of
+from workbench.errors import InputError, WorkbenchError
+from workbench.model import Model
+from workbench.model.described import DescribedModel
+from workbench.model.names import check_variables
+from workbench.model.placing import standing, start_at
+from workbench.system.description import BlockComponent
+
+__all__ = ["run"]
+
+_NEEDS = "the onset of rate limiting needs"
+_LIMITED = "limiter.output"  # name of an output of the system, for the linear model
+_AROUND = 3.0  # jumps are looked for so many times below and above the onset
+_ON_AXIS = 1e-9  # of the largest pole: a real part below that is rounding
+_SHOWN = 400  # frequencies of the curves
+
+
+def run(model: DescribedModel, asked: RateOnset, job: Job) -> OnsetResult:
+    """Find the onset of a rate limiter; see `RateOnset`."""
+    ports = find_ports(model, asked.limiter, needs=_NEEDS)
+    check_variables(model, [asked.input], "input", what="input")
+    if asked.attitude is not None:
+        check_variables(model, [asked.attitude], "output", "state", what="attitude")
+    placed, remarks = start_at(model, asked.at)
+    rate, notes = _rate(model, asked)
+    point = standing(placed)
+    opened = loop(placed, ports.w, in_process=True)
+    if opened.linear is None or opened.linear.transfer.dt > 0.0:
+        raise InputError(f"{model.name}: the loop through {asked.limiter} is sampled, but {_NEEDS} a continuous one")
+    transfer, every = opened.linear.transfer, several(asked.amplitudes)
+    with _watched(placed, ports.w) as watched:
+        closed = linear_between(
+            watched, {asked.input: None}, [_LIMITED, *([asked.attitude] if asked.attitude else [])],
+            x=point.x, u=point.u, time=point.time,
+        )  # fmt: skip
+        _check_stable(closed)
+        motion = _Motion(closed.part(), rate, *adaptive_grid(closed.part(), asked.band))
+        points = []
+        for number, amplitude in enumerate(every, 1):
+            found = _point(amplitude, motion, transfer)
+            points.append(_followed(found, watched, asked, motion) if asked.jump else found)
+            job.done(f"amplitude {amplitude:g}", number, len(every))
+    shown = np.geomspace(*asked.band, _SHOWN)
+    through = transfer.response(shown)
+    units = {v.name: v.unit for v in (*placed.inputs, *placed.description.variables)}
+    return OnsetResult(
+        model=model.name,
+        interface=placed.interface,
+        solver=placed.solver,
+        input=asked.input,
+        input_unit=units.get(asked.input),
+        limiter=asked.limiter,
+        limited=ports.w,
+        limited_unit=units.get(ports.w),
+        rate=rate,
+        points=tuple(points),
+        frequency_hz=shown,
+        closed_gain_db=decibels(motion.part.response(shown)),
+        open_gain_db=decibels(through),
+        open_phase_deg=_below(np.unwrap(np.angle(through))),
+        attitude=None if asked.attitude is None else attitude_of(closed.part(0, 1), asked),
+        notes=(*remarks, *notes),
+        operating_point=point,
+    )
+
+
+@contextmanager
+def _watched(model: DescribedModel, limited: str) -> Iterator[DescribedModel]:
+    """Give the system with the limiter's output among its outputs."""
+    recipe = recipe_of(model)
+    system = replace(recipe.system, outputs={**recipe.system.outputs, _LIMITED: limited})
+    with recipe.changed(system).open() as watched:
+        yield watched
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """How the limiter's output moves in the linear closed loop.
+
+    Attributes:
+        part: from the input to it, F.
+        rate: limit of its rate.
+        grid: shape (k,), rising [Hz].
+        response: F there.
+    """
+
+    part: LinearPart
+    rate: float
+    grid: Floats
+    response: Complex
+
+    @property
+    def ratios(self) -> Floats:
+        """Highest rate on the grid of a sine of amplitude 1, in units of the limit."""
+        return np.asarray(2.0 * np.pi * self.grid * np.abs(self.response) / self.rate, dtype=np.float64)
+
+    def ratio(self, frequency_hz: float) -> float:
+        """Return it at one frequency [Hz]."""
+        return 2.0 * math.pi * frequency_hz * abs(self.part.at(frequency_hz)) / self.rate
+
+
+def _rate(model: Model, asked: RateOnset) -> tuple[float, list[str]]:
+    """Return the limit of the rate, and what to know of it."""
+    component = next(c for c in system_of(model, _NEEDS).components if c.name == asked.limiter)
+    if asked.rate is not None:
+        return asked.rate, []
+    if not isinstance(component, BlockComponent) or component.kind != "rate_limiter":
+        raise InputError(
+            f"limiter: the limit of {asked.limiter} is not known, as it is not a block rate_limiter; give it (--rate R)"
+        )
+    falling, rising = component.block.packed()[:2]
+    if -falling == rising:
+        return rising, []
+    return min(rising, -falling), [f"{asked.limiter}: the limits differ, {falling:g} and {rising:g}; the lower counts"]
+
+
+def _check_stable(closed: Linear) -> None:
+    poles = poles_of(closed.A)
+    growing = poles.value[
+        poles.value.real > np.maximum(poles.uncertain, _ON_AXIS * np.abs(poles.value).max(initial=0.0))
+    ]
+    if len(growing):
+        raise InputError(
+            f"the loop is not stable below the limit: a pole at {abs(growing[0]) / (2.0 * np.pi):.4g} Hz grows; "
+            "there is no onset to speak of (see `workbench loop`)"
+        )
+
+
+def _point(amplitude: float, motion: _Motion, through: LinearPart) -> OnsetPoint:
+    """Return the lowest frequency at which the limit is reached, and the open loop there."""
+    ratios = amplitude * motion.ratios
+    plain = OnsetPoint(amplitude=amplitude, highest_ratio=float(ratios.max()))
+    reached = np.flatnonzero(ratios >= 1.0)
+    if not len(reached):
+        return plain
+    first = int(reached[0])
+    between = motion.grid[max(first - 1, 0)], motion.grid[first]
+    if first == 0:
+        found = float(between[1])
+    else:
+        found = float(brentq(lambda f: amplitude * motion.ratio(f) - 1.0, *between, xtol=1e-14, rtol=1e-14))
+    value = through.at(found)
+    phase = float(np.degrees(np.angle(value)) % 360.0 - 360.0)
+    return replace(
+        plain,
+        frequency_hz=found,
+        phase_deg=phase,
+        gain_db=float(decibels(np.array([value]))[0]),
+        boundary_db=boundary_db(phase),
+    )
+
+
+def _followed(point: OnsetPoint, watched: Model, asked: RateOnset, motion: _Motion) -> OnsetPoint:
+    """Return the point with the folds of the model's own periodic responses around the onset."""
+    if point.frequency_hz is None:
+        return replace(point, jumps=(), jumps_told="the limit is not reached")
+    low, high = asked.band
+    band = (max(low, point.frequency_hz / _AROUND), min(high, point.frequency_hz * _AROUND))
+    try:
+        found = branches(watched, asked.input, _LIMITED, [point.amplitude], band=band, seeds=0, in_process=True)
+    except WorkbenchError as error:
+        return replace(point, jumps_told=f"the periodic responses could not be followed: {error}")
+    jumps = [
+        Jump(
+            frequency_hz=f.frequency_hz,
+            rate_ratio=point.amplitude * motion.ratio(f.frequency_hz),
+            kind=f.kind,
+        )
+        for f in found.folds
+    ]
+    where = f"from {band[0]:.4g} to {band[1]:.4g} Hz"
+    told = f"{len(jumps)} folds {where}" if jumps else f"no fold {where}"
+    return replace(point, jumps=tuple(jumps), jumps_told="; ".join([told, *found.warnings]))
+
+
+def _below(phase: Floats) -> Floats:
+    """Return unwrapped phases [deg], shifted by whole turns so that they begin between −360° and 0."""
+    degrees = np.degrees(phase)
+    return np.asarray(degrees - 360.0 * np.ceil(degrees[0] / 360.0), dtype=np.float64)
