@@ -41,7 +41,8 @@ AGREE = 1e-3  # of the range of a signal
 ENDS = 0.05  # of the span: steps of integrators with which an FMU ends its run
 VERDICTS = {
     "ok": "an answer; for info and simulate: FMPy's",
-    "no": "an honest no with exit code 1: no equilibrium, a promise broken, a point that failed",
+    "no": "an honest no with exit code 1 (no equilibrium, a promise broken, a point that failed), or no answer that "
+    "FMPy is sure of either",
     "refused": "one line that says why, and it is so: FMPy refuses, too, or its description bears the reason out",
     "n/a": "the FMU has nothing to ask for, e.g. no input to force",
     "doubtful": "refused for a reason that nothing confirms: for a reader",
@@ -180,6 +181,8 @@ REASONS: tuple[tuple[str, Callable[[Subject, oracle.Run], bool]], ...] = (
     (r"no (continuous )?states?\b", lambda s, _: s.described.states == 0 or s.interface == "cs"),
     (r"neither a step nor a default experiment", lambda s, _: not {"step", "stop"} & s.described.experiment.keys()),
     (r"ended its run", _ends),
+    (r"not a finite number", lambda _, run: not all(np.isfinite(y).all() for y in run.signals.values())),
+    (r"--memory-limit: more than", lambda s, _: np.isfinite(s.limits.megabytes)),  # measured by the worker
     (r"there is no linear model|misses other pulses", lambda *_: True),  # measured: other inputs answer otherwise
 )
 
@@ -260,7 +263,7 @@ def _run(subject: Subject, command: str, theirs: oracle.Run) -> tuple[str, str, 
             ours = json.loads(out.read_text(encoding="utf-8"))
             for name in (name for clock in subject.facts["clocks"] for name in clock["variables"]):
                 ours["signals"].pop(name, None)  # FMPy lets no clock tick
-            return *_compared(ours, theirs, subject.described.asked), theirs.fails
+            return *_judged(subject, ours, theirs), theirs.fails
     if verdict == "refused" and not theirs.fails and not _borne_out(subject, reason, theirs):
         verdict = "doubtful"
     return verdict, reason, theirs.fails
@@ -317,6 +320,20 @@ def _misread(facts: dict[str, Any], described: oracle.Described) -> Iterator[str
                 yield f"unit of {name}: {ours[name]['unit']}, by FMPy {theirs[name][2]}"
             if ours[name]["type"] not in _TYPES.get(theirs[name][0], (theirs[name][0],)):
                 yield f"type of {name}: {ours[name]['type']}, by FMPy {theirs[name][0]}"
+
+
+def _judged(subject: Subject, ours: dict[str, Any], theirs: oracle.Run) -> tuple[str, str]:
+    """Compare; in model exchange, where the solver is FMPy's, a disagreement is for a finer run of FMPy to confirm."""
+    asked = subject.described.asked
+    verdict, reason = _compared(ours, theirs, asked)
+    if verdict != "disagrees" or subject.interface != "me":
+        return verdict, reason
+    better = oracle.finer(subject.file, subject.interface, subject.limits)
+    second, words = _compared(ours, better, asked)
+    if better.fails or second == "ok":
+        return ("disagrees", reason) if better.fails else ("ok", f"{words}, at a hundredth of its tolerance")
+    moved, apart = _compared({"time": theirs.time.tolist(), "signals": theirs.signals}, better, asked)
+    return ("no", f"FMPy's runs at two tolerances differ, too: {apart}") if moved == "disagrees" else (second, words)
 
 
 def _compared(ours: dict[str, Any], theirs: oracle.Run, asked: oracle.Asked) -> tuple[str, str]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from tests.hybrid_fmus import DISCARD, OK, FakeC, Hybrid, LyingC, inside, open_fake
+from tests.lying_fmus import build_lying
 from workbench.errors import InputError, SimulationError
 from workbench.session.fmu import FmuSession
 from workbench.signals import Constant, Sine, Step
@@ -146,3 +149,24 @@ def test_restore_repeats_to_the_last_bit(state: bool, c: type[FakeC]) -> None:
         again = session.advance(0.7, signals=signals, record=["y"])
     assert np.array_equal(whole.values["y"], again.values["y"])
     assert math.isclose(saved.time, 0.3)
+
+
+@pytest.mark.parametrize(("lie", "acts"), [("ignored-slopes", False), ("honest", True)])
+def test_slopes_that_have_no_effect_are_not_given(lie: str, acts: bool, tmp_path: Path) -> None:
+    """Held at the start of a step the input would be half a step late, 0.05 of the answer here."""
+    signals = {"u": Sine(frequency=1.0)}
+    points = np.linspace(0.05, 2.0, 40)
+    runs = []
+    for step in (0.05, 0.05 / 64.0):
+        with wb.load(build_lying(tmp_path, lie), "cs", step=step) as model, model.open_session() as session:
+            rows = session.advance(2.0, signals=signals, record=["y"], points=points)
+            runs.append(rows.values["y"][np.searchsorted(rows.time, points)])
+            assert model.slopes is acts
+            assert any("a probe sees no effect of their slopes" in note for note in model.remarks()) is not acts
+    assert float(np.max(np.abs(runs[0] - runs[1]))) < 0.01 * float(np.ptp(runs[1]))
+
+
+def test_signals_without_slopes_cost_no_probe() -> None:
+    with wb.load("fmu:FirstOrderLag@2", "cs") as model, model.open_session() as session:
+        session.advance(1.0, signals={"u": Step(time=0.5, value=1.0)}, record=["y"])
+        assert model.slopes is None

@@ -15,6 +15,7 @@ from scripts import zoo_oracle as oracle
 from scripts.zoo import BAD, Row, page_of, zoo
 from tests.corpus import CORPUS, Exhibit, build_corpus
 from tests.hostile_fmus import build_hostile
+from tests.lying_fmus import build_lying
 from workbench.report.page import write_page
 
 # Without a limit of memory, under which each FMU takes a worker process of its own.
@@ -80,3 +81,17 @@ def test_what_is_left_out_is_the_reason_of_a_no() -> None:
     assert zoo_script._verdict(done) == ("no", "k1 is left out: it does not act")
     done = subprocess.CompletedProcess((), 1, page + "failed: 1 point\n", out)
     assert zoo_script._verdict(done) == ("no", "failed: 1 point")
+
+
+def test_what_fmpy_is_not_sure_of_is_no_disagreement(tmp_path: Path) -> None:
+    """A stiff model is more accurate here; one that counts its steps has no answer; not-a-number is a true reason."""
+    stiff, counter = (build_lying(tmp_path, name) for name in ("diverging", "counter"))
+    nan = build_hostile(tmp_path, "nan-output")
+    found = {
+        (r.fmu, r.interface): r for r in zoo([stiff, counter, nan], ("simulate",), LIMITS) if r.command == "simulate"
+    }
+    assert found[stiff.name, "me"].verdict == "ok"
+    assert "at a hundredth of its tolerance" in found[stiff.name, "me"].reason
+    assert found[counter.name, "me"].verdict == "no"
+    assert "FMPy's runs at two tolerances differ" in found[counter.name, "me"].reason
+    assert {found[nan.name, side].verdict for side in ("me", "cs")} == {"refused"}

@@ -105,6 +105,11 @@ class NativeSystem:
             longest=instance.longest_address,
         )
 
+    def without_slopes(self) -> None:
+        """Give no slopes of inputs, also to FMUs that take them."""
+        for component in self.components:
+            component.slopes_work = False
+
     def hold_inputs(self) -> None:
         """Let inputs stand over a step as they are at its start, also where FMUs take slopes."""
         for component in self.components:

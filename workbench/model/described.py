@@ -21,7 +21,7 @@ from workbench.model.base import Model
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.fmu import FmuSession, Lead, Setup
 from workbench.session.point import FmuPoint
-from workbench.session.probe import begins_at_zero, why_state_fails
+from workbench.session.probe import begins_at_zero, slopes_act, why_state_fails
 from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, STEP_PARTS, Settled, settle
 from workbench.session.target import RELATIVE, NotReachedError, check_values, starts_of
 from workbench.signals import Signal
@@ -35,6 +35,10 @@ __all__ = ["SESSIONS", "DescribedModel"]
 SESSIONS: Mapping[str, Callable[[Setup], FmuSession]] = {"me": CompiledMeSession, "cs": CompiledCsSession}
 _PARAMETERS = ("parameter", "structuralParameter")
 _REST = 1e-12  # relative: what moves less is at rest
+_NO_SLOPES = (
+    "the FMU claims to interpolate its inputs, but a probe sees no effect of their slopes: inputs are held over a "
+    "communication step at their value in its middle"
+)
 
 
 class DescribedModel(Model):
@@ -52,6 +56,7 @@ class DescribedModel(Model):
         description: all that the model says about itself.
         source: what the user named.
         recipe: how to load it again.
+        slopes: co-simulation that takes slopes of its inputs: whether they have an effect; None: not probed yet.
         start_note: co-simulation that begins at 0 whatever start time it is told: says so, once it was seen.
 
     Raises:
@@ -86,12 +91,15 @@ class DescribedModel(Model):
         self.outputs = self._with("output")
         self.parameters = self._with(*_PARAMETERS)
         self.states = description.states
-        self._setup = dataclasses.replace(setup, open_instance=self.new_instance, state_works=self._state_works)
+        self._setup = dataclasses.replace(
+            setup, open_instance=self.new_instance, state_works=self._state_works, slopes_act=self.slopes_act
+        )
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self.recipe, self.at = recipe, recipe.at
         self._why_replay: str | None = None
         self.start_note = ""
         self._start_probed = False
+        self.slopes: bool | None = None
         self._closed = False
 
     def _with(self, *causalities: str) -> tuple[Variable, ...]:
@@ -308,6 +316,15 @@ class DescribedModel(Model):
                 + (", or use interface me" if "me" in self.description.interfaces else "")
             )
 
+    def slopes_act(self) -> bool:
+        """Find out once whether a co-simulation that takes slopes of its inputs makes anything of them."""
+        if self.slopes is None:
+            claims = self.description.interfaces[self.interface]
+            asked = claims.variable_step and not claims.once_per_process
+            step = self._setup.step or self.description.experiment.step or STEP
+            self.slopes = not asked or slopes_act(self._open, self._setup, step)
+        return self.slopes
+
     def _check_single(self) -> None:
         if self.description.interfaces[self.interface].once_per_process and self._live():
             raise FmuError(f"{self.source}: the FMU allows one instance per process, and one is in use")
@@ -346,9 +363,9 @@ class DescribedModel(Model):
         return f"snapshots fall back to replay, which is slower: the FMU claims to save its state, but {why}"
 
     def remarks(self) -> tuple[str, ...]:
-        return tuple(
-            filter(None, (self._setup.manners.note, self._setup.manners.guessed, self.start_note, self.replay_note()))
-        )
+        slopes = _NO_SLOPES if self.slopes is False else ""
+        manners = self._setup.manners
+        return tuple(filter(None, (manners.note, manners.guessed, self.start_note, slopes, self.replay_note())))
 
     def close(self) -> None:
         self._closed = True

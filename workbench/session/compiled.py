@@ -29,7 +29,7 @@ from workbench.session.loop import InnerLoop, Recording, closed
 from workbench.session.me import MeSession
 from workbench.session.stand import Stand
 from workbench.session.target import NotReachedError
-from workbench.signals import Signal
+from workbench.signals import Constant, Prbs, Signal, Step
 
 __all__ = ["CompiledCsSession", "CompiledMeSession", "CompiledSession", "Harmonics"]
 
@@ -49,6 +49,9 @@ class Harmonics:
     inputs: dict[str, Floats]
     largest: dict[str, float]
     gap: float
+
+
+_STEPWISE = (Constant, Step, Prbs)  # signals without slopes
 
 
 class CompiledSession(FmuSession):
@@ -180,7 +183,14 @@ class CompiledCsSession(CompiledSession, CsSession):
         native.variable_step = self.instance.capabilities.variable_step
         native.step_given = self.setup.step is not None
         self.loop.system.event_due = self._event_due
+        if not self.setup.hold_inputs and self._inputs_move() and not self.setup.slopes_act():
+            self.loop.system.without_slopes()
         return native
+
+    def _inputs_move(self) -> bool:
+        """Whether continuous inputs change between their breaks, and the FMU takes slopes of them."""
+        forced = (s for v, s, _ in self.forcing.inputs() if v.is_continuous_input)
+        return self.instance.capabilities.interpolates_inputs and any(not isinstance(s, _STEPWISE) for s in forced)
 
     def _take_over(self) -> None:
         native = self._native

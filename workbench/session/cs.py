@@ -147,6 +147,9 @@ class CsSession(FmuSession):
         if not usable or not self.forcing.continuous.variables:
             return list(self.forcing.written)
         slopes, ends = self.forcing.ramp(self.time, end)
+        if any(slopes) and not self.setup.slopes_act():
+            self._slopes_work = False
+            return list(self.forcing.written)
         self._slopes_work = self.instance.try_input_slopes(self.forcing.continuous, slopes)
         return ends if self._slopes_work else list(self.forcing.written)
 

@@ -95,6 +95,7 @@ class Setup:
         hold_inputs: co-simulation: inputs stand over a step as they are at its start, also where the FMU interpolates.
         solver: "gear", "vkm", "none" (there are no states), or "fmu".
         state_works: asks once whether the FMU's own state can be trusted for snapshots.
+        slopes_act: co-simulation that takes slopes of its inputs: asks once whether it makes anything of them.
         manners: in which order it lets itself be started; shared by the sessions of one model.
     """
 
@@ -114,6 +115,7 @@ class Setup:
     hold_inputs: bool = False
     solver: str = "gear"
     state_works: Callable[[], bool] = lambda: False
+    slopes_act: Callable[[], bool] = lambda: True
     manners: Manners = field(default_factory=Manners)
 
 

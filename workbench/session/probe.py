@@ -13,9 +13,9 @@ from workbench.errors import WorkbenchError
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession, Setup
-from workbench.signals import Constant, Signal
+from workbench.signals import Constant, Signal, Sine
 
-__all__ = ["begins_at_zero", "forced", "why_state_fails"]
+__all__ = ["begins_at_zero", "forced", "slopes_act", "why_state_fails"]
 
 RELATIVE = 1e-9
 
@@ -79,6 +79,48 @@ def _alike(a: list[float], b: list[float]) -> bool:
     scale = max(map(abs, a), default=0.0)
     close = np.allclose(a, b, rtol=RELATIVE, atol=RELATIVE * scale * 1e-3)
     return bool(close) and all(map(math.isfinite, b))
+
+
+# -- do slopes of inputs act -------------------------------------------------------------------
+
+_STEPS = 4
+_PERIOD = 40.0  # steps
+
+
+def slopes_act(open_session: Callable[[Setup], FmuSession], setup: Setup, step: float) -> bool:
+    """Return whether a co-simulation FMU that takes slopes of its inputs makes anything of them.
+
+    Two sessions make a few steps under sines, one with slopes and one with held inputs: some exporters accept slopes
+    and leave them. Where a run fails they are believed to act; where no output shows anything they are not.
+
+    Args:
+        open_session: opens a session.
+        setup: how it begins.
+        step: communication step [s].
+    """
+    free = replace(setup, guesses={}, point={}, outputs={}, lead=None, step=step, slopes_act=lambda: True)
+    runs = []
+    try:
+        for hold in (False, True):
+            with open_session(replace(free, hold_inputs=hold)) as session:
+                outputs = [v.name for v in session.instance.description.variables if v.causality == "output"]
+                known = [n for n in outputs if n in session.setup.variables and session.setup.variables[n].is_number]
+                rows = session.advance(session.time + _STEPS * step, signals=_sines(session, step), record=known)
+                runs.append([rows.values[n] for n in known])
+    except WorkbenchError:
+        return True
+    return any(not np.array_equal(a, b, equal_nan=True) for a, b in zip(*runs, strict=True))
+
+
+def _sines(session: FmuSession, step: float) -> dict[str, Signal]:
+    """Sines about the start values of the continuous inputs."""
+    found: dict[str, Signal] = {}
+    for name, variable in session.inputs.items():
+        if variable.is_continuous_input:
+            start = float(variable.start or 0.0)
+            size = 0.01 * (abs(variable.nominal or start) or 1.0)
+            found[name] = Sine(amplitude=size, frequency=1.0 / (_PERIOD * step), offset=start)
+    return found
 
 
 # -- does the solver of a co-simulation FMU begin at the start time -------------------------------

@@ -21,7 +21,7 @@ _FINE = 16  # steps for one natural step, for the reference
 _WORSE = 2.0
 _SHARES = (1.0, 20.0)  # of the usual amplitude: a twentieth of an input's size, and all of it
 _OFF = 0.9371  # of the natural step: samples of the model do not fall on communication points
-_HELD = "inputs are held over each communication step: a delay of half a step"
+_HELD = "inputs held from the start of each communication step are half a step late"
 
 
 def inputs(subject: CheckedFmu) -> Answer:
@@ -34,8 +34,8 @@ def inputs(subject: CheckedFmu) -> Answer:
     Co-simulation that claims canInterpolateInputs: one run with input slopes, one with held inputs, one with steps 16
     times shorter. Broken: the slopes are refused, or lead more than twice as far away as held inputs. Watch: they
     are taken and change nothing (as when explicit Euler looks at the beginning of each step only), or no input acts at
-    all, not even moved by its full size. Without the claim the inputs are held: good, with what it costs. Not
-    applicable: no continuous inputs.
+    all, not even moved by its full size. Without the claim: good, with what held inputs cost (here they have the value
+    of the middle of a step, where the FMU takes steps of any length). Not applicable: no continuous inputs.
     """
     if not subject.inputs:
         return Answer("not applicable", "no continuous inputs")
@@ -147,13 +147,15 @@ def _slopes(subject: CheckedFmu, cost: str, share: float) -> Answer:
     h = _OFF * subject.step
     points = subject.points(step=h)
     signals = subject.sines(share)
-    with_slopes = subject.run(signals, step=h, points=points)
+    with subject.model.recipe.open() as model:
+        model.slopes = True  # believed, not probed
+        with_slopes = replace(subject, model=model).run(signals, step=h, points=points)
     with replace(subject.model.recipe, hold_inputs=True).open() as model:
         held = replace(subject, model=model).run(signals, step=h, points=points)
     reference = subject.run(signals, step=h / _FINE, points=points)
     if same_bits(with_slopes, held):
         text = "canInterpolateInputs is claimed and input derivatives are accepted, but have no effect"
-        return Answer("watch", text, f"taken as linear here, but {cost}", {"interpolates": False})
+        return Answer("watch", text, f"not given where a probe sees that; elsewhere {cost}", {"interpolates": False})
     near, far = (float(relative_gaps(run, reference).max(initial=0.0)) for run in (with_slopes, held))
     numbers = {"interpolates": True, "error_slopes": near, "error_held": far}
     if near > _WORSE * far:

@@ -119,6 +119,9 @@ class MasterModel(DescribedModel):
             undo.pop_all()
         return INSTANCE(made, decided, self.description, self._ports, source=self.source)
 
+    def slopes_act(self) -> bool:
+        return True  # of the system; those of its components are their own affair
+
     def _open(self, setup: Setup) -> FmuSession:
         wanted = self.recipe.system.master.step_tolerance
         if self._probing or setup.step is not None:
