@@ -212,7 +212,9 @@ def quantity(value: float | str) -> tuple[float, str]:
     Raises:
         ValueError: it does not begin with a number.
     """
-    found = _QUANTITY.fullmatch(str(value))
+    if not isinstance(value, str):
+        return number(value), ""
+    found = _QUANTITY.fullmatch(value)
     try:
         return float(found[1] if found else ""), found[2] if found else ""
     except ValueError:
