@@ -90,7 +90,7 @@ def test_steps_that_are_alike_become_neighbours_after_what_they_need() -> None:
     expressions = [graph.apply("sin", graph.leaf(VARIABLE, i)) for i in range(n)]
     expressions += [graph.apply("exp", graph.leaf(VARIABLE, 1000 + i)) for i in range(n)]
     expressions.append(graph.negate(graph.leaf(VARIABLE, 1000)))
-    needs = [[] for _ in range(n)] + [[i] for i in range(n)] + [[0]]
+    needs: list[list[int]] = [[] for _ in range(n)] + [[i] for i in range(n)] + [[0]]
     needs[2 * n - 1].append(2 * n)
     order = [step for i in range(n - 1) for step in (i, n + i)] + [n - 1, 2 * n, 2 * n - 1]
     found = alike_together(graph, expressions, order, needs)
