@@ -15,11 +15,14 @@ from scipy.linalg import expm
 import workbench as wb
 from tests.large_fmus import build_large
 from workbench.analysis.nfr import solved
-from workbench.core import matrices, modal
+from workbench.core import large, matrices, modal
 from workbench.core.linear import Linear
 from workbench.core.matrices import is_sparse, resolvent
 from workbench.core.modal import poles_near, poles_of
+from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
+from workbench.report.lin import lin_page
+from workbench.report.terminal import text_of
 from workbench.session import directional
 from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession
@@ -243,6 +246,36 @@ def test_no_pole_near_a_frequency_is_left_out() -> None:
     exact = -0.1 + 1j * np.sqrt(stiff - 0.01)
     nearest = exact[np.argsort(np.abs(exact - 2j * np.pi * frequency))[:50]]
     np.testing.assert_allclose(np.sort(found.imag), np.sort(nearest.imag), rtol=1e-8)
+
+
+@pytest.mark.parametrize("converges", [True, False])
+def test_lin_shows_the_poles_asked_for_and_says_that_they_are_not_all(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, *, converges: bool
+) -> None:
+    monkeypatch.setattr(large, "_LARGE", 500)
+    if not converges:
+        monkeypatch.setattr(modal, "_arnoldi", never_found)
+    half, frequency = 300, 5.0
+    with wb.load(build_large(folder / str(converges), "chain", 2 * half)) as model:
+        result = wb.lin(model, about=frequency, in_process=True).result
+    stiff = (2.0 * half * np.sin(np.arange(1, half + 1) * np.pi / (2.0 * (half + 1)))) ** 2
+    exact = -0.1 + 1j * np.sqrt(stiff - 0.01)
+    nearest = exact[np.argsort(np.abs(exact - 2j * np.pi * frequency))[:50]]
+    shown = result.shown_poles
+    np.testing.assert_allclose(np.sort(shown.imag), np.sort([*nearest.imag, *-nearest.imag]), rtol=1e-6)
+    assert "poles" not in vars(result)  # these cost n³
+    text = text_of(lin_page(result), None)
+    assert "100 of 600, the nearest to 5 Hz" in text
+    assert "The oscillation of those shown damped least" in text
+    assert any("whether another one is unstable is not known" in note for note in result.notes)
+    written = result.to_dict()
+    assert written["all_poles"] is False
+    assert len(written["poles"]) == len(written["damping"]) == 100
+    assert len(result.poles) == 600
+
+
+def never_found(*_: object) -> None:
+    raise SimulationError("the poles were not found")
 
 
 def test_modes_follows_the_wanted_ones_only(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

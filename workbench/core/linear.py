@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.core.blas import one_thread
+from workbench.core.large import corners_hz, is_large, poles_about
 from workbench.core.matrices import Complex, Floats, balance, held, is_sparse, product, resolvent
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import continuous, growth_rates, vanished
@@ -123,6 +124,11 @@ class Linear(Part):
             return np.linalg.eigvals(self.A).astype(np.complex128)
 
     @cached_property
+    def slowest_poles(self) -> Complex:
+        """All poles; of a large sparse model those nearest to 0 only, which `core/large.py` finds, shape (k,)."""
+        return poles_about(self.A, 0.0) if is_large(self.A, self.dt) else self.poles
+
+    @cached_property
     def invariant_zeros(self) -> Complex:
         """Finite zeros, shape (k,) [1/s], of a discrete model without unit; mostly none with more outputs than inputs.
 
@@ -226,9 +232,8 @@ class Linear(Part):
     @property
     def without_effect(self) -> tuple[tuple[str, str], ...]:
         """Inputs and outputs, by name, between which the response vanishes at all frequencies around the poles."""
-        sizes = np.abs(self.continuous_poles) / (2.0 * np.pi)
-        known = sizes[(sizes > 0.0) & np.isfinite(sizes)]
-        low, high = (known.min() / 10.0, known.max() * 10.0) if len(known) else (0.1, 10.0)
+        corners = corners_hz(self.slowest_poles, self.A, self.dt)
+        low, high = (corners[0] / 10.0, corners[1] * 10.0) if corners else (0.1, 10.0)
         high = min(high, 0.99 * self.highest_hz)
         looked_at = np.geomspace(min(low, high / 100.0), high, _LOOKED_AT)
         outputs, inputs = np.nonzero(np.all(self.vanishes(looked_at).reshape(len(looked_at), *self.D.shape), axis=0))

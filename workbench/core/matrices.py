@@ -13,6 +13,7 @@ from workbench.errors import InputError
 __all__ = [
     "Complex",
     "Floats",
+    "as_sparse",
     "balance",
     "exponentials",
     "held",
@@ -72,7 +73,20 @@ def is_sparse(A: Floats) -> bool:
     Args:
         A: shape (m, n).
     """
-    return bool(len(A) >= _LARGE and np.count_nonzero(A) <= _SPARSE * A.size and np.isfinite(A).all())
+    return bool(len(A) >= _LARGE and np.count_nonzero(A != 0.0) <= _SPARSE * A.size and np.isfinite(A).all())
+
+
+def as_sparse(A: Floats, form: str) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types
+    """Return a matrix as a sparse array; faster than SciPy, which looks at the entries as numbers.
+
+    Args:
+        A: shape (m, n).
+        form: SciPy's name of it, "csc" or "csr".
+    """
+    from scipy.sparse import coo_array  # noqa: PLC0415  slow to import
+
+    places = np.divmod(np.flatnonzero(A != 0.0), A.shape[1])
+    return coo_array((A[places], places), shape=A.shape).asformat(form)
 
 
 def light(A: Floats) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types
@@ -83,9 +97,7 @@ def light(A: Floats) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no typ
     """
     if not is_sparse(A):
         return A
-    from scipy.sparse import csr_array  # noqa: PLC0415  slow to import
-
-    return csr_array(A)
+    return as_sparse(A, "csr")
 
 
 def product(A: Floats, stack: NDArray[Any]) -> NDArray[Any]:
@@ -104,10 +116,10 @@ def product(A: Floats, stack: NDArray[Any]) -> NDArray[Any]:
 
 
 def _by_sparse(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
-    from scipy.sparse import csc_array, eye_array  # noqa: PLC0415  slow to import
+    from scipy.sparse import eye_array  # noqa: PLC0415  slow to import
     from scipy.sparse.linalg import splu  # noqa: PLC0415
 
-    inner, unit = csc_array(A), eye_array(len(A), format="csc")
+    inner, unit = as_sparse(A, "csc"), eye_array(len(A), format="csc")
     wanted = np.asarray(right, dtype=np.complex128)
     found = np.full((len(points), *wanted.shape), np.nan, dtype=np.complex128)
     for i, point in enumerate(points):

@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from workbench.core.blas import one_thread
-from workbench.core.matrices import Complex, Floats, balance, is_sparse
+from workbench.core.matrices import Complex, Floats, as_sparse, balance, is_sparse
 from workbench.core.poles import VANISHED, continuous
 from workbench.errors import SimulationError
 
@@ -23,6 +23,7 @@ _LARGE = 300  # states; of fewer all poles are found as fast
 _BESIDE = 1e-3  # of its size, beside the point whose neighbours are looked for
 _SMALLEST = 1e-9  # of the norm of A: what counts as the size of a pole at 0
 _SAME = 1e-6  # relative: an eigenvalue of A and one of its transpose
+_MORE = 4  # vectors than twice the poles wanted: an odd number of them halves a pair, and takes ten times as long
 _MOST_EQUAL = 4  # eigenvalues that may coincide, as those of a chain of integrators
 
 
@@ -147,18 +148,18 @@ def poles_near(a: Floats, count: int, about_hz: float = 0.0, *, dt: float = 0.0,
 
 def _arnoldi(a: Floats, count: int, aim: complex) -> tuple[Complex, Complex, Complex]:
     """Return eigenvalues near a point with right and left vectors, leftᴴ right = I."""
-    from scipy.sparse import csc_array  # noqa: PLC0415  slow to import
     from scipy.sparse.linalg import ArpackError, eigs  # noqa: PLC0415
 
     # Of a real matrix and a complex σ ARPACK would take the real part of (A − σI)⁻¹, in which modes near σ may vanish.
-    matrix = csc_array(a, dtype=np.complex128 if aim.imag else np.float64)
+    matrix = as_sparse(a, "csc").astype(np.complex128 if aim.imag else np.float64)
     start = np.random.default_rng(0).standard_normal(len(a))  # the same answer each time
     norm = float(abs(matrix).sum(axis=0).max())
     beside = aim + _BESIDE * max(abs(aim), _SMALLEST * norm)  # on a pole there is no inverse
     sigma = beside if aim.imag else beside.real
+    vectors = min(2 * count + _MORE, len(a))
     try:
-        value, right = eigs(matrix, k=count, sigma=sigma, v0=start)
-        other, left = eigs(matrix.T.tocsc(), k=count, sigma=sigma, v0=start)
+        value, right = eigs(matrix, k=count, sigma=sigma, v0=start, ncv=vectors)
+        other, left = eigs(matrix.T.tocsc(), k=count, sigma=sigma, v0=start, ncv=vectors)
     except (ArpackError, RuntimeError) as error:
         raise SimulationError(f"the poles near {abs(aim) / (2.0 * np.pi):g} Hz were not found: {error}") from None
     apart = np.abs(value[:, None] - other)

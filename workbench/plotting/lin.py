@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.analysis.lin.step_check import step_response
-from workbench.core.poles import natural_frequency_hz
+from workbench.core.large import corners_hz
+from workbench.core.poles import continuous, vanished
 from workbench.errors import InputError
 from workbench.plotting.figure import COLOURS, LEGEND, frame, rows
 from workbench.plotting.response import bode_axes, draw_response
@@ -103,8 +104,8 @@ def frequency_band(results: Sequence[LinResult]) -> Floats:
 
 
 def _corners(result: LinResult) -> list[float]:
-    sizes = natural_frequency_hz(result.continuous_poles)
-    return [float(f) for f in sizes if f > 1e-6] or ([0.05 / result.dt] if result.dt > 0.0 else [])
+    found = corners_hz(result.slowest_poles, result.A, result.dt, least=1e-6)
+    return list(found) if found else [0.05 / result.dt] if result.dt > 0.0 else []
 
 
 def _style(i: int, j: int) -> dict[str, Any]:
@@ -131,6 +132,7 @@ def _step(result: LinResult) -> tuple[Floats, Floats]:
 
 def _horizon(result: LinResult) -> float:
     """Return how long the step response takes [s]."""
-    poles = [p for p in result.continuous_poles.tolist() if abs(p) > 1e-6]
+    slow = result.slowest_poles
+    poles = [p for p in continuous(slow[~vanished(slow, result.dt)], result.dt).tolist() if abs(p) > 1e-6]
     speeds = [abs(p.real) if abs(p.real) > 1e-3 * abs(p) else abs(p) / 5.0 for p in poles]
     return 5.0 / min(speeds) if speeds else 20.0 * (result.dt or 0.05)

@@ -12,7 +12,7 @@ from workbench.analysis.lin.compare import Verdict as Agreement
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.step_check import StepCheck
 from workbench.analysis.lin.sweep import LinGrid, LinPoint
-from workbench.core.poles import damping_ratio, natural_frequency_hz
+from workbench.core.poles import continuous, damping_ratio, natural_frequency_hz, vanished
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import bracketed, counted, matrices, number, pole_table
 from workbench.report.tones import Verdict
@@ -54,15 +54,17 @@ def _kind(result: LinResult) -> str:
 
 def _motion(result: LinResult) -> list[str]:
     """Return in words whether it is stable, and the oscillation that is damped least."""
-    s = result.continuous_poles
-    size = np.abs(s)
+    s = continuous(result.shown_poles[~vanished(result.shown_poles, result.dt)], result.dt)
+    size, among = np.abs(s), "" if result.shows_all_poles else " of those shown"
     unstable = int(np.sum(s.real > _BORDER * np.max(size, initial=0.0)))
-    words = [f"{counted(unstable, 'pole')} in the right half-plane." if unstable else ""]
+    words = [f"{counted(unstable, 'pole')}{among} in the right half-plane." if unstable else ""]
     turning = (s.imag > 0.0) & (size > 0.0)
     if np.any(turning):
         least = s[turning][np.argmin(damping_ratio(s[turning]))]
         frequency, ratio = float(natural_frequency_hz(least)), float(damping_ratio(least))
-        words.append(f"The oscillation damped least is at {frequency:.4g} Hz (natural), damping ratio {ratio:.3g}.")
+        words.append(
+            f"The oscillation{among} damped least is at {frequency:.4g} Hz (natural), damping ratio {ratio:.3g}."
+        )
     return [text for text in words if text]
 
 
@@ -88,13 +90,20 @@ def _doubts(result: LinResult) -> list[Verdict]:
 def _parts(result: LinResult) -> list[Section]:
     values = (result.A, result.B, result.C, result.D)
     sections = [
-        Section("Poles", tables=[pole_table(result.poles.tolist(), result.dt)]) if len(result.A) else None,
+        Section("Poles", tables=[_poles(result)]) if len(result.A) else None,
         matrices(values, result.state_names, result.input_names, result.output_names, units=result.units, dt=result.dt),
         Section("Rows and columns that are zero", items=[f"{z.kind} {z.name}: {z.reason}" for z in result.zeros])
         if result.zeros
         else None,
     ]
     return [s for s in sections if s is not None]
+
+
+def _poles(result: LinResult) -> Table:
+    if result.shows_all_poles:
+        return pole_table(result.poles.tolist(), result.dt)
+    shown = result.shown_poles
+    return pole_table(shown.tolist(), 0.0, f"{len(shown)} of {len(result.A)}, the nearest to {result.about_hz:g} Hz")
 
 
 def _point(result: LinResult) -> Section:

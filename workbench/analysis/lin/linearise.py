@@ -27,7 +27,14 @@ def linearise(model: Model, asked: Lin, _job: Job) -> LinResult:
         raise InputError(
             f"{task.model.name}: a linear model needs an input or states, and this interface shows neither"
         )
-    return run(task, asked.method)
+    result = replace(run(task, asked.method), about_hz=asked.about)
+    if result.shows_all_poles:
+        return result
+    some = (
+        f"{len(result.A)} states: of the poles only those nearest to {asked.about:g} Hz are shown, found by the "
+        "Arnoldi method with shift and inversion; whether another one is unstable is not known"
+    )
+    return replace(result, notes=(*result.notes, some))
 
 
 def run(task: LinTask, method: str) -> LinResult:

@@ -123,6 +123,15 @@ class _Single(PointOptions, _Perturbed, _Sampled, _Chosen):
     continuous: bool = option(
         "Convert a discrete linear model to the continuous model of which it is the hold equivalent.", default=False
     )
+    about: float = option(
+        "Frequency near which poles are shown of a sparse model of more than 1,000 states, whose poles are not all "
+        "found; by default the slowest are shown.",
+        unit="Hz",
+        metavar="HZ",
+        least=0.0,
+        finite=True,
+        default=0.0,
+    )
 
 
 # -- requests ----------------------------------------------------------------------------------

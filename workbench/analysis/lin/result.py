@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workbench.core.large import is_large, poles_about
 from workbench.core.linear import Linear
 from workbench.core.matrices import Complex, resolvent
 from workbench.core.named import named
@@ -106,6 +108,7 @@ class LinResult(Linear, Record):
         refused: inputs that are left out → why.
         holds_to_hz: up to there the samples of a discrete model, joined by straight lines, show the response to a sine
             within 5 % [Hz]; None: not known, or of no meaning.
+        about_hz: of a large sparse model only the poles nearest to this frequency are shown [Hz].
     """
 
     model: str
@@ -124,6 +127,7 @@ class LinResult(Linear, Record):
     intersample: Intersample | None = None
     refused: Mapping[str, str] = field(default_factory=dict)
     holds_to_hz: float | None = None
+    about_hz: float = 0.0
 
     _WHAT, _COMMAND = "a linear model", "lin"
 
@@ -131,6 +135,18 @@ class LinResult(Linear, Record):
     def point(self) -> OperatingPoint:
         """The operating point, as it was called before."""
         return self.operating_point
+
+    @property
+    def shows_all_poles(self) -> bool:
+        """Whether `shown_poles` are all: not of a sparse model of more than 1,000 states, where that takes too long."""
+        return not is_large(self.A, self.dt)
+
+    @cached_property
+    def shown_poles(self) -> Complex:
+        """All poles, or those of a large model nearest to `about_hz`, shape (k,) [1/s]; `poles` are always all."""
+        if self.shows_all_poles or self.about_hz == 0.0:
+            return self.slowest_poles
+        return poles_about(self.A, self.about_hz)
 
     def fundamental(self, frequency_hz: Floats) -> Complex:
         """Return what a frequency response measured with sines would show, shape (k, q, m).
@@ -189,7 +205,8 @@ class LinResult(Linear, Record):
         """Return the poles, and the point by the names it has beside matrices."""
         point = self.operating_point
         at = {"x0": point.x, "u0": point.u, "y0": point.y, "discrete0": point.discrete, "dx0": point.dx}
-        return {"poles": self.poles, **pole_keys(self.poles, self.dt), **at, "time": point.time}
+        poles = {"poles": self.shown_poles, "all_poles": self.shows_all_poles}
+        return {**poles, **pole_keys(self.shown_poles, self.dt), **at, "time": point.time}
 
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
