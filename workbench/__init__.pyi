@@ -19,6 +19,8 @@ from workbench.analysis.describing.base import Block as Block
 from workbench.analysis.describing.describe import DescribingFunction as DescribingFunction
 from workbench.analysis.describing.describe import describing_function as describing_function
 from workbench.analysis.describing.describe import standard_block as standard_block
+from workbench.analysis.describing.dual import beside_sine as beside_sine
+from workbench.analysis.describing.dual import gain_beside_bias as gain_beside_bias
 from workbench.analysis.describing.sector import Sector as Sector
 from workbench.analysis.excite.multisine import MultisineDesign as MultisineDesign
 from workbench.analysis.excite.prbs import PrbsDesign as PrbsDesign

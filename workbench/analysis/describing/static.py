@@ -54,9 +54,14 @@ class StaticBlock(Block):
 
     def answer(self, v: Complex, frequency: float, count: int) -> Complex:
         reach = float(np.sum(np.abs(v)))
-        return coefficients(self.static, v, self._levels_within(reach), count)
+        return coefficients(self.static, v, self.levels_within(reach), count)
 
-    def _levels_within(self, reach: float) -> Floats:
+    def levels_within(self, reach: float) -> Floats:
+        """Return the inputs at which the function or its slope jumps, relative to the centre, rising.
+
+        Args:
+            reach: largest size of an input that matters.
+        """
         if self._levels is not None:
             return self._levels
         size = math.ceil(math.log(max(reach, 1e-300), 4.0))
