@@ -6,8 +6,8 @@
     python scripts/bench_size.py --only lin,info      the rows whose names begin so
 
 Each command runs in a process of its own: its CPU time with that of all its processes, and the most memory that one of
-them took (what is less than this script's own, some 80 MiB, is not seen). Commands that build or read for the first time have an empty cache. Compilers keep what they made: the first
-build fills theirs, and is told apart.
+them took; what is less than this script's own, some 80 MiB, is not seen. What is read for the first time has an empty
+cache. Compilers keep what they made: the first build fills theirs, and is told apart.
 """
 
 from __future__ import annotations
