@@ -170,6 +170,23 @@ def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str])
     assert "simulate" in capsys.readouterr().out
 
 
+def test_what_an_fmu_is_does_not_wait_for_libraries_that_it_does_not_need() -> None:
+    # scipy.signal takes longer to import than a small FMU to read; every command imports what this one does.
+    code = """
+import sys
+from workbench.cli import main
+try:
+    main()
+except SystemExit:
+    pass
+sys.exit(any(m in sys.modules for m in ("control", "matplotlib", "scipy.signal", "scipy.stats")))
+"""
+    command = [sys.executable, "-c", code, "info", "fmu:FirstOrderLag", "--no-probe"]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "FirstOrderLag" in done.stdout
+
+
 @pytest.mark.parametrize("interface", ["me", "cs"])
 @pytest.mark.parametrize("fmu", ["FirstOrderLag", "TwoRateQuantizer"])
 def test_a_sweep_does_not_wait_for_libraries_that_it_does_not_need(fmu: str, interface: str) -> None:
