@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.signal import tf2ss
@@ -67,6 +68,7 @@ class TransferFunction(_Linear):
     kind = "transfer_function"
     group = _DYNAMIC
     equations = "y = (numerator(s) / denominator(s)) u"
+    sample: ClassVar[Mapping[str, Any]] = {"numerator": [1.0], "denominator": [0.1, 1.0]}
     numerator: Values = option("Coefficients of the numerator, highest power of s first.")
     denominator: Values = option("Coefficients of the denominator, highest power of s first.")
 
@@ -124,6 +126,7 @@ class DiscreteTransfer(_Linear):
     kind = "discrete_transfer_function"
     group = _SAMPLED
     equations = "y = (numerator(z) / denominator(z)) u at the ticks t = start, start + period, …"
+    sample: ClassVar[Mapping[str, Any]] = {"numerator": [0.5], "denominator": [1.0, -0.5]}
     numerator: Values = option("Coefficients of the numerator, highest power of z first.")
     denominator: Values = option("Coefficients of the denominator, highest power of z first.")
     period: float = option("Sample period.", default=0.1, unit="s", positive=True)
