@@ -139,8 +139,8 @@ class Delay(Block):
     """Transport delay.
 
     The input is kept at the solver's steps, with a polynomial of third order between them, whose error is about 1e-6
-    of the largest input, and which never reaches across an event. A jump comes out at an event of its own. The solver's steps are
-    no longer than the delay.
+    of the largest input, and which never reaches across an event. A jump comes out at an event of its own. The
+    solver's steps are no longer than the delay.
     """
 
     kind = "delay"
