@@ -143,7 +143,7 @@ class LinResult(Linear, Record):
             within 5 % [Hz]; None: not known, or of no meaning.
         about_hz: of a large sparse model only the poles nearest to this frequency are shown [Hz].
         delayed: the model with its transport delays taken out, whose frequency response is exact; A, B, C and D have
-            Padé approximations. None: there are none, or read from a file, which does not hold it.
+            Padé approximations. None: there are none.
     """
 
     model: str
@@ -163,7 +163,7 @@ class LinResult(Linear, Record):
     refused: Mapping[str, str] = field(default_factory=dict)
     holds_to_hz: float | None = None
     about_hz: float = 0.0
-    delayed: Delayed | None = field(default=None, metadata=entry(kept=False))
+    delayed: Delayed | None = None
 
     _WHAT, _COMMAND = "a linear model", "lin"
 
