@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.signal import tf2ss
 
 from workbench.core.option import option
 from workbench.errors import InputError
@@ -48,6 +47,8 @@ def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float
     if len(below) == 1:
         gain = float(above[0] / below[0]) if len(above) else 0.0
         return Matrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]), dt)
+    from scipy.signal import tf2ss  # noqa: PLC0415 - slow to import, and every system imports this module
+
     a, b, c, d = tf2ss(above if len(above) else [0.0], below)
     return Matrices(a, b, c, d, dt)
 
