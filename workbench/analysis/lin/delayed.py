@@ -13,9 +13,9 @@ from workbench.analysis.lin.task import LinTask
 from workbench.core.matrices import Floats
 from workbench.errors import InputError
 from workbench.model.base import Model
+from workbench.model.described import DescribedModel
 from workbench.system.block_table.linear import Delay, VariableDelay
-from workbench.system.description import BlockComponent, LinearComponent
-from workbench.system.model import SystemModel
+from workbench.system.description import BlockComponent, LinearComponent, SystemDescription
 from workbench.system.recipe import SystemRecipe
 
 __all__ = ["has_delays", "pade", "phase_holds_to", "through_delays"]
@@ -45,9 +45,10 @@ class _Cut:
 
 
 def _delays(model: Model) -> list[BlockComponent]:
-    if not isinstance(model, SystemModel):
+    system = getattr(model, "system", None)
+    if not isinstance(system, SystemDescription) or model.interface != "me":
         return []
-    parts = [c for c in model.system.components if isinstance(c, BlockComponent)]
+    parts = [c for c in system.components if isinstance(c, BlockComponent)]
     return [c for c in parts if isinstance(c.block, Delay | VariableDelay)]
 
 
@@ -72,14 +73,15 @@ def through_delays(task: LinTask, linearise: Callable[[LinTask], LinResult]) -> 
     """
     model = task.model
     components = _delays(model)
-    if not isinstance(model, SystemModel) or not isinstance(model.recipe, SystemRecipe):
+    recipe = getattr(model, "recipe", None)
+    if not isinstance(model, DescribedModel) or not isinstance(recipe, SystemRecipe):
         raise InputError(f"{model.name}: this is not a system")
     with model.open_at(time=task.time, values=dict(task.values)) as session:
         wanted = [f"{c.name}.{port}" for c in components for port in (*c.block.inputs, "y")]
         here = session.values(wanted)
     cuts = [_cut(c, here) for c in components]
     standing = {_IN.format(i): here[f"{c.name}.y"] for i, c in enumerate(components)}
-    with _opened(model, cuts).open() as opened:
+    with _opened(recipe, cuts).open() as opened:
         asked = replace(
             task,
             model=opened,
@@ -101,14 +103,12 @@ def _cut(component: BlockComponent, here: Mapping[str, float]) -> _Cut:
     return _Cut(component, block.delay, block.pade)
 
 
-def _opened(model: SystemModel, cuts: Sequence[_Cut]) -> SystemRecipe:
+def _opened(recipe: SystemRecipe, cuts: Sequence[_Cut]) -> SystemRecipe:
     """Return the system with each delay replaced by one whose output is an input of the system."""
-    if not isinstance(model.recipe, SystemRecipe):
-        raise InputError(f"{model.name}: this is not a system")
     stand_ins = {c.component.name: _stand_in(c.component) for c in cuts}
-    system = model.system
+    system = recipe.system
     shown = {_OUT.format(i): c.source for i, c in enumerate(cuts)}
-    return model.recipe.changed(
+    return recipe.changed(
         replace(
             system,
             components=tuple(stand_ins.get(c.name, c) for c in system.components),
