@@ -42,6 +42,7 @@ LINES = (
     "modes fmu:Rudder --at trim.json --vary mH=0:1 --points 3 --json modes.json",
     "loop system:rudder_loop --open plant.del --json loop.json",
     "loop system:rudder_loop --open plant.del --freq 0.5 --amplitude 0.1 --json loop_measured.json",
+    "blocks rate_limiter --json blocks.json",
     "delays loop.toml --stop 2 --step 0.01 --json delays.json",
     "feedback fmu:Rudder --at trim.json --from del --to delC --json feedback.json",
     (

@@ -107,6 +107,7 @@ LINES = {
     "bla": (f"{LAG_FMU} --input u --output y --rms 1,2 --band 0.1:1 --realisations 2", "words"),
     "fit": ("response.csv --max-order 4", ""),
     "reproduce": ("fig31 --list", "targets"),
+    "blocks": ("relay", "blocks"),
     "build": ("Lag.mo --out Lag.fmu --fmi 3", "files"),
     "compile": (f"{LAG_FMU} --out made.fmu", "binaries"),
     "export": ("lin.json --out linear.fmu --fmi 3", "platforms"),

@@ -4,6 +4,10 @@ from workbench.analysis.advice.advise import advise as advise
 from workbench.analysis.bla.request import best_linear as best_linear
 from workbench.analysis.bla.request import bla as bla
 from workbench.analysis.bla.result import BlaResult as BlaResult
+from workbench.analysis.blocks.request import blocks as blocks
+from workbench.analysis.blocks.result import BlockKind as BlockKind
+from workbench.analysis.blocks.result import BlockParameter as BlockParameter
+from workbench.analysis.blocks.result import BlocksResult as BlocksResult
 from workbench.analysis.branches.request import branches as branches
 from workbench.analysis.branches.result import BranchesResult as BranchesResult
 from workbench.analysis.branches.result import Fold as Fold

@@ -26,7 +26,7 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
             "analysis.validate",
         ),
     ),
-    ("systems", "Systems", ("system", "analysis.delays", "analysis.onset")),
+    ("systems", "Systems", ("system", "analysis.blocks", "analysis.delays", "analysis.onset")),
     ("loops", "Loops, limit cycles, control", (
         "analysis.loop", "analysis.branches", "analysis.describing", "analysis.nyquist", "analysis.limit_cycle",
         "analysis.feedback",

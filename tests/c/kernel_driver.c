@@ -710,6 +710,80 @@ static void test_blocks(void) {
     CHECK(lti_enter_continuous_mode(&lti) == 0 && memory[1] == -1.0 && lti.ticks == 1);
 }
 
+/* Take a block through some thousand steps and events; false: it was short of memory. */
+static bool drive(Element *e, double shortest) {
+    void *saved = NULL;
+    bool good = true;
+    double values[8], seed = 1.0;
+    const uint32_t u = 0, y = (uint32_t)(e->nu + e->nx), rate = y + 1;
+    for (int k = 0; good && k < 3000; k++) {
+        LtiEventInfo info;
+        int event, terminate;
+        const double t = 1e-3 * k * shortest, inputs[3] = {3.0 * sin(7.0 * t), cos(3.0 * t), 0.5};
+        const uint32_t references[3] = {0, 1, 2};
+        block_set_time(e, t);
+        block_set_real(e, references, e->nu, inputs);
+        if (k % 10 == 0) {
+            block_enter_event_mode(e);
+            good = block_update(e, &info) == 0;
+            block_enter_continuous_mode(e);
+        }
+        block_get_indicators(e, values, e->nz);
+        block_get_derivatives(e, values, e->nx);
+        CHECK(block_get_real(e, &y, 1, values) == 0 && isfinite(values[0]));
+        CHECK(block_get_directional(e, &y, 1, &u, 1, &seed, values) == 0);
+        CHECK(e->nx == 0 || block_get_directional(e, &rate, 1, &u, 1, &seed, values) == 0);
+        good = good && block_completed_step(e, 0, &event, &terminate) == 0;
+        if (k % 500 == 250) {
+            good = good && block_get_fmu_state(e, &saved) == 0 && block_set_fmu_state(e, saved) == 0;
+        }
+    }
+    block_free_fmu_state(e, &saved);
+    block_free(e);
+    return good;
+}
+
+static Element element(BlockNumber kind, const double *p, double *memory) {
+    static const double x[] = {-1.0, 0.0, 2.0}, z[] = {0.0, 1.0, 2.0, 4.0, 3.0, 1.0, 0.0, -1.0, 5.0};
+    const bool two = kind == BLOCK_LOOKUP_2D || kind == BLOCK_FRICTION || kind == BLOCK_PRODUCT || kind == BLOCK_EXTREME;
+    const bool states = kind >= BLOCK_INTEGRATOR && kind <= BLOCK_PID;
+    Element e = {
+        .p = p, .grids = {x, kind == BLOCK_LOOKUP ? z : x, z}, .sizes = {3, 3, 9}, .memory = memory,
+        .nu = kind == BLOCK_SWITCH ? 3 : two ? 2 : 1, .nx = states ? 1U + (kind == BLOCK_PID) : 0,
+        .nz = kind == BLOCK_LOOKUP_2D ? 4 : kind == BLOCK_PRODUCT || kind == BLOCK_DELAY ? 0 : 2,
+        .longest = (double)INFINITY, .kind = (int32_t)kind, .event_mode = 1,
+    };
+    e.nz += kind == BLOCK_INTEGRATOR;
+    return e;
+}
+
+static void test_every_block(void) {
+    const double p[] = {-0.5, 0.6, 0.01, 0.7, 0.2, 0.1, 0.3}, others[] = {1.0, 1.0, 1e-6, 1e-6};
+    const double delay[] = {0.05, 0.05, 1.0, 2.0};
+    for (int kind = 0; kind < N_BLOCKS; kind++) {
+        const bool positive = kind == BLOCK_QUANTISER || kind == BLOCK_FRICTION || kind == BLOCK_EXTREME ||
+                              kind == BLOCK_LOOKUP || kind == BLOCK_LOOKUP_2D;
+        for (int past = 0; past < 1 + (kind == BLOCK_DELAY); past++) {
+            double memory[8] = {0.0};
+            Element e = element((BlockNumber)kind, kind == BLOCK_DELAY ? delay : positive ? others : p, memory);
+            e.mode[0] = kind == BLOCK_DELAY ? -(double)INFINITY : 0.0;
+            CHECK(drive(&e, 1.0));
+        }
+    }
+    for (long k = 0;; k++) { /* a delay that is short of memory says so, and loses nothing */
+        double memory[8] = {0.0};
+        Element e = element(BLOCK_DELAY, delay, memory);
+        e.mode[0] = -(double)INFINITY;
+        allowed = k;
+        const bool done = drive(&e, 1.0);
+        allowed = -1;
+        if (done) {
+            CHECK(k > 2);
+            return;
+        }
+    }
+}
+
 static void test_failures(Run run, int version) {
     for (int status = 2; status <= 4; status++) {
         Bench b;
@@ -760,6 +834,7 @@ int main(void) {
     test_masters_short_of_memory();
     test_banded();
     test_blocks();
+    test_every_block();
     test_failures(run_me, 2);
     test_failures(run_cs, 3);
     test_short_of_memory(run_me, 2);

@@ -32,6 +32,7 @@ REQUESTS = {
     "bla": "bla.request:BlaCommand",
     "fit": "fit.request:Fit",
     "reproduce": "workbench.reproduce.request:ReproduceCommand",
+    "blocks": "blocks.request:Blocks",
     "build": "workbench.to_fmu.request:Build",
     "compile": "workbench.to_fmu.request:Compile",
     "export": "workbench.to_fmu.request:Export",

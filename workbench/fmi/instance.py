@@ -277,6 +277,11 @@ class Instance(ABC):
         return None
 
     @property
+    def has_history(self) -> bool:
+        """Whether it shows what its inputs were some time before, which its states do not tell; a saved state does."""
+        return any(part.has_history for part in self.parts if part is not self)
+
+    @property
     def next_tick(self) -> float:
         """When the next of these clocks ticks [s]; infinite: none does, or it is not known yet."""
         return math.inf

@@ -149,12 +149,15 @@ static double delayed(const Element *e, const double *mode, double *slope) {
     const History *history = e->history;
     const double s = e->time - delay_of(e);
     *slope = 0.0;
-    if (!has_begun(e) || !isfinite(mode[0])) {
+    if (!has_begun(e) || (e->p[2] > 0.0 && !isfinite(mode[0]))) {
         return past(e);
     }
     const Sample *samples = history->samples;
     size_t i = up_to(history, s);
-    i -= i > 0;
+    if (i == 0) {
+        return samples[0].u; /* the past */
+    }
+    i--;
     while (samples[i].begins == JUMP && samples[i].t > mode[0]) {
         i--; /* it has not come out yet */
     }
@@ -286,7 +289,7 @@ static bool delay_note(Element *e, bool event) {
         history->n = 0;
         history->largest = 0.0;
         e->longest = FIRST_STEP * e->p[1];
-        return push(e, JUMP);
+        return push(e, e->p[2] > 0.0 ? JUMP : KINK);
     }
     if (event) {
         return note_event(e);

@@ -34,6 +34,7 @@ _LINE = 200  # characters of a result in one line
 SHOWN: dict[str, tuple[str, str]] = {
     "analysis.advice.result.Advice": ("data:advice_page", "advice:plot_advice"),
     "analysis.bla.result.BlaResult": ("bla:bla_page", "bla:plot_bla"),
+    "analysis.blocks.result.BlocksResult": ("blocks:blocks_page", ""),
     "analysis.branches.result.BranchesResult": ("branches:branches_page", "branches:plot_branches"),
     "analysis.check.result.HealthCard": ("check:check_page", "check:plot_check"),
     "analysis.delays.result.DelayReport": ("delays:delays_page", ""),

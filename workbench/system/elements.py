@@ -46,8 +46,12 @@ class ElementInstance(Instance2):
         return ctypes.addressof(self._native)
 
     @property
+    def has_history(self) -> bool:
+        return self._block.number == "delay"
+
+    @property
     def longest_address(self) -> int | None:
-        if self._block.number != "delay":
+        if not self.has_history:
             return None
         field: Any = type(self._native).longest
         return ctypes.addressof(self._native) + int(field.offset)

@@ -14,22 +14,14 @@ from tomlkit.items import Table
 from workbench.core.parsing import from_toml
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
+from workbench.system.block_table.registry import BLOCKS as KINDS
+from workbench.system.block_table.registry import entry_of
 from workbench.ui.root import NotHereError, Root
 
 __all__ = ["BLOCKS", "EDITS", "drawn", "edited"]
 
 # What can be added: name → entry in the file.
-BLOCKS: Mapping[str, str] = {
-    "gain": "1.0",
-    "sum": '{sum = "+-"}',
-    "transfer function": "{numerator = [1.0], denominator = [0.1, 1.0]}",
-    "integrator": "{numerator = [1.0], denominator = [1.0, 0.0]}",
-    "limit": (
-        '{model = "fmu:Saturation", set = {"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0, lower = -1.0, upper = 1.0}}'
-        "  # its dynamics cut off"
-    ),
-    "delay": "{numerator = [-0.05, 1.0], denominator = [0.05, 1.0]}  # Padé, 0.1 s",
-}
+BLOCKS: Mapping[str, str] = {"gain": "1.0", "sum": '{sum = "+-"}', **{kind: entry_of(kind) for kind in KINDS}}
 _Table = MutableMapping[str, Any]
 
 

@@ -173,7 +173,7 @@ def find_block(model: DescribedModel) -> tuple[str | None, str]:
 
 
 def _connected(model: SystemModel, component: Component) -> bool:
-    linear = isinstance(component, BlockComponent) and component.block.matrices() is not None
+    linear = isinstance(component, BlockComponent) and component.block.is_linear
     if linear or not isinstance(component, FunctionComponent | FmuComponent | BlockComponent):
         return False
     try:

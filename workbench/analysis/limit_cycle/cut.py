@@ -16,10 +16,12 @@ from workbench.analysis.opened import Ports, find_ports, linear_between, recipe_
 from workbench.analysis.rest import rest_of
 from workbench.core.linear import Linear, LinearPart
 from workbench.core.operating_point import OperatingPoint
+from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.session.point import Point
 from workbench.signals import Table
 from workbench.system.description import (
+    BlockComponent,
     Component,
     Connection,
     FunctionComponent,
@@ -111,6 +113,8 @@ def cut(
         FmuError, SimulationError: the model cannot be opened or evaluated.
     """
     every = tuple(find_ports(model, name) for name in (component, *further))
+    for ports in every:
+        _refuse_linear(model, ports.component)
     point, notes = (at, []) if at is not None else rest_of(model, time=time, what=_WHAT)
     with model.open_at(time=time, values={**point.x, **point.u}) as session:
         here = session.values([name for p in every for name in (p.v, p.w)])
@@ -144,6 +148,20 @@ def cut(
     notes += [f"linear part: {note}" for note in rest.notes]
     notes += [f"linear part, d({d.row})/d({d.column}): {d.reason}" for d in rest.doubts]
     return SplitLoop(every, whole, blocks, turned, rest, point, tuple(centres), tuple(outputs), moving, tuple(notes))
+
+
+def _refuse_linear(model: DescribedModel, name: str) -> None:
+    """Refuse a block that is linear, as a delay is.
+
+    Raises:
+        InputError: it is.
+    """
+    component = _component(recipe_of(model).system, name)
+    if isinstance(component, BlockComponent) and component.block.is_linear:
+        raise InputError(
+            f"{model.name}: {name} is a {component.kind.replace('_', ' ')}, which is linear and bounds no amplitude; "
+            "name the block that does"
+        )
 
 
 def _block(function: Callable[[Floats], Floats], ports: Ports, centre: float, output: float) -> Block:
@@ -256,6 +274,8 @@ def _static(model: DescribedModel, ports: Ports, time: float, keep: ExitStack) -
     component = _component(recipe_of(model).system, ports.component)
     if isinstance(component, FunctionComponent) and len(component.inputs) == len(component.outputs) == 1:
         return pointwise(component.function)
+    if isinstance(component, BlockComponent) and component.block.has_characteristic():
+        return component.block.static
     alone = keep.enter_context(only_block(model, ports))
     if any(v.variability == "discrete" for v in alone.outputs):
         return None

@@ -22,6 +22,7 @@ _SETTLED = 1e-8  # relative change from period to period
 _ACCURACY = 1e-6  # of an answer: rows, settling and integration together
 _MOST = 200  # periods
 _TOLERANCE = 1e-9
+_SHORTEST = 1e-9  # period [s], of the session time if that is longer
 
 
 class DrivenBlock(Block):
@@ -64,6 +65,8 @@ class DrivenBlock(Block):
     def answer(self, v: Complex, frequency: float, count: int) -> Complex:
         signals = self._signals(v, frequency)
         begin = self._session.time
+        if 1.0 / frequency < _SHORTEST * max(1.0, abs(begin)):  # the search has gone astray: nothing follows so fast
+            return np.zeros(count + 1, dtype=np.complex128)
         found: Complex | None = None
         # What `measure_period` leaves at jumps goes with (step)³·(harmonic)²; so many rows keep it below the accuracy.
         rows = max(_ROWS, math.ceil(_ROWS_AT_JUMPS * count ** (2.0 / 3.0)))

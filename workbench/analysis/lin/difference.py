@@ -223,6 +223,11 @@ class Columns:
         slopes = [self._pairs[j].slope for j in range(len(self.names))]
         return np.column_stack(slopes) if slopes else np.zeros((len(self.rows), 0))
 
+    def halves(self, row: int, column: int) -> tuple[float, float]:
+        """Return the slopes of an entry below and above the point, after `central`."""
+        pair, here, half = self._pairs[column], self._base_values()[row], 0.5 * float(self.widths[column])
+        return float((here - pair.below[row]) / half), float((pair.above[row] - here) / half)
+
     def moving(self, jacobian: Floats) -> tuple[str, ...]:
         """Return a remark where the point is not at rest: derivatives beyond what a small part of the scales makes."""
         n = len(self.point.states)

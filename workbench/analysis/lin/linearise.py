@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.analysis.lin.delayed import has_delays, through_delays
 from workbench.analysis.lin.methods import METHODS
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.result import LinResult
@@ -17,7 +18,7 @@ from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.placing import named
 
-__all__ = ["choose", "linearise", "run"]
+__all__ = ["choose", "linearise", "plain", "run"]
 
 
 def linearise(model: Model, asked: Lin, _job: Job) -> LinResult:
@@ -43,6 +44,16 @@ def run(task: LinTask, method: str) -> LinResult:
     Raises:
         InputError: it does not apply.
         FmuError, SimulationError: see `lin`.
+    """
+    return through_delays(task, lambda opened: plain(opened, method)) if has_delays(task.model) else plain(task, method)
+
+
+def plain(task: LinTask, method: str) -> LinResult:
+    """Linearise as `run`, with what a transport delay shows at the point: what it stands at passes through.
+
+    Args:
+        task: the linearisation.
+        method: one of `METHOD_NAMES`.
     """
     name, why = choose(task) if method == "auto" else (method, f"{method} was asked for")
     try:

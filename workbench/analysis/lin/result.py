@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.core.large import is_large, poles_about
 from workbench.core.linear import Linear
@@ -21,7 +22,7 @@ from workbench.session.base import Floats
 if TYPE_CHECKING:
     from workbench.analysis.lin.state_space import LinearModel
 
-__all__ = ["Doubt", "Intersample", "LinResult", "Zero"]
+__all__ = ["Delayed", "Doubt", "Intersample", "LinResult", "Zero"]
 
 # Between samples: an interval's begin and end, by the names of the linear model around it.
 _OUTPUTS_OF_STATES = entry(dims=("intervals", 2, "output_names", "state_names"))
@@ -91,6 +92,38 @@ class Intersample(Part):
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Delayed(Part):
+    """A linear model without its transport delays: their outputs are its last inputs, their inputs its last outputs.
+
+    Attributes:
+        A: shape (n, n).
+        B: shape (n, m + k).
+        C: shape (q + k, n).
+        D: shape (q + k, m + k).
+        times: of the k delays [s].
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    times: Floats
+
+    def response(self, frequency_hz: ArrayLike) -> Complex:
+        """Return the frequency response with the delays in place, shape (k, q, m).
+
+        Args:
+            frequency_hz: shape (k,), or one [Hz].
+        """
+        f = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
+        found, k = Linear(self.A, self.B, self.C, self.D).response(f), len(self.times)
+        turned = np.exp(-2j * np.pi * np.where(np.isinf(f), 0.0, f)[:, None] * self.times)[:, :, None]
+        inside = np.eye(k) - turned * found[:, -k:, -k:]
+        closed = found[:, :-k, :-k] + found[:, :-k, -k:] @ np.linalg.solve(inside, turned * found[:, -k:, :-k])
+        return np.asarray(closed, dtype=np.complex128)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinResult(Linear, Record):
     """A linear model and how it was made; of a discrete one the input is held from sample to sample.
@@ -109,6 +142,8 @@ class LinResult(Linear, Record):
         holds_to_hz: up to there the samples of a discrete model, joined by straight lines, show the response to a sine
             within 5 % [Hz]; None: not known, or of no meaning.
         about_hz: of a large sparse model only the poles nearest to this frequency are shown [Hz].
+        delayed: the model with its transport delays taken out, whose frequency response is exact; A, B, C and D have
+            Padé approximations. None: there are none.
     """
 
     model: str
@@ -128,8 +163,17 @@ class LinResult(Linear, Record):
     refused: Mapping[str, str] = field(default_factory=dict)
     holds_to_hz: float | None = None
     about_hz: float = 0.0
+    delayed: Delayed | None = None
 
     _WHAT, _COMMAND = "a linear model", "lin"
+
+    def response(self, frequency_hz: ArrayLike) -> Complex:
+        """Return the frequency response, shape (k, q, m); that of transport delays is exact.
+
+        Args:
+            frequency_hz: shape (k,), or one [Hz].
+        """
+        return super().response(frequency_hz) if self.delayed is None else self.delayed.response(frequency_hz)
 
     @property
     def point(self) -> OperatingPoint:

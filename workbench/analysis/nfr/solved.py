@@ -75,13 +75,15 @@ _ROUNDING = 2e-14
 
 
 def can_solve(session: Session, task: PointTask) -> TypeGuard[CompiledMeSession]:
-    """Return whether a point can be solved for: by setting the states of a model that does not sample.
+    """Return whether a point can be solved for: by setting the states of a model without samplers and delays.
 
     Args:
         session: where it would be run.
         task: what is asked for.
     """
     if task.method != "auto" or not isinstance(session, CompiledMeSession) or task.rates:
+        return False
+    if session.instance.has_history:
         return False
     return session.instance.nx <= _MOST_STATES or task.linear is not None
 

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.analysis.lin.linearise import run
+from workbench.analysis.lin.linearise import plain
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.rates import sample_rates
@@ -270,4 +270,4 @@ def _exact(point: Point, input: str, output: str) -> LinearPart | None:
 
 def _difference(model: Model, input: str, output: str, middle: Mapping[str, float]) -> LinearPart:
     """Return the linear model by differences."""
-    return run(make_task(model, Lin(u0=middle, inputs=[input], outputs=[output])), "difference").part()
+    return plain(make_task(model, Lin(u0=middle, inputs=[input], outputs=[output])), "difference").part()

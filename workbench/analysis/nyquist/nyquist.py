@@ -25,6 +25,7 @@ BAND = (0.01, 1000.0)  # [Hz]
 AMPLITUDES = (1e-4, 1e4)
 _PER_DECADE = 20
 _ASIDE = 1e-2  # relative change of a gain at which the poles are counted, less where another crossing is near
+_STANDS = 1e-12  # relative: N that changes by less between two amplitudes stands still
 
 
 @with_origin()
@@ -168,9 +169,16 @@ def _with_amplitudes(axis: AxisCrossing, block: Block, a: Floats, gains: Floats,
 def _amplitudes(gain: float, block: Block, a: Floats, gains: Floats) -> list[float]:
     """Return the amplitudes at which N passes a gain."""
     distance = gains - gain
+
+    known = dict(zip(a.tolist(), distance.tolist(), strict=True))  # evaluated again, rounding may be another
+
+    def off(x: float) -> float:
+        return known[x] if x in known else block.gain(x).real - gain
+
+    apart = np.maximum(np.abs(distance[:-1]), np.abs(distance[1:])) > _STANDS * abs(gain)
     found = [
-        float(brentq(lambda x: block.gain(x).real - gain, a[i], a[i + 1], xtol=1e-15 * a[i], rtol=1e-14))
-        for i in np.flatnonzero(distance[:-1] * distance[1:] < 0.0).tolist()
+        float(brentq(off, a[i], a[i + 1], xtol=1e-15 * a[i], rtol=1e-14))
+        for i in np.flatnonzero((distance[:-1] * distance[1:] < 0.0) & apart).tolist()
     ]
     exact = [float(a[i]) for i in np.flatnonzero(distance == 0.0).tolist()]
     # On a plateau of N, such as that of a saturation, every amplitude would do: none is a limit cycle.

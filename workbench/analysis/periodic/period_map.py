@@ -14,7 +14,7 @@ import numpy as np
 from workbench.analysis.harmonics import ORDERS, Period, fundamental
 from workbench.analysis.periodic.monodromy import Tangent, instants, tangent
 from workbench.core.matrices import Complex
-from workbench.errors import SimulationError
+from workbench.errors import InputError, SimulationError
 from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession, Harmonics
 from workbench.signals import Signal, Sine
@@ -148,6 +148,18 @@ class PeriodMap:
     rows: int = ROWS
     order: int = 1
     derived: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse what has no period map of its states.
+
+        Raises:
+            InputError: the model has a transport delay.
+        """
+        if self.session.instance.has_history:
+            raise InputError(
+                "the model has a transport delay: what is in it at the end of a period does not follow from the states "
+                "at its begin, so periodic motions cannot be solved for; nfr waits until they have settled"
+            )
 
     def lap(self, frequency: float, amplitude: float = 0.0, x: Floats | None = None, *, intervals: int = 0) -> Lap:
         """Run one period.

@@ -177,7 +177,7 @@ def correct(family: Family, x: Floats, p: float, level: Floats, *, exact: bool =
         away = not -1.0 <= p + float(step[-1]) <= 2.0
         if not math.isfinite(moved) or away or (moved > 2.0 * before and moved > 1e-3):
             raise SimulationError(f"Newton's method leaves the branch{_standing(lap.tangent)}")
-        rate = moved / before if math.isfinite(before) else 1.0
+        rate = 1.0 if math.isinf(before) else moved / before if before > 0.0 else float(moved > 0.0)
         x, p = x + step[:-1] * lap.unit, p + float(step[-1])
         # A step that converges as fast as the ones before leaves moved·rate. Where multipliers are huge, steps are
         # small though the period does not close.

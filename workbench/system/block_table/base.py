@@ -85,6 +85,7 @@ class Block(Options):
         group: heading in lists and palettes.
         equations: see 2.
         number: name of its number in the kernel; empty: it is linear.
+        sample: values to begin with, of parameters that have to be given.
         feeds: whether the output depends on the inputs without delay.
     """
 
@@ -92,6 +93,7 @@ class Block(Options):
     equations: ClassVar[str] = ""
     number: ClassVar[str] = ""
     feeds: ClassVar[bool] = True
+    sample: ClassVar[Mapping[str, Any]] = {}
 
     def __post_init__(self) -> None:
         """Check every parameter, then all of them together."""
@@ -185,6 +187,11 @@ class Block(Options):
     def sector(self) -> tuple[float, float] | None:
         """Return the smallest sector [α, β] with α u² ≤ u y ≤ β u²; None: it has none, or a memory."""
         return None
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether it is linear, sampled or delayed."""
+        return self.number == "delay" or self.matrices() is not None
 
     @property
     def given(self) -> dict[str, Any]:

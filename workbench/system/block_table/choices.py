@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -148,6 +148,7 @@ class Lookup(Block):
     group = _TABLES
     equations = "y = the line through the points (x, y) to both sides of u"
     number = "lookup"
+    sample: ClassVar[Mapping[str, Any]] = {"x": [-1.0, 0.0, 1.0], "y": [-1.0, 0.0, 2.0]}
     x: Values = option("Inputs of the points, rising.")
     y: Values = option("Outputs at the points.")
     extrapolation: str = option(
@@ -209,6 +210,7 @@ class Lookup2d(Block):
     group = _TABLES
     equations = "y = bilinear between the points (x1[i], x2[j], z[i][j]) around (u1, u2)"
     number = "lookup_2d"
+    sample: ClassVar[Mapping[str, Any]] = {"x1": [0.0, 1.0], "x2": [0.0, 1.0], "z": [[0.0, 1.0], [1.0, 2.0]]}
     x1: Values = option("Values of u1 at the points, rising.")
     x2: Values = option("Values of u2 at the points, rising.")
     z: Matrix = option("Outputs at the points: one row for each x1, one column for each x2.")

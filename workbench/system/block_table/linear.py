@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -68,6 +69,7 @@ class TransferFunction(_Linear):
     kind = "transfer_function"
     group = _DYNAMIC
     equations = "y = (numerator(s) / denominator(s)) u"
+    sample: ClassVar[Mapping[str, Any]] = {"numerator": [1.0], "denominator": [0.1, 1.0]}
     numerator: Values = option("Coefficients of the numerator, highest power of s first.")
     denominator: Values = option("Coefficients of the denominator, highest power of s first.")
 
@@ -125,6 +127,7 @@ class DiscreteTransfer(_Linear):
     kind = "discrete_transfer_function"
     group = _SAMPLED
     equations = "y = (numerator(z) / denominator(z)) u at the ticks t = start, start + period, …"
+    sample: ClassVar[Mapping[str, Any]] = {"numerator": [0.5], "denominator": [1.0, -0.5]}
     numerator: Values = option("Coefficients of the numerator, highest power of z first.")
     denominator: Values = option("Coefficients of the denominator, highest power of z first.")
     period: float = option("Sample period.", default=0.1, unit="s", positive=True)
@@ -136,9 +139,9 @@ class DiscreteTransfer(_Linear):
 class Delay(Block):
     """Transport delay.
 
-    The input is kept at the solver's steps, with a polynomial of third order between them that is good for 1e-7 of the
-    largest input, and never reaches across an event. A jump comes out at an event of its own. The solver's steps are
-    no longer than the delay.
+    The input is kept at the solver's steps, with a polynomial of third order between them, whose error is about 1e-6
+    of the largest input, and which never reaches across an event. A jump comes out at an event of its own. The
+    solver's steps are no longer than the delay.
     """
 
     kind = "delay"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -30,7 +31,7 @@ from workbench.system.block_table.linear import (
     ZeroOrderHold,
 )
 
-__all__ = ["BLOCKS", "block_of", "block_table"]
+__all__ = ["BLOCKS", "block_of", "block_table", "entry_of", "sample_of", "value_of"]
 
 # In the order of lists and palettes.
 BLOCKS: Mapping[str, type[Block]] = {
@@ -66,6 +67,40 @@ def block_of(kind: str, parameters: Mapping[str, Any]) -> Block:
             raise InputError(f"{kind}: parameter '{name}' is missing")
     made: Any = found
     return made(**parameters)  # type: ignore[no-any-return]
+
+
+def sample_of(kind: str) -> Block:
+    """Return a block to begin with: parameters at their default, those that have to be given as in its sample.
+
+    Args:
+        kind: a name in `BLOCKS`.
+    """
+    return block_of(kind, BLOCKS[kind].sample)
+
+
+def entry_of(kind: str) -> str:
+    """Return such a block as an entry of a system file; parameters without a number as default are left out.
+
+    Args:
+        kind: a name in `BLOCKS`.
+    """
+    block = sample_of(kind)
+    values = {d.name: getattr(block, d.name) for d in options_of(type(block))}
+    shown = {n: v for n, v in values.items() if v is not None and v not in (math.inf, -math.inf)}
+    return f"{{{', '.join(f'{name} = {value_of(v)}' for name, v in {'block': kind, **shown}.items())}}}"
+
+
+def value_of(value: object) -> str:
+    """Return the value of a parameter as a system file holds it.
+
+    Args:
+        value: of a parameter.
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(value_of, value))}]"
+    return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
 def block_table(block: Block) -> dict[str, Any]:

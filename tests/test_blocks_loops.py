@@ -1,0 +1,224 @@
+"""A loop with each block in every analysis; blocks in SSP, in systems of co-simulation parts, saved and restored."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.block_models import SAMPLES, alone, block
+from workbench.analysis.lin.delayed import pade, phase_holds_to
+from workbench.errors import InputError, SimulationError
+from workbench.system.block_table.registry import BLOCKS, entry_of
+from workbench.system.ssp_read import read_ssp
+from workbench.system.ssp_write import write_ssp
+from workbench.system.toml_file import read_toml
+
+HELD = {"product": 1.0, "switch": 1.0, "minimum": 0.2}  # second input
+RESTLESS = {"relay", "maximum", "friction"}  # no equilibrium, or not at the start
+LINEAR = {kind for kind in BLOCKS if block(kind).block.is_linear}
+
+
+def loop(kind: str, gain: float = 1.0) -> wb.DescribedModel:
+    """Return a loop r → block → gain/(s + 1)³ with the block."""
+    component = block(kind)
+    first, *others = component.block.inputs
+    plant = {"numerator": [gain], "denominator": [1.0, 3.0, 3.0, 1.0]}
+    return wb.connect(
+        {"e": wb.SumComponent(name="e", signs=(1, -1)), "b": component,
+         "p": wb.BlockComponent(name="p", kind="transfer_function", parameters=plant)},
+        [("e.y", f"b.{first}"), ("b.y", "p.u"), ("p.y", "e.u2")],
+        inputs={"r": "e.u1", **{name: f"b.{name}" for name in others}}, outputs={"y": "p.y", "v": "b.y"},
+        bias=dict.fromkeys(others, HELD.get(kind, 0.3)), name=kind,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", BLOCKS)
+def test_a_loop_in_every_analysis(kind: str) -> None:
+    with loop(kind) as system:
+        with system.open_session() as session:
+            end = session.advance(3.0, signals={"r": wb.Constant(1.0)}, record=["y"]).values["y"][-1]
+        linear = wb.lin(system).result
+        found = wb.nfr(system, "r", "y", [0.1], [1.0], in_process=True)
+        opened = wb.loop(system, "p.y", refine=0, in_process=True)
+        trimmed = None if kind in RESTLESS else wb.trim(system)
+    assert math.isfinite(end)
+    assert len(linear.A) >= 3
+    assert np.isfinite(found.gain).all()
+    assert opened.linear is not None
+    assert trimmed is None or trimmed.converged
+    if kind in LINEAR and kind not in ("zero_order_hold", "discrete_transfer_function"):  # samplers are held
+        exact = abs(linear.response([0.1])[0, list(linear.output_names).index("y"), 0])
+        assert found.gain[0, 0] == pytest.approx(exact, rel=2e-4)
+
+
+@pytest.mark.parametrize("kind", ["saturation", "relay", "dead_band"])
+def test_the_cycle_of_a_loop_with_a_block(kind: str) -> None:
+    """Describing function: the phase of 1/(s + 1)³ is −180° at √3 rad/s, where its gain is 1/8."""
+    with loop(kind, gain=12.0) as system:
+        # With a dead band small motions settle, and larger ones grow without bound.
+        methods = ["describing function", *{"relay": ["simulation"], "saturation": ["shooting"]}.get(kind, [])]
+        found = wb.limit_cycle(system, block="b", band=(0.05, 2.0), amplitudes=(0.15, 50.0), methods=methods)
+    known = block(kind).block.described()
+    assert known is not None
+    first, *_, last = found.limit_cycles if len(found.limit_cycles) > 1 else found.limit_cycles * 2
+    if kind != "relay":  # a hysteresis turns the phase
+        assert first.frequency_hz == pytest.approx(math.sqrt(3.0) / (2.0 * math.pi), rel=1e-4)
+        formula = wb.standard_block(known.name, known.parameters)
+        assert formula.gain(first.amplitude).real == pytest.approx(8.0 / 12.0, rel=1e-3)
+    else:
+        assert found.simulated is not None
+        assert last.frequency_hz == pytest.approx(found.simulated.frequency_hz, rel=0.05)
+
+
+def test_a_linear_block_is_refused_as_the_block_of_a_limit_cycle() -> None:
+    with loop("delay") as system, pytest.raises(InputError, match=r"b is a delay, which is linear"):
+        wb.limit_cycle(system, block="b")
+
+
+# -- linear models ---------------------------------------------------------------------------------
+
+
+def test_at_a_kink_one_slope_is_taken_and_both_are_told() -> None:
+    with alone("lookup", {"x": [-1.0, 0.0, 1.0], "y": [-0.5, 0.0, 1.0]}) as model:
+        found = wb.lin(model).result
+    assert found.D[0, 0] in (0.5, 1.0)
+    (doubt,) = found.doubts
+    assert doubt.reason.startswith("a kink at the point: slope 0.5 below, 1 above; the one ")
+
+
+@pytest.mark.parametrize("u", [0.2, 0.9, -0.9])
+def test_the_slope_of_a_saturation_is_that_of_its_piece(u: float) -> None:
+    with alone("saturation", {"lower": -0.5, "upper": 0.5}) as model:
+        assert wb.lin(model, u0={"u": u}).D[0, 0] == (1.0 if abs(u) < 0.5 else 0.0)
+
+
+@pytest.mark.parametrize("kind", BLOCKS)
+def test_slopes_are_what_differences_give(kind: str) -> None:
+    """Beside every kink: inputs 0.37, 0.43 … and states 0.05, 0.06 …."""
+    with alone(kind) as model:
+        u0 = {v.name: 0.37 + 0.06 * k for k, v in enumerate(model.inputs)}
+        x0 = {v.name: 0.05 + 0.01 * k for k, v in enumerate(model.states)}
+        if kind in LINEAR:
+            return
+        exact = wb.lin(model, u0=u0, x0=x0, method="exact").result
+        other = wb.lin(model, u0=u0, x0=x0, method="difference").result
+    for name in "ABCD":
+        assert getattr(exact, name) == pytest.approx(getattr(other, name), rel=1e-5, abs=1e-7), name
+
+
+def test_a_delay_is_exact_in_the_frequency_response_and_a_pade_approximation_in_state_space() -> None:
+    frequencies = np.array([0.1, 0.5, 2.0])
+    with loop("delay") as system:
+        found = wb.lin(system).result
+    s = 2j * np.pi * frequencies
+    ahead = np.exp(-0.2 * s) / (s + 1.0) ** 3
+    assert found.response(frequencies)[:, 0, 0] == pytest.approx(ahead / (1.0 + ahead), rel=1e-12)
+    assert len(found.A) == 3 + 4
+    a = found.A
+    states = np.linalg.solve(s[1] * np.eye(len(a)) - a, found.B)
+    assert (found.C @ states)[0, 0] == pytest.approx((ahead / (1.0 + ahead))[1], rel=1e-6)
+    (note,) = (n for n in found.notes if n.startswith("b: delay of 0.2 s as a Padé approximation of order 4"))
+    assert f"up to {phase_holds_to(0.2, 4):.3g} Hz" in note
+
+
+@pytest.mark.parametrize("order", [1, 2, 4, 10])
+def test_the_phase_of_a_pade_approximation_holds_as_far_as_is_said(order: int) -> None:
+    a, b, c, d = pade(0.3, order)
+    end = phase_holds_to(0.3, order)
+
+    def off(f: float) -> float:
+        value = (d + c @ np.linalg.solve(2j * np.pi * f * np.eye(order) - a, b))[0, 0]
+        assert abs(value) == pytest.approx(1.0, abs=1e-9)
+        return abs(math.degrees(np.angle(value * np.exp(2j * np.pi * f * 0.3))))
+
+    assert max(off(f) for f in np.linspace(0.01 * end, 0.99 * end, 25)) < 1.01
+    assert off(1.05 * end) > 1.0
+
+
+def test_a_sampled_model_holds_a_delay_as_a_chain() -> None:
+    parts = {"hold": wb.BlockComponent(name="hold", kind="discrete_transfer_function",
+                                       parameters={"numerator": [0.5], "denominator": [1.0, -0.5], "period": 0.1}),
+             "b": block("delay", {"delay": 0.3})}  # fmt: skip
+    with wb.connect(parts, [("b.y", "hold.u")], inputs={"u": "b.u"}, outputs={"y": "hold.y"}) as system:
+        found = wb.lin(system).result
+    z = np.exp(2j * np.pi * 0.7 * 0.1)
+    states = np.linalg.solve(z * np.eye(len(found.A)) - found.A, found.B)
+    assert (found.D + found.C @ states)[0, 0] == pytest.approx(0.5 / (z - 0.5) * z**-3, rel=1e-9)
+
+
+def test_a_delay_has_no_period_map_and_nfr_waits_instead() -> None:
+    with alone("delay", {"delay": 0.2}) as model:
+        found = wb.nfr(model, "u", "y", [1.0], [1.0], in_process=True)
+        assert found.gain[0, 0] == pytest.approx(1.0, abs=1e-4)
+        assert found.phase_deg[0, 0] == pytest.approx(-72.0, abs=0.01)
+    with loop("delay") as model, pytest.raises(InputError, match="the model has a transport delay"):
+        wb.branches(model, "r", "y", amplitudes=[1.0], band=(0.5, 1.0), in_process=True)
+
+
+# -- saved states, files, co-simulation ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", BLOCKS)
+def test_a_snapshot_brings_a_block_back(kind: str) -> None:
+    with loop(kind) as system, system.open_session() as session:
+        drive = {"r": wb.Sine(amplitude=1.0, frequency=0.4)}
+        session.advance(1.7, signals=drive)
+        saved = session.snapshot()
+        session.restore(saved)  # both runs begin with a solver that knows nothing
+        first = session.advance(4.0, signals=drive, record=["y", "v"]).values
+        session.restore(saved)
+        second = session.advance(4.0, signals=drive, record=["y", "v"]).values
+    for name in ("y", "v"):
+        assert second[name][-1] == pytest.approx(first[name][-1], rel=1e-9, abs=1e-12)
+
+
+def test_a_system_file_and_an_ssp_hold_every_block(tmp_path: Path) -> None:
+    lines = [f"{kind} = {entry_of(kind)}" for kind in BLOCKS]
+    path = tmp_path / "all.toml"
+    path.write_text("[components]\n" + "\n".join(lines), encoding="utf-8")
+    description = read_toml(path)
+    assert [c.kind for c in description.components if isinstance(c, wb.BlockComponent)] == list(BLOCKS)
+    write_ssp(description, tmp_path / "all.ssp")
+    again = read_ssp(tmp_path / "all.ssp")
+    assert {c.name: c.block for c in again.components} == {c.name: c.block for c in description.components}  # type: ignore[union-attr]
+
+
+def test_a_wrong_parameter_in_a_file_is_told_with_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text('[components]\nb = {block = "rate_limiter", risign = 1.0}\n', encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_toml(path)
+    assert "[components] b: rate_limiter: parameter 'risign' is unknown; did you mean rising?" in str(caught.value)
+
+
+def test_blocks_beside_a_co_simulation_part() -> None:
+    """Blocks between co-simulation parts are stepped as a group; the limit is met at its instant."""
+    limit = wb.BlockComponent(name="b", kind="saturation", parameters={"lower": -0.2, "upper": 0.2})
+    later = wb.BlockComponent(name="d", kind="delay", parameters={"delay": 0.25})
+    lag = wb.load("fmu:FirstOrderLag", interface="cs")
+    with lag, wb.connect(
+        {"b": limit, "d": later, "lag": lag}, [("b.y", "d.u"), ("d.y", "lag.u")],
+        inputs={"r": "b.u"}, outputs={"y": "lag.y", "w": "d.y"}, step=0.01,
+    ) as system, system.open_session() as session:  # fmt: skip
+        points = np.linspace(0.0, 2.0, 201)[1:]
+        record = session.advance(2.0, signals={"r": wb.Constant(1.0)}, record=["y", "w"], points=points)
+    assert record.values["w"].max() == pytest.approx(0.2, abs=1e-12)
+    assert record.values["y"][-1] == pytest.approx(0.2 * (1.0 - math.exp(-2.0)), abs=0.05)
+
+
+def test_a_sliding_relay_is_refused_with_its_reason() -> None:
+    parts = {"b": block("relay", {}), "i": wb.BlockComponent(name="i", kind="integrator", parameters={"gain": -1.0})}
+    with (
+        wb.connect(parts, [("b.y", "i.u"), ("i.y", "b.u")], outputs=["i.y"]) as system,
+        system.open_session() as session,
+        pytest.raises(SimulationError, match="chattering"),
+    ):
+        session.advance(1.0, signals={})
+
+
+def test_every_sample_is_made() -> None:
+    assert SAMPLES.keys() == BLOCKS.keys()

@@ -1,0 +1,1 @@
+"""The blocks that a system can contain, as a list."""
