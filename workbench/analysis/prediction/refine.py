@@ -86,8 +86,8 @@ def refine(start: Innovations, record: Record, *, stable: bool = False, most: in
         spread = errors.T @ errors / len(errors)
         weight = np.linalg.inv(np.linalg.cholesky(spread + 1e-14 * np.trace(spread) * np.eye(len(spread))))
         Q = model.coordinates(entries)
-        normal = normal_equations(model, record, weight, entries)
-        H, g = Q.T @ normal.matrix @ Q, Q.T @ normal.right
+        normal = normal_equations(model, record, weight, entries, Q)
+        H, g = normal.matrix, normal.right
         done = None
         if steps < most and not settled:
             done = _step((model, errors, best), (H, g, Q, entries), damping, record, stable=stable)
