@@ -74,8 +74,8 @@ class Fit(Request["Response | NfrResult | BlaResult | FrequencyResponseData | st
         type="Response | NfrResult | BlaResult | FrequencyResponseData | str | Path",
         help="A response, of python-control, too, or a file.",
         metavar="RESPONSE",
-        words="JSON of nfr or bla; CSV with frequency [Hz], gain (or gain_db) and phase [deg], or real and imag; .mat with "
-        "the data of an frd.",
+        words="JSON of nfr or bla; CSV with frequency [Hz], gain (or gain_db) and phase [deg], or real and imag; .mat "
+        "with the data of an frd.",
     )
 
     _: KW_ONLY
