@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 
 import workbench as wb
 from workbench.analysis.bla.design import Lines, RandomPhase, lines_of
@@ -268,3 +270,32 @@ def test_the_rudder_stops_being_linear_where_its_rate_limit_is(
     assert "rms: 0 is not a positive number" in capsys.readouterr().err
     assert run([*command[:-4], "--band", "5:2", "--rms", "1"]) == 2
     assert "band must rise" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.version_info < (3, 12), reason="the package best-linear-approximation needs Python 3.12")
+def test_the_package_best_linear_approximation_says_the_same() -> None:
+    """Response, and variances of the mean by noise and in all; its distortion is that of the mean, ours of one."""
+    theirs = pytest.importorskip("best_linear_approximation.robust")
+    multisine = pytest.importorskip("multisine")
+    realisations, periods = 6, 3
+    played = multisine.random_phase_multisine(N, 100.0, n_realizations=realisations, f_min=1.0, f_max=30.0).u
+    random = np.random.default_rng(0)
+    ones = played[:, 0, :].T
+    y = np.array([filtered(one) + 0.2 * filtered(one) ** 3 for one in ones])[:, None]
+    y = y + 0.05 * random.standard_normal((realisations, periods, N))
+    u = np.repeat(ones[:, None], periods, axis=1)
+    for given, known in ((u, True), (u + 0.03 * random.standard_normal(u.shape), False)):
+        bins = np.arange(11, 308)
+        outputs = np.transpose(y, (2, 0, 1))[:, None]
+        if known:
+            found = theirs.known_input(played, outputs, 100.0, bins, show_warnings=False)
+        else:
+            inputs = np.transpose(given, (2, 0, 1))[:, None]
+            found = theirs.noisy_input(inputs, outputs, 100.0, bins, show_warnings=False)
+        own = approximate(given, y, Lines(bins, np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)))
+        assert own.response == pytest.approx(found.G.value[:, 0, 0], rel=1e-9)
+        assert own.noise**2 / realisations == pytest.approx(found.G.noise.var.ravel(), rel=1e-6)
+        total = own.error**2 / stats.f.ppf(0.95, 2, 2 * (realisations - 1))
+        assert total == pytest.approx(found.G.total.var.ravel(), rel=1e-6)
+        if known:
+            assert own.distortion**2 / realisations == pytest.approx(found.G.nonlinear.var.ravel(), rel=1e-6)

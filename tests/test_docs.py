@@ -13,7 +13,7 @@ from docs.tools.examples import pictures_of
 from docs.tools.python_pages import grouped_names
 from docs.tools.study_pages import requirements_page
 from tests.doc_pages import DOCS, first_column, pages, text_of
-from workbench import signals
+from workbench import signal_text
 from workbench.study import read as study_schema
 from workbench.study.kinds import KINDS
 from workbench.system import toml_schema
@@ -73,10 +73,10 @@ def test_requirements_page_says_something_about_every_key() -> None:
     assert re.findall(r"^\| `\w+` \|\s*\|.*$", page, re.MULTILINE) == []
 
 
-@pytest.mark.parametrize("kind", signals._KEYS)
+@pytest.mark.parametrize("kind", signal_text._KEYS)
 def test_signals_page_names_every_key(kind: str) -> None:
     row = next(line for line in text_of("reference/signals.md").splitlines() if line.startswith(f"| `{kind}:"))
-    for key in signals._KEYS[kind]:
+    for key in signal_text._KEYS[kind]:
         assert re.search(rf"`{key}`", row) or (kind == "sine" and key in row), key
 
 

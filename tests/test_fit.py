@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import control
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.io import savemat
 
 import workbench as wb
 from workbench.analysis.fit.rational import fitted
@@ -125,3 +127,44 @@ def test_the_command_reads_tables_and_writes_a_model(tmp_path: Path, capsys: pyt
     assert "columns frequency [Hz], gain or gain_db, and phase [deg] are needed" in capsys.readouterr().err
     assert run(["fit", str(tmp_path / "r.csv"), "--order", "50"]) == 2
     assert "40 points allow 38" in capsys.readouterr().err
+
+
+def test_responses_of_python_control_and_matlab_are_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    expected = np.sort_complex(POLES)
+    found = wb.fit(control.frd(response(), 2.0 * np.pi * F), order=4)
+    assert np.sort_complex(found.poles) == pytest.approx(expected, rel=1e-9)
+    both = control.frd(np.broadcast_to(response(), (2, 1, len(F))), F)
+    with pytest.raises(InputError, match="1 inputs and 2 outputs; take one"):
+        wb.fit(both)
+    as_frd = {"ResponseData": response().reshape(1, 1, -1), "Frequency": 2.0 * np.pi * F[:, None]}
+    for name, held in (
+        ("frd", as_frd),
+        ("structure", {"sys": {**as_frd, "FrequencyUnit": "rad/TimeUnit"}}),
+        ("hertz", {"sys": {**as_frd, "Frequency": F, "FrequencyUnit": "Hz"}}),
+        ("plain", {"H": response(), "f": F}),
+        ("omega", {"H": response(), "w": 2.0 * np.pi * F}),
+    ):
+        savemat(tmp_path / f"{name}.mat", held)
+        poles = wb.fit(tmp_path / f"{name}.mat", order=4).poles
+        assert np.sort_complex(poles) == pytest.approx(expected, rel=1e-9), name
+    savemat(tmp_path / "empty.mat", {"x": F})
+    savemat(tmp_path / "many.mat", {"H": np.ones((2, 3, len(F)), dtype=np.complex128), "f": F})
+    for name, said in (("empty", "holds no response"), ("many", "one response is needed"), ("none", "no such file")):
+        assert run(["fit", str(tmp_path / f"{name}.mat")]) == 2
+        assert said in capsys.readouterr().err
+
+
+def test_tables_say_their_units(tmp_path: Path) -> None:
+    columns = {
+        "w,real,imag": (2.0 * np.pi * F, response().real, response().imag),
+        "frequency [rad/s],gain,phase [rad]": (2.0 * np.pi * F, np.abs(response()), np.angle(response())),
+        "frequency [Hz],gain,phase": (F, np.abs(response()), np.degrees(np.angle(response()))),
+    }
+    path = tmp_path / "response.csv"
+    for heading, values in columns.items():
+        np.savetxt(path, np.column_stack(values), delimiter=",", header=heading, comments="", fmt="%.17g")
+        poles = wb.fit(path, order=4).poles
+        assert np.sort_complex(poles) == pytest.approx(np.sort_complex(POLES), rel=1e-6), heading
+    np.savetxt(path, np.column_stack([F, F, F]), delimiter=",", header="frequency [d],gain,phase", comments="")
+    with pytest.raises(InputError, match="frequency is in 'd'; known: hz"):
+        wb.fit(path)

@@ -18,7 +18,8 @@ import workbench as wb
 from tests.fmi3_fmus import TERMINALS, build_sized
 from workbench.cli.app import run as command
 from workbench.errors import InputError
-from workbench.signals import Constant, Table, signals_of
+from workbench.signal_text import signals_of
+from workbench.signals import Constant, Table
 
 
 @pytest.fixture(scope="module")

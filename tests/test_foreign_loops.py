@@ -16,7 +16,8 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.analysis.limit_cycle.free_run import oscillation_history
 from workbench.build import build_fmu
 from workbench.cli.app import run
-from workbench.signals import Table, parse_signal
+from workbench.signal_text import parse_signal
+from workbench.signals import Table
 from workbench.toolchain import host_only
 
 STATIC = '"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0'

@@ -35,6 +35,7 @@ COMMON = {
     "core": {"errors"},
     "endings": set(),
     "signals": {"core", "errors", "shift_register"},
+    "signal_text": {"core", "errors", "signals"},
     "shift_register": set(),
     "store": {"core", "errors"},
     "build": {"core", "errors", "origin", "toolchain"},

@@ -17,7 +17,8 @@ from workbench.analysis.motions.units import shown_unit
 from workbench.cli.app import run
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
-from workbench.signals import Sine, Step, parse_signal
+from workbench.signal_text import parse_signal
+from workbench.signals import Sine, Step
 from workbench.system.connect import connect
 from workbench.system.load import load
 

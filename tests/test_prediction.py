@@ -86,7 +86,7 @@ def test_derivatives_are_exact(shared: bool) -> None:
     """Against central differences, whose own error is about 1e-9 of the values."""
     model, data = box_jenkins(shared=shared), record()
     entries = model.free()
-    J = np.concatenate([part for part, _ in jacobian(model, data, entries)])
+    J = np.concatenate([part for part, _ in jacobian(model, data, entries, np.eye(len(entries)))])
     for k in range(len(entries)):
         step = 1e-6 * np.eye(len(entries))[k]
         change = errors_of(model.moved(entries, step), data) - errors_of(model.moved(entries, -step), data)
@@ -96,9 +96,9 @@ def test_derivatives_are_exact(shared: bool) -> None:
 def test_stretches_give_the_same_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
     model, data = box_jenkins(), record(700)
     entries = model.free()
-    whole = normal_equations(model, data, np.eye(2), entries)
+    whole = normal_equations(model, data, np.eye(2), entries, np.eye(len(entries)))
     monkeypatch.setattr("workbench.analysis.prediction.gradient._BYTES", 1.0)  # 64 rows at a time
-    parts = normal_equations(model, data, np.eye(2), entries)
+    parts = normal_equations(model, data, np.eye(2), entries, np.eye(len(entries)))
     assert parts.matrix == pytest.approx(whole.matrix, rel=1e-10, abs=1e-8)
     assert parts.right == pytest.approx(whole.right, rel=1e-9, abs=1e-8)
 
@@ -110,7 +110,9 @@ def test_local_coordinates_are_all_that_changes_the_model(shared: bool, freedom:
     entries = model.free()
     Q = model.coordinates(entries)
     assert Q.shape == (len(entries), freedom)
-    J = np.concatenate([part for part, _ in jacobian(model, data, entries)]).reshape(-1, len(entries))
+    J = np.concatenate([part for part, _ in jacobian(model, data, entries, np.eye(len(entries)))]).reshape(
+        -1, len(entries)
+    )
     assert np.linalg.matrix_rank(J, tol=1e-8 * np.linalg.norm(J, 2)) == np.linalg.matrix_rank(J @ Q) == freedom
     # Another basis is the same model.
     assert errors_of(model.balanced(), data) == pytest.approx(errors_of(model, data), abs=1e-9)

@@ -20,7 +20,8 @@ from workbench.cli.program import program
 from workbench.core.loading import Loading
 from workbench.core.option import Declared, asked_of, put_together
 from workbench.errors import InputError
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, parse_signal, pulse, signal_text
+from workbench.signal_text import parse_signal, signal_text
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, pulse
 
 NAMES = ("u", "plant.y[2]", "side stick", "x_1")
 

@@ -158,6 +158,7 @@ from workbench.model.described import DescribedModel as DescribedModel
 from workbench.session import Recorded as Recorded
 from workbench.session import Session as Session
 from workbench.session import Snapshot as Snapshot
+from workbench.signal_text import parse_signal as parse_signal
 from workbench.signals import Constant as Constant
 from workbench.signals import Prbs as Prbs
 from workbench.signals import Signal as Signal
@@ -165,7 +166,6 @@ from workbench.signals import Sine as Sine
 from workbench.signals import Step as Step
 from workbench.signals import Table as Table
 from workbench.signals import gust as gust
-from workbench.signals import parse_signal as parse_signal
 from workbench.signals import pulse as pulse
 from workbench.study.envelope.probability import Probability as Probability
 from workbench.study.envelope.request import envelope as envelope

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from workbench.analysis.request import Analysis, function
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
-from workbench.signals import Signals
+from workbench.signal_text import Signals
 
 if TYPE_CHECKING:
     from workbench.analysis.delays.result import DelayReport, NoDelays  # noqa: F401 - the record's type, below

@@ -12,7 +12,8 @@ from workbench.core.job import Job
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import Model
 from workbench.model.placing import standing, start_at
-from workbench.signals import Signal, signals_of
+from workbench.signal_text import signals_of
+from workbench.signals import Signal
 from workbench.system.master.crossover import crossover
 from workbench.system.master.model import MasterModel
 from workbench.system.master.richardson import Halving, halving

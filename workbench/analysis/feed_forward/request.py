@@ -12,7 +12,7 @@ from workbench.core.forms import MODEL, Band, Form, Names, number, two_numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.errors import InputError
-from workbench.signals import Signals
+from workbench.signal_text import Signals
 
 if TYPE_CHECKING:
     from workbench.analysis.feed_forward.result import FeedForwardResult  # noqa: F401 - the record's type, below

@@ -29,7 +29,7 @@ from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.model.names import check_variables
 from workbench.model.placing import standing, start_at
-from workbench.signals import signals_of
+from workbench.signal_text import signals_of
 
 __all__ = ["run"]
 

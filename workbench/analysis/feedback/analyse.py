@@ -34,7 +34,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.model import placing
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
-from workbench.signals import signals_of
+from workbench.signal_text import signals_of
 
 __all__ = ["curve", "run"]
 

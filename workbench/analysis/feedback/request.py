@@ -14,7 +14,7 @@ from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.core.where import InParts
 from workbench.errors import InputError
-from workbench.signals import Signals
+from workbench.signal_text import Signals
 
 if TYPE_CHECKING:
     from workbench.analysis.feedback.result import FeedbackResult  # noqa: F401 - the record's type, below

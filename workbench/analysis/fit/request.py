@@ -13,6 +13,8 @@ from workbench.core.option import option
 if TYPE_CHECKING:  # the types of the subject and of the record, below
     from pathlib import Path  # noqa: F401
 
+    from control import FrequencyResponseData  # noqa: F401
+
     from workbench.analysis.bla.result import BlaResult  # noqa: F401
     from workbench.analysis.fit.result import FitResult  # noqa: F401
     from workbench.analysis.nfr.result import NfrResult  # noqa: F401
@@ -35,7 +37,7 @@ else:
     _Order = Annotated[object, _ORDER]
 
 
-class Fit(Request["Response | NfrResult | BlaResult | str | Path", "FitResult"]):
+class Fit(Request["Response | NfrResult | BlaResult | FrequencyResponseData | str | Path", "FitResult"]):
     """Fit a linear model to a measured frequency response: nfr, bla, or a table of frequency, gain and phase.
 
     Vector fitting finds poles near the right ones, then the squares of the misfits over their measured errors are made
@@ -69,10 +71,11 @@ class Fit(Request["Response | NfrResult | BlaResult | str | Path", "FitResult"])
     counts = "steps"
     subject = Subject(
         name="response",
-        type="Response | NfrResult | BlaResult | str | Path",
-        help="A response, or a file.",
+        type="Response | NfrResult | BlaResult | FrequencyResponseData | str | Path",
+        help="A response, of python-control, too, or a file.",
         metavar="RESPONSE",
-        words="JSON of nfr or bla, or CSV with frequency [Hz], gain (or gain_db) and phase [deg].",
+        words="JSON of nfr or bla; CSV with frequency [Hz], gain (or gain_db) and phase [deg], or real and imag; .mat "
+        "with the data of an frd.",
     )
 
     _: KW_ONLY

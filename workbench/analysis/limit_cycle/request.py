@@ -11,7 +11,7 @@ from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.core.where import InWorkers
 from workbench.errors import InputError, suggest
-from workbench.signals import Signals
+from workbench.signal_text import Signals
 
 if TYPE_CHECKING:
     from workbench.analysis.limit_cycle.result import LimitCycleResult  # noqa: F401 - the record's type, below

@@ -47,7 +47,8 @@ from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.model.names import check_variables
 from workbench.model.placing import named, start_at
-from workbench.signals import Signal, signals_of
+from workbench.signal_text import signals_of
+from workbench.signals import Signal
 
 __all__ = ["run"]
 

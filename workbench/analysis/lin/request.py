@@ -13,7 +13,7 @@ from workbench.core.option import Options, option, recast, with_options
 from workbench.core.where import InParts
 from workbench.errors import InputError
 from workbench.origin import with_origin
-from workbench.signals import Signals
+from workbench.signal_text import Signals
 
 if TYPE_CHECKING:
     from workbench.analysis.lin.compare import LinComparison

@@ -22,7 +22,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.names import check_variables
 from workbench.model.varied import with_parameters
-from workbench.signals import signals_of
+from workbench.signal_text import signals_of
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, choose
 from workbench.workers.stamp import stamp

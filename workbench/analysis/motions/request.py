@@ -12,7 +12,7 @@ from workbench.core.forms import TEXTS, Form, Names, number, two_numbers, writte
 from workbench.core.operating_point import At
 from workbench.core.option import option
 from workbench.core.where import InWorker
-from workbench.signals import Signals
+from workbench.signal_text import Signals
 
 if TYPE_CHECKING:
     from workbench.analysis.motions.result import MotionComparison

@@ -19,7 +19,8 @@ from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
 from workbench.model.names import check_variables
 from workbench.model.placing import start_at
-from workbench.signals import Signal, signal_text, signals_of
+from workbench.signal_text import signal_text, signals_of
+from workbench.signals import Signal
 
 __all__ = ["run"]
 

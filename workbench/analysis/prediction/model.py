@@ -110,9 +110,8 @@ def truth_spread(model: Innovations, u: Floats, y: Floats, sizes: Floats) -> Flo
     """
     entries = model.free()
     Q = model.coordinates(entries)
-    normal = normal_equations(model, (u, y), np.diag(1.0 / sizes), entries)
-    H = Q.T @ normal.matrix @ Q
-    truth = Refined(model, np.diag(sizes**2), 0.0, H, Q, entries, 10**9, 0, settled=True)
+    normal = normal_equations(model, (u, y), np.diag(1.0 / sizes), entries, Q)
+    truth = Refined(model, np.diag(sizes**2), 0.0, normal.matrix, Q, entries, 10**9, 0, settled=True)
     found = _spread(truth, np.ones(u.shape[1]), np.ones(y.shape[1]))
     if found is None:
         raise InputError("the record does not determine all parameters")

@@ -17,8 +17,10 @@ from workbench.session.base import Floats
 __all__ = ["Refined", "refine"]
 
 _MOST = 60  # steps
-_TRIES = 12  # dampings tried for a step
+_TRIES = 20  # dampings tried for a step
 _FIRST, _LEAST, _MUCH = 1e-3, 1e-9, 1e9  # of the damping
+_GOOD = 0.75  # of the gain expected
+_MORE = 3.0  # times the damping where a step fails
 _NEAR = 1e-3  # of a standard deviation (its square: in χ²): from here on a step changes nothing
 _STEADY = 0.99999  # largest pole of the predictor
 
@@ -86,8 +88,8 @@ def refine(start: Innovations, record: Record, *, stable: bool = False, most: in
         spread = errors.T @ errors / len(errors)
         weight = np.linalg.inv(np.linalg.cholesky(spread + 1e-14 * np.trace(spread) * np.eye(len(spread))))
         Q = model.coordinates(entries)
-        normal = normal_equations(model, record, weight, entries)
-        H, g = Q.T @ normal.matrix @ Q, Q.T @ normal.right
+        normal = normal_equations(model, record, weight, entries, Q)
+        H, g = normal.matrix, normal.right
         done = None
         if steps < most and not settled:
             done = _step((model, errors, best), (H, g, Q, entries), damping, record, stable=stable)
@@ -121,10 +123,12 @@ def _step(
             new = errors_of(tried, record)
             value = cost(new)
             if value < best:
-                return (tried, new, value), max(damping / 10.0, _LEAST), expected
+                # Where the step was good the next may be longer; where it hardly was, it would only fail.
+                good = (best - value) * len(new) > _GOOD * expected
+                return (tried, new, value), max(damping / (10.0 if good else 1.0), _LEAST), expected
         if expected < _NEAR * _NEAR:
             return None
-        damping = min(max(damping * 10.0, 1e-6), _MUCH)
+        damping = min(max(damping * _MORE, 1e-6), _MUCH)
     return None
 
 

@@ -9,7 +9,7 @@ from workbench.analysis.request import Analysis, function
 from workbench.core.forms import Names, Numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
-from workbench.signals import Signals
+from workbench.signal_text import Signals
 
 if TYPE_CHECKING:
     from workbench.analysis.simulate.result import SimulationResult  # noqa: F401 - the record's type, below

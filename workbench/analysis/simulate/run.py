@@ -23,7 +23,8 @@ from workbench.model.names import check_variables, found_variables
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats, Recorded, Session
 from workbench.session.pauses import at_pauses
-from workbench.signals import Signal, signals_of
+from workbench.signal_text import signals_of
+from workbench.signals import Signal
 
 __all__ = ["run"]
 

@@ -229,7 +229,7 @@ def _slopes(chain: Chain, u: Floats) -> tuple[Floats, Floats]:
     entries = chain.entries()
     coordinates = chain.linear.coordinates(entries)
     record = v[:, None], np.zeros((len(v), 1))
-    inner = np.concatenate([J[:, 0] @ coordinates for J, _ in jacobian(chain.linear, record, entries)])
+    inner = np.concatenate([J[:, 0] for J, _ in jacobian(chain.linear, record, entries, coordinates)])
     columns = [inner]
     if chain.before is not None:
         bare = replace(chain.linear, offset=np.zeros(1), x0=np.zeros_like(chain.linear.x0))

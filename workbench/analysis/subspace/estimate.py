@@ -75,8 +75,7 @@ def estimate(
         method: name in `workbench.analysis.subspace.METHODS`; which weighting, see there.
         basis: the source report's keyword: "combined" weights outputs by their covariance (principal angles),
             "unscaled" does not (singular values); None: the method's own.
-        horizon: block rows of the past and of the future [samples]; None: several are tried, see
-            `workbench.analysis.subspace.horizon`.
+        horizon: block rows of past and future [samples]; None: several are tried (`subspace/horizon.py`).
         max_order: largest order the automatic choice considers.
         feedthrough: estimate D; else it is zero.
         delay: known delay of all inputs or of each [samples].
@@ -89,19 +88,23 @@ def estimate(
 
     Examples:
         >>> import numpy as np
-        >>> u = np.random.default_rng(0).standard_normal(300)
-        >>> y = np.zeros(300)
+        >>> u, y = np.random.default_rng(0).standard_normal(300), np.zeros(300)
         >>> for k in range(299):
         ...     y[k + 1] = 0.5 * y[k] + u[k]
         >>> print(wb.estimate(u, y, 0.1, order=1).model.A.round(6))
         [[0.5]]
     """
-    interval = check_interval(dt)
     settings = SubspaceSettings(
         order=check_order_wish(order), method=method, basis=basis, horizon=horizon, most=max_order,
         feedthrough=feedthrough, biased=biased, stable=stable,
     )  # fmt: skip
-    record = prepare(u, y)
+    return _estimated(prepare(u, y), check_interval(dt), settings, delay)
+
+
+def _estimated(
+    record: ScaledData, interval: float, settings: SubspaceSettings, delay: int | Sequence[int]
+) -> SubspaceEstimate:
+    """Return the model of a record: horizon and order first, then the matrices."""
     delays = as_tuple(delay, record.u.shape[1])
     data = advance(record.u, record.y, delays)
     with one_thread():
@@ -119,14 +122,14 @@ def estimate(
         first.note,
         *choice.notes,
         found.noise.note,
-        _oblique(trial, method),
+        _oblique(trial, settings.method),
         _stability(found, settings),
     )
     return SubspaceEstimate(
         model=model_of(found.A, found.C, found.fit, found.noise, record=record, delays=delays, dt=interval),
-        method=method,
+        method=settings.method,
         basis=settings.weighting,
-        biased=biased,
+        biased=settings.biased,
         order=choice.order,
         order_reason=choice.reason,
         order_criterion=choice.criterion,

@@ -160,8 +160,6 @@ def bootstrap_poles(
             model, most replicates without a model of the same order.
 
     Examples:
-        Is the true pole 0.5 in the region that belongs to the estimate?
-
         >>> import numpy as np
         >>> u, noise = np.random.default_rng(0).standard_normal((2, 500))
         >>> y = np.zeros(500)
@@ -175,28 +173,51 @@ def bootstrap_poles(
         True
     """
     _check(model, data, replicates, block, confidence)
-    length = block or max(1, round(data.n_samples ** (1.0 / 3.0)))
+    drawn = _Drawn(replicates, block or max(1, round(data.n_samples ** (1.0 / 3.0))), seed)
+    found = _again(model, data, estimator, drawn, workers or Workers(in_process=True))
+    return _gathered(model, found, drawn, confidence=confidence, joint=joint)
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """How records are put together: how many, of blocks of which length [samples], by which seed."""
+
+    replicates: int
+    length: int
+    seed: int
+
+
+def _again(
+    model: IdentifiedModel, data: Experiment, estimator: Estimator, drawn: _Drawn, workers: Workers
+) -> list[Complex]:
+    """Return the poles that are identified from each record that has a model of the same order."""
+    delays = sum(model.delay)
+    if model.order == delays:
+        return []
+    with one_thread():
+        every = _records(model, data, drawn.replicates, drawn.length, np.random.default_rng(drawn.seed))
+        wanted, u = model.order - delays, data.u - model.u0
+        jobs = (_Replicate(k, estimator, u, y, delays, wanted) for k, y in enumerate(every))
+        return _identified(jobs, workers)
+
+
+def _gathered(
+    model: IdentifiedModel, found: list[Complex], drawn: _Drawn, *, confidence: float, joint: bool
+) -> PoleBootstrap:
+    """Return the regions that the poles found make about those of the model."""
     poles = _without_delays(model.poles, sum(model.delay))
-    found: list[Complex] = []
-    if len(poles):
-        with one_thread():
-            every = _records(model, data, replicates, length, np.random.default_rng(seed))
-            wanted, u = model.order - sum(model.delay), data.u - model.u0
-            jobs = (_Replicate(k, estimator, u, y, sum(model.delay), wanted) for k, y in enumerate(every))
-            found = _identified(jobs, Workers(in_process=True) if workers is None else workers)
-    if len(poles) and len(found) < max(LEAST, replicates // 2):
-        raise InputError(f"only {len(found)} of {replicates} bootstrap replicates gave a model of order {len(poles)}")
-    matched = match_clouds(poles, np.array(found)) if len(poles) else np.empty((0, 0), dtype=np.complex128)
+    if not len(poles):
+        matched, failed = np.empty((0, 0), dtype=np.complex128), 0
+    elif len(found) < max(LEAST, drawn.replicates // 2):
+        words = f"only {len(found)} of {drawn.replicates} bootstrap replicates gave a model of order {len(poles)}"
+        raise InputError(words)
+    else:
+        matched, failed = match_clouds(poles, np.array(found)), drawn.replicates - len(found)
+    regions = pole_regions(poles, matched, confidence=confidence, joint=joint) if len(poles) else ()
     return PoleBootstrap(
-        regions=pole_regions(poles, matched, confidence=confidence, joint=joint) if len(poles) else (),
-        replicates=matched,
-        confidence=confidence,
-        joint=joint,
-        block=length,
-        failed=replicates - len(found) if len(poles) else 0,
-        dt=model.dt,
-        seed=seed,
-    )
+        regions=regions, replicates=matched, confidence=confidence, joint=joint, block=drawn.length, failed=failed,
+        dt=model.dt, seed=drawn.seed,
+    )  # fmt: skip
 
 
 def _check(model: IdentifiedModel, data: Experiment, replicates: int, block: int | None, confidence: float) -> None:

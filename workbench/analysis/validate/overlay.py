@@ -197,22 +197,20 @@ def overlay(
     grid = _grid(model, nfr, frequencies)
     level = float("nan") if nfr is None else _amplitude(nfr, amplitude)
     reference = LINEAR if nfr is None else f"the response measured at amplitude {level:g}"
-    at, truth = _truth(shapes, nfr, level, grid)
     return Overlay(
-        name=model.name,
-        input=source,
-        output=target,
-        frequency_hz=grid,
-        curves={name: shape(grid) for name, shape in shapes.items()},
-        measured=nfr,
-        amplitude=level,
-        reference=reference,
-        differences=tuple(
-            Difference(n, at, *difference(shape(at), truth)) for n, shape in shapes.items() if n != reference
-        ),
-        nyquist_hz=0.5 / model.dt,
-        notes=notes,
-    )
+        name=model.name, input=source, output=target, frequency_hz=grid,
+        curves={name: shape(grid) for name, shape in shapes.items()}, measured=nfr, amplitude=level,
+        reference=reference, differences=_differences(shapes, reference, _truth(shapes, nfr, level, grid)),
+        nyquist_hz=0.5 / model.dt, notes=notes,
+    )  # fmt: skip
+
+
+def _differences(
+    shapes: dict[str, Callable[[Floats], Complex]], reference: str, truth: tuple[Floats, Complex]
+) -> tuple[Difference, ...]:
+    """Return how far each curve is from the reference, at the frequencies where that is known."""
+    at, true = truth
+    return tuple(Difference(n, at, *difference(shape(at), true)) for n, shape in shapes.items() if n != reference)
 
 
 def sine_response(

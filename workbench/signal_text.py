@@ -1,0 +1,320 @@
+"""Signals as text and files have them: what command lines, studies and tables of times and values say."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
+from numbers import Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from workbench.core.csv_file import is_number
+from workbench.core.files import content_of
+from workbench.core.forms import Form, pairs, table
+from workbench.core.names import split_names
+from workbench.errors import InputError, suggest
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, pulse
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Signals", "parse_signal", "read_table", "signal_text", "signals_of"]
+
+
+def read_table(path: str | Path) -> Table:
+    """Read a `Table` from a CSV file: time [s] in the first column, value in the second.
+
+    One heading line is allowed; separators are comma, semicolon, tab.
+
+    Raises:
+        InputError: no such file, not two columns of numbers.
+    """
+    _, rows = _rows(Path(path))
+    return _column(Path(path), rows, 1)
+
+
+def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Return the headings of a CSV file, without units, and its rows; no headings: empty."""
+    try:
+        text = content_of(path).decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+    delimiter = next((d for d in ";\t" if d in text), ",")
+    try:
+        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    except csv.Error as error:
+        raise InputError(f"{path}: is not a table of time and value: {error}") from None
+    return [] if not rows or is_number(rows[0][0]) else [_bare(cell.strip()) for cell in rows.pop(0)], rows
+
+
+def _column(path: Path, rows: Sequence[Sequence[str]], number: int) -> Table:
+    try:
+        return Table([float(r[0]) for r in rows], [float(r[number]) for r in rows])
+    except (ValueError, IndexError):
+        words = "two columns of numbers" if number == 1 else f"numbers in its columns 1 and {number + 1}"
+        raise InputError(f"{path}: needs {words}, time [s] and value") from None
+
+
+def _named_columns(name: str, path: Path) -> dict[str, Signal]:
+    """Return what a CSV file holds for an input: its column, or those of an array's elements.
+
+    A file of two columns holds it whatever they are called.
+    """
+    headings, rows = _rows(path)
+    known = {heading: number for number, heading in enumerate(headings) if number}
+    if name in known:
+        return {name: _column(path, rows, known[name])}
+    if elements := [heading for heading in known if heading.startswith(f"{name}[")]:
+        return {heading: _column(path, rows, known[heading]) for heading in elements}
+    width = len(headings) or max((len(row) for row in rows), default=0)
+    if width <= 2:
+        return {name: _column(path, rows, 1)}
+    which = suggest(name, known) if known else "give it a line of headings"
+    raise InputError(f"{path}: none of its {width} columns is called {name}; {which}")
+
+
+def _bare(heading: str) -> str:
+    """Return a column's name without its unit: "u" for "u [m]"."""
+    name, bracket, _ = heading.rpartition(" [")
+    return name if bracket else heading
+
+
+_KEYS: Mapping[str, tuple[str, ...]] = {
+    "sine": ("amplitude", "frequency", "offset", "phase", "start"),
+    "step": ("time", "value", "initial"),
+    "prbs": ("hold", "amplitude", "offset", "order", "seed", "start"),
+    "pulse": ("duration", "value", "time"),
+    "gust": ("duration", "value", "time"),
+}
+
+
+def _sine(k: Mapping[str, float]) -> Signal:
+    return Sine(
+        frequency=_required("sine", k, "frequency"),
+        amplitude=k.get("amplitude", 1.0),
+        phase=k.get("phase", 0.0),
+        offset=k.get("offset", 0.0),
+        start=k.get("start", 0.0),
+    )
+
+
+def _step(k: Mapping[str, float]) -> Signal:
+    return Step(
+        time=_required("step", k, "time"),
+        value=_required("step", k, "value"),
+        initial=k.get("initial", 0.0),
+    )
+
+
+def _prbs(k: Mapping[str, float]) -> Signal:
+    return Prbs(
+        hold=_required("prbs", k, "hold"),
+        amplitude=k.get("amplitude", 1.0),
+        offset=k.get("offset", 0.0),
+        order=_whole("prbs", "order", k.get("order", 11)),
+        seed=_whole("prbs", "seed", k.get("seed", 1)),
+        start=k.get("start", 0.0),
+    )
+
+
+def _pulse(k: Mapping[str, float]) -> Signal:
+    return pulse(time=k.get("time", 0.0), value=k.get("value", 1.0), duration=_required("pulse", k, "duration"))
+
+
+def _gust(k: Mapping[str, float]) -> Signal:
+    return gust(time=k.get("time", 0.0), value=k.get("value", 1.0), duration=_required("gust", k, "duration"))
+
+
+_TABLE, _HOLD = "table", "hold"
+_FILES = (".csv", ".txt")
+_MAKERS: Mapping[str, Callable[[Mapping[str, float]], Signal]] = {
+    "sine": _sine,
+    "step": _step,
+    "prbs": _prbs,
+    "pulse": _pulse,
+    "gust": _gust,
+}
+
+
+def _required(kind: str, values: Mapping[str, float], key: str) -> float:
+    if key not in values:
+        raise InputError(f"{kind}: {key} is missing; write {kind}:{key}=…")
+    return values[key]
+
+
+def _whole(kind: str, key: str, value: float) -> int:
+    if not math.isfinite(value) or value != int(value):
+        raise InputError(f"{kind}: {key} must be a whole number, not {value:g}")
+    return int(value)
+
+
+def _key_values(kind: str, text: str) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for part in filter(None, (p.strip() for p in text.split(","))):
+        key, equals, value = (p.strip() for p in part.partition("="))
+        if key not in _KEYS[kind]:
+            raise InputError(f"{kind}: unknown option '{key}'; {suggest(key, _KEYS[kind])}")
+        if not equals or not is_number(value):
+            raise InputError(f"{kind}: {key} needs a number, as in {key}=1.0, not '{value}'")
+        values[key] = float(value)
+    return values
+
+
+def parse_signal(text: str) -> Signal:
+    """Return the signal that `text` describes.
+
+    Args:
+        text: a number, `sine:amplitude=1,frequency=2,offset=0,phase=0`, `step:time=1,value=2`,
+            `prbs:hold=0.1,amplitude=1`, `pulse:duration=0.1,value=0.8`, `gust:duration=0.5,value=100`,
+            `table:0=0,1=2` (time [s] and value; `hold=1` makes it a staircase), or the name of a CSV file with
+            time [s] and value.
+
+    Raises:
+        InputError: unknown kind or option, missing option, not a number, no such file.
+
+    Examples:
+        >>> wb.parse_signal("sine:amplitude=2,frequency=0.5")
+        Sine(amplitude=2.0, frequency=0.5, phase=0.0, offset=0.0, start=0.0)
+    """
+    text = text.strip()
+    if is_number(text):
+        return Constant(float(text))
+    kind, colon, rest = text.partition(":")
+    if colon and kind == _TABLE:
+        return _table(rest)
+    if colon and kind in _MAKERS:
+        return _MAKERS[kind](_key_values(kind, rest))
+    if _is_file(text):
+        return read_table(text)
+    raise InputError(
+        f"'{text}' is not a signal; write a number, a .csv file, or one of "
+        + ", ".join([*(f"{k}:{_KEYS[k][0]}=…" for k in _MAKERS), f"{_TABLE}:TIME=VALUE,…"])
+    )
+
+
+def _is_file(text: str) -> bool:
+    return text.strip().lower().endswith(_FILES)
+
+
+# -- several of them ---------------------------------------------------------------------------
+
+
+def signal_text(signal: Signal) -> str:
+    """Return the text that `parse_signal` reads as an equal signal.
+
+    Args:
+        signal: any but one that was defined outside of this module.
+
+    Raises:
+        InputError: it has no text.
+
+    Examples:
+        >>> print(signal_text(wb.Step(time=1.0, value=2.0)))
+        step:time=1.0,value=2.0,initial=0.0
+    """
+    if isinstance(signal, Constant):
+        return repr(signal.value)
+    if isinstance(signal, Table):
+        points = zip(signal.times, signal.values, strict=True)
+        hold = [f"{_HOLD}=1"] if signal.interpolate == _HOLD else []
+        return f"{_TABLE}:{','.join([*(f'{t!r}={x!r}' for t, x in points), *hold])}"
+    kind = type(signal).__name__.lower()
+    if kind not in _MAKERS:
+        raise InputError(f"a signal of class {type(signal).__name__} cannot be written as text")
+    return f"{kind}:{','.join(f'{key}={getattr(signal, key)!r}' for key in _KEYS[kind])}"
+
+
+def _table(text: str) -> Table:
+    """Read TIME=VALUE,.. and hold=1 for a staircase."""
+    items = [(key.strip(), value.strip()) for key, _, value in (part.partition("=") for part in text.split(","))]
+    points = [(key, value) for key, value in items if key != _HOLD]
+    if not all(map(is_number, chain(*points))):
+        raise InputError(f"{_TABLE}: '{text}' is not of the form TIME=VALUE,.., as in table:0=0,1=2")
+    held = len(points) < len(items)
+    return Table([float(t) for t, _ in points], [float(x) for _, x in points], "hold" if held else "linear")
+
+
+def signals_of(given: Mapping[str, Signal | float | str | Sequence[Any] | NDArray[Any]]) -> dict[str, Signal]:
+    """Return name → signal; those of a whole array by its elements, `u[1]`, `u[2]`.
+
+    Args:
+        given: name → a signal, a number, or what `parse_signal` reads; of a whole array a list of such, or a CSV file
+            with a column for each element. Of a file with several columns that with the input's name is taken.
+
+    Raises:
+        InputError: a text that `parse_signal` refuses, or something else.
+
+    Examples:
+        >>> signals_of({"u": [1.0, "step:time=1,value=2"]})
+        {'u[1]': Constant(value=1.0), 'u[2]': Step(time=1.0, value=2.0, initial=0.0)}
+    """
+    found: dict[str, Signal] = {}
+    for name, value in given.items():
+        for one, signal in _signals(name, value).items():
+            if one in found:
+                raise InputError(f"input {one}: is forced twice, by itself and with the whole array")
+            found[one] = signal
+    return found
+
+
+def _signals(name: str, value: Signal | float | str | Sequence[Any] | NDArray[Any]) -> dict[str, Signal]:
+    if isinstance(value, str):
+        text = value.strip()
+        if text.startswith("[") and text.endswith("]"):
+            return _elements(name, split_names(text[1:-1]))
+        if _is_file(text) and ":" not in text:
+            try:
+                return _named_columns(name, Path(text))
+            except InputError as error:
+                raise InputError(f"input {name}: {error}") from None
+    elif isinstance(value, Sequence):
+        return _elements(name, value)
+    elif hasattr(value, "tolist"):  # an array
+        return _elements(name, value.tolist())
+    return {name: _signal(name, value)}
+
+
+def _elements(name: str, values: Sequence[Any]) -> dict[str, Signal]:
+    """Return element → signal of a whole array, nested where it has several dimensions."""
+    found = {}
+    for number, value in enumerate(values, 1):
+        for one, signal in _signals(f"{name}[{number}]", value).items():
+            found[one.replace("][", ",")] = signal
+    return found
+
+
+def _signal(name: str, value: object) -> Signal:
+    if isinstance(value, str):
+        try:
+            return parse_signal(value)
+        except InputError as error:
+            raise InputError(f"input {name}: {error}") from None
+    if isinstance(value, Real):
+        exact: Any = value
+        return Constant(float(Constant(exact).value))  # which says what is no float
+    if not isinstance(value, Signal):
+        raise InputError(
+            f"input {name}: a {type(value).__name__} is not a signal; give a number, a text such as "
+            "'step:time=1,value=2', a Table of times and values, or another Signal"
+        )
+    return value
+
+
+_SIGNALS = Form(
+    metavar="NAME=SIGNAL",
+    example="u=step:time=1,value=2",
+    read=lambda texts: signals_of(pairs(texts)),
+    write=lambda value: [f"{name}={signal_text(signal)}" for name, signal in value.items()],
+    take=lambda value: signals_of(table(value)),
+    repeated=True,
+    files=lambda texts: [value for _, _, value in (text.partition("=") for text in texts) if _is_file(value)],
+)
+
+if TYPE_CHECKING:
+    Signals = Mapping[str, Signal | float | str | Sequence[Any] | NDArray[Any]]
+else:
+    Signals = Annotated[object, _SIGNALS]
