@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scripts.aircraft.aerodynamics import returning
+
 Floats = NDArray[np.float64]
 
 POINTS = (
@@ -22,6 +24,8 @@ POINTS = (
     "y_outer_engine",
     "z_outer_engine",
 )
+
+HEAVE = 1  # coordinate
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +70,13 @@ class Aircraft:
     def pressure(self) -> float:
         """Dynamic pressure [Pa]."""
         return 0.5 * self.air_density * self.airspeed**2
+
+    def gust_force(self) -> Floats:
+        """Return the forces of an angle of attack of 1 rad at all strips, its late part left out, over pressure, shape (33,).
+
+        They are those of sinking, without the force by which height returns slowly.
+        """
+        return (self.A1 - returning())[:, HEAVE] / self.shape[POINTS.index("z_center_of_gravity"), HEAVE]
 
     def mass(self) -> Floats:
         """Return the mass matrix, shape (33, 33)."""
