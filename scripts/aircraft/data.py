@@ -72,7 +72,7 @@ class Aircraft:
         return 0.5 * self.air_density * self.airspeed**2
 
     def gust_force(self) -> Floats:
-        """Return the forces of an angle of attack of 1 rad at all strips, its late part left out, over pressure, shape (33,).
+        """Return the forces of an angle of attack of 1 rad without their late part, per dynamic pressure, shape (33,).
 
         They are those of sinking, without the force by which height returns slowly.
         """
