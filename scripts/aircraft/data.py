@@ -76,7 +76,9 @@ class Aircraft:
 
         They are those of sinking, without the force by which height returns slowly.
         """
-        return (self.A1 - returning())[:, HEAVE] / self.shape[POINTS.index("z_center_of_gravity"), HEAVE]
+        heave = float(self.shape[POINTS.index("z_center_of_gravity"), HEAVE])
+        forces: Floats = (self.A1 - returning())[:, HEAVE]
+        return forces / heave
 
     def mass(self) -> Floats:
         """Return the mass matrix, shape (33, 33)."""
