@@ -14,13 +14,14 @@ import workbench as wb
 from scripts.aircraft import check
 from scripts.aircraft.data import POINTS
 from scripts.aircraft.figures import transfer, unstable
+from scripts.aircraft.problem import prior_aircraft
 from tests.random_systems import pole_error
 from workbench.model import Model
 from workbench.reproduce.targets import read_targets
 
 Floats = NDArray[np.float64]
 SURFACES = ("elevator", "inner_aileron", "outer_aileron")
-MOVED = {"elevator": 0.3, "inner_aileron": -0.2, "outer_aileron": 0.1, "outer_aileron_moment": 50.0}
+MOVED = {"elevator": 0.3, "inner_aileron": -0.2, "outer_aileron": 0.1, "outer_aileron_moment": 50.0, "gust": 5.0}
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +102,21 @@ def test_aerodynamics_scale_with_pressure_and_speed() -> None:
     damping = (base - thin)[rates, rates]  # and damping with pressure over speed
     thin_slow = base[rates, rates] - slow[rates, rates]
     assert np.allclose(thin_slow, damping * (0.41 / (0.41 - 1e-3)) / 3.0, atol=1e-7)
+
+
+def test_a_gust_is_what_sinking_is_but_for_the_slow_return_of_height(aircraft: Model) -> None:
+    """Rising with the air gives no force of the air; what is left is the damper of 2 · 1.5 · 2π · 0.08 Hz on heave."""
+    heave, rates, late = 34, slice(33, 66), slice(66, 71)
+    craft = prior_aircraft()[1]  # masses and shapes are not fitted
+    shape = craft.shape[POINTS.index("z_center_of_gravity"), 1]
+    model = wb.lin(aircraft, inputs=["gust"])
+    rising = np.asarray(model.A)[:, heave] / shape
+    left = rising + np.asarray(model.B)[:, 0]
+    wanted = np.zeros(33)
+    wanted[1] = -2.0 * 1.5 * 2.0 * math.pi * 0.08 / shape
+    assert np.allclose(craft.mass() @ left[rates], wanted, atol=1e-6 * abs(wanted[1]))
+    assert abs(left[late]).max() < 1e-6 * abs(rising[late]).max()
+    assert abs(craft.mass() @ rising[rates] - wanted).max() > 0.1 * abs(wanted[1])  # the air's share is not small
 
 
 def test_failure_frees_the_outer_aileron_only(failed: tuple[Floats, ...], aircraft: Model) -> None:

@@ -4,6 +4,7 @@ model Aircraft "Half model of an aeroelastic transport aircraft: 3 rigid and 30 
   input Real inner_aileron(unit = "rad", start = 0) "Commanded inner aileron";
   input Real outer_aileron(unit = "rad", start = 0) "Commanded outer aileron; without effect where it has failed";
   input Real outer_aileron_moment(unit = "N.m", start = 0) "External hinge moment on the outer aileron";
+  input Real gust(unit = "m/s", start = 0) "Vertical gust, up, over the whole aircraft at once";
   output Real z_front_fuselage(unit = "m") "z of the front fuselage";
   output Real x_center_of_gravity(unit = "m") "x of the center of gravity";
   output Real z_center_of_gravity(unit = "m") "z of the center of gravity";
@@ -180,6 +181,7 @@ model Aircraft "Half model of an aeroelastic transport aircraft: 3 rigid and 30 
     {0, -0.003610956, 0.002318218, -0.0109721, -0.003503962, -0.0002498309, 0.0005500154, -0.001145041, -0.0009144023, 0.01312784, 0.002230814, -0.00473177, 0.003748636, -0.002932573, 0.002873652, -0.000713934, 0.002646989, 0.002205904, 0.008239011, 0.005915628, 0.003103749, 0.0111155, -7.015751e-05, -8.931843e-05, -0.003810005, 0.0006609113, -0.004411913, -0.007066242, 0.002532598, -0.0039469, 0, 0, 0},
     {0, -0.003610956, 0.003093396, -0.01844331, -0.02627948, -0.00492028, 0.005160499, 0.004366795, 0.006611099, -0.007336203, -0.009194986, 0.005596121, -0.001015306, 0.00199675, -0.007910768, 0.0007436279, -0.0005320279, 0.001842959, 0.01242024, 0.01274116, 0.006210776, 0.0212712, -0.001293199, 0.004316669, 0.002445504, 0.00226238, -0.003353412, 0.01758517, -0.002809228, 0.008288895, 0, 0, 0},
     {0, -0.003610956, 0.009176187, 0.003691164, -0.00247876, -0.0008167094, 0.0001326042, -0.003581388, -0.009882603, -0.003290905, -0.009082928, -0.01320688, -0.003663821, -9.786548e-05, 0.0005211708, 0.001942401, -0.001788914, 0.00214493, 0.0006949993, -0.001043455, 8.904994e-05, -0.0002370157, -0.0002644561, 0.002158833, 0.004619855, 0.001511263, -0.003489949, -0.00198076, -0.001477403, -0.002541057, 0, 0, 0}} "and by rate over airspeed";
+  parameter Real gust_force[33] = {0, 2.517414, -1.033636, 1.608299, 0.7621564, 0.136005, -0.1563829, 0.07384689, 0.3249271, 0.5386611, 0.9503255, 1.604227, -0.09970739, 0.359781, -1.258182, -0.22964, 0.4026961, -0.1150093, 1.539501, -0.1754741, 0.1041359, 0.5852953, 0.251654, -0.2555958, -0.4053264, -0.07078606, -0.003025212, 0.4873688, -0.2607731, 0.1131026, -2.693087, -2.335182, -1.983726} "Forces of a gust per dynamic pressure, for gust over airspeed";
   parameter Real late_rate[5] = {0.055, 0.075, 0.1, 0.13, 0.11} "Lag rates per airspeed [1/m]";
   Real q[33](each start = 0, each fixed = true, nominal = {10, 10, 10, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0.01, 0.01, 0.01}) "Modal coordinates, mass-normalised; the last three are the surfaces [rad]";
   Real v[33](each start = 0, each fixed = true, nominal = {10, 10, 10, 6, 15, 17, 18, 24, 25, 35, 41, 45, 53, 68, 71, 78, 78, 80, 98, 100, 110, 110, 130, 140, 140, 150, 160, 160, 170, 190, 0.19, 0.19, 0.19}) "Their rates";
@@ -200,7 +202,7 @@ protected
 equation
   pressure = air_density * airspeed * airspeed / 2;
   working = if outer_aileron_failed then 0 else 1;
-  load = pressure * (late_force * late - aero_stiffness * q - aero_damping * v / airspeed);
+  load = pressure * (late_force * late - aero_stiffness * q - aero_damping * v / airspeed + gust_force * (gust / airspeed));
   for i in 1:30 loop
     free[i] = load[i] - (6.283185307179586 * modal_frequency[i])^2 * q[i] - 12.566370614359172 * modal_damping[i] * modal_frequency[i] * v[i];
   end for;
@@ -229,7 +231,7 @@ equation
     der(v[i]) = a[i];
   end for;
   for i in 1:5 loop
-    der(late[i]) = late_rate[i] * (airspeed * (late_angle[i, :] * q - late[i]) + late_heave[i, :] * v);
+    der(late[i]) = late_rate[i] * (airspeed * (late_angle[i, :] * q - late[i]) + late_heave[i, :] * v + gust);
   end for;
   position = shape * q;
   velocity = shape * v;

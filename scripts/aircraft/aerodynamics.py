@@ -155,9 +155,20 @@ def _hinge(strip: Strip, A0: Floats, A1: Floats) -> None:
     A1[row, row] += factor * c * 1.1
 
 
+_RETURNS = ((0, 0.05, 1.0), (1, 0.08, 1.5))  # coordinate, frequency [Hz] and damping ratio of its slow return
+_PRESSURE, _SPEED = 0.5 * 0.41 * 250.0**2, 250.0
+
+
 def _drag(A0: Floats, A1: Floats) -> None:
     """Forces that hold the eliminated phugoid's place: speed and height return slowly (mass-normalised)."""
-    pressure, speed = 0.5 * 0.41 * 250.0**2, 250.0
-    for row, hertz, damping in ((0, 0.05, 1.0), (1, 0.08, 1.5)):
-        A0[row, row] += (2.0 * np.pi * hertz) ** 2 / pressure
-        A1[row, row] += 2.0 * damping * 2.0 * np.pi * hertz * speed / pressure
+    for row, hertz, _ in _RETURNS:
+        A0[row, row] += (2.0 * np.pi * hertz) ** 2 / _PRESSURE
+    A1 += returning()
+
+
+def returning() -> Floats:
+    """Return the share of A1 by which speed and height return slowly; it is not the air's, shape (33, 33)."""
+    A1 = np.zeros((33, 33))
+    for row, hertz, damping in _RETURNS:
+        A1[row, row] = 2.0 * damping * 2.0 * np.pi * hertz * _SPEED / _PRESSURE
+    return A1

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scripts.aircraft.aerodynamics import returning
+
 Floats = NDArray[np.float64]
 
 POINTS = (
@@ -22,6 +24,8 @@ POINTS = (
     "y_outer_engine",
     "z_outer_engine",
 )
+
+HEAVE = 1  # coordinate
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +70,15 @@ class Aircraft:
     def pressure(self) -> float:
         """Dynamic pressure [Pa]."""
         return 0.5 * self.air_density * self.airspeed**2
+
+    def gust_force(self) -> Floats:
+        """Return the forces of an angle of attack of 1 rad without their late part, per dynamic pressure, shape (33,).
+
+        They are those of sinking, without the force by which height returns slowly.
+        """
+        heave = float(self.shape[POINTS.index("z_center_of_gravity"), HEAVE])
+        forces: Floats = (self.A1 - returning())[:, HEAVE]
+        return forces / heave
 
     def mass(self) -> Floats:
         """Return the mass matrix, shape (33, 33)."""

@@ -82,6 +82,7 @@ def _data(aircraft: Aircraft) -> str:
         _matrix("late_force", aircraft.L, "Forces of the late lift per dynamic pressure"),
         _matrix("late_angle", aircraft.E0, "Mean angles of attack of the strips' groups by position"),
         _matrix("late_heave", aircraft.E1, "and by rate over airspeed"),
+        _vector("gust_force", aircraft.gust_force(), "Forces of a gust per dynamic pressure, for gust over airspeed"),
         _vector("late_rate", aircraft.lag, "Lag rates per airspeed [1/m]"),
     ]
     return "".join(lines)
