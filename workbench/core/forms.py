@@ -212,8 +212,8 @@ def quantity(value: float | str) -> tuple[float, str]:
     Raises:
         ValueError: it does not begin with a number.
     """
-    if not isinstance(value, str):
-        return number(value), ""
+    if not isinstance(value, str) or value.strip().lstrip("+-").lower() in {"nan", "inf", "infinity"}:
+        return number(value), ""  # what is not finite is refused as such
     found = _QUANTITY.fullmatch(value)
     try:
         return float(found[1] if found else ""), found[2] if found else ""
