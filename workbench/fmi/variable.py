@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["FLOAT_TYPES", "Value", "Variable"]
+__all__ = ["FLOAT_TYPES", "WHOLE_RANGES", "Value", "Variable"]
 
 Value = float | int | bool | str
 
 FLOAT_TYPES = frozenset({"Real", "Float64", "Float32"})
+# Type → smallest and largest whole number that it can be.
+WHOLE_RANGES = {
+    **{f"Int{bits}": (-(1 << bits - 1), (1 << bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": (0, (1 << bits) - 1) for bits in (8, 16, 32, 64)},
+    "Integer": (-(1 << 31), (1 << 31) - 1),
+}
 
 
 class Variable(NamedTuple):

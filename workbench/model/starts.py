@@ -12,7 +12,7 @@ from workbench.core.forms import quantity
 from workbench.core.names import check_names, plain_unit, split_names
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.description import UnitDefinition
-from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
+from workbench.fmi.variable import FLOAT_TYPES, WHOLE_RANGES, Value, Variable
 
 __all__ = ["check_biases", "check_starts", "elements_of"]
 
@@ -177,7 +177,11 @@ def _as_type(variable: Variable, value: Value) -> Value:
         return number
     if number != int(number):
         raise ValueError(value)
-    return int(value) if isinstance(value, int | str) and "." not in str(value) else int(number)
+    whole = int(value) if isinstance(value, int | str) and "." not in str(value) else int(number)
+    least, largest = WHOLE_RANGES.get(variable.type, (whole, whole))
+    if not least <= whole <= largest:
+        raise ValueError(value)
+    return whole
 
 
 def _as_boolean(value: Value) -> bool:

@@ -6,21 +6,43 @@ import math
 from collections.abc import Mapping, Sequence
 
 from workbench.core.names import check_names
-from workbench.errors import InputError
+from workbench.errors import InputError, article
 from workbench.fmi.instance import Instance
-from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
+from workbench.fmi.variable import FLOAT_TYPES, WHOLE_RANGES, Value, Variable
 from workbench.signals import Signal
 
 __all__ = ["Forcing", "convert"]
 
+_JUMPS = 100  # of a signal that are looked at before the run
+
 
 def convert(variable: Variable, value: float) -> Value:
-    """Return `value` as the variable's type: integers are rounded, Booleans are value ≥ 0.5."""
+    """Return `value` as the variable's type: integers are rounded, Booleans are value ≥ 0.5.
+
+    Raises:
+        InputError: an integer that its type cannot hold; it would wrap around.
+    """
     if variable.type in FLOAT_TYPES:
         return value
     if variable.type == "Boolean":
         return value >= 0.5
-    return round(value)
+    whole = round(value)
+    least, largest = WHOLE_RANGES.get(variable.type, (whole, whole))
+    if not least <= whole <= largest:
+        raise InputError(
+            f"input {variable.name}: {whole} is beyond what {article(variable.type)} can hold, {least} … {largest}"
+        )
+    return whole
+
+
+def _check_held(variable: Variable, signal: Signal, bias: float) -> None:
+    """Refuse a signal that jumps to what its input cannot hold, as far as its first jumps tell."""
+    t = 0.0
+    for _ in range(_JUMPS):
+        t = signal.next_break(t)
+        if not math.isfinite(t):
+            return
+        convert(variable, signal(t) + bias)
 
 
 class Forcing:
@@ -45,6 +67,8 @@ class Forcing:
         self._fast = [i for i, v in enumerate(variables) if v.is_continuous_input]
         self._slow = [i for i, v in enumerate(variables) if not v.is_continuous_input]
         self._variables = variables
+        for i in self._slow:
+            _check_held(variables[i], *self._pairs[i])
         self.continuous = instance.access([variables[i] for i in self._fast])
         self._discrete = instance.access([variables[i] for i in self._slow])
         self._fast_pairs = [self._pairs[i] for i in self._fast]

@@ -1,0 +1,34 @@
+"""Whole numbers that their type cannot hold are refused: in C they would wrap around, in silence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import workbench as wb
+from tests.reference_fmus import build_reference
+from workbench.errors import InputError
+from workbench.fmi.variable import WHOLE_RANGES
+
+
+@pytest.fixture(scope="module")
+def feedthrough(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_reference(tmp_path_factory.mktemp("whole"), "feedthrough", 3)
+
+
+@pytest.mark.parametrize("kind", ["Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32"])
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_the_ends_pass_and_one_beyond_is_refused(kind: str, interface: str, feedthrough: Path) -> None:
+    least, largest = WHOLE_RANGES[kind]
+    with wb.load(feedthrough, interface=interface) as model:
+        for value in (least, largest):
+            given = {f"{kind}_input": wb.Step(time=0.5, value=float(value), initial=0.0)}
+            found = wb.simulate(model, stop=1.0, inputs=given, outputs=[f"{kind}_output"], in_process=True)
+            assert found.signals[f"{kind}_output"][-1] == value
+        for beyond in (least - 1, largest + 1):
+            for signal in (float(beyond), wb.Step(time=0.5, value=float(beyond), initial=0.0)):
+                with pytest.raises(InputError, match=rf"{kind}_input: {beyond} is beyond what an? {kind} can hold"):
+                    wb.simulate(model, stop=1.0, inputs={f"{kind}_input": signal}, in_process=True)
+    with pytest.raises(InputError, match=f"'{largest + 1}' is not a value that an? {kind} can have"):
+        wb.load(feedthrough, interface=interface, start_values={f"{kind}_input": largest + 1})
