@@ -51,6 +51,10 @@ class OnsetPoint(Part):
     jumps: tuple[Jump, ...] | None = None
     jumps_told: str = ""
 
+    def derived(self) -> dict[str, Any]:
+        """Return how far above the boundary it lies [dB], and the verdict."""
+        return {"above_db": self.above_db, "verdict": self.verdict}
+
     @property
     def above_db(self) -> float | None:
         """How far above the boundary the onset point lies [dB]; negative: below; None: not known."""
@@ -131,11 +135,6 @@ class OnsetResult(Record):
     operating_point: OperatingPoint | None = None
 
     _WHAT, _COMMAND = "an onset of rate limiting", "onset"
-
-    def derived(self) -> dict[str, Any]:
-        """Return the verdicts, and how far above the boundary the onset points lie."""
-        points = [{**p.to_dict(), "above_db": p.above_db, "verdict": p.verdict} for p in self.points]
-        return {"points": points}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each amplitude."""
