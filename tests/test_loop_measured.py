@@ -61,10 +61,9 @@ def test_injecting_agrees_with_breaking(saturated: LoopResult, amplitude: float)
     broken, injected = (saturated.curve(amplitude, how) for how in ("break", "inject"))
     assert injected.margins.gain_margin == pytest.approx(broken.margins.gain_margin, rel=1e-2)
     assert injected.margins.gain_margin == pytest.approx(_truth(amplitude)[0], rel=1e-2)
-    # 0.6° at amplitude 2 by the harmonics that come back, and 0.2° by the 0.4 % to which the amplitude is adjusted.
-    assert injected.margins.phase_margin_deg == pytest.approx(broken.margins.phase_margin_deg, abs=0.9)
+    assert injected.margins.phase_margin_deg == pytest.approx(broken.margins.phase_margin_deg, abs=0.7)
     assert not injected.failed
-    assert all(p.amplitude == pytest.approx(amplitude, rel=4e-3) for p in injected.points)
+    assert all(p.amplitude == pytest.approx(amplitude, rel=1.5e-3) for p in injected.points)
     assert max(p.balance or 0.0 for p in injected.points) < 2e-3
     assert injected.margins.verdict == "stable"
 
