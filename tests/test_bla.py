@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -272,11 +274,15 @@ def test_the_rudder_stops_being_linear_where_its_rate_limit_is(
     assert "band must rise" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(sys.version_info < (3, 12), reason="the package best-linear-approximation needs Python 3.12")
+@pytest.mark.skipif(
+    sys.version_info < (3, 12) or not all(map(find_spec, ("best_linear_approximation", "multisine"))),
+    reason="compares with the packages best-linear-approximation and multisine, which need Python 3.12 and newer and "
+    "are no dependency: pip install best-linear-approximation multisine",
+)
 def test_the_package_best_linear_approximation_says_the_same() -> None:
     """Response, and variances of the mean by noise and in all; its distortion is that of the mean, ours of one."""
-    theirs = pytest.importorskip("best_linear_approximation.robust")
-    multisine = pytest.importorskip("multisine")
+    theirs = import_module("best_linear_approximation.robust")
+    multisine = import_module("multisine")
     realisations, periods = 6, 3
     played = multisine.random_phase_multisine(N, 100.0, n_realizations=realisations, f_min=1.0, f_max=30.0).u
     random = np.random.default_rng(0)

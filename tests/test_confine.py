@@ -29,7 +29,9 @@ from workbench.workers.pool import Pool
 from workbench.workers.runner import Lost
 
 needs_landlock = pytest.mark.skipif(bool(confine.why_not()), reason=confine.why_not())
-posix = pytest.mark.skipif(os.name == "nt", reason="the FMU is written for POSIX")
+posix = pytest.mark.skipif(
+    os.name == "nt", reason="the FMU of this test opens files and sockets by functions of POSIX, which Windows lacks"
+)
 
 
 class Reached(IntFlag):

@@ -293,7 +293,7 @@ def test_results_are_written(tmp_path: Path) -> None:
         ({"inputs": {}}, "stop is missing"),
         ({"inputs": {}, "stop": 1.0, "closes_at": 2.0}, "closes_at must lie between"),
         ({"inputs": {}, "stop": 1.0, "outputs": ["plant.q"]}, "output 'plant.q'"),
-        ({"inputs": {}, "stop": 1.0, "actuator": "fmu:Aircraft"}, "4 real inputs .* must have one"),
+        ({"inputs": {}, "stop": 1.0, "actuator": "fmu:Aircraft"}, "5 real inputs .* must have one"),
         ({"actuator": "fmu:LimitdActuator"}, "did you mean LimitedActuator"),
     ],
 )

@@ -61,7 +61,7 @@ def test_a_disk_that_says_so_only_then_leaves_the_old_file(
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("out.txt", "old")]
 
 
-@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no such device")
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="an endless file is needed; this system has no /dev/zero")
 @pytest.mark.parametrize(
     "line",
     [
@@ -108,7 +108,9 @@ def test_the_browser_s_list_does_not_wait_for_pipes(tmp_path: Path) -> None:
         root.text_of("a.toml")
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no such device")
+@pytest.mark.skipif(
+    not Path("/dev/full").exists(), reason="a full disk is needed; only Linux has /dev/full, which acts as one"
+)
 def test_a_file_that_cannot_be_written_does_not_cost_the_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

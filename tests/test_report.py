@@ -68,8 +68,9 @@ def test_every_result_has_a_page(kind: type) -> None:
 
 # Pages of these are text and tables, or hold the pictures of others.
 WITHOUT_PICTURE = {
-    "AbsoluteStability", "BalancedReduction", "BuildResult", "BuiltModels", "CompiledFmu", "ContainerResult",
-    "DelayReport", "ExportResult", "FmuInfo", "NoDelays", "ReproduceResult", "SystemInfo", "TargetList",
+    "AbsoluteStability", "BalancedReduction", "BlocksResult", "BuildResult", "BuiltModels", "CompiledFmu",
+    "ContainerResult", "DelayReport", "ExportResult", "FmuInfo", "NoDelays", "ReproduceResult", "SystemInfo",
+    "TargetList",
 }  # fmt: skip
 
 

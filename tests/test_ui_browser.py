@@ -316,14 +316,14 @@ def test_what_is_filled_in_stays(page: Page, ui: Ui) -> None:
     api.expect(page.locator("#field-amplitudes")).to_have_value("3,5")
     look(page, ui, "open/fmu:Rudder/measure/trim")
     look(page, ui, "open/fmu:Rudder/measure/nfr")
-    api.expect(page.locator("#field-amplitudes")).to_have_value("3,5")
+    assert page.input_value("#field-amplitudes") == "3,5"
     look(page, ui, "system/new/fmu:Rudder")
     page.click("text=+ gain")
     api.expect(page.locator("#toml")).to_have_value(re.compile("gain2 = 1.0"))
     page.click("#theme")
     look(page, ui, "compare")
     look(page, ui, "system/new/fmu:Rudder")
-    api.expect(page.locator("#toml")).to_have_value(re.compile("gain2 = 1.0"))
+    assert "gain2 = 1.0" in page.input_value("#toml")
 
 
 def test_a_component_is_taken_away_in_the_diagram(page: Page, ui: Ui) -> None:
@@ -369,6 +369,7 @@ def test_a_refresh_in_the_middle_and_another_tab_see_the_same(page: Page, ui: Ui
     for one in (page, other):
         api.expect(one.locator("strong", has_text="stopped")).to_be_visible()
         api.expect(one.locator(".legend li").first).to_contain_text(" deg")
+    assert other.locator(".legend li").all_inner_texts() == page.locator(".legend li").all_inner_texts()
     other.close()
     page.click("text=Go on")  # what was asked came back with the page
     api.expect(page.locator("strong", has_text="running")).to_be_visible()
@@ -382,7 +383,8 @@ def test_the_end_of_the_server_is_told(browser: Browser, tmp_path: Path) -> None
         page.goto(server.address)
         api.expect(page.locator("h1")).to_be_visible()
         server.process.kill()
-        api.expect(page.locator("#gone")).to_be_visible(timeout=LONG)
+        page.wait_for_selector("#gone", timeout=LONG)
+        assert page.locator("#gone").inner_text().strip()
         page.close()
 
 

@@ -166,8 +166,8 @@ class _Envelope(Written):
         systems = {} if record.worst is None else record.worst.systems
         if not systems:
             raise InputError(
-                "--worst: there is no system file of the worst case: no margin is known, or the model is not an FMU "
-                "or a system in TOML; the command lines that are shown measure it again"
+                "--worst: the worst case cannot be written as a system file, because its margin is unknown or its "
+                "model is neither an FMU nor a system in TOML; run the command lines shown to measure it again"
             )
         path = Path(self.worst)
         for name, text in systems.items():

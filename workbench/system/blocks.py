@@ -32,7 +32,7 @@ from workbench.system.description import (
     SumComponent,
 )
 
-__all__ = ["BlockInstance", "NativeComponent", "block_description", "block_ports"]
+__all__ = ["BlockInstance", "NativeComponent", "block_description", "block_ports", "described"]
 
 Floats = NDArray[np.float64]
 NativeComponent = LinearComponent | GainComponent | SumComponent | FunctionComponent | BlockComponent
@@ -283,21 +283,43 @@ def block_description(component: NativeComponent) -> Description:
     units = _units(component, linear)
     variables, states, derivatives = _variables(linear, units)
     exact = not isinstance(component, FunctionComponent) and linear.dt == 0.0
+    able = Capabilities("", state=True, directional_derivatives=exact, completed_step=False)
+    return described(component.name, able, variables, states, derivatives)
+
+
+def described(  # noqa: PLR0917
+    name: str,
+    able: Capabilities,
+    variables: tuple[Variable, ...],
+    states: tuple[Variable, ...],
+    derivatives: tuple[Variable, ...],
+    indicators: int = 0,
+) -> Description:
+    """Return the description of a component that is no FMU, in an FMU's words.
+
+    Args:
+        name: of the component.
+        able: what its model exchange offers.
+        variables: all of them.
+        states: continuous states, which are among them.
+        derivatives: of the states.
+        indicators: number of event indicators.
+    """
     return Description(
         fmi_version="2.0",
         major=2,
-        model_name=component.name,
+        model_name=name,
         token="",
         generation_tool=None,
         description=None,
-        interfaces={"me": Capabilities("", state=True, directional_derivatives=exact, completed_step=False)},
+        interfaces={"me": able},
         platforms=(),
         experiment=DefaultExperiment(),
         variables=variables,
         states=states,
         derivatives=derivatives,
         state_count=len(states),
-        indicator_count=0,
+        indicator_count=indicators,
         shapes={},
         log_categories=(),
         notes=(),

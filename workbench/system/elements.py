@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from workbench.errors import SimulationError
-from workbench.fmi.description import Capabilities, DefaultExperiment, Description
+from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_blocks import block_functions, new_element
 from workbench.system.block_table.base import Block
+from workbench.system.blocks import described
 from workbench.system.description import BlockComponent
 
 __all__ = ["ElementInstance", "element_description"]
@@ -73,25 +74,7 @@ def element_description(component: BlockComponent) -> Description:
     block = component.block
     variables, states, rates = _variables(block, component)
     able = Capabilities("", state=True, directional_derivatives=True, completed_step=block.number == "delay")
-    return Description(
-        fmi_version="2.0",
-        major=2,
-        model_name=component.name,
-        token="",
-        generation_tool=None,
-        description=None,
-        interfaces={"me": able},
-        platforms=(),
-        experiment=DefaultExperiment(),
-        variables=variables,
-        states=states,
-        derivatives=rates,
-        state_count=len(states),
-        indicator_count=block.indicators,
-        shapes={},
-        log_categories=(),
-        notes=(),
-    )
+    return described(component.name, able, variables, states, rates, block.indicators)
 
 
 def _variables(

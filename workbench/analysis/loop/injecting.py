@@ -15,8 +15,8 @@ from workbench.errors import SimulationError
 
 __all__ = ["injected"]
 
-# Relative: how near the amplitude of the signal passed on is to the one that is asked for. Where the gain falls with the
-# amplitude, as behind a limit, it moves a gain crossover by as much, and the phase margin there by 0.05°.
+# Relative: how near the amplitude of the signal passed on is to the one that is asked for. Where the gain falls with
+# the amplitude, as behind a limit, a gain crossover moves by as much, and the phase margin there by 0.05°.
 _NEAR = 0.001
 _ROUNDS = 16
 _EQUAL = 1e-4  # relative: injected amplitudes nearer than this are equal

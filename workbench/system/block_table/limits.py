@@ -159,7 +159,25 @@ class Relay(Block):
         return (0.0, math.inf) if ideal else None
 
 
-class Backlash(Block):
+class _Trailing(Block):
+    """The output follows by a state, which stops or goes on at either of two limits."""
+
+    feeds = False
+    start: float = option("Where the state starts.", default=0.0, finite=True)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        return ("x",)
+
+    @property
+    def indicators(self) -> int:
+        return 2
+
+    def starts(self) -> tuple[float, ...]:
+        return (self.start,)
+
+
+class Backlash(_Trailing):
     """Play of gears and linkages: the output moves when the input has taken up the gap.
 
     The contact is a fast lag: the rate of an input is not known to a block, so where it turns can only be seen by a
@@ -171,31 +189,18 @@ class Backlash(Block):
     group = _LIMITS
     equations = "dx/dt = (u − x ∓ half_width) / lag beyond the gap, 0 while |u − x| ≤ half_width\ny = slope · x"
     number = "backlash"
-    feeds = False
     half_width: float = option("Half of the gap.", default=0.1, positive=True)
     slope: float = option("Slope of the output where the two sides are in contact.", default=1.0, finite=True)
     lag: float = option("Time constant of the contact.", default=1e-3, unit="s", positive=True)
-    start: float = option("Where x starts.", default=0.0, finite=True)
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        return ("x",)
-
-    @property
-    def indicators(self) -> int:
-        return 2
 
     def packed(self) -> tuple[float, ...]:
         return -self.half_width, self.half_width, self.lag, self.slope
-
-    def starts(self) -> tuple[float, ...]:
-        return (self.start,)
 
     def described(self) -> Described | None:
         return Described("backlash", {"half_width": self.half_width, "slope": self.slope})
 
 
-class RateLimiter(Block):
+class RateLimiter(_Trailing):
     """Limits the rate of the output: it follows the input, but not faster than the limits.
 
     Below the limits the output follows by a fast lag: the rate of an input is not known to a block. With the input's
@@ -207,11 +212,9 @@ class RateLimiter(Block):
     group = _LIMITS
     equations = "dy/dt = min(max((u − y) / lag, falling), rising)"
     number = "rate_limiter"
-    feeds = False
     rising: float = option("Highest rate of the output.", default=1.0, unit="1/s", positive=True)
     falling: float | None = option("Lowest rate of the output, negative; left out: −rising.", default=None, unit="1/s")
     lag: float = option("Time constant with which the output follows.", default=1e-3, unit="s", positive=True)
-    start: float = option("Where the output starts.", default=0.0, finite=True)
 
     @property
     def lowest(self) -> float:
@@ -222,19 +225,8 @@ class RateLimiter(Block):
         if not self.lowest < 0.0:
             raise InputError(f"falling = {self.lowest:g} must be negative")
 
-    @property
-    def states(self) -> tuple[str, ...]:
-        return ("x",)
-
-    @property
-    def indicators(self) -> int:
-        return 2
-
     def packed(self) -> tuple[float, ...]:
         return self.lowest, self.rising, self.lag
-
-    def starts(self) -> tuple[float, ...]:
-        return (self.start,)
 
     def described(self) -> Described | None:
         return Described("rate_limiter", {"rate": self.rising}) if self.lowest == -self.rising else None

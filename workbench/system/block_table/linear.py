@@ -47,10 +47,12 @@ def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float
     if len(below) == 1:
         gain = float(above[0] / below[0]) if len(above) else 0.0
         return Matrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]), dt)
-    from scipy.signal import tf2ss  # noqa: PLC0415  slow to import, and this table is imported by every command
-
-    a, b, c, d = tf2ss(above if len(above) else [0.0], below)
-    return Matrices(a, b, c, d, dt)
+    # Controller canonical form; scipy.signal has it, too, and is slow to import, which every command would wait for.
+    n = len(below) - 1
+    above = np.concatenate([np.zeros(len(below) - len(above)), above]) / below[0]
+    below = below[1:] / below[0]
+    a = np.vstack([-below, np.eye(n - 1, n)])
+    return Matrices(a, np.eye(n, 1), (above[1:] - above[0] * below)[None], above[:1, None], dt)
 
 
 class _Linear(Block):
