@@ -17,9 +17,9 @@ import workbench as wb
 from tests import drivers
 from tests.drivers import DRIVERS, GROUPS, MASTERS, driven_by
 from tests.hybrid_fmus import DISCARD, ERROR, FakeC, Hybrid, open_fake
+from tests.master_loops import lags
 from tests.system_models import unity_feedback
 from tests.test_session_events import Ball, Integrator, Lag, Slider, Stiff
-from tests.test_system_master import lags
 from workbench.cli.app import run
 from workbench.errors import WorkbenchError
 from workbench.fmi.instance import DiscardError

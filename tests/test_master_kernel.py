@@ -13,9 +13,9 @@ import pytest
 from tests.drivers import driven_by
 from tests.fmi1_fmus import build_fmi1
 from tests.foreign_fmus import build_foreign
+from tests.master_loops import fmu, lags
 from tests.reference_fmus import build_reference
 from tests.system_models import difference
-from tests.test_system_master import fmu, lags
 from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Recorded

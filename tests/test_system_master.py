@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import control
 import numpy as np
@@ -14,13 +13,12 @@ import pytest
 
 from tests.drivers import DRIVERS
 from tests.gemseo import gemseo_fmu, needs_gemseo
+from tests.master_loops import REFERENCE, error_of, fmu, grid, lags, left_limits, mastered
 from tests.system_models import difference
-from workbench.analysis.delays.request import delays
-from workbench.analysis.delays.result import DelayReport
 from workbench.analysis.simulate.request import simulate
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Floats
 from workbench.signals import Constant, Signal, Sine, Step
 from workbench.system.connect import connect
 from workbench.system.description import FmuComponent
@@ -31,78 +29,6 @@ from workbench.system.master.sampled import clock_ticks
 from workbench.system.master.ticks import repeating
 
 both = pytest.mark.parametrize("driver", DRIVERS, indirect=True)
-
-REFERENCE: Mapping[str, Signal] = {"r": Sine(frequency=0.3)}
-
-
-def fmu(name: str, file: str, interface: str = "cs", **start: float) -> FmuComponent:
-    return FmuComponent(name=name, file=file, interface=interface, set=start)
-
-
-def mastered(model: object) -> MasterModel:
-    assert isinstance(model, MasterModel)
-    return model
-
-
-def lags(
-    first: str = "cs",
-    second: str = "cs",
-    *,
-    gain: float = 4.0,
-    version: str = "",
-    step: float | None = None,
-    order: str = "auto",
-    hold_inputs: bool = False,
-    tolerance: float = 1e-8,
-    extrapolation: int = 1,
-    step_tolerance: float | None = None,
-) -> MasterModel:
-    """r → (+) → lag a → lag b → y, with −gain·y fed back."""
-    return mastered(
-        connect(
-            {
-                "a": fmu("a", f"fmu:FirstOrderLag{version}", first),
-                "b": fmu("b", f"fmu:FirstOrderLag{version}", second),
-                "e": difference("e", 1.0, -gain),
-            },
-            [("e.y", "a.u"), ("a.y", "b.u"), ("b.y", "e.u2")],
-            inputs={"r": "e.u1"},
-            outputs={"y": "b.y", "a": "a.y"},
-            step=step,
-            order=order,
-            hold_inputs=hold_inputs,
-            tolerance=tolerance,
-            extrapolation=extrapolation,
-            step_tolerance=step_tolerance,
-        )
-    )
-
-
-def lags_truth(t: Floats, gain: float = 4.0) -> dict[str, Floats]:
-    """Of `lags` under `REFERENCE`, from rest."""
-    a, b, c = np.array([[-1.0, -gain], [1.0, -1.0]]), np.array([[1.0], [0.0]]), np.eye(2)
-    fine = np.linspace(0.0, t[-1], 20001)
-    _, x = control.forced_response(control.ss(a, b, c, np.zeros((2, 1))), fine, np.sin(0.6 * np.pi * fine))
-    return {"a": np.interp(t, fine, x[0]), "y": np.interp(t, fine, x[1])}
-
-
-def grid(count: int, interval: float, offset: float = 0.0) -> Floats:
-    found: Floats = np.arange(1, count + 1, dtype=np.float64) * interval + offset
-    return found
-
-
-def left_limits(record: Recorded, points: Floats, names: Sequence[str]) -> dict[str, Floats]:
-    at = np.searchsorted(record.time, points)
-    return {n: record.values[n][at] for n in names}
-
-
-def error_of(model: MasterModel, gain: float = 4.0) -> float:
-    points = grid(25, 0.2)
-    with model, model.open_session(signals=REFERENCE) as session:
-        record = session.advance(5.0, signals=REFERENCE, record=["a", "y"], points=points)
-    found, truth = left_limits(record, points, ["a", "y"]), lags_truth(points, gain)
-    return max(float(np.abs(found[n] - truth[n]).max()) for n in truth)
-
 
 # -- order and accuracy -------------------------------------------------------------------------
 
@@ -131,102 +57,6 @@ def test_the_error_falls_with_the_order_of_the_extrapolation(
         error_of(lags("me", step=h, order=order_of_units, extrapolation=extrapolation)) for h in (0.05, 0.025)
     )
     assert math.log2(coarse / fine) == pytest.approx(order, abs=0.2)
-
-
-def test_the_step_has_a_tolerance_of_its_own() -> None:
-    loose, tight = (error_of(lags(step_tolerance=tolerance)) for tolerance in (1e-3, 1e-6))
-    assert 1e-5 < loose < 5e-3
-    assert tight < 0.03 * loose
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"extrapolation": 3}, "extrapolation 3 is unknown; known: 0, 1, 2"),
-        ({"extrapolation": 2, "hold_inputs": True}, "hold_inputs holds all inputs"),
-        ({"step_tolerance": 1e-3, "step": 0.1}, "give one"),
-        ({"step_tolerance": 2.0}, "step_tolerance is 2, not between 0 and 1"),
-    ],
-)
-def test_options_that_do_not_fit_are_refused(options: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        lags(**options)
-
-
-_FILE = """
-[components]
-a = {model = "fmu:FirstOrderLag", interface = "cs"}
-b = {model = "fmu:FirstOrderLag", interface = "cs"}
-e = {sum = "+-"}
-k = 4.0
-[connections]
-"a.u" = "e.y"
-"b.u" = "a.y"
-"k.u" = "b.y"
-"e.u2" = "k.y"
-[inputs]
-r = "e.u1"
-[outputs]
-y = "b.y"
-a = "a.y"
-[master]
-"""
-
-
-def test_a_file_says_how_its_components_are_stepped(tmp_path: Path) -> None:
-    file = tmp_path / "loop.toml"
-    errors = {}
-    for n in (0, 1):
-        file.write_text(_FILE + f'order = "jacobi"\nextrapolation = {n}\n')
-        model = mastered(load(file, step=0.05, tolerance=1e-8))
-        assert model.order == "jacobi"
-        errors[n] = error_of(model)
-    assert errors == pytest.approx({n: error_of(lags(step=0.05, order="jacobi", extrapolation=n)) for n in (0, 1)})
-    assert errors[0] > 2.0 * errors[1]
-    file.write_text(_FILE + "step_tolerance = 1e-6\n")
-    assert error_of(mastered(load(file, tolerance=1e-8))) < 1e-4
-    with load(file, step=0.5) as stepped:
-        assert any("step_tolerance of the file is not used" in note for note in stepped.notes)
-
-
-def test_the_phase_that_a_loop_loses_is_known_whatever_the_extrapolation(tmp_path: Path) -> None:
-    file = tmp_path / "loop.toml"
-    found = []
-    for n in (1, 2):
-        file.write_text(_FILE + f"extrapolation = {n}\n")
-        with load(file, step=0.05) as model:
-            report = delays(model, stop=1.0)
-        assert isinstance(report, DelayReport)
-        (loop,) = report.loops
-        found.append(loop.crossover_hz)
-    assert found[0] is not None
-    assert found[1] == pytest.approx(found[0])
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("extrapolation = 3", r"loop.toml: extrapolation 3 is unknown; known: 0, 1, 2"),
-        ("extrapolation = 'two'", r"loop.toml: \[master\]: key 'extrapolation' must be an integer"),
-        ("tolerance = 1e-3", r"loop.toml: \[master\]: .*tolerance.* step_tolerance"),
-        ("order = 'random'", r"order 'random' is unknown"),
-    ],
-)
-def test_a_wrong_master_table_is_one_line(line: str, words: str, tmp_path: Path) -> None:
-    (tmp_path / "loop.toml").write_text(_FILE + line + "\n")
-    with pytest.raises(InputError, match=words):
-        load(tmp_path / "loop.toml")
-
-
-def test_an_inner_systems_master_and_one_without_use_are_told(tmp_path: Path) -> None:
-    (tmp_path / "inner.toml").write_text(_FILE + "extrapolation = 2\n")
-    outer = tmp_path / "outer.toml"
-    outer.write_text('[components]\ns = "inner.toml"\n[inputs]\nr = "s.r"\n[outputs]\ny = "s.y"\n')
-    with load(outer) as model:
-        assert any("s: of its master is not used, the whole system has one: extrapolation" in n for n in model.notes)
-    (tmp_path / "inner.toml").write_text(_FILE.replace('"cs"', '"me"') + "extrapolation = 2\n")
-    with pytest.raises(InputError, match="extrapolation is for systems with co-simulation components"):
-        load(tmp_path / "inner.toml")
 
 
 @needs_gemseo

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.named import named
-from workbench.errors import InputError
+from workbench.errors import InputError, suggest
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.ticking import time_based
@@ -23,7 +23,7 @@ from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.master.crossover import opened_loop
 from workbench.system.master.instance import MasterInstance, MasterPlan
-from workbench.system.master.ordering import choose_order
+from workbench.system.master.ordering import ORDERS, choose_order
 from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
@@ -62,6 +62,7 @@ class MasterModel(DescribedModel):
     recipe: SystemRecipe
 
     def __init__(self, opened: Opened, recipe: SystemRecipe) -> None:
+        _check(recipe)
         self._opened = opened
         self.system = opened.description
         _refuse_clocks(opened)
@@ -73,7 +74,6 @@ class MasterModel(DescribedModel):
         self._decided: MasterPlan | None = None
         self._probing = False
         setup = _setup(opened, recipe, described)
-        _check(recipe)
         master = _master_note(self.order, self._units, recipe)
         super().__init__(
             described,
@@ -257,6 +257,8 @@ def _own_notes(opened: Opened) -> list[str]:
 def _check(recipe: SystemRecipe) -> None:
     """Refuse options that do not go together."""
     asked = recipe.system.master
+    if asked.order not in (known_orders := ("auto", *ORDERS)):
+        raise InputError(f"{recipe.source}: order '{asked.order}' is unknown; {suggest(asked.order, known_orders)}")
     if asked.extrapolation not in _EXTRAPOLATED:
         known = ", ".join(map(str, _EXTRAPOLATED))
         raise InputError(f"{recipe.source}: extrapolation {asked.extrapolation} is unknown; known: {known}")

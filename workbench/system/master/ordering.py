@@ -13,7 +13,6 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from workbench.errors import InputError, suggest
 from workbench.system.master.units import Units
 
 __all__ = ["ORDERS", "Order", "choose_order"]
@@ -31,13 +30,8 @@ def choose_order(wanted: str, units: Units, held: Collection[int] = ()) -> tuple
         wanted: "auto" or a name in `ORDERS`.
         units: what is stepped.
         held: units whose outputs stand still over a step: they go first.
-
-    Raises:
-        InputError: unknown name.
     """
     name = "gauss-seidel" if wanted == "auto" else wanted
-    if name not in ORDERS:
-        raise InputError(f"order '{wanted}' is unknown; {suggest(wanted, ('auto', *ORDERS))}")
     return name, ORDERS[name](units, held)
 
 
