@@ -114,6 +114,17 @@ def test_signals_of_whole_arrays() -> None:
         signals_of({"u": [1.0], "u[1]": 2.0})
 
 
+@pytest.mark.parametrize(
+    ("forced", "left"),
+    [({"u": [1.0, 2.0]}, "u[3]"), ({"u[2]": 1.0}, "u[1], u[3]"), ({"u": [1.0, 2.0, 3.0]}, ""), ({}, "")],
+)
+def test_elements_that_a_list_does_not_reach_are_told(sized: Path, forced: dict[str, Any], left: str) -> None:
+    with wb.load(sized, start_values={"n": 3}) as model:
+        notes = wb.simulate(model, stop=0.1, inputs=forced).notes
+    told = [note for note in notes if note.startswith("u: of 3 elements")]
+    assert told == ([f"u: of 3 elements these are not forced, and keep their start values: {left}"] if left else [])
+
+
 def test_the_column_of_an_input_is_found_by_its_name(tmp_path: Path) -> None:
     file = tmp_path / "data.csv"
     file.write_text("time,first,second\n0,1,2\n1,3,4\n")

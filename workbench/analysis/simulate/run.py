@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeGuard
 
@@ -32,6 +32,7 @@ DEFAULT_POINTS = 500
 MOST_USUAL_POINTS = 5000
 MAX_POINTS = 10_000_000
 WORRYING_CHANGE = 0.01
+_FEW = 6  # elements of an array that are named
 _JUMP = 1e-9  # relative: an input that moves by less stays where it is
 
 
@@ -43,7 +44,7 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
     names, instead = _names(model, asked.outputs)
     start = model.start_time if asked.start_time is None else asked.start_time
     stop, told = _stop(model, asked.stop)
-    told = (*remarks, *told, *instead, *_jumps(model, inputs, start))
+    told = (*remarks, *told, *instead, *_left_out(model, inputs), *_jumps(model, inputs, start))
     interval = _usual_interval(model, stop - start) if asked.interval is None else asked.interval
     points = None if asked.points is None else several(asked.points)
     rows = _points(start, stop, interval, points, grid=model.grid)
@@ -75,6 +76,19 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
     if found.step is not None and asked.verify_step:
         told += running.doubts(found)
     return running.result(found, told)
+
+
+def _left_out(model: Model, inputs: Mapping[str, Signal]) -> Iterator[str]:
+    """Yield a note on each array of which some elements are forced and others are not, as by too short a list."""
+    whole: dict[str, list[str]] = {}
+    for variable in model.inputs:
+        if variable.name.endswith("]"):
+            whole.setdefault(variable.name.rpartition("[")[0], []).append(variable.name)
+    for name, elements in whole.items():
+        free = [one for one in elements if one not in inputs]
+        if 0 < len(free) < len(elements):
+            shown = ", ".join(free[:_FEW]) + (", …" if len(free) > _FEW else "")
+            yield f"{name}: of {len(elements)} elements these are not forced, and keep their start values: {shown}"
 
 
 def _jumps(model: Model, inputs: Mapping[str, Signal], start: float) -> tuple[str, ...]:
