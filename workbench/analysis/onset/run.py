@@ -13,10 +13,9 @@ from scipy.optimize import brentq
 from workbench.analysis.branches.request import branches
 from workbench.analysis.loop.request import loop
 from workbench.analysis.nyquist.grid import adaptive_grid
-from workbench.analysis.onset.attitude import attitude_of
 from workbench.analysis.onset.boundary import boundary_db
 from workbench.analysis.onset.request import RateOnset
-from workbench.analysis.onset.result import Jump, OnsetPoint, OnsetResult
+from workbench.analysis.onset.result import Attitude, Jump, OnsetPoint, OnsetResult
 from workbench.analysis.opened import find_ports, linear_between, recipe_of, system_of
 from workbench.core.decibels import decibels
 from workbench.core.forms import several
@@ -34,9 +33,10 @@ from workbench.system.description import BlockComponent
 __all__ = ["run"]
 
 _NEEDS = "the onset of rate limiting needs"
-_LIMITED = "limiter.output"  # name of an output of the system, for the linear model
+_LIMITED = "onset.limited"  # name of an output of the system, for the linear model
 _AROUND = 3.0  # jumps are looked for so many times below and above the onset
 _ON_AXIS = 1e-9  # of the largest pole: a real part below that is rounding
+_MARGIN_DEG, _MARGIN_DB = 45.0, 6.0  # of a bandwidth
 _SHOWN = 400  # frequencies of the curves
 
 
@@ -83,7 +83,7 @@ def run(model: DescribedModel, asked: RateOnset, job: Job) -> OnsetResult:
         closed_gain_db=decibels(motion.part.response(shown)),
         open_gain_db=decibels(through),
         open_phase_deg=_below(np.unwrap(np.angle(through))),
-        attitude=None if asked.attitude is None else attitude_of(closed.part(0, 1), asked),
+        attitude=None if asked.attitude is None else _attitude(asked.attitude, closed.part(0, 1), asked.band),
         notes=(*remarks, *notes),
         operating_point=point,
     )
@@ -202,3 +202,33 @@ def _below(phase: Floats) -> Floats:
     """Return unwrapped phases [deg], shifted by whole turns so that they begin between −360° and 0."""
     degrees = np.degrees(phase)
     return np.asarray(degrees - 360.0 * np.ceil(degrees[0] / 360.0), dtype=np.float64)
+
+
+# -- bandwidth and phase delay ------------------------------------------------------------------
+
+
+def _attitude(name: str, part: LinearPart, band: tuple[float, float]) -> Attitude:
+    """Return bandwidth and phase delay of an attitude's response (MIL-STD-1797), as far as the band shows them."""
+    f, value = adaptive_grid(part, band)
+    phase, gain = np.degrees(np.unwrap(np.angle(value))), decibels(value)
+    half = _falls(f, phase, -180.0)
+    by_gain = delay = None
+    if half is not None:
+        by_gain = _falls(f, gain, float(np.interp(half, f, gain)) + _MARGIN_DB)
+        if 2.0 * half <= f[-1]:
+            delay = -(float(np.interp(2.0 * half, f, phase)) + 180.0) / (720.0 * half)
+    return Attitude(
+        output=name,
+        phase_bandwidth_hz=_falls(f, phase, _MARGIN_DEG - 180.0),
+        gain_bandwidth_hz=by_gain,
+        phase_delay_s=delay,
+    )
+
+
+def _falls(f: Floats, values: Floats, level: float) -> float | None:
+    """Return the lowest frequency at which values fall through a level; None: they do not."""
+    falls = np.flatnonzero((values[:-1] > level) & (values[1:] <= level))
+    if not len(falls):
+        return None
+    k = int(falls[0])
+    return float(np.interp(level, values[[k + 1, k]], f[[k + 1, k]]))
