@@ -1,4 +1,4 @@
-"""JSON and TOML that somebody else wrote: read, or refused with one reason."""
+"""JSON and TOML that somebody else wrote: read, or refused with one reason; and values as TOML has them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import json
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["from_json", "from_toml"]
+__all__ = ["from_json", "from_toml", "toml_key", "toml_value"]
 
 _DEEPEST = 100  # whatever goes through it later does so by recursion
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _LARGEST = int(sys.float_info.max)
 
 
@@ -77,3 +78,28 @@ def _sound(whole: Any) -> Any:  # noqa: ANN401
         if not level:
             return whole
     raise ValueError(_TOO_DEEP)
+
+
+def toml_key(name: str) -> str:
+    """Return a key as TOML has it, quoted where it must be.
+
+    Args:
+        name: any text.
+    """
+    return name if _BARE.fullmatch(name) else toml_value(name)
+
+
+def toml_value(value: object) -> str:
+    """Return a value as TOML has it, in one line.
+
+    Args:
+        value: a text, number, truth value, list of such, or a table.
+    """
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{toml_key(str(name))} = {toml_value(one)}' for name, one in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml_value, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    # A string of JSON is one of TOML, but for one character.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f") if isinstance(value, str) else repr(value)

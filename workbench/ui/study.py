@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
+from workbench.core.parsing import toml_key, toml_value
 from workbench.ui.works import Work
 
 __all__ = ["study_of"]
 
 _WITHOUT = {"store", "redo"}  # a study has its own store
-_BARE = re.compile(r"^[A-Za-z0-9_-]+$")
 
 
 def study_of(works: Iterable[Work]) -> str:
@@ -35,11 +33,11 @@ def study_of(works: Iterable[Work]) -> str:
             f'command = "{work.command}"',
             f'model = "{model}"',
         ]
-        lines += [f"{_key(work, name)} = {_toml(value)}" for name, value in asked.items() if name not in _WITHOUT]
+        lines += [f"{_key(work, name)} = {toml_value(value)}" for name, value in asked.items() if name not in _WITHOUT]
         analyses.append("\n".join(lines))
     if not analyses:
         return ""
-    named = "\n".join(f"{name} = {_toml(subject)}" for subject, name in models.items())
+    named = "\n".join(f"{name} = {toml_value(subject)}" for subject, name in models.items())
     return "\n\n".join(['name = "session"', f"[models]\n{named}".rstrip(), *analyses]) + "\n"
 
 
@@ -57,8 +55,4 @@ def _key(work: Work, name: str) -> str:
 
     declared, _ = asked_options(type(work.asked))[name]
     key = declared.flag.removeprefix("--")
-    return key if _BARE.match(key) else json.dumps(key)
-
-
-def _toml(value: Any) -> str:  # noqa: ANN401 - of JSON
-    return json.dumps(value, ensure_ascii=False)  # texts, numbers, true, false and lists of them are written alike
+    return toml_key(key)

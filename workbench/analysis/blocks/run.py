@@ -9,9 +9,10 @@ from workbench.analysis.blocks.request import Blocks
 from workbench.analysis.blocks.result import BlockKind, BlockParameter, BlocksResult
 from workbench.core.job import Job
 from workbench.core.option import Declared, options_of
+from workbench.core.parsing import toml_value
 from workbench.errors import InputError, suggest
 from workbench.system.block_table.base import Block
-from workbench.system.block_table.registry import BLOCKS, entry_of, sample_of, value_of
+from workbench.system.block_table.registry import BLOCKS, entry_of, sample_of
 
 __all__ = ["run"]
 
@@ -64,7 +65,7 @@ def _parameter(declared: Declared) -> BlockParameter:
         name=declared.name,
         type=f"one of {', '.join(declared.option.choices)}" if declared.option.choices else _type(declared),
         unit=declared.option.unit,
-        default="" if default is None or declared.required else value_of(default),
+        default="" if default is None or declared.required else toml_value(default),
         required=declared.required,
         help=declared.option.help,
     )

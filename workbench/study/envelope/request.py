@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 from workbench.analysis.request import Request, Subject, function
 from workbench.core.forms import File
@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
     from workbench.study.envelope.result import EnvelopeResult
 
-__all__ = ["EnvelopeOf", "envelope"]
+__all__ = ["PLANS", "EnvelopeOf", "PlanName", "envelope"]
+
+PlanName = Literal["grid", "random", "latin", "sobol"]
+PLANS: tuple[str, ...] = get_args(PlanName)
 
 
 class EnvelopeOf(Request["str | Path", "EnvelopeResult"]):
@@ -70,7 +73,7 @@ class EnvelopeOf(Request["str | Path", "EnvelopeResult"]):
     _: KW_ONLY
     plan: str | None = option(
         "Where the points lie; by default as the study says.",
-        choices=("grid", "random", "latin", "sobol"),
+        choices=PLANS,
         default=None,
     )
     points: int | None = option(

@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import Field
 
 from workbench.errors import InputError
 from workbench.study.description import Analysis, Study
+from workbench.study.envelope.request import PlanName
 from workbench.study.envelope.spread import KINDS, Spread, read_spread
 from workbench.study.kinds.base import Requirement
 from workbench.study.place import known
 from workbench.system.toml_schema import Table, read_table
 
-__all__ = ["PLANS", "Envelope", "read_envelope", "varied_by"]
+__all__ = ["Envelope", "read_envelope", "varied_by"]
 
-PLANS = ("grid", "random", "latin", "sobol")
 _WHERE = "[envelope]"
 # Commands that find where stability changes over a parameter, and their option that says which.
 _BORDERS: Mapping[str, str] = {"modes": "vary", "limit-cycle": "vary"}
@@ -29,7 +29,7 @@ class EnvelopeTable(Table):
 
     parameters: dict[str, Any]
     requirement: str | None = None
-    plan: Literal["grid", "random", "latin", "sobol"] = "grid"
+    plan: PlanName = "grid"
     points: int = Field(default=64, ge=1, le=1_000_000)
     seed: int = Field(default=1, ge=0)
     confidence: float = Field(default=0.95, gt=0.0, lt=1.0)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from workbench.core.parsing import toml_key, toml_value
 from workbench.core.record import read_toml_table
 from workbench.errors import WorkbenchError
 from workbench.fmi.bundled import bundled_path, is_bundled
@@ -42,7 +42,7 @@ def system_at(change: Change, folder: Path, remarks: Sequence[str]) -> str:
     except (WorkbenchError, KeyError):
         return ""
     left = {key: value for key, value in change.options.items() if key in _ELSEWHERE and value}
-    told = [f"It is opened with {key} = {_value(value)}." for key, value in left.items()]
+    told = [f"It is opened with {key} = {toml_value(value)}." for key, value in left.items()]
     return "".join(f"# {' '.join(line.split())}\n" for line in (*remarks, *told)) + _text(data)
 
 
@@ -81,23 +81,8 @@ def _placed(component: Any, folder: Path) -> Any:  # noqa: ANN401 - what TOML ca
 
 def _text(data: Mapping[str, Any]) -> str:
     """Return TOML: single values first, then each table, its values one a line."""
-    lines = [f"{_key(k)} = {_value(v)}" for k, v in data.items() if not isinstance(v, Mapping)]
+    lines = [f"{toml_key(k)} = {toml_value(v)}" for k, v in data.items() if not isinstance(v, Mapping)]
     for name, table in data.items():
         if isinstance(table, Mapping):
-            lines += ["", f"[{_key(name)}]", *(f"{_key(k)} = {_value(v)}" for k, v in table.items())]
+            lines += ["", f"[{toml_key(name)}]", *(f"{toml_key(k)} = {toml_value(v)}" for k, v in table.items())]
     return "\n".join(lines).lstrip("\n") + "\n"
-
-
-def _key(name: str) -> str:
-    return name if name.replace("_", "").isalnum() and name.isascii() else _value(name)
-
-
-def _value(value: Any) -> str:  # noqa: ANN401 - what TOML can hold
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    # A string of JSON is one of TOML; so are numbers.
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f") if isinstance(value, str) else repr(value)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from workbench.core.option import options_of
+from workbench.core.parsing import toml_value
 from workbench.errors import InputError, suggest
 from workbench.system.block_table.base import Block
 from workbench.system.block_table.choices import Friction, Lookup, Lookup2d, Maximum, Minimum, Product, Switch
@@ -31,7 +32,7 @@ from workbench.system.block_table.linear import (
     ZeroOrderHold,
 )
 
-__all__ = ["BLOCKS", "block_of", "block_table", "entry_of", "sample_of", "value_of"]
+__all__ = ["BLOCKS", "block_of", "block_table", "entry_of", "sample_of"]
 
 # In the order of lists and palettes.
 BLOCKS: Mapping[str, type[Block]] = {
@@ -87,20 +88,7 @@ def entry_of(kind: str) -> str:
     block = sample_of(kind)
     values = {d.name: getattr(block, d.name) for d in options_of(type(block))}
     shown = {n: v for n, v in values.items() if v is not None and v not in (math.inf, -math.inf)}
-    return f"{{{', '.join(f'{name} = {value_of(v)}' for name, v in {'block': kind, **shown}.items())}}}"
-
-
-def value_of(value: object) -> str:
-    """Return the value of a parameter as a system file holds it.
-
-    Args:
-        value: of a parameter.
-    """
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(value_of, value))}]"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    return toml_value({"block": kind, **shown})
 
 
 def block_table(block: Block) -> dict[str, Any]:
