@@ -369,12 +369,14 @@ def test_a_refresh_in_the_middle_and_another_tab_see_the_same(page: Page, ui: Ui
     for one in (page, other):
         api.expect(one.locator("strong", has_text="stopped")).to_be_visible()
         api.expect(one.locator(".legend li").first).to_contain_text(" deg")
-    for _ in range(200):  # the last events of what was stopped may reach one before the other
-        shown, seen = (one.locator(".legend li").all_inner_texts() for one in (page, other))
-        if shown == seen:
+    # The last events of what was stopped may reach one before the other.
+    shown = other.locator(".legend li").all_inner_texts()
+    for _ in range(200):
+        if page.locator(".legend li").all_inner_texts() == shown:
             break
         page.wait_for_timeout(50)
-    assert shown == seen
+        shown = other.locator(".legend li").all_inner_texts()
+    assert page.locator(".legend li").all_inner_texts() == shown
     other.close()
     page.click("text=Go on")  # what was asked came back with the page
     api.expect(page.locator("strong", has_text="running")).to_be_visible()
