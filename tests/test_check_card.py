@@ -392,3 +392,9 @@ def test_an_fmu_that_ends_its_run_breaks_no_promise(tmp_path: Path) -> None:
         line = card.line("runs", interface)
         assert (line.verdict, line.evidence) == ("watch", "the FMU ended its run (at t = 9 s)")
     assert card.passed
+
+
+def test_what_held_inputs_cost_is_said_beside_what_is_done_here() -> None:
+    """FMI 3 interpolates nothing: inputs have the value of the middle of a step, and no message says they are late."""
+    (line,) = wb.check("fmu:Rudder@3", interface="cs", only=["inputs"], workers=HERE).checks
+    assert line.consequence.startswith("here they have the value of the middle of a step; inputs held from the start")

@@ -140,6 +140,11 @@ def test_missing_binary_says_what_there_is(pack: Pack, tmp_path: Path) -> None:
     assert left_behind(tmp_path) == []
 
 
+def test_an_fmu_without_any_binary_is_not_sent_to_another_platform(pack: Pack) -> None:
+    with pytest.raises(FmuError, match=r"\(has: none at all\); ask its maker for one$"):
+        load(pack({}))
+
+
 def test_a_binary_that_cannot_be_loaded_is_one_line(pack: Pack) -> None:
     suffix = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}[host().rpartition("-")[2]]
     path = pack({f"binaries/{host()}/M{suffix}": "no library"})

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from workbench.analysis.limit_cycle.result import SimulatedCycle
-from workbench.report import limit_cycle
+from workbench.analysis.simulate.result import SimulationResult
+from workbench.report import limit_cycle, simulate
 from workbench.report.page import Page, Section, Table, write_page
 from workbench.report.terminal import text_of
 
@@ -61,3 +62,13 @@ def test_a_mean_that_is_rounding_is_shown_as_0() -> None:
     )  # fmt: skip
     (table,) = limit_cycle._simulated(cycle).tables
     assert [row[-1] for row in table.rows] == ["0", "-0.5"]
+
+
+def test_a_sine_that_ends_after_whole_periods_ends_at_0() -> None:
+    time = np.linspace(0.0, 2.0, 201)
+    result = SimulationResult(
+        time=time, signals={"u": np.sin(2.0 * np.pi * time), "lost": np.full(201, np.nan)},
+        units={"u": "rad", "lost": None}, model="M", interface="me", solver="gear",
+    )  # fmt: skip
+    _, values = simulate.simulate_page(result).sections
+    assert values.tables[0].rows == [("u", "rad", "0", "0", "-1", "1"), ("lost", "", *["nan"] * 4)]

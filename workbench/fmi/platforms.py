@@ -112,8 +112,9 @@ def binary_path(folder: Path, identifier: str, *, source: str) -> Path:
         path = folder / "binaries" / name / f"{identifier}{_suffix(name)}"
         if path.is_file():
             return path
-    has = ", ".join(platforms_in(folder)) or "none at all"
-    told = f"no binary {identifier} for this platform {host()} (has: {has})"
+    has = ", ".join(platforms_in(folder))
+    told = f"no binary {identifier} for this platform {host()} (has: {has or 'none at all'})"
     if _has_sources(folder):
         raise FmuError(f"{source}: {told}; it has its sources, so make one: workbench compile {source}")
-    raise FmuError(f"{source}: {told}; run it on one of those, or ask its maker for this one")
+    instead = "run it on one of those, or ask its maker for this one" if has else "ask its maker for one"
+    raise FmuError(f"{source}: {told}; {instead}")

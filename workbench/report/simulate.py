@@ -8,6 +8,8 @@ from workbench.report.tables import counted
 
 __all__ = ["simulate_page"]
 
+_ROUNDING = 1e-14  # of a signal's largest value: a sine that ends after whole periods ends at 0
+
 
 def simulate_page(result: SimulationResult) -> Page:
     """Return the page of a time history: pictures, and where each signal begins, ends and reaches."""
@@ -29,5 +31,6 @@ def _values(result: SimulationResult) -> Table:
     rows = []
     for name, values in result.signals.items():
         figures = (values[0], values[-1], values.min(), values.max())
-        rows.append((name, result.units[name] or "", *(f"{x:.6g}" for x in figures)))
+        nothing = _ROUNDING * max(abs(values.min()), abs(values.max()))
+        rows.append((name, result.units[name] or "", *(f"{0.0 if abs(x) <= nothing else x:.6g}" for x in figures)))
     return Table(("variable", "unit", "first", "last", "smallest", "largest"), rows, right=(2, 3, 4, 5))

@@ -127,8 +127,10 @@ def _co_simulation(subject: CheckedFmu, share: float) -> Answer:
     fastest = max(s.frequency for s in subject.sines().values())
     delay = 180.0 * fastest * subject.step
     cost = f"{_HELD} ({0.5 * subject.step:.3g} s, {delay:.2g}° at {fastest:.3g} Hz)"
-    if not subject.model.description.interfaces["cs"].interpolates_inputs:
-        return Answer("good", "inputs act; interpolation is not claimed", cost, {"interpolates": False})
+    claims = subject.model.description.interfaces["cs"]
+    if not claims.interpolates_inputs:
+        told = f"here they have the value of the middle of a step; {cost}" if claims.variable_step else cost
+        return Answer("good", "inputs act; interpolation is not claimed", told, {"interpolates": False})
     if not _takes_slopes(subject):
         text = "canInterpolateInputs is claimed, but input derivatives are rejected"
         return Answer("broken", text, cost, {"interpolates": False})
