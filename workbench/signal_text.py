@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
-from itertools import chain
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 from workbench.core.csv_file import is_number
 from workbench.core.files import content_of
@@ -20,7 +20,39 @@ from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, p
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Signals", "parse_signal", "read_table", "signal_text", "signals_of"]
+__all__ = ["Signals", "Words", "parse_signal", "read_table", "readable", "signal_text", "signals_of"]
+
+
+class _AnyWord(dict[str, float]):
+    """Words that are not known before the model is open: every one, to see whether the rest can be read."""
+
+    def __contains__(self, word: object) -> bool:
+        return bool(word) and not set(":=[]") & set(str(word))
+
+    def __missing__(self, word: str) -> float:
+        return 0.0
+
+
+Words = Callable[[str], Mapping[str, float]]
+"""Input → what may stand for a number there: items of its enumeration; true and false."""
+_NO_WORDS: Mapping[str, float] = MappingProxyType({})
+_ANY_WORD = _AnyWord()
+
+
+def _word(text: str, words: Mapping[str, float]) -> str:
+    """Return the word that a text is, in small letters where that is how it is known: "true" for "True"."""
+    word = text.strip()
+    return word.lower() if word not in words and word.lower() in words else word
+
+
+def _is_level(text: str, words: Mapping[str, float]) -> bool:
+    return is_number(text) or _word(text, words) in words
+
+
+def _level(text: str, words: Mapping[str, float]) -> float:
+    """Return the value that a number or a word stands for; raises ValueError if it is neither."""
+    word = _word(text, words)
+    return float(words[word]) if word in words and not is_number(word) else float(word)
 
 
 def read_table(path: str | Path) -> Table:
@@ -51,15 +83,20 @@ def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
     return [] if not rows or is_number(rows[0][0]) else [_bare(cell.strip()) for cell in rows.pop(0)], rows
 
 
-def _column(path: Path, rows: Sequence[Sequence[str]], number: int) -> Table:
+def _column(path: Path, rows: Sequence[Sequence[str]], number: int, words: Mapping[str, float] = _NO_WORDS) -> Table:
     try:
-        return Table([float(r[0]) for r in rows], [float(r[number]) for r in rows])
+        return Table([float(r[0]) for r in rows], [_level(r[number], words) for r in rows])
     except (ValueError, IndexError):
-        words = "two columns of numbers" if number == 1 else f"numbers in its columns 1 and {number + 1}"
-        raise InputError(f"{path}: needs {words}, time [s] and value") from None
+        what = "two columns of numbers" if number == 1 else f"numbers in its columns 1 and {number + 1}"
+        wrong = next((r[number].strip() for r in rows if number < len(r) and not _is_level(r[number], words)), "")
+        if words and wrong:
+            raise InputError(
+                f"{path}: '{wrong}' is not a value that the input can have; {suggest(wrong, words)}"
+            ) from None
+        raise InputError(f"{path}: needs {what}, time [s] and value") from None
 
 
-def _named_columns(name: str, path: Path) -> dict[str, Signal]:
+def _named_columns(name: str, path: Path, words: Words) -> dict[str, Signal]:
     """Return what a CSV file holds for an input: its column, or those of an array's elements.
 
     A file of two columns holds it whatever they are called.
@@ -67,12 +104,12 @@ def _named_columns(name: str, path: Path) -> dict[str, Signal]:
     headings, rows = _rows(path)
     known = {heading: number for number, heading in enumerate(headings) if number}
     if name in known:
-        return {name: _column(path, rows, known[name])}
+        return {name: _column(path, rows, known[name], words(name))}
     if elements := [heading for heading in known if heading.startswith(f"{name}[")]:
-        return {heading: _column(path, rows, known[heading]) for heading in elements}
+        return {heading: _column(path, rows, known[heading], words(heading)) for heading in elements}
     width = len(headings) or max((len(row) for row in rows), default=0)
     if width <= 2:
-        return {name: _column(path, rows, 1)}
+        return {name: _column(path, rows, 1, words(name))}
     which = suggest(name, known) if known else "give it a line of headings"
     raise InputError(f"{path}: none of its {width} columns is called {name}; {which}")
 
@@ -129,6 +166,7 @@ def _gust(k: Mapping[str, float]) -> Signal:
     return gust(time=k.get("time", 0.0), value=k.get("value", 1.0), duration=_required("gust", k, "duration"))
 
 
+_LEVELS = {"step": ("value", "initial")}  # which of the options may be words
 _TABLE, _HOLD = "table", "hold"
 _FILES = (".csv", ".txt")
 _MAKERS: Mapping[str, Callable[[Mapping[str, float]], Signal]] = {
@@ -152,19 +190,21 @@ def _whole(kind: str, key: str, value: float) -> int:
     return int(value)
 
 
-def _key_values(kind: str, text: str) -> dict[str, float]:
+def _key_values(kind: str, text: str, words: Mapping[str, float]) -> dict[str, float]:
     values: dict[str, float] = {}
     for part in filter(None, (p.strip() for p in text.split(","))):
         key, equals, value = (p.strip() for p in part.partition("="))
         if key not in _KEYS[kind]:
             raise InputError(f"{kind}: unknown option '{key}'; {suggest(key, _KEYS[kind])}")
-        if not equals or not is_number(value):
-            raise InputError(f"{kind}: {key} needs a number, as in {key}=1.0, not '{value}'")
-        values[key] = float(value)
+        here = words if key in _LEVELS.get(kind, ()) else _NO_WORDS
+        if not equals or not _is_level(value, here):
+            other = f"; {suggest(value, here)}" if here else ""
+            raise InputError(f"{kind}: {key} needs a number, as in {key}=1.0, not '{value}'{other}")
+        values[key] = _level(value, here)
     return values
 
 
-def parse_signal(text: str) -> Signal:
+def parse_signal(text: str, words: Mapping[str, float] = _NO_WORDS) -> Signal:
     """Return the signal that `text` describes.
 
     Args:
@@ -172,6 +212,8 @@ def parse_signal(text: str) -> Signal:
             `prbs:hold=0.1,amplitude=1`, `pulse:duration=0.1,value=0.8`, `gust:duration=0.5,value=100`,
             `table:0=0,1=2` (time [s] and value; `hold=1` makes it a staircase), or the name of a CSV file with
             time [s] and value.
+        words: what may stand for a number besides, such as the items of an enumeration: alone, in a table, and as
+            `value` and `initial` of a step.
 
     Raises:
         InputError: unknown kind or option, missing option, not a number, no such file.
@@ -179,17 +221,23 @@ def parse_signal(text: str) -> Signal:
     Examples:
         >>> wb.parse_signal("sine:amplitude=2,frequency=0.5")
         Sine(amplitude=2.0, frequency=0.5, phase=0.0, offset=0.0, start=0.0)
+        >>> wb.parse_signal("step:time=1,initial=Off,value=On", {"Off": 1, "On": 2})
+        Step(time=1.0, value=2.0, initial=1.0)
     """
     text = text.strip()
     if is_number(text):
         return Constant(float(text))
     kind, colon, rest = text.partition(":")
     if colon and kind == _TABLE:
-        return _table(rest)
+        return _table(rest, words)
     if colon and kind in _MAKERS:
-        return _MAKERS[kind](_key_values(kind, rest))
+        return _MAKERS[kind](_key_values(kind, rest, words))
     if _is_file(text):
-        return read_table(text)
+        return _column(Path(text), _rows(Path(text))[1], 1, words)
+    if _is_level(text, words):
+        return Constant(_level(text, words))
+    if words:
+        raise InputError(f"'{text}' is neither a signal nor a value that the input can have; {suggest(text, words)}")
     raise InputError(
         f"'{text}' is not a signal; write a number, a .csv file, or one of "
         + ", ".join([*(f"{k}:{_KEYS[k][0]}=…" for k in _MAKERS), f"{_TABLE}:TIME=VALUE,…"])
@@ -228,22 +276,28 @@ def signal_text(signal: Signal) -> str:
     return f"{kind}:{','.join(f'{key}={getattr(signal, key)!r}' for key in _KEYS[kind])}"
 
 
-def _table(text: str) -> Table:
+def _table(text: str, words: Mapping[str, float]) -> Table:
     """Read TIME=VALUE,.. and hold=1 for a staircase."""
     items = [(key.strip(), value.strip()) for key, _, value in (part.partition("=") for part in text.split(","))]
     points = [(key, value) for key, value in items if key != _HOLD]
-    if not all(map(is_number, chain(*points))):
-        raise InputError(f"{_TABLE}: '{text}' is not of the form TIME=VALUE,.., as in table:0=0,1=2")
+    if not all(is_number(t) and _is_level(x, words) for t, x in points):
+        wrong = next((x for t, x in points if is_number(t) and x and not _is_level(x, words)), "")
+        other = f"; '{wrong}': {suggest(wrong, words)}" if words and wrong else ""
+        raise InputError(f"{_TABLE}: '{text}' is not of the form TIME=VALUE,.., as in table:0=0,1=2{other}")
     held = len(points) < len(items)
-    return Table([float(t) for t, _ in points], [float(x) for _, x in points], "hold" if held else "linear")
+    return Table([float(t) for t, _ in points], [_level(x, words) for _, x in points], "hold" if held else "linear")
 
 
-def signals_of(given: Mapping[str, Signal | float | str | Sequence[Any] | NDArray[Any]]) -> dict[str, Signal]:
+_Given: TypeAlias = "Signal | float | str | Sequence[Any] | NDArray[Any]"
+
+
+def signals_of(given: Mapping[str, _Given], words: Words = lambda _: _NO_WORDS) -> dict[str, Signal]:
     """Return name → signal; those of a whole array by its elements, `u[1]`, `u[2]`.
 
     Args:
         given: name → a signal, a number, or what `parse_signal` reads; of a whole array a list of such, or a CSV file
             with a column for each element. Of a file with several columns that with the input's name is taken.
+        words: input → what may stand for a number; see `parse_signal`.
 
     Raises:
         InputError: a text that `parse_signal` refuses, or something else.
@@ -252,45 +306,109 @@ def signals_of(given: Mapping[str, Signal | float | str | Sequence[Any] | NDArra
         >>> signals_of({"u": [1.0, "step:time=1,value=2"]})
         {'u[1]': Constant(value=1.0), 'u[2]': Step(time=1.0, value=2.0, initial=0.0)}
     """
-    found: dict[str, Signal] = {}
+    return _every(given, words, lambda name, value: _signal(name, value, words(name)))
+
+
+def readable(given: Mapping[str, _Given]) -> dict[str, Signal | str]:
+    """Return name → signal as `signals_of` does, but a text with words in it as it is: what they mean a model says.
+
+    Args:
+        given: see `signals_of`.
+
+    Raises:
+        InputError: a text that is not a signal, whatever its words mean.
+    """
+    found: dict[str, Signal | str] = {}
     for name, value in given.items():
-        for one, signal in _signals(name, value).items():
-            if one in found:
-                raise InputError(f"input {one}: is forced twice, by itself and with the whole array")
-            found[one] = signal
+        try:
+            _merge(found, _every({name: value}, lambda _: _NO_WORDS, _left))
+        except InputError:
+            if not isinstance(value, str) or not _is_file(value):
+                raise
+            signals_of({name: value}, lambda _: _ANY_WORD)
+            _merge(found, {name: value})
     return found
 
 
-def _signals(name: str, value: Signal | float | str | Sequence[Any] | NDArray[Any]) -> dict[str, Signal]:
+def _left(name: str, value: object) -> Signal | str:
+    """Return a signal, or the text whose words have to wait for the model."""
+    try:
+        return _signal(name, value, _NO_WORDS)
+    except InputError:
+        if not isinstance(value, str) or _is_file(value):
+            raise
+        try:
+            _signal(name, value, _ANY_WORD)
+        except InputError:
+            pass
+        else:
+            return value.strip()
+        raise
+
+
+_T = TypeVar("_T", Signal, "Signal | str")
+
+
+def _every(given: Mapping[str, _Given], words: Words, leaf: Callable[[str, object], _T]) -> dict[str, _T]:
+    found: dict[str, _T] = {}
+    for name, value in given.items():
+        _merge(found, _signals(name, value, words, leaf))
+    return found
+
+
+def _merge(found: dict[str, _T], more: Mapping[str, _T]) -> None:
+    for one, signal in more.items():
+        if one in found:
+            raise InputError(f"input {one}: is forced twice, by itself and with the whole array")
+        found[one] = signal
+
+
+def _signals(name: str, value: _Given, words: Words, leaf: Callable[[str, object], _T]) -> Mapping[str, _T]:
     if isinstance(value, str):
         text = value.strip()
         if text.startswith("[") and text.endswith("]"):
-            return _elements(name, split_names(text[1:-1]))
+            return _elements(name, _items(text[1:-1]), words, leaf)
         if _is_file(text) and ":" not in text:
             try:
-                return _named_columns(name, Path(text))
+                return _named_columns(name, Path(text), words)
             except InputError as error:
                 raise InputError(f"input {name}: {error}") from None
     elif isinstance(value, Sequence):
-        return _elements(name, value)
+        return _elements(name, value, words, leaf)
     elif hasattr(value, "tolist"):  # an array
-        return _elements(name, value.tolist())
-    return {name: _signal(name, value)}
+        return _elements(name, value.tolist(), words, leaf)
+    return {name: leaf(name, value)}
 
 
-def _elements(name: str, values: Sequence[Any]) -> dict[str, Signal]:
-    """Return element → signal of a whole array, nested where it has several dimensions."""
-    found = {}
-    for number, value in enumerate(values, 1):
-        for one, signal in _signals(f"{name}[{number}]", value).items():
-            found[one.replace("][", ",")] = signal
+def _items(text: str) -> list[str]:
+    """Split a whole array at its commas, but not at those inside of a signal.
+
+    A part KEY=VALUE belongs to the signal before it, which is the one with a colon: "1,step:time=1,value=2,3" are
+    three. No signal begins with KEY=.
+    """
+    found: list[str] = []
+    for part in split_names(text):
+        before, equals, _ = part.partition("=")
+        if equals and ":" not in before and found and ":" in found[-1]:
+            found[-1] += f",{part}"
+        else:
+            found.append(part)
     return found
 
 
-def _signal(name: str, value: object) -> Signal:
+def _elements(name: str, values: Sequence[Any], words: Words, leaf: Callable[[str, object], _T]) -> dict[str, _T]:
+    """Return element → signal of a whole array, nested where it has several dimensions."""
+    found: dict[str, _T] = {}
+    for number, value in enumerate(values, 1):
+        begin = f"{name[:-1]},{number}]" if name.endswith("]") else f"{name}[{number}]"
+        found.update(_signals(begin, value, words, leaf))
+    return found
+
+
+def _signal(name: str, value: object, words: Mapping[str, float]) -> Signal:
     if isinstance(value, str):
         try:
-            return parse_signal(value)
+            return parse_signal(value, words)
         except InputError as error:
             raise InputError(f"input {name}: {error}") from None
     if isinstance(value, Real):
@@ -307,14 +425,14 @@ def _signal(name: str, value: object) -> Signal:
 _SIGNALS = Form(
     metavar="NAME=SIGNAL",
     example="u=step:time=1,value=2",
-    read=lambda texts: signals_of(pairs(texts)),
-    write=lambda value: [f"{name}={signal_text(signal)}" for name, signal in value.items()],
-    take=lambda value: signals_of(table(value)),
+    read=lambda texts: readable(pairs(texts)),
+    write=lambda value: [f"{n}={s if isinstance(s, str) else signal_text(s)}" for n, s in value.items()],
+    take=lambda value: readable(table(value)),
     repeated=True,
     files=lambda texts: [value for _, _, value in (text.partition("=") for text in texts) if _is_file(value)],
 )
 
 if TYPE_CHECKING:
-    Signals = Mapping[str, Signal | float | str | Sequence[Any] | NDArray[Any]]
+    Signals = Mapping[str, _Given]
 else:
     Signals = Annotated[object, _SIGNALS]

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
-from typing import Literal
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
 
 from workbench.core.names import check_names
-from workbench.errors import InputError
+from workbench.errors import InputError, suggest
 from workbench.fmi.variable import Variable
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
+from workbench.signal_text import signals_of
+from workbench.signals import Constant, Signal, Step, Table
 
-__all__ = ["Kind", "check_variables", "found_variables"]
+if TYPE_CHECKING:
+    from workbench.signal_text import Signals
+
+__all__ = ["Kind", "check_variables", "forced_inputs", "found_variables"]
 
 Kind = Literal["input", "output", "state", "parameter", "variable"]
 
@@ -56,6 +62,64 @@ def found_variables(model: Model, names: Iterable[str], *kinds: Kind, what: str)
     found = [one for name in names for one in (_elements(name, accepted) or [name])]
     check_variables(model, found, *kinds, what=what)
     return list(dict.fromkeys(found))
+
+
+_TRUTH: Mapping[str, int] = {"false": 0, "true": 1}
+
+
+def forced_inputs(model: Model, given: Signals, *, what: str = "inputs") -> dict[str, Signal]:
+    """Return the signals that force a model's inputs, with the names of values that they have there.
+
+    Items of an enumeration, true and false may stand for numbers. Between two of them nothing lies, so a table that
+    forces such an input is a staircase.
+
+    Args:
+        model: whose inputs they are.
+        given: input → signal, as `signals_of` takes it.
+        what: the option that has them, in messages.
+
+    Raises:
+        InputError: no such input, not a signal, or a value that the input's enumeration does not have.
+    """
+
+    def words(name: str) -> Mapping[str, int]:
+        check_variables(model, [name], "input", what=what)
+        return items[name]
+
+    items = {v.name: _items(model, v) for v in model.inputs}
+    found = signals_of(given, words)
+    check_variables(model, found, "input", what=what)
+    return {name: _stepwise(name, signal, items[name]) for name, signal in found.items()}
+
+
+def _items(model: Model, variable: Variable) -> Mapping[str, int]:
+    """Return the names of the values that a variable can have; empty where it is not one of few."""
+    if variable.type == "Boolean":
+        return _TRUTH
+    if variable.type != "Enumeration" or not isinstance(model, DescribedModel):
+        return {}
+    return model.description.enumerations.get(variable.declared_type or "", {})
+
+
+def _stepwise(name: str, signal: Signal, items: Mapping[str, int]) -> Signal:
+    if not items:
+        return signal
+    if isinstance(signal, Table):
+        signal = replace(signal, interpolate="hold")
+    if items is not _TRUTH and (wrong := [x for x in _levels(signal) if round(x) not in items.values()]):
+        where = " (initial, of the step)" if isinstance(signal, Step) and wrong[0] == signal.initial else ""
+        known = suggest(f"{wrong[0]:g}", items)
+        raise InputError(f"input {name}: its enumeration has no item {wrong[0]:g}{where}; {known}")
+    return signal
+
+
+def _levels(signal: Signal) -> tuple[float, ...]:
+    """Return the values of a signal that has few; empty: it has others."""
+    if isinstance(signal, Constant):
+        return (signal.value,)
+    if isinstance(signal, Step):
+        return signal.initial, signal.value
+    return tuple(signal.values) if isinstance(signal, Table) else ()
 
 
 def _elements(name: str, accepted: Sequence[str]) -> list[str]:

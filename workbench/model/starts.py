@@ -117,7 +117,8 @@ def _start(
     except (OverflowError, TypeError, ValueError):  # the first of a whole number that no float can be
         if items:
             raise InputError(f"{name}: its enumeration has no item '{value}'; {suggest(str(value), items)}") from None
-        raise InputError(f"{name}: '{value}' is not a value that {article(variable.type)} can have") from None
+        known = "; known: false, true" if variable.type == "Boolean" else ""
+        raise InputError(f"{name}: '{value}' is not a value that {article(variable.type)} can have{known}") from None
 
 
 def _converted(

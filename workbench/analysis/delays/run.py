@@ -11,8 +11,8 @@ from workbench.analysis.delays.result import ConnectionDelay, DelayReport, LoopD
 from workbench.core.job import Job
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import Model
+from workbench.model.names import forced_inputs
 from workbench.model.placing import standing, start_at
-from workbench.signal_text import signals_of
 from workbench.signals import Signal
 from workbench.system.master.crossover import crossover
 from workbench.system.master.model import MasterModel
@@ -36,7 +36,7 @@ def run(model: Model, asked: Delays, job: Job) -> DelayReport | NoDelays:
             return NoDelays(model=model.name, interface=model.interface, solver=model.solver)
         raise InputError(f"{model.name}: a single co-simulation FMU has no connections; connect it into a system first")
     system, remarks = start_at(model, asked.at)
-    return _report(system, asked, signals_of(asked.inputs), remarks, job)
+    return _report(system, asked, forced_inputs(system, asked.inputs), remarks, job)
 
 
 def _report(

@@ -27,9 +27,8 @@ from workbench.core.job import Job
 from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
-from workbench.model.names import check_variables
+from workbench.model.names import forced_inputs
 from workbench.model.placing import standing, start_at
-from workbench.signal_text import signals_of
 
 __all__ = ["run"]
 
@@ -124,10 +123,10 @@ def _run(model: DescribedModel, asked: FeedForward) -> Run | None:
         raise InputError(
             f"closes_at must lie between 0 and the end of the simulation at {end:g} s, not {asked.closes_at:g}"
         )
-    check_variables(model, asked.inputs, "input", what="inputs")
+    inputs = forced_inputs(model, asked.inputs)
     for name in asked.outputs:
         variable_of(model, name, "output")
-    return Run(inputs=signals_of(asked.inputs), outputs=tuple(asked.outputs), stop=end, closes_at=asked.closes_at)
+    return Run(inputs=inputs, outputs=tuple(asked.outputs), stop=end, closes_at=asked.closes_at)
 
 
 def _controls(result: FeedForwardResult, loops: Loops, *, crude: bool) -> list[tuple[str, Loops, LinearPart | None]]:

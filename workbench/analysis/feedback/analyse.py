@@ -33,8 +33,8 @@ from workbench.core.poles import natural_frequency_hz
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import placing
 from workbench.model.described import DescribedModel
+from workbench.model.names import forced_inputs
 from workbench.session.base import Floats
-from workbench.signal_text import signals_of
 
 __all__ = ["curve", "run"]
 
@@ -190,8 +190,9 @@ class _Work:
         tolerance, centre = self.settings.tolerance, self._centre(watch)
         if self.asked.start_after is not None:
             return from_signals(
-                self.place, self.where, watch, centre=centre, signals=signals_of(self.asked.signals or {}),
-                time=self.time, start_after=self.asked.start_after, tolerance=tolerance,
+                self.place, self.where, watch, centre=centre,
+                signals=forced_inputs(self.place.model, self.asked.signals or {}, what="signals"), time=self.time,
+                start_after=self.asked.start_after, tolerance=tolerance,
             )  # fmt: skip
         if two is None:
             raise InputError(

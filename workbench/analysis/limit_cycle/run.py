@@ -45,9 +45,8 @@ from workbench.core.blas import one_thread
 from workbench.core.job import Job
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
-from workbench.model.names import check_variables
+from workbench.model.names import check_variables, forced_inputs
 from workbench.model.placing import named, start_at
-from workbench.signal_text import signals_of
 from workbench.signals import Signal
 
 __all__ = ["run"]
@@ -68,7 +67,7 @@ def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult
     check_variables(model, [n for n in asked.vary if n != GAIN], "parameter", "state", what="vary", number=True)
     system, remarks = start_at(model, asked.at)
     time = system.start_time if asked.time is None else asked.time
-    steps = 3 + len(asked.vary)
+    steps, inputs = 3 + len(asked.vary), forced_inputs(system, asked.inputs)
     with ExitStack() as keep, one_thread():
         loop = cut(system, *asked.block, at=system.at, time=time, keep=keep)
         predicted = predict(system, loop, asked)
@@ -83,7 +82,7 @@ def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult
             work.follow(name, limits)
             job.done(f"cycles over {name}", (count + 1) * _PARTS, _PARTS * steps)
         if asked.run_until is not None:
-            work.run_freely(asked.run_until, signals_of(asked.inputs))
+            work.run_freely(asked.run_until, inputs)
         job.done("run from rest", _PARTS * steps, _PARTS * steps)
         return work.result()
 

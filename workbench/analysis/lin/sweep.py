@@ -20,9 +20,8 @@ from workbench.core.option import recast
 from workbench.core.record import Part, Record, drawn, entry
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
-from workbench.model.names import check_variables
+from workbench.model.names import check_variables, forced_inputs
 from workbench.model.varied import with_parameters
-from workbench.signal_text import signals_of
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, choose
 from workbench.workers.stamp import stamp
@@ -234,7 +233,7 @@ def along(model: Model, asked: LinAlong, job: Job) -> LinGrid:
     times = several(asked.times)
     if not times or times[0] < 0.0 or any(b <= a for a, b in itertools.pairwise(times)):
         raise InputError("snapshot: the times must rise from 0 on")
-    forced = signals_of(asked.signals or {})
+    forced = forced_inputs(model, asked.signals or {}, what="signals")
     points: list[LinPoint] = []
 
     def result() -> LinGrid:

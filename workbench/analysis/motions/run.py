@@ -17,9 +17,9 @@ from workbench.core.job import Job
 from workbench.core.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.model.described import DescribedModel
-from workbench.model.names import check_variables
+from workbench.model.names import check_variables, forced_inputs
 from workbench.model.placing import start_at
-from workbench.signal_text import signal_text, signals_of
+from workbench.signal_text import signal_text
 from workbench.signals import Signal
 
 __all__ = ["run"]
@@ -36,11 +36,11 @@ def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) 
     points = _points(list(systems), asked.at or {})
     placed = {name: start_at(model, points.get(name)) for name, model in systems.items()}
     systems = {name: model for name, (model, _) in placed.items()}
-    inputs = signals_of(asked.inputs)
     windows = [(float(begin), float(end)) for begin, end in asked.windows]
     signals = tuple(dict.fromkeys(asked.signals))
-    _check(systems, signals, windows, inputs)
+    _check(systems, signals, windows)
     first = next(iter(systems.values()))
+    forced = {name: forced_inputs(model, asked.inputs) for name, model in systems.items()}
     units = {v.name: v.unit for v in first.description.variables if v.name in signals}
     shown = {s: shown_unit(units.get(s), asked.unit) for s in signals}
     if asked.unit is not None and not any(u.unit == asked.unit for u in shown.values()):
@@ -53,7 +53,7 @@ def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) 
     simulation = Simulate(
         workers=asked.place,
         stop=end,
-        inputs=inputs,
+        inputs=asked.inputs,
         outputs=signals,
         interval=end / _POINTS if asked.interval is None else asked.interval,
     )
@@ -72,7 +72,7 @@ def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) 
             motions=tuple(m for h in histories for m in _motions(h, windows)),
             histories=tuple(histories),
             failed=tuple(failed),
-            inputs={n: _text(s) for n, s in inputs.items()},
+            inputs={n: _text(s) for one in forced.values() for n, s in one.items()},
             stop=end,
             operating_points=begins,
             notes=(*(f"{n}: {text}" for n, (_, remarks) in placed.items() for text in remarks), *notes),
@@ -117,13 +117,11 @@ def _check(
     systems: Mapping[str, DescribedModel],
     signals: Sequence[str],
     windows: Sequence[Window],
-    inputs: Mapping[str, Signal],
 ) -> None:
     if not systems or not signals or not windows:
         raise InputError("compare: give at least one system, one signal and one window")
     for model in systems.values():
         check_variables(model, signals, "variable", what="signals")
-        check_variables(model, inputs, "input", what="inputs")
 
 
 def _run(

@@ -19,11 +19,10 @@ from workbench.errors import EndedError, InputError, SimulationError, StoppedErr
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
-from workbench.model.names import check_variables, found_variables
+from workbench.model.names import forced_inputs, found_variables
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats, Recorded, Session
 from workbench.session.pauses import at_pauses
-from workbench.signal_text import signals_of
 from workbench.signals import Signal
 
 __all__ = ["run"]
@@ -39,8 +38,7 @@ _JUMP = 1e-9  # relative: an input that moves by less stays where it is
 def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
     """Simulate a model; see `Simulate`."""
     model, remarks = start_at(model, asked.at)
-    inputs = signals_of(asked.inputs)
-    check_variables(model, inputs, "input", what="inputs")
+    inputs = forced_inputs(model, asked.inputs)
     names, instead = _names(model, asked.outputs)
     start = model.start_time if asked.start_time is None else asked.start_time
     stop, told = _stop(model, asked.stop)
