@@ -26,6 +26,34 @@ REFUSED = {
         "parameter T as a sample period",
         "final parameter",
     ),
+    "when of an element": (
+        (
+            "Real h[3](each start = 1, each fixed = true);\ndiscrete Real x[3](each start = 0, each fixed = true);\nequation\n"
+            "  for i in 1:3 loop\n    der(h[i]) = -h[i];\n    when h[i] < 0.5 then\n      x[i] = time;\n    end when;\n"
+            "  end for;"
+        ),
+        8,
+        "a when clause assigns x[1], one element of an array",
+        "assign the whole array",
+    ),
+    "reinit of an element": (
+        (
+            "Real x[3](each start = 1, each fixed = true);\nequation\n  for i in 1:3 loop\n    der(x[i]) = -1;\n"
+            "    when x[i] < 0 then\n      reinit(x[i], 1);\n    end when;\n  end for;"
+        ),
+        7,
+        "reinit of x[1], one element of an array",
+        "put the when clause into a model",
+    ),
+    "when in an algorithm": (
+        (
+            "discrete Real x(start = 0, fixed = true);\nalgorithm\n  when sample(0, 0.1) then\n    x := pre(x) + 1;\n"
+            "  end when;"
+        ),
+        3,
+        "a when clause in an algorithm section",
+        "in the equation section",
+    ),
     "String": ('parameter String s = "a";\nReal y;\nequation\n  y = time;', 2, "String", "Integer"),
     "unresolved parameter": (
         "parameter Real p(fixed = false);\nReal y;\nequation\n  y = p*time;",
@@ -56,6 +84,35 @@ def test_refusal_names_file_line_construct_and_remedy(tmp_path: Path, case: str)
 def test_syntax_error_names_the_line(tmp_path: Path) -> None:
     with pytest.raises(BuildError, match=r"M\.mo:\d+"):
         generate(write(tmp_path, "Real x\nequation\n  x = 1;"), "M")
+
+
+def test_what_is_advised_is_accepted(tmp_path: Path) -> None:
+    whole = (
+        "discrete Real x[3](each start = 0, each fixed = true);\nequation\n  when sample(0, 1) then\n    x = pre(x) + "
+    )
+    assert generate(write(tmp_path, f"{whole}{{1, 2, 3}};\n  end when;"), "M").n_states == 0
+    cell = (
+        "model Cell\n  Real h(start = 1, fixed = true);\nequation\n  der(h) = -1;\n  when h < 0 then\n"
+        "    reinit(h, 1);\n  end when;\nend Cell;\nCell cell[3];"
+    )
+    assert generate(write(tmp_path, cell), "M").n_states == 3
+
+
+def test_a_fault_of_the_front_end_is_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    body = (
+        "parameter Integer n = 3;\ndiscrete Real x[n](each start = 0, each fixed = true);\nequation\n"
+        "  when sample(0, 0.1) then\n    x = {pre(x[i]) + i for i in 1:n};\n  end when;"
+    )
+    with pytest.raises(BuildError, match=r"M\.mo: the Modelica front end fails on this model.*write out the array"):
+        generate(write(tmp_path, body), "M")
+    assert not capfd.readouterr().err
+
+
+def test_words_of_the_front_end_are_quoted_as_such(tmp_path: Path) -> None:
+    with pytest.raises(BuildError, match=r"M\.mo: the Modelica front end refuses this: “unsupported model algorithm"):
+        generate(
+            write(tmp_path, "Real y;\nalgorithm\n  y := 0;\n  for i in 1:3 loop\n    y := y + i;\n  end for;"), "M"
+        )
 
 
 def test_unknown_name_is_the_front_ends_message(tmp_path: Path) -> None:

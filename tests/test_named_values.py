@@ -71,7 +71,7 @@ def test_between_two_items_lies_none(tmp_path: Path) -> None:
         ("option", "second", r"no input 'option'; did you mean .*option_input"),
     ],
 )
-def test_a_wrong_name_lists_those_that_exist(tmp_path: Path, name: str, given: object, words: str) -> None:
+def test_a_wrong_name_lists_those_that_exist(tmp_path: Path, name: str, given: str | float, words: str) -> None:
     with (
         wb.load(build_reference(tmp_path, "feedthrough", 2)) as model,
         pytest.raises(InputError, match=words) as caught,

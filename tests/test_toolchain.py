@@ -5,12 +5,14 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
+from workbench import toolchain
 from workbench.errors import BuildError
-from workbench.toolchain import compile_kernel, host_only
+from workbench.toolchain import CFile, Platform, compile_files, compile_kernel, host_only
 
 ROOT = Path(__file__).parent.parent
 ANSWER = '__attribute__((visibility("default"))) int answer(void);\nint answer(void)\n{\n    return %d;\n}\n'
@@ -43,6 +45,31 @@ def test_a_change_of_the_sources_and_nothing_else_compiles_anew(tmp_path: Path) 
         compile_kernel(tmp_path, host_only())
     assert ctypes.CDLL(str(library)).answer() == 2  # the old one stands
     assert [p.name for p in (tmp_path / "lib").iterdir()] == [host_only()[0].name]
+
+
+def test_what_takes_minutes_the_first_time_is_told_then_and_not_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    windows = next(p for p in toolchain.PLATFORMS if p.suffix == ".dll")
+    files, told = [CFile("answer.c")], list[str]()
+    refused = True
+
+    def compiler(command: Sequence[str], _folder: Path, _platform: Platform) -> None:
+        assert told, "told before the compiler runs"
+        if refused:
+            raise BuildError("the C compiler failed")
+        if "-c" in command:
+            Path(command[-1]).touch()
+
+    monkeypatch.setattr(toolchain, "_run", compiler)
+    with pytest.raises(BuildError):
+        compile_files(tmp_path, files, windows, tmp_path / "a.dll", say=told.append)
+    refused = False
+    compile_files(tmp_path, files, windows, tmp_path / "a.dll", say=told.append)
+    compile_files(tmp_path, files, windows, tmp_path / "a.dll", say=told.append)
+    assert len(told) == 2  # where it failed nothing is ready
+    assert told[0].startswith("compiling for x86_64-windows: this machine does so for the first time")
 
 
 def test_it_needs_nothing_but_the_standard_library() -> None:

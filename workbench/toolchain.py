@@ -13,8 +13,9 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -196,8 +197,33 @@ _OBJECTS: Mapping[str, tuple[str, ...]] = {".so": ("-fPIC",), ".dylib": ("-fPIC"
 _LINKED: Mapping[str, tuple[str, ...]] = {".so": ("-Wl,-z,defs", "-Wl,-Bsymbolic", "-lpthread", "-ldl")}
 
 
+def _silent(_: str) -> None:
+    """Tell nobody."""
+
+
+@contextmanager
+def _told(platforms: Iterable[Platform], language: str, say: Callable[[str], None]) -> Iterator[None]:
+    """Tell whoever waits when the compiler makes the C library of a platform first, as it does once on a machine."""
+    stamps = {p.name: cache_folder("compiler") / f"made-{language}-{p.name}" for p in platforms}
+    if new := [name for name, stamp in stamps.items() if not stamp.exists()]:
+        say(
+            f"compiling for {', '.join(new)}: this machine does so for the first time, and the compiler makes the C "
+            "library of each platform first, which may take some minutes; later it is a matter of seconds"
+        )
+    yield
+    for name in new:
+        stamps[name].parent.mkdir(parents=True, exist_ok=True)
+        stamps[name].touch()
+
+
 def compile_files(
-    folder: Path, files: Sequence[CFile], platform: Platform, output: Path, *, install_stem: str = "model"
+    folder: Path,
+    files: Sequence[CFile],
+    platform: Platform,
+    output: Path,
+    *,
+    install_stem: str = "model",
+    say: Callable[[str], None] = _silent,
 ) -> None:
     """Compile somebody else's files, each in its own way, into one shared library.
 
@@ -207,6 +233,7 @@ def compile_files(
         platform: what to compile for.
         output: the library to write; its folder is made.
         install_stem: name that a library for macOS carries inside.
+        say: is told what takes long.
 
     Raises:
         BuildError: the compiler is missing or refuses the code; the message has its first error.
@@ -224,14 +251,15 @@ def compile_files(
         ]  # fmt: skip
         _run(command, folder, platform)
 
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        list(pool.map(compile_one, files, objects))
     linker = "cc" if all(f.name.endswith(_C) for f in files) else "c++"
     command = [
         linker, "-target", platform.target, "-shared", "-s", *objects, *_LINKED.get(platform.suffix, ()),
         "-o", str(output.resolve()), *(option.format(stem=install_stem) for option in platform.link),
     ]  # fmt: skip
-    _run(command, folder, platform)
+    with _told([platform], linker, say):
+        with ThreadPoolExecutor(max_workers=2) as pool:
+            list(pool.map(compile_one, files, objects))
+        _run(command, folder, platform)
     for made in objects:
         Path(made).unlink()
     _tidy(output)
@@ -245,6 +273,7 @@ def compile_all(
     stem: str,
     *,
     install_stem: str = "model",
+    say: Callable[[str], None] = _silent,
 ) -> dict[str, Path]:
     """Compile for every platform, two at a time; return {platform name: library}.
 
@@ -255,6 +284,7 @@ def compile_all(
         output: each library goes into a folder in it, named after the platform.
         stem: name of the libraries, without suffix.
         install_stem: name that libraries for macOS carry inside.
+        say: is told what takes long.
 
     Raises:
         BuildError: As :func:`compile_library`.
@@ -265,7 +295,7 @@ def compile_all(
     def compile_one(platform: Platform) -> None:
         compile_library(folder, sources, platform, libraries[platform.name], install_stem=install_stem)
 
-    with ThreadPoolExecutor(max_workers=2) as pool:
+    with _told(chosen, "cc", say), ThreadPoolExecutor(max_workers=2) as pool:
         list(pool.map(compile_one, chosen))
     return libraries
 

@@ -16,6 +16,7 @@ from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
 from workbench.core.files import file_to_write, replacing
+from workbench.core.job import Job
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.toolchain import require
@@ -67,6 +68,7 @@ def export_linear(
     name: str | None = None,
     platforms: Sequence[str] | None = None,
     stiff: bool | None = None,
+    job: Job | None = None,
 ) -> ExportResult:
     """Write a linear model as an FMU that serves model exchange and co-simulation.
 
@@ -77,6 +79,7 @@ def export_linear(
         name: name of the model in the FMU, a C identifier; None: made from the file's name.
         platforms: FMI 3 platform tuples to build for; None: all five.
         stiff: integrator of co-simulation: implicit where True, explicit where False; None: chosen from A.
+        job: is told what takes long.
 
     Raises:
         InputError: no linear model, a wrong FMI version or name, a folder that does not exist.
@@ -90,7 +93,7 @@ def export_linear(
     matrices = read_matrices(model) if isinstance(model, str | Path) else matrices_of(model)
     scalar = state_space(matrices, _identifier(name, target))
     sources = generate_linear(matrices, scalar, stiff=stiff)
-    compile_and_pack(sources, {fmi: target}, chosen)
+    compile_and_pack(sources, {fmi: target}, chosen, job)
     renamed = _renamed(matrices, scalar)
     return ExportResult(
         model=scalar.name,

@@ -109,6 +109,7 @@ def build_fmu(
     fmi: int = 2,
     platforms: Sequence[str] | None = None,
     stiff: bool | None = None,
+    job: Job | None = None,
 ) -> BuildResult:
     """Build one model into one FMU that serves Model Exchange and Co-Simulation.
 
@@ -120,13 +121,14 @@ def build_fmu(
         platforms: FMI 3 platform tuples to build for; default: all five.
         stiff: Integrator of Co-Simulation: implicit where True, explicit where False; default: chosen from the
             eigenvalues at the start values.
+        job: Is told what takes long.
 
     Raises:
         BuildError: A file is missing, the model is outside the supported subset, or the compiler failed.
     """
     found = _find(sources)
     name = _choose(found, model)
-    return _build(found[name], name, {fmi: out}, platforms, stiff=stiff)
+    return _build(found[name], name, {fmi: out}, platforms, stiff=stiff, job=job or Job())
 
 
 def build_all(
@@ -146,7 +148,7 @@ def build_all(
         fmi: FMI versions to build.
         platforms: FMI 3 platform tuples to build for; default: all five.
         stiff: As for :func:`build_fmu`.
-        job: Is told which models are built.
+        job: Is told which models are built, and what takes long.
 
     Raises:
         BuildError: As :func:`build_fmu`.
@@ -155,7 +157,7 @@ def build_all(
     found, job = sorted(_find(sources).items()), job or Job()
     for name, file in found:
         targets = {version: out / f"fmi{version}" / f"{name.replace('.', '_')}.fmu" for version in fmi}
-        results.append(_build(file, name, targets, platforms, stiff=stiff))
+        results.append(_build(file, name, targets, platforms, stiff=stiff, job=job))
         job.partial = lambda: BuiltModels(tuple(results))
         job.done(name, len(results), len(found))
     return results
@@ -277,11 +279,17 @@ def choose_platforms(names: Sequence[str] | None) -> list[Platform]:
 
 
 def _build(
-    file: Path, model: str, targets: Mapping[int, Path], platforms: Sequence[str] | None, *, stiff: bool | None
+    file: Path,
+    model: str,
+    targets: Mapping[int, Path],
+    platforms: Sequence[str] | None,
+    *,
+    stiff: bool | None,
+    job: Job,
 ) -> BuildResult:
     _check_versions(targets)
     chosen = choose_platforms(platforms)
-    return compile_and_pack(generate(file, model, stiff=stiff), targets, chosen)
+    return compile_and_pack(generate(file, model, stiff=stiff), targets, chosen, job)
 
 
 def _check_versions(targets: Mapping[int, Path]) -> None:
@@ -290,13 +298,16 @@ def _check_versions(targets: Mapping[int, Path]) -> None:
             raise BuildError(f"FMI {version} cannot be built; choose 2 or 3")
 
 
-def compile_and_pack(generated: Sources, targets: Mapping[int, Path], platforms: Sequence[Platform]) -> BuildResult:
+def compile_and_pack(
+    generated: Sources, targets: Mapping[int, Path], platforms: Sequence[Platform], job: Job | None = None
+) -> BuildResult:
     """Compile generated sources and write the FMUs.
 
     Args:
         generated: What :func:`generate` or :func:`assemble` returned.
         targets: FMI version → FMU to write.
         platforms: What to compile for.
+        job: Is told what takes long.
 
     Raises:
         BuildError: The compiler failed.
@@ -306,7 +317,9 @@ def compile_and_pack(generated: Sources, targets: Mapping[int, Path], platforms:
         model = Path(temporary) / _MODEL
         model.write_bytes(generated.c_files[_MODEL])
         sources = [str(model) if name == _MODEL else name for name in generated.compiled]
-        libraries = compile_all(runtime, sources, platforms, Path(temporary) / "lib", generated.identifier)
+        libraries = compile_all(
+            runtime, sources, platforms, Path(temporary) / "lib", generated.identifier, say=(job or Job()).say
+        )
         binaries = {name: library.read_bytes() for name, library in libraries.items()}
     for version, target in targets.items():
         pack(target, _contents(generated, version, platforms, binaries))

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +17,7 @@ from workbench.core.files import content_of
 from workbench.errors import BuildError
 
 REQUIRED_VERSION = "0.10.2"
+_STANDARD_ERROR = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,15 +60,23 @@ def check(file: Path, model: str) -> Checked:
         raise BuildError(f"{file}: no such file; give a Modelica file (.mo)")
     text = _text(file)
     try:
-        package = _package_folder(file, text)
-        if package is None:
-            checked = rumoca.Session(roots=[]).loads(text, model=model, filename=file.name)
-        else:
-            checked = rumoca.Session(roots=[str(package)]).load(str(file), model=model)
-        dae = json.loads(checked.to_json("dae"))
-        flat = json.loads(checked.to_json("flat"))
+        with _without_its_drawings():
+            package = _package_folder(file, text)
+            if package is None:
+                checked = rumoca.Session(roots=[]).loads(text, model=model, filename=file.name)
+            else:
+                checked = rumoca.Session(roots=[str(package)]).load(str(file), model=model)
+            dae = json.loads(checked.to_json("dae"))
+            flat = json.loads(checked.to_json("flat"))
     except rumoca.RumocaError as error:
         raise BuildError(_diagnosis(rumoca, file, text, error)) from error
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":  # what Rust raises; it is not an Exception
+            raise
+        raise BuildError(
+            f"{file.name}: the Modelica front end fails on this model, by a fault of its own: “{error}”; it does so on "
+            "array comprehensions, {… for i in 1:n}: write out the array, or use a loop of equations"
+        ) from None
     experiment = _experiment(text, model)
     return Checked(
         name=model,
@@ -74,6 +86,51 @@ def check(file: Path, model: str) -> Checked:
         tolerance=experiment.get("Tolerance"),
         interval=experiment.get("Interval"),
     )
+
+
+@contextmanager
+def _without_its_drawings() -> Iterator[None]:
+    """Keep off standard error what the front end writes there when it fails, beside what it raises."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(_STANDARD_ERROR), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, _STANDARD_ERROR)
+    try:
+        yield
+    finally:
+        os.dup2(kept, _STANDARD_ERROR)
+        os.close(kept)
+        os.close(nowhere)
+
+
+# What the front end says of an element of an array in a when clause: what that means, where it stands, what to do.
+_ALONE = "use variables without an index, or put the when clause into a model of which there is an array (Cell cell[n])"
+_WHOLE = "assign the whole array (x = pre(x) + a)"
+_MEANINGS = (
+    (
+        re.compile(r"when assignment`?: `([^`]+\[[^`]*\])` is not a discrete"),
+        f"a when clause assigns {{}}, one element of an array, which is not supported; {_WHOLE}, {_ALONE}",
+        r"\b{}\s*\[",
+    ),
+    (
+        re.compile(r"reinit\(\) can only be applied to state variables: (\S+\[\S*\])"),
+        f"reinit of {{}}, one element of an array, is not supported; {_ALONE}",
+        r"\breinit\s*\(\s*{}\s*\[",
+    ),
+)
+_STAGE = re.compile(r"^\w+ failed: \S+ failed in \w+: ")  # of the front end, before its reason
+
+
+def _meant(file: Path, text: str, message: str) -> str | None:
+    """Return what a message of the front end means, where it is one that says nothing to who wrote the model."""
+    bare = _without_comments(text)
+    for pattern, words, place in _MEANINGS:
+        if found := pattern.search(message):
+            name = found[1].rpartition("[")[0].rpartition(".")[2]
+            whens = re.finditer(r"\b(?:else)?when\b.*?\bend\s+when\b", bare, flags=re.DOTALL)
+            at = (m.start() + inner.start() for m in whens if (inner := re.search(place.format(name), m[0])))
+            line = next((f":{bare[:begin].count(chr(10)) + 1}" for begin in at), "")
+            return f"{file.name}{line}: {words.format(found[1])}"
+    return None
 
 
 def _diagnosis(rumoca: Any, file: Path, text: str, error: Exception) -> str:  # noqa: ANN401 - see _front_end
@@ -86,9 +143,13 @@ def _diagnosis(rumoca: Any, file: Path, text: str, error: Exception) -> str:  # 
         hint = f"; {' '.join(wanted.group(1).split())}" if wanted else ""
         return f"{file.name}:{place.group(1)}: {problem.group(1) if problem else 'syntax error'}{hint}"
     message = str(error).splitlines()[0]
+    if meant := _meant(file, text, message):
+        return meant
     named = re.search(r"'(\w+)'", message)
     line = _line_of(_without_comments(text), named.group(1)) if named else None
-    return f"{file.name}{f':{line}' if line else ''}: {message}"
+    reason = _STAGE.sub("", message)
+    told = message if reason == message else f"the Modelica front end refuses this: “{reason}”; write it another way"
+    return f"{file.name}{f':{line}' if line else ''}: {told}"
 
 
 def _validate(rumoca: Any, file: Path, text: str) -> Sequence[Any]:  # noqa: ANN401 - see _front_end

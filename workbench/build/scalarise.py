@@ -24,6 +24,7 @@ from workbench.build.translate import ADVICE, Array, Scope, Translator, refuse
 from workbench.build.units import rate_unit
 from workbench.errors import BuildError
 
+_CALLED = {"model_event_transactions": "a when clause in an algorithm section"}
 _KINDS = {
     "input": "input",
     "parameter": "parameter",
@@ -85,7 +86,7 @@ class _Scalariser:
             refuse(self.dae.place(body["provenance"]), "an initial equation", ADVICE["initial_equation"])
         for key in ("delays", "previous_values", "terminals", "model_event_transactions"):
             for entry in storage[key]:
-                construct = key.removesuffix("s").replace("_", " ")
+                construct = _CALLED.get(key, key.removesuffix("s").replace("_", " "))
                 place = self.dae.place(entry.get("provenance", {}))
                 refuse(place, construct, ADVICE.get(key.removesuffix("s"), "rewrite it in the subset"))
 

@@ -25,6 +25,7 @@ ADVICE = {
     "external": "external functions cannot be shipped in a portable FMU: write the function in Modelica",
     "previous": "clocked partitions are outside the subset: use `when sample(start, period)` and pre()",
     "hold": "clocked partitions are outside the subset: use `when sample(start, period)` and pre()",
+    "model_event_transaction": "write it in the equation section, with `=` in place of `:=`",
     "initial_equation": "give the start value instead: Real x(start = …, fixed = true)",
 }
 

@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 import fmpy
 
 from workbench.core.files import file_to_write, replacing
+from workbench.core.job import Job
 from workbench.core.record import Record
 from workbench.errors import BuildError, InputError
 from workbench.fmi.archive import extract, locate
@@ -63,20 +64,23 @@ class CompiledFmu(Record):
     _WHAT, _COMMAND = "a result of compile", "compile"
 
 
-def add_binaries(path: str | Path, out: str | Path | None, platforms: Sequence[str] | None = None) -> CompiledFmu:
+def add_binaries(
+    path: str | Path, out: str | Path | None, platforms: Sequence[str] | None = None, job: Job | None = None
+) -> CompiledFmu:
     """Compile the sources of an FMU, and write the FMU with the binaries.
 
     Args:
         path: an `.fmu` file.
         out: the FMU to write; None: `path`, which must not have these binaries yet.
         platforms: as FMI 3.0 (`x86_64-linux`) or 2.0 (`linux64`) names them; None: this machine's.
+        job: is told how far it is, and what takes long.
 
     Raises:
         InputError: no such file, an unknown platform, binaries that are there already.
         FmuError: it is not an FMU.
         BuildError: it has no sources, or they cannot be compiled.
     """
-    source, chosen = locate(path), _chosen(platforms)
+    source, chosen, job = locate(path), _chosen(platforms), job or Job()
     if source.is_dir():
         raise InputError(f"{path}: this is a folder; compile takes an .fmu file")
     target = source if out is None else file_to_write(out, ".fmu", option="out")
@@ -93,11 +97,12 @@ def add_binaries(path: str | Path, out: str | Path | None, platforms: Sequence[s
         made: dict[str, Path] = {}
         used: list[str] = []
         notes: list[str] = []
-        for platform in chosen:
+        for number, platform in enumerate(chosen):
+            job.done(f"compiling for {platform.name}", number, len(chosen))
             for library in listed_libraries(folder, description, platform.name, source=str(path)):
                 output = Path(temporary) / "lib" / platform.name / f"{library.identifier}{platform.suffix}"
                 try:
-                    _compile(folder / "sources", library, description.major, platform, output)
+                    _compile(folder / "sources", library, description.major, platform, output=output, job=job)
                 except BuildError as error:
                     raise BuildError(f"{path}: {error}") from None
                 made[_place(library.identifier, description, platform)] = output
@@ -153,12 +158,12 @@ def _refuse_present(
             )
 
 
-def _compile(sources: Path, library: ListedLibrary, major: int, platform: Platform, output: Path) -> None:
+def _compile(sources: Path, library: ListedLibrary, major: int, platform: Platform, *, output: Path, job: Job) -> None:
     """Compile one library for one platform."""
     _give_headers(sources)
     general = _definitions(library, major)
     files = [_with(file, general) for file in library.files]
-    compile_files(sources, files, platform, output, install_stem=library.identifier)
+    compile_files(sources, files, platform, output, install_stem=library.identifier, say=job.say)
     contents = output.read_bytes()
     for interface in library.interfaces:
         first = _FIRST[major, interface].format(name=library.identifier)

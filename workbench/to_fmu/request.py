@@ -94,6 +94,7 @@ class Compile(Request[str | Path, "CompiledFmu"]):
         argument="fmu",
         words="An FMU with sources.",
     )
+    counts = "platforms"
     unwritten = ("csv", "plot")
 
     _: KW_ONLY

@@ -25,12 +25,13 @@ from workbench.toolchain import require
 __all__ = ["run_build", "run_compile", "run_export"]
 
 
-def run_export(model: object, asked: Export, _job: Job) -> ExportResult | ContainerResult:
+def run_export(model: object, asked: Export, job: Job) -> ExportResult | ContainerResult:
     """Write an FMU.
 
     Args:
         model: see `Export`.
         asked: what to write.
+        job: is told what takes long.
 
     Raises:
         InputError: an option that belongs to the other kind of model, or what the algorithms raise.
@@ -40,8 +41,9 @@ def run_export(model: object, asked: Export, _job: Job) -> ExportResult | Contai
         if asked.step is not None:
             raise InputError("step is for systems; a linear model has its own")
         return export_linear(
-            model, asked.out, fmi=asked.fmi, name=asked.name, platforms=asked.platforms, stiff=asked.stiff
-        )
+            model, asked.out, fmi=asked.fmi, name=asked.name, platforms=asked.platforms, stiff=asked.stiff,
+            job=job,
+        )  # fmt: skip
     if asked.step is None:
         raise InputError("step is needed for a system: the communication step between its parts, in seconds")
     if asked.platforms is not None or asked.stiff is not None:
@@ -63,16 +65,16 @@ def run_build(sources: Sequence[str | Path], asked: Build, job: Job) -> BuiltMod
     if folder:
         models = build_all(paths, fmi=FMI_VERSIONS if asked.fmi is None else (asked.fmi,), job=job, **how)
     else:
-        models = [build_fmu(paths, model=asked.model, fmi=asked.fmi or 2, **how)]
+        models = [build_fmu(paths, model=asked.model, fmi=asked.fmi or 2, job=job, **how)]
     read = (file for path in paths for file in (path.rglob("*.mo") if path.is_dir() else [path]))
     built = BuiltModels(tuple(models))
     remember(built, Origin(files=files_of(sorted(read))))
     return built
 
 
-def run_compile(path: str | Path, asked: Compile, _job: Job) -> CompiledFmu:
+def run_compile(path: str | Path, asked: Compile, job: Job) -> CompiledFmu:
     """Compile the sources of an FMU; see `Compile`."""
-    made = add_binaries(path, asked.out, asked.platforms)
+    made = add_binaries(path, asked.out, asked.platforms, job)
     remember(made, Origin(files=files_of([made.file])))
     return made
 
