@@ -209,7 +209,7 @@ def test_the_instants_of_slopes_lie_inside_the_period_and_rise() -> None:
     [
         (["--amplitude", "0.1"], "band: give the lowest and the highest frequency"),
         (["--band", "0.1:0.4"], "amplitude: give one or several"),
-        (["--amplitude", "0.1", "--band", "0.1:0.4", "--interface", "cs"], "use --interface me"),
+        (["--amplitude", "0.1", "--band", "0.1:0.4", "--interface", "cs"], "use interface me"),
         (
             ["--freq", "0.2", "--amplitude", "0.1", "--vary", "cubi=0:1"],
             "--vary: Duffing has no parameter 'cubi'; did you mean cubic?",

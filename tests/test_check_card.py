@@ -149,7 +149,7 @@ def test_mass_damper_is_first_order_and_diverges_at_its_natural_step() -> None:
     assert step.evidence.startswith("first order (1.0")
     assert "diverging at its natural step 0.002 s" in step.evidence
     assert step.numbers["order"] == pytest.approx(1.0, abs=0.05)
-    assert "use --interface me" in step.consequence
+    assert "use interface me" in step.consequence
     assert not card.passed
     assert {c.name for c in card.checks if c.interface == "me" and c.verdict in ("watch", "broken")} == set()
     # This tool's first step begins at 0, wherever the run begins; and it integrates with the input of the step's begin.

@@ -10,10 +10,14 @@ import pytest
 from scipy.linalg import expm
 
 from tests.lying_fmus import LIES, build_lying
+from workbench.analysis.branches.request import Branches
 from workbench.analysis.check.registry import CHECKS
-from workbench.analysis.check.request import check
+from workbench.analysis.check.request import Check, check
 from workbench.analysis.check.result import HealthCard, HealthLine
-from workbench.analysis.simulate.request import simulate
+from workbench.analysis.lin.request import Lin
+from workbench.analysis.nfr.request import Nfr
+from workbench.analysis.request import asked_options
+from workbench.analysis.simulate.request import Simulate, simulate
 from workbench.model.load import load
 from workbench.workers import Workers
 
@@ -136,7 +140,7 @@ def test_the_excursion_of_a_diverging_fmu_is_that_of_explicit_euler(folder: Path
     far, near = _euler(STEP, 200, 1e4, 0.1), _euler(h, 200 * ratio, 1e4, 0.1)[::ratio]
     assert line.numbers["excursion"] == pytest.approx((reach(far) / reach(near)).max(), rel=1e-3)
     assert line.numbers["diverges"]
-    assert "--interface me" in line.consequence
+    assert "use interface me" in line.consequence
 
 
 def test_the_recommended_step_is_good(folder: Path) -> None:
@@ -159,4 +163,7 @@ def test_a_clock_is_told_with_its_size(folder: Path) -> None:
     line = card(folder, "clock", "start-time").line("start-time", "me")
     assert line.numbers["shift"] == 32.0
     assert line.numbers["relative"] > 0.1
-    assert "--time" in line.consequence
+    named = re.findall(r"--\w+", line.consequence)
+    assert named == ["--start"]
+    for request in (Simulate, Nfr, Lin, Branches, Check):
+        assert "--start" in {declared.flag for declared, _ in asked_options(request).values()}

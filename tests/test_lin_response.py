@@ -153,7 +153,7 @@ def test_prediction_errors_are_those_of_the_convolution() -> None:
     levels = trial_levels(count)
     answer = np.convolve(levels, pulse)[:count]
     right = _trial(answer, pulse, levels)
-    assert not right.why_refused()
+    assert not right.why_refused("use nfr")
     right.refuse(found)
     assert right.error(found) < 1e-9
     assert not right.doubts(found)
@@ -161,7 +161,7 @@ def test_prediction_errors_are_those_of_the_convolution() -> None:
     assert off.error(found) == pytest.approx(0.2)
     (doubt,) = off.doubts(found)
     assert "missed by 20 %" in doubt.reason
-    assert "missed by 100 %" in _trial(answer, 0.0 * pulse, levels).why_refused()
+    assert "missed by 100 %" in _trial(answer, 0.0 * pulse, levels).why_refused("use nfr")
     missed = 100.0 * np.abs(answer - 0.5 * levels).max() / np.abs(answer).max()  # with D alone
     with pytest.raises(SimulationError, match=f"by {missed:.3g} %; give order"):
         right.refuse(found.truncated(0))

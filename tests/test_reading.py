@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import pickle
+import struct
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -244,13 +247,54 @@ def test_a_large_description_is_read_once(large: Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("content", [b"", b"no pickle", pickle.dumps(print), pickle.dumps(Path()), pickle.dumps(3)])
-def test_what_is_damaged_or_foreign_there_is_read_anew(large: Path, content: bytes) -> None:
+def test_what_is_foreign_there_is_read_anew(large: Path, content: bytes) -> None:
     first = read_description(large, source="M")
     (file,) = kept_files(large)
-    file.write_bytes(content)
+    file.write_bytes(_as_kept(file, content))
     reading._known.clear()
     assert read_description(large, source="M") == first
-    assert file.read_bytes() != content
+    assert not file.read_bytes().endswith(content or b"\0")
+
+
+def _as_kept(file: Path, content: bytes) -> bytes:
+    """Return a file that is whole, and is named as the description that lies there."""
+    return kept._head(file.read_bytes()[:32].hex(), content) + content
+
+
+def test_one_wrong_bit_anywhere_is_noticed(large: Path) -> None:
+    (large / "modelDescription.xml").write_text(TWO.replace('nominal="5"', 'nominal="7"'), encoding="utf-8")
+    first = read_description(large, source="M")
+    (file,) = kept_files(large)
+    whole = file.read_bytes()
+    places = [0, 40, 70, len(whole) // 2, len(whole) - 2, whole.index(struct.pack(">d", 7.0)) + 2]
+    flipped = [whole[:i] + bytes([whole[i] ^ 4]) + whole[i + 1 :] for i in places]
+    for wrong in (*flipped, whole[:-1], whole[:40], whole + b"more", b"", b"garbage" * 50):
+        file.write_bytes(wrong)
+        reading._known.clear()
+        assert read_description(large, source="M") == first
+        assert file.read_bytes() == whole
+
+
+def test_what_lies_there_under_another_name_is_not_taken(large: Path) -> None:
+    read_description(large, source="M")
+    (of_one,) = kept_files(large)
+    (large / "modelDescription.xml").write_text(TWO.replace('"M"', '"N"'), encoding="utf-8")
+    read_description(large, source="N")
+    (of_other,) = set(kept_files(large)) - {of_one}
+    of_other.write_bytes(of_one.read_bytes())
+    reading._known.clear()
+    assert read_description(large, source="N").model_name == "N"
+
+
+def test_processes_at_once_read_the_same(large: Path) -> None:
+    with (large / "modelDescription.xml").open("a", encoding="utf-8") as file:
+        file.write(f"<!--{'x' * (1 << 20)}-->")
+    script = "import sys, pathlib; from workbench.fmi.reading import described_at as d; print(d(pathlib.Path('.')))"
+    command = [sys.executable, "-c", script]
+    at_once = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=large) for _ in range(3)]
+    said = {process.communicate(timeout=120)[0] for process in at_once}
+    assert [text[:12] for text in said] == ["Description("]
+    assert [file.suffix for file in kept_files(large)] == [".pickle"]
 
 
 def test_nothing_that_is_kept_can_call_a_function(large: Path) -> None:
@@ -260,8 +304,9 @@ def test_nothing_that_is_kept_can_call_a_function(large: Path) -> None:
 
     read_description(large, source="M")
     (file,) = kept_files(large)
-    file.write_bytes(pickle.dumps(Call()))
-    assert kept.kept(file.name.partition("-")[0]) is None
+    digest = file.read_bytes()[:32].hex()
+    file.write_bytes(_as_kept(file, pickle.dumps(Call())))
+    assert kept.kept(digest) is None
     assert not (large / "called").exists()
 
 

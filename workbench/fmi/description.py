@@ -176,6 +176,7 @@ class Description:
         clocked: variable → the clocks at whose ticks alone its value changes.
         terminals: variables that are connected together.
         intermediate: value references of inputs that may be set inside a step of co-simulation.
+        components: of a system with co-simulation parts: those parts → whether their FMUs offer model exchange, too.
     """
 
     fmi_version: str
@@ -203,6 +204,25 @@ class Description:
     clocked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     terminals: tuple[Terminal, ...] = ()
     intermediate: frozenset[int] = frozenset()
+    components: Mapping[str, bool] = field(default_factory=dict)
+
+    def way_out(self, *others: str) -> str:
+        """Return what to do where co-simulation does not do: model exchange if it is offered, or something else.
+
+        Args:
+            others: what can be done besides, as "use a shorter --step".
+        """
+        if self.components and all(self.components.values()):
+            first = f'give interface "me" to {", ".join(self.components)}'
+        elif "me" in self.interfaces:
+            first = "use interface me"
+        elif not others:
+            without = [name for name, offered in self.components.items() if not offered]
+            whose = f"of {', '.join(without)} " if without else ""
+            return f"the FMU {whose}offers no other interface, so export it for model exchange"
+        else:
+            return ", or ".join(others)
+        return ", or ".join((first, *others))
 
     @cached_property
     def input_names(self) -> frozenset[str]:

@@ -1,7 +1,8 @@
 """Descriptions that have been read, kept on disk for the next process: a large one takes seconds to read.
 
 They lie in the user's cache folder, by the SHA-256 of their file and of the modules that read it. A folder that cannot
-be written only means that nothing is kept; what cannot be understood there is read anew.
+be written only means that nothing is kept. Each file begins with the name of what it holds and a hash of itself: what
+is damaged, or lies there under another name, is read anew.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import hashlib
 import pickle
 from contextlib import suppress
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from workbench.fmi.description import Description
 
 __all__ = ["keep", "kept"]
 
+_HEAD = 64  # bytes before the values
 _MOST = 32  # files; the oldest are removed
 _READERS = ("clocks", "declared", "declared_xml", "description", "meaning", "rules", "variable")
 
@@ -32,8 +35,12 @@ def kept(digest: str) -> Description | None:
         digest: SHA-256 of the file and of the sizes with which it was read.
     """
     try:
-        with _path(digest).open("rb") as file, undisturbed():
-            found = _Values(file).load()
+        whole = _path(digest).read_bytes()
+        values = memoryview(whole)[_HEAD:]
+        if whole[:_HEAD] != _head(digest, values):
+            return None
+        with undisturbed():
+            found = _Values(BytesIO(values)).load()
     except Exception:  # noqa: BLE001 - whatever a damaged file leads to
         return None
     return found if isinstance(found, Description) else None
@@ -49,11 +56,19 @@ def keep(digest: str, found: Description) -> None:
     with suppress(OSError, RuntimeError, InputError):  # no place, or no home
         path = _path(digest)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as new, new.open("wb") as file, undisturbed():
-            pickle.dump(found, file, pickle.HIGHEST_PROTOCOL)
+        with undisturbed():
+            values = pickle.dumps(found, pickle.HIGHEST_PROTOCOL)
+        with replacing(path) as new, new.open("wb") as file:
+            file.write(_head(digest, values))
+            file.write(values)
         files = sorted(path.parent.glob("*.pickle"), key=lambda file: file.stat().st_mtime_ns)
         for old in files[:-_MOST]:
             old.unlink(missing_ok=True)
+
+
+def _head(digest: str, values: bytes | memoryview) -> bytes:
+    """Return what a file begins with: of which description it is, and the hash of its values."""
+    return bytes.fromhex(digest) + hashlib.sha256(values).digest()
 
 
 def _path(digest: str) -> Path:

@@ -172,6 +172,14 @@ class Model(Closable):
         """
         raise InputError(f"{self.name}: this kind of model can only start at its start values")
 
+    def way_out(self, *others: str) -> str:
+        """Return what to do where co-simulation does not do, for a message.
+
+        Args:
+            others: what can be done besides using model exchange, as "use a shorter --step".
+        """
+        return ", or ".join(others) or "use another model"
+
     def open_point(
         self,
         *,

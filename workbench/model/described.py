@@ -277,6 +277,9 @@ class DescribedModel(Model):
             return None
         return end if end.settled or bool((end.ranges <= RELATIVE * end.largest).all()) else None
 
+    def way_out(self, *others: str) -> str:
+        return self.description.way_out(*others)
+
     def open_point(
         self,
         *,
@@ -284,7 +287,7 @@ class DescribedModel(Model):
         values: Mapping[str, float] | None = None,
     ) -> FmuPoint:
         if self.interface != "me":
-            raise InputError(f"{self.source}: interface {self.interface} provides no derivatives; use interface me")
+            raise InputError(f"{self.source}: interface {self.interface} provides no derivatives; {self.way_out()}")
         return FmuPoint(self.open_at(time=time, values=values))
 
     def _start(self, setup: Setup) -> FmuSession:
@@ -312,8 +315,7 @@ class DescribedModel(Model):
         if begins_at_zero(self._open, free, step, states=bool(self.states)):
             self.start_note = (
                 f"the FMU ignores the start time {setup.start_time:g} s and begins at 0: its first step goes from 0 to "
-                f"{setup.start_time + step:g} s; begin at 0 s"
-                + (", or use interface me" if "me" in self.description.interfaces else "")
+                f"{setup.start_time + step:g} s; {self.way_out('begin at 0 s')}"
             )
 
     def slopes_act(self) -> bool:

@@ -22,7 +22,7 @@ STEPS_PER_SHAPE = 25  # of a signal's longest step: 200 steps per period of a si
 STEPS_PER_CALL = 500  # where nothing else says how long a step should be
 GRID_ERROR = 1e-6  # of a step: how far a point may lie off a constant grid
 MAX_EARLY_RETURNS = 10_000
-_CS_REMEDY = "in co-simulation its initialisation determines it, and it cannot be set afterwards; use interface me"
+_DETERMINED = "in co-simulation its initialisation determines it, and it cannot be set afterwards"
 
 
 class CsSession(FmuSession):
@@ -64,7 +64,8 @@ class CsSession(FmuSession):
         target.refuse(target.missed(target.inputs), "the FMU does not keep the value of an input")
         if self.setup.lead is not None:
             self._follow(self.setup.lead, target)
-        target.refuse([*target.missed_states(), *target.missed_outputs()], _CS_REMEDY)
+        way = self.instance.description.way_out()
+        target.refuse([*target.missed_states(), *target.missed_outputs()], f"{_DETERMINED}; {way}")
 
     def _follow(self, lead: Lead, target: Target) -> None:
         """Run under the inputs of the point up to its time."""

@@ -393,7 +393,8 @@ class FmuSession(Session):
             NotReachedError: a state did not take its value.
             EndedError: the FMU ended its run there.
         """
-        raise InputError("co-simulation: states cannot be set while the model runs; use interface me")
+        way = self.instance.description.way_out()
+        raise InputError(f"co-simulation: states cannot be set while the model runs; {way}")
 
     # -- snapshots ------------------------------------------------------------------------
 

@@ -141,7 +141,8 @@ class FmuPoint(Point):
 
     def __init__(self, session: FmuSession) -> None:
         if not isinstance(session, MeSession):
-            raise InputError("a co-simulation FMU provides neither states nor derivatives; use interface me")
+            way = session.instance.description.way_out()
+            raise InputError(f"a co-simulation FMU provides neither states nor derivatives; {way}")
         self.session = session
         self.time = session.time
         self.calls = Counter()

@@ -136,7 +136,8 @@ class Forced(Family):
             model = self.model if value is None else with_parameters(self.model, {self.vary: value})
             session = self._open.enter_context(model.open_session())
             if not isinstance(session, CompiledMeSession):
-                raise InputError("branches: the states of co-simulation cannot be set while it runs; use interface me")
+                way = model.way_out()
+                raise InputError(f"branches: the states of co-simulation cannot be set while it runs; {way}")
             self._map = PeriodMap(session, self.output, self.input, self.centre, order=self.order)
             self._value = value
         return self._map

@@ -354,7 +354,7 @@ def _check(model: Model, asked: Branches) -> None:
     if model.interface != "me":
         raise InputError(
             f"branches: {model.name} runs as co-simulation, whose states cannot be set while it runs; "
-            "use --interface me"
+            f"{model.way_out('use nfr, which follows stable responses alone')}"
         )
     if rates := sample_rates(model):
         raise InputError(f"branches: {model.name} samples every {rates[0]:g} s; use nfr --method settle")

@@ -108,8 +108,8 @@ def _verdict(subject: CheckedFmu, found: _Answers) -> Answer:
     return Answer(
         "watch",
         f"{text}{when}: its own solver does not restart where inputs change, or the model samples them or has events",
-        "fast inputs act late, pulses are lost or drawn out: use --interface me where there is one; else for lin a "
-        "--period, and for nfr frequencies, that are slow beside it",
+        "fast inputs act late, pulses are lost or drawn out: "
+        + subject.model.way_out("for lin a --period, and for nfr frequencies, that are slow beside it"),
         numbers,
     )
 

@@ -27,7 +27,11 @@ _TIGHTER, _SHRINKS = 1e-3, 0.3
 _NUMERICAL = "none: the difference shrinks with a tighter tolerance, so it comes from the integration"
 _OFF = 0.9371  # of the natural step: no communication point falls on a sampling instant
 _AT_ZERO = "runs that begin later than at 0 are wrong, also co-simulation at a later operating point"
-_CLOCK = "linear models and responses hold only for the time at which they are made (--time); NFR may never settle"
+_CLOCK = (
+    "linear models and responses hold only for the time at which they are made, which --start gives to all commands; "
+    "NFR may never settle"
+)
+_FAILS = "what begins so late fails, also co-simulation at a later operating point: let runs begin earlier (--start)"
 
 
 def start_time(subject: CheckedFmu) -> Answer:
@@ -52,7 +56,7 @@ def start_time(subject: CheckedFmu) -> Answer:
     try:
         first, later = (_run(subject, subject.start + t, h) for t in (0.0, shift))
     except (FmuError, SimulationError) as error:
-        return Answer("watch", f"a run that begins at {subject.start + shift:.4g} s fails: {error}", _CLOCK)
+        return Answer("watch", f"a run that begins at {subject.start + shift:.4g} s fails: {error}", _FAILS)
     found = _judge(subject, first, replace(later, time=first.time), shift, period)
     if subject.model.start_note:
         return Answer("broken", subject.model.start_note, _AT_ZERO, found.numbers)

@@ -129,7 +129,7 @@ class _ExciteJob(Job):
     def _verify(self, model: Model, begin: Begin, y: Floats) -> Iterator[Remark | int]:
         """Repeat the identification part with half the communication step; yields progress, then remarks."""
         step = begin.step or begin.sampling.dt
-        advice = f"use a step below {step:.3g} s, or interface me"
+        advice = model.way_out(f"use a step below {step:.3g} s")
         try:
             other = yield from self._again(model, 0.5 * step, len(begin.sequences.identification.values))
         except SimulationError as error:

@@ -83,7 +83,9 @@ def response(task: LinTask) -> LinResult:
     with _open(task, period) as session:
         setting = _Setting.of(task, session, period)
         pulses = setting.measure()
-        trials, refused = accepted([setting.trial(name, pulses) for name in task.inputs])
+        longer = "use a longer period, or nfr"
+        way = task.model.way_out(longer) if task.model.interface == "cs" else longer
+        trials, refused = accepted([setting.trial(name, pulses) for name in task.inputs], way)
         kept = replace(task, inputs=tuple(t.input for t in trials))
         columns = [task.inputs.index(t.input) for t in trials]
         largest = realise(pulses.markov[:, :, columns], noise=pulses.noise[:, columns], order=task.order)

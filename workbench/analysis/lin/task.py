@@ -135,7 +135,8 @@ def open_base(task: LinTask) -> Point:
         InputError: unknown state, or the model has no points.
     """
     if task.model.interface == "cs":
-        raise InputError("co-simulation shows neither states nor derivatives; use interface me, or method response")
+        way = task.model.way_out("use method response")
+        raise InputError(f"co-simulation shows neither states nor derivatives; {way}")
     point = task.model.open_point(time=task.time, values=task.values)
     try:
         known = [v.name for v in (*point.states, *point.inputs)] + list(point.discrete())

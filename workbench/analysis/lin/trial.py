@@ -59,8 +59,12 @@ class MoveTrial:
     pulse: Floats
     noise: Floats
 
-    def why_refused(self) -> str:
-        """Return why this input has no linear model, its pulse not predicting the answer; empty: it has one."""
+    def why_refused(self, way: str) -> str:
+        """Return why this input has no linear model, its pulse not predicting the answer; empty: it has one.
+
+        Args:
+            way: what to do if the FMU's own solver is the cause.
+        """
         shifted = self._gaps(self._folded())
         worst = int(shifted.argmax())
         if shifted[worst] <= _REFUSED:
@@ -70,7 +74,7 @@ class MoveTrial:
             f"at other times (other pulses and a step are missed by {100.0 * shifted[worst]:.3g} %). Either the "
             f"model moves at this point (trim it, or leave {self.input} out of the inputs), or the FMU's own "
             "solver does not restart where inputs change (check tells), or the model samples its inputs or has "
-            "events; then use interface me, a longer period, or nfr"
+            f"events; then {way}"
         )
 
     def refuse(self, found: Realisation) -> None:
@@ -130,13 +134,17 @@ class MoveTrial:
         return result
 
 
-def accepted(trials: Sequence[MoveTrial]) -> tuple[list[MoveTrial], dict[str, str]]:
+def accepted(trials: Sequence[MoveTrial], way: str) -> tuple[list[MoveTrial], dict[str, str]]:
     """Return the trials of the inputs that have a linear model, numbered anew, and the other inputs with the reason.
+
+    Args:
+        trials: one for each input.
+        way: what to do if the FMU's own solver is the cause.
 
     Raises:
         SimulationError: none has one.
     """
-    refused = {t.input: why for t in trials if (why := t.why_refused())}
+    refused = {t.input: why for t in trials if (why := t.why_refused(way))}
     if len(refused) == len(trials):
         raise SimulationError(f"method response: {next(iter(refused.values()))}")
     kept = [t for t in trials if t.input not in refused]

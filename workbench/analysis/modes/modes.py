@@ -24,7 +24,6 @@ from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.varied import with_parameters
-from workbench.system.master.model import MasterModel
 
 __all__ = ["Root", "critical_values", "find_root", "run", "sign_of"]
 
@@ -106,10 +105,7 @@ def _check_enough(source: ModelSource, grid: Sequence[float], vary: str) -> None
 def _instead(model: Model) -> str:
     if model.interface == "me":
         return "use another method"
-    if isinstance(model, MasterModel):
-        return 'give the components interface "me" if their FMUs offer it'
-    offers_it = isinstance(model, DescribedModel) and "me" in model.description.interfaces
-    return "use interface me" if offers_it else "the FMU offers no other interface, so export it for model exchange"
+    return model.way_out()
 
 
 def _values(asked: Modes, limits: str) -> list[float]:

@@ -13,7 +13,7 @@ from workbench.analysis.branches.run import run as follow_branches
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, PER_PERIOD, Evidence
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
 from workbench.analysis.nfr.solved import NotSolvedError, Search, can_solve, solve_point
-from workbench.analysis.nfr.step import at_step, checked, refine
+from workbench.analysis.nfr.step import SHORTER, at_step, checked, refine
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
 from workbench.core import job as telling
@@ -98,8 +98,8 @@ class PointsJob(Job):
             return list(self._pass(nullcontext(model), tasks))
 
         if self.step is None:
-            return iter(refine(self.tasks, measured))
-        return iter(at_step(self.tasks, self.step, measured))
+            return iter(refine(self.tasks, measured, model.way_out(SHORTER)))
+        return iter(at_step(self.tasks, self.step, measured, model.way_out(SHORTER)))
 
     def _exact_enough(self, model: Model) -> tuple[AbstractContextManager[Model], list[PointTask]]:
         """Return what to measure model exchange with, near a resonance or a zero with a tighter tolerance."""
@@ -117,8 +117,10 @@ class PointsJob(Job):
                 raise InputError(f"verify: the tolerance of {model.name}, which is not a file, cannot be changed")
             points = list(self._pass(nullcontext(exact), tasks))
             finer = list(self._pass(exact.recipe.tighter(_TIGHTER).open(), tasks))
+        words = f"{_TIGHTER:g} of the tolerance"
+        why = f"{words} gives a different result; use a smaller --tolerance"
         for point, other in zip(points, finer, strict=True):
-            yield checked(point, other, by="tolerance", words=f"{_TIGHTER:g} of the tolerance")
+            yield checked(point, other, by="tolerance", words=words, why=why)
 
     def _pass(self, opened: AbstractContextManager[Model], tasks: Sequence[PointTask]) -> Iterator[NfrPoint]:
         """Measure `tasks` once: each afresh, or all in one session; after a failed point the next has a new one.

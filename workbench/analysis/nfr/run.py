@@ -23,7 +23,7 @@ from workbench.analysis.nfr.jumps import another, disagreements, jumps, may_jump
 from workbench.analysis.nfr.point import ROWS, NfrPoint, PointTask, failed_point
 from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.nfr.result import NfrResult, assemble
-from workbench.analysis.nfr.step import rows_of_step
+from workbench.analysis.nfr.step import SHORTER, rows_of_step
 from workbench.analysis.nfr.store import Key, NfrStore, check_redo, from_result
 from workbench.analysis.nfr.surroundings import Surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, doubt
@@ -363,7 +363,8 @@ class Sweep:
     def result(self) -> NfrResult:
         """Return what was measured so far."""
         points = list(self._points.values())
-        warning = None if self._zero_input is None else doubt(self._zero_input, points, output=self._asked.output)
+        zero, way = self._zero_input, self._model.way_out(SHORTER)
+        warning = None if zero is None else doubt(zero, points, output=self._asked.output, way=way)
         looked = {*self._second, *(b.amplitude for found in self._followed for b in found.branches)}
         seen = [
             jumps(self._row(a), carried=self._asked.carry, interface=self._model.interface)

@@ -30,17 +30,13 @@ _TELL = 0.01
 _FEWEST_ROWS = 4
 
 # Why a point that settled by itself is not called so.
-_DEPENDS = {
-    "step": (
-        "half the communication step gives a different result; use a smaller --step, or --interface me if available"
-    ),
-    "tolerance": "0.01 of the tolerance gives a different result; use a smaller --tolerance",
-}
+_DEPENDS = "half the communication step gives a different result"
+SHORTER = "use a smaller --step"  # what helps, where model exchange is not offered
 
 Run = Callable[[Sequence[PointTask]], list[NfrPoint]]
 
 
-def refine(tasks: Sequence[PointTask], run: Run) -> list[NfrPoint]:
+def refine(tasks: Sequence[PointTask], run: Run, way: str) -> list[NfrPoint]:
     """Measure points with ever smaller communication steps until the step no longer matters.
 
     The first run has 200 steps per period (or the FMU's own step, if that is smaller), each further
@@ -59,6 +55,7 @@ def refine(tasks: Sequence[PointTask], run: Run) -> list[NfrPoint]:
     Args:
         tasks: one point, or the points of a carried sweep, which are run together.
         run: measures them in the order given.
+        way: what helps where the step matters.
 
     Source: Richardson extrapolation, e.g. Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, II.9.
     """
@@ -72,21 +69,21 @@ def refine(tasks: Sequence[PointTask], run: Run) -> list[NfrPoint]:
         budget -= _cost(tasks, new)
         limits = [_limit(*runs) for runs in zip(before, old, new, strict=True)] if before else [None] * len(new)
         last = budget < 2 * _cost(tasks, new)
-        ends = [_end(*of_point, last=last) for of_point in zip(old, new, limits, tasks, strict=True)]
+        ends = [_end(*of_point, last=last, way=way) for of_point in zip(old, new, limits, tasks, strict=True)]
         if last or all(found is not None for found in ends):
-            return [found or _unconverged(o, n) for found, o, n in zip(ends, old, new, strict=True)]
+            return [found or _unconverged(o, n, way) for found, o, n in zip(ends, old, new, strict=True)]
 
 
 def _end(
-    old: NfrPoint, new: NfrPoint, limit: tuple[NfrPoint, float] | None, task: PointTask, *, last: bool
+    old: NfrPoint, new: NfrPoint, limit: tuple[NfrPoint, float] | None, task: PointTask, *, last: bool, way: str
 ) -> NfrPoint | None:
     """Return the answer of a point; None: a finer run is needed."""
     if new.kind == EndedError.kind:  # whatever the step
         return new
     if _agree(old, new, task.errcrit):
-        return _certified(new, old, new, by="step", left=_LEFT * _apart(old, new))
+        return _certified(new, old, new, by="step", left=_LEFT * _apart(old, new), why=f"{_DEPENDS}; {way}")
     if limit is not None and (last or limit[1] <= _asked(task.errcrit)):
-        return _certified(limit[0], old, new, by="step", left=limit[1])
+        return _certified(limit[0], old, new, by="step", left=limit[1], why=f"{_DEPENDS}; {way}")
     return None
 
 
@@ -111,7 +108,7 @@ def _limit(before: NfrPoint, old: NfrPoint, new: NfrPoint) -> tuple[NfrPoint, fl
     return replace(new, response=response, offset=offset, error=known), abs(2.0 * last - change_) / abs(response)
 
 
-def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> list[NfrPoint]:
+def at_step(tasks: Sequence[PointTask], step: float, run: Run, way: str) -> list[NfrPoint]:
     """Measure points at a given communication step; warn where half of it gives another answer.
 
     The step is shortened so that a whole number of steps makes a period.
@@ -120,6 +117,7 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> list[NfrPoint]
         tasks: one point, or the points of a carried sweep.
         step: communication step [s].
         run: measures them in the order given.
+        way: what helps where the step matters.
 
     Returns:
         The points, with a warning where gain or phase changes by more than 1 % (0.01 rad) when the
@@ -132,10 +130,11 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run) -> list[NfrPoint]
     points = run(tasks)
     halved = run([replace(t, rows=2 * t.rows) for t in tasks])
     pairs = zip(points, halved, strict=True)
-    return [checked(p, h, by="step", words="half the communication step", times=1.0 + _LEFT) for p, h in pairs]
+    words, why = "half the communication step", f"{_DEPENDS}; {way}"
+    return [checked(p, h, by="step", words=words, why=why, times=1.0 + _LEFT) for p, h in pairs]
 
 
-def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, times: float = 1.0) -> NfrPoint:
+def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, why: str, times: float = 1.0) -> NfrPoint:
     """Return `point` with the outcome of a second measurement in certificate and error, and a warning if they differ.
 
     Args:
@@ -143,16 +142,17 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, times: flo
         other: the second measurement.
         by: what was changed for it, for the certificate.
         words: the same for people.
+        why: why the point is not called settled where they differ too much.
         times: by how many times that change the point is wrong: 2 for half the step of a method of first order.
     """
     if point.reason is not None:
         return point
-    point = _certified(point, point, other, by=by, left=times * _apart(point, other))
+    point = _certified(point, point, other, by=by, left=times * _apart(point, other), why=why)
     gain, phase_deg = change(point, other)
     where = f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}"
     if other.reason is not None:
         return replace(point, warning=f"{where}: {words} fails: {other.reason}")
-    told = point.averaged and point.certificate is not None and point.certificate.why == _DEPENDS[by]
+    told = point.averaged and point.certificate is not None and point.certificate.why == why
     if told or max(gain, math.radians(phase_deg)) <= _TELL:
         return point
     warning = (
@@ -162,7 +162,7 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, times: flo
     return replace(point, warning=warning)
 
 
-def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str, left: float) -> NfrPoint:
+def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str, left: float, why: str) -> NfrPoint:
     """Return `point` with the change from `old` to `new` in its certificate, and what is left of it in its error."""
     if point.certificate is None:
         return point
@@ -172,7 +172,7 @@ def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str, left: 
     too_large = point.status == "settled" and (error is None or error > 0.1 * certificate.errcrit)
     return replace(
         point,
-        certificate=replace(certificate, why=_DEPENDS[by]) if too_large else certificate,
+        certificate=replace(certificate, why=why) if too_large else certificate,
         error=error,
         averaged=point.averaged or too_large,
         resolved=point.resolved and not too_large,
@@ -217,16 +217,16 @@ def _asked(errcrit: float) -> float:
     return min(_CHANGE, _PART * errcrit)
 
 
-def _unconverged(old: NfrPoint, new: NfrPoint) -> NfrPoint:
+def _unconverged(old: NfrPoint, new: NfrPoint, way: str) -> NfrPoint:
     step = f"communication step {new.step or 0.0:.3g} s"
     if new.reason is not None:
-        why = f"{new.reason}, still at a {step}; use --interface me or a smaller --step"
+        why = f"{new.reason}, still at a {step}; {way}"
     elif old.reason is not None:
-        why = f"only a {step} gave a result, and nothing confirms it; use --interface me or a smaller --step"
+        why = f"only a {step} gave a result, and nothing confirms it; {way}"
     else:
         gain, phase_deg = change(old, new)
         why = (
             f"depends on the communication step: at a {step} halving it still changed the gain by "
-            f"{100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; use --interface me or a smaller --step"
+            f"{100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; {way}"
         )
     return replace(new, response=None, offset=None, averaged=False, resolved=False, reason=why)

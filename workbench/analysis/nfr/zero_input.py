@@ -90,13 +90,14 @@ def _movement(record: Recorded, output: str) -> ZeroInput:
     return ZeroInput(seconds=float(time[-1]), drift=float(slope), swing=0.5 * float(np.ptp(rest)))
 
 
-def doubt(found: ZeroInput, points: Sequence[NfrPoint], *, output: str) -> str | None:
+def doubt(found: ZeroInput, points: Sequence[NfrPoint], *, output: str, way: str) -> str | None:
     """Return a warning where the model's own movement is more than 5 % of what was measured.
 
     Args:
         found: the movement.
         points: the measured points; the one that suffers most is named.
         output: name of the output.
+        way: what helps where the communication step is too long.
     """
     if found.reason is not None:
         return f"with zero input the run fails: {found.reason}"
@@ -109,7 +110,7 @@ def doubt(found: ZeroInput, points: Sequence[NfrPoint], *, output: str) -> str |
     if found.grows:
         return (
             f"with zero input {output} grows without bound; the model is unstable there, or a co-simulation step too "
-            "long (--interface me, or a shorter --step): the points tell more"
+            f"long ({way}): the points tell more"
         )
     return (
         f"with zero input {output} moves by itself (drifts by {found.drift:.3g} per s, swings by ±{found.swing:.3g}), "

@@ -216,7 +216,7 @@ class _Run:
     def doubts(self, found: _Once) -> tuple[str, ...]:
         """Repeat with half the communication step; return a note if the answer changes."""
         step = found.step or 0.0
-        advice = f"use a step below {step:.3g} s, or interface me"
+        advice = self.model.way_out(f"use a step below {step:.3g} s")
         try:
             finer = self.once(0.5 * step)
         except SimulationError as error:

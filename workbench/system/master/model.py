@@ -190,9 +190,17 @@ def _refuse_clocks(opened: Opened) -> None:
         driven = part.interface == "cs" and claims[part.name].event_mode
         clocks = time_based(part.description.clocks) if driven else {}
         if clocks and constant:
+            able = [
+                p.name for p in opened.parts if p.name in (part.name, constant[0]) if "me" in p.description.interfaces
+            ]
+            remedy = (
+                f'give interface "me" to {" or ".join(able)}'
+                if able
+                else "neither offers model exchange; leave one out"
+            )
             raise InputError(
                 f"component {part.name}: clock {next(iter(clocks))} ticks at its own instants, but {constant[0]} wants "
-                "a constant communication step; use interface me for one of them where it has that"
+                f"a constant communication step; {remedy}"
             )
 
 
@@ -231,7 +239,8 @@ def _described(opened: Opened) -> Description:
         once_per_process=any(c.once_per_process for c in claims),
         needs_tool=any(c.needs_tool for c in claims),
     )
-    return dataclasses.replace(described, interfaces={"cs": joint})
+    components = {p.name: "me" in p.description.interfaces for p in opened.parts if p.interface == "cs"}
+    return dataclasses.replace(described, interfaces={"cs": joint}, components=components)
 
 
 def _solvers(units: Units, wanted: str) -> tuple[dict[int, str], list[str]]:
