@@ -261,6 +261,7 @@ def test_sizes_are_set_with_the_component(tmp_path: Path) -> None:
     file.write_text(file.read_text().replace("a = [3, 4]", "n = 3, a = [3, 4, 5]"))
     with wb.load(file) as model:
         assert len(model.states) == 5
+        assert wb.simulate(model, stop=1.0, in_process=True).time[-1] == 1.0
 
 
 # -- info ------------------------------------------------------------------------------------------

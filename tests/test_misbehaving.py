@@ -141,7 +141,7 @@ def test_a_block_that_cannot_be_cut_is_told(tmp_path: Path, monkeypatch: pytest.
 def test_what_needs_equations_says_so_of_co_simulation(what: str, tmp_path: Path) -> None:
     assert DEEDS[what].interfaces == ME
     file = build(tmp_path, Case("nothing", "never", "cs", what))
-    with pytest.raises(wb.InputError, match=r'co-simulation.*give the(se)? components interface "me"'):
+    with pytest.raises(wb.InputError, match=r'co-simulation.*give interface "me" to plant'):
         DEEDS[what].function(file, "cs", Workers(jobs=1))
 
 

@@ -12,6 +12,8 @@ import pytest
 from fmpy.ssp import ssd as fmpy_ssd
 from lxml import etree
 
+from tests.fmi3_fmus import build_sized
+from tests.reference_fmus import build_reference
 from tests.ssp_packages import (
     variables_of,
 )
@@ -20,6 +22,7 @@ from workbench.core.conversion import BASE_UNITS
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.description import DefaultExperiment
+from workbench.fmi.variable import Value
 from workbench.signals import Sine
 from workbench.system.connect import open_description
 from workbench.system.description import (
@@ -71,6 +74,71 @@ def loop() -> SystemDescription:
         outputs={"y": "lag.y", "angle": "rudder.del"},
         default_experiment=DefaultExperiment(0.0, 12.5, 1e-7, 0.01),
     )
+
+
+# FMI version → variables of the feed-through FMU: enumeration, Boolean, whole number, text.
+TYPED = {
+    2: ("option_input", "boolean_input", "integer_input", "string_input"),
+    3: ("Enumeration_input", "Boolean_input", "Int64_input", "String_input"),
+}
+
+
+@pytest.mark.parametrize("fmi", TYPED)
+def test_values_of_every_type_come_back(fmi: int, tmp_path: Path) -> None:
+    path = build_reference(tmp_path, "feedthrough", fmi)
+    option, truth, whole, text = TYPED[fmi]
+    largest = 2**31 - 1 if fmi == 2 else 2**63 - 1
+    given: dict[str, Value] = {
+        option: "second",
+        truth: "True",
+        whole: largest,
+        text: 'a & <b> "c" é',
+        "fixed_parameter": "2.5",
+    }
+    system = SystemDescription(
+        name="typed",
+        components=(FmuComponent(name="f", file=str(path), set=given),),
+        outputs={n: f"f.{n.replace('_input', '_output')}" for n in (option, truth, whole)},
+    )
+    write_ssp(system, tmp_path / "typed.ssp")
+    fmpy_ssd.read_ssd(str(tmp_path / "typed.ssp"), validate=True)
+    (component,) = read_system(tmp_path / "typed.ssp").components
+    assert isinstance(component, FmuComponent)
+    assert component.set == {option: 2, truth: True, whole: largest, text: given[text], "fixed_parameter": 2.5}
+    with open_description(read_system(tmp_path / "typed.ssp")) as model:
+        run = simulate(model, stop=0.1)
+    assert [run.signals[n][-1] for n in (option, truth)] == [2.0, 1.0]
+
+
+def test_values_with_units_and_arrays_come_back(tmp_path: Path) -> None:
+    rudder = FmuComponent(name="r", file="fmu:Rudder", set={"pS": "210bar"})
+    path = build_sized(tmp_path)
+    system = SystemDescription(
+        name="units",
+        components=(
+            rudder,
+            FmuComponent(name="s", file=str(path), set={"a": "[1, 2]"}),
+            FmuComponent(name="t", file=str(path), set={"n": 3, "a": "[1, 2, 3]"}),
+        ),
+        outputs={"y": "r.del"},
+    )
+    write_ssp(system, tmp_path / "units.ssp")
+    of_rudder, plain, sized = read_system(tmp_path / "units.ssp").components
+    assert isinstance(of_rudder, FmuComponent)
+    assert isinstance(plain, FmuComponent)
+    assert isinstance(sized, FmuComponent)
+    assert of_rudder.set == {"pS": pytest.approx(2.1e7, rel=1e-15)}
+    assert plain.set == {"a[1]": 1.0, "a[2]": 2.0}
+    assert sized.set == {"n": 3, "a": "[1, 2, 3]"}
+    with open_description(read_system(tmp_path / "units.ssp")) as model:
+        assert simulate(model, stop=0.1).time[-1] == 0.1
+
+
+def test_a_value_that_is_not_one_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = build_reference(tmp_path, "feedthrough", 2)
+    part = FmuComponent(name="f", file=str(path), set={"option_input": "secnd"})
+    with pytest.raises(InputError, match=r"component f: option_input: .*no item 'secnd'; did you mean"):
+        write_ssp(SystemDescription(name="wrong", components=(part,)), tmp_path / "wrong.ssp")
 
 
 def test_written_package_is_valid_ssp_1_and_read_by_fmpy(tmp_path: Path) -> None:

@@ -61,8 +61,7 @@ def system_of(model: Model, what: str) -> SystemDescription:
         return model.system
     if isinstance(getattr(model, "system", None), SystemDescription):
         raise InputError(
-            f"{model.name} has co-simulation parts, but {what} the equations of all parts; "
-            'give these components interface "me" if their FMUs offer it'
+            f"{model.name} has co-simulation parts, but {what} the equations of all parts; {model.way_out()}"
         )
     raise InputError(f"{model.name}: this is not a system; {what} a system file or workbench.connect")
 

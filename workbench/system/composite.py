@@ -119,6 +119,14 @@ class CompositeInstance(Instance):
 
     # -- initialisation ---------------------------------------------------------------------
 
+    def configure(self, variables: Sequence[Variable], values: Sequence[Value]) -> None:
+        of_parts: dict[int, list[tuple[Variable, Value]]] = {}
+        for variable, value in zip(variables, values, strict=True):
+            for part, own in self.ports(variable):
+                of_parts.setdefault(part, []).append((own, value))
+        for part, pairs in of_parts.items():
+            self._parts[part].configure([own for own, _ in pairs], [value for _, value in pairs])
+
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time
         self._wiring.switch(start_time)

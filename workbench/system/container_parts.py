@@ -16,7 +16,6 @@ from workbench.errors import FmuError, InputError, article
 from workbench.fmi.archive import locate
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.fmi.wiring import Wire
-from workbench.model.starts import check_starts
 from workbench.system.description import (
     BlockComponent,
     Component,
@@ -103,13 +102,12 @@ def _part(component: FmuComponent, starts: Mapping[str, Value]) -> ContainerPart
     path = locate(component.file).resolve()
     facts = fmu_facts(component.file)
     variables = facts.variables
-    enumerations = {variables[n].declared_type or "": items for n, items in facts.items.items() if n in variables}
     described = _described(component, path)
     return ContainerPart(
         component=component,
         path=path,
         variables=variables,
-        starts=check_starts({**component.set, **starts}, variables, enumerations),
+        starts=facts.starts({**component.set, **starts}),
         described=described,
         shown={v.name: v for v in described.modelVariables if not v.dimensions},
     )

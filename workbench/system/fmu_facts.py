@@ -13,8 +13,10 @@ from workbench.core.conversion import BASE_UNITS, Unit
 from workbench.core.names import plain_unit
 from workbench.errors import FmuError
 from workbench.fmi.archive import locate
+from workbench.fmi.description import UnitDefinition
 from workbench.fmi.reading import DESCRIPTION, described_at
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import Value, Variable
+from workbench.model.starts import check_starts
 
 __all__ = ["FmuFacts", "fmu_facts", "read_units"]
 
@@ -28,12 +30,23 @@ class FmuFacts:
         units: the FMU's UnitDefinitions that say what the unit is made of, by name.
         items: variable of an enumeration → item → value.
         interfaces: "me" and "cs", those offered.
+        definitions: all that the FMU says of its units, by name.
     """
 
     variables: Mapping[str, Variable]
     units: Mapping[str, Unit]
     items: Mapping[str, Mapping[str, int]]
     interfaces: tuple[str, ...]
+    definitions: Mapping[str, UnitDefinition]
+
+    def starts(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Return values in their variables' types; see `check_starts`, which says what is refused.
+
+        Args:
+            values: name → value, as a system file has them.
+        """
+        types = {self.variables[n].declared_type or "": items for n, items in self.items.items()}
+        return check_starts(values, self.variables, types, self.definitions)
 
 
 def fmu_facts(file: str) -> FmuFacts:
@@ -64,6 +77,7 @@ def _facts(path: Path, _changed: int, _size: int) -> FmuFacts:
             if v.declared_type is not None and v.declared_type in description.enumerations
         },
         interfaces=tuple(description.interfaces),
+        definitions=description.units,
     )
 
 

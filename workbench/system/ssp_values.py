@@ -35,6 +35,9 @@ def values_for(name: str, parameter: Parameter, facts: FmuFacts, unit: str | Non
     if name in facts.variables:
         return {name: _value(parameter, " ".join(texts), facts.variables[name], facts, unit)}
     elements = [v for v in facts.variables.values() if v.name.startswith(f"{name}[")]
+    whole = " ".join(texts)
+    if elements and whole.startswith("[") and whole.endswith("]"):  # of our own: arrays of sizes that are set
+        return {name: whole}
     if not elements or len(texts) not in (1, len(elements)):
         return {}
     spread = texts if len(texts) == len(elements) else texts * len(elements)
@@ -90,7 +93,7 @@ def _number(
         return number
     if number != int(number):
         raise ValueError(text)
-    return int(text) if text.lstrip("+-").isdigit() and number == int(text) else int(number)
+    return int(text) if text.lstrip("+-").isdigit() and number == float(text) else int(number)
 
 
 def _conversion(

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from lxml import etree
 
 from workbench.core.conversion import BASE_UNITS, Unit
+from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Value
 from workbench.system.description import FmuComponent
 from workbench.system.fmu_facts import FmuFacts
@@ -90,10 +91,24 @@ def add_parameters(parent: Element, component: FmuComponent, facts: FmuFacts) ->
     values = element("ssd:ParameterValues", binding)
     parameter_set = element("ssv:ParameterSet", values, {"version": "1.0", "name": component.name})
     parameters = element("ssv:Parameters", parameter_set)
-    for name, value in component.set.items():
+    for name, value in _values(component, facts).items():
         variable = facts.variables.get(name)
         kind = "String" if variable is None else variable.type
         _add_parameter(parameters, name, value, kind, facts.items.get(name, {}))
+
+
+def _values(component: FmuComponent, facts: FmuFacts) -> dict[str, Value]:
+    """Return the component's values in their types, arrays by their elements.
+
+    Where a structural parameter is set, the sizes of arrays are not those of the file, and whole arrays stay texts.
+    """
+    known = (facts.variables.get(name) for name in component.set)
+    sized = any(v is not None and v.causality == "structuralParameter" for v in known)
+    left = {n: value for n, value in component.set.items() if sized and n not in facts.variables}
+    try:
+        return {**facts.starts({n: value for n, value in component.set.items() if n not in left}), **left}
+    except InputError as error:
+        raise InputError(f"component {component.name}: {error}") from None
 
 
 def _add_parameter(parent: Element, name: str, value: Value, kind: str, items: Mapping[str, int]) -> None:
@@ -108,7 +123,7 @@ def _text(value: Value, local: str) -> str:
         return number_text(float(value))
     if local == "Boolean":
         return "true" if str(value).lower() in ("true", "1", "1.0") else "false"
-    return str(int(float(value))) if local == "Integer" else str(value)
+    return str(value)
 
 
 def add_units(root: Element, units: Mapping[str, Unit]) -> None:

@@ -110,7 +110,7 @@ def _checked(model: Model) -> SystemModel:
     if isinstance(getattr(model, "system", None), SystemDescription):
         raise InputError(
             f"loop: {model.name} has co-simulation parts, whose loop cannot be opened (their steps are part of it); "
-            'give these components interface "me" if their FMUs offer it'
+            f"{model.way_out()}"
         )
     raise InputError(
         f"loop: {model.name} is a single model and has no connection to open; connect it into a system first"
