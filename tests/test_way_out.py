@@ -60,5 +60,5 @@ def test_a_short_step_is_advised_beside_it(alone: Path) -> None:
         with wb.load(path, interface="cs") as model:
             yield model.way_out("use a step below 0.1 s")
 
-    assert list(told(LAG)) == ["use interface me, or use a step below 0.1 s"]
+    assert list(told(LAG)) == ["use interface me, or a step below 0.1 s"]
     assert list(told(str(alone))) == ["use a step below 0.1 s"]

@@ -221,8 +221,9 @@ class Description:
             whose = f"of {', '.join(without)} " if without else ""
             return f"the FMU {whose}offers no other interface, so export it for model exchange"
         else:
-            return ", or ".join(others)
-        return ", or ".join((first, *others))
+            first, others = others[0], others[1:]
+        again = "use " if first.startswith("use ") else ""
+        return ", or ".join((first, *(other.removeprefix(again) for other in others)))
 
     @cached_property
     def input_names(self) -> frozenset[str]:

@@ -97,7 +97,8 @@ def connect(
             side), or "auto".
         hold_inputs: in such systems, hold inputs between communication points, as simple masters do.
         extrapolation: in such systems, order of the polynomial by which a value goes on over a step whose source is
-            stepped later: 0 (it stands still), 1 or 2. Order 2 is for smooth signals.
+            stepped later: 0 (it stands still), 1 or 2. Order 2 is for smooth signals, and for FMUs that take slopes of
+            their inputs.
         step_tolerance: in such systems, tolerance of one communication step, relative to the largest magnitude that
             each connected value and output has had; None: 100 times `tolerance`. Not together with `step`.
 
