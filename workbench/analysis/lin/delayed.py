@@ -145,8 +145,9 @@ def _stand_in(cut: _Cut) -> LinearComponent:
     unused = np.zeros((1, len(block.inputs)))
     units = {**component.units, **({_INTO: component.units["y"]} if "y" in component.units else {})}
     return LinearComponent(
-        behind.a, np.hstack([behind.b * unused, behind.b]), behind.c, np.hstack([unused, behind.d]), name=component.name,
-        dt=0.0, input_names=(*block.inputs, _INTO), output_names=("y",), state_names=block.states, x0=cut.x0, units=units,
+        behind.a, np.hstack([behind.b * unused, behind.b]), behind.c, np.hstack([unused, behind.d]), dt=0.0,
+        name=component.name, input_names=(*block.inputs, _INTO), output_names=("y",), state_names=block.states,
+        x0=cut.x0, units=units,
     )  # fmt: skip
 
 

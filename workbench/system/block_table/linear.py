@@ -151,8 +151,8 @@ class Delayed(Block):
 
     group = _DELAYS
     number = "delay"
-    past: ClassVar[float | None]
-    pade: ClassVar[int]
+    past: float | None
+    pade: int
 
     @property
     def times(self) -> tuple[float, float]:

@@ -17,8 +17,8 @@ _PILOTS = "pilots"
 class NealSmithPilot(Delayed):
     """Pilot of Neal and Smith: gain, lead, lag, and a delay of 0.3 s.
 
-    With it the pitch attitude is closed; the lead that the pilot has to give for a wanted bandwidth, and the resonance of
-    the closed loop, rate the aircraft. A pilot who is a gain and nothing else is `gain`.
+    With it the pitch attitude is closed; the lead that the pilot has to give for a wanted bandwidth, and the resonance
+    of the closed loop, rate the aircraft. A pilot who is a gain and nothing else is `gain`.
 
     Source: T. P. Neal, R. E. Smith, A flying qualities criterion for the design of fighter flight-control systems,
     J. Aircraft 8 (1971) 10.
