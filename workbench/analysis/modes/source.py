@@ -63,7 +63,7 @@ def _linearised(model: Model, job: _Single) -> Iterator[LinPoint]:
             point = _trimmed(opened, job) if job.trimmed else None
             lin = job.lin
             asked = lin if point is None else replace(lin, x0={**point.x, **point.discrete}, u0=point.u)
-            yield LinPoint(varied, run(make_task(opened, asked), asked.method))
+            yield LinPoint(varied, run(replace(make_task(opened, asked), explained=False), asked.method))
     except SimulationError as error:
         yield LinPoint(varied, None, str(error), error.kind)
 
@@ -170,7 +170,8 @@ class ModelSource:
     def _points(self, values: Sequence[float], workers: Workers, job: Job) -> Iterator[LinPoint]:
         """Yield the linear models as they are finished."""
         if not self._one_by_one:
-            yield from points_over(self._model, recast(LinOver, self._lin, over={self._vary: values}), workers, job)
+            over = recast(LinOver, self._lin, over={self._vary: values})
+            yield from points_over(self._model, over, workers, job, explained=False)
             return
         jobs = deque(_Single(vary=self._vary, value=v, lin=self._lin, trimmed=self._trimmed) for v in values)
         runner, notes = choose(self._model, workers)
