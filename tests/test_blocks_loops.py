@@ -151,6 +151,18 @@ def test_a_sampled_model_holds_a_delay_as_a_chain() -> None:
     assert (found.D + found.C @ states)[0, 0] == pytest.approx(0.5 / (z - 0.5) * z**-3, rel=1e-9)
 
 
+def test_a_hold_in_a_loop_is_sampled() -> None:
+    """1/s behind a hold of 0.1 s, closed: x(k+1) = 0.9 x(k) + 0.1 r."""
+    parts = {"e": wb.SumComponent(name="e", signs=(1, -1)), "b": block("zero_order_hold", {"period": 0.1}),
+             "p": wb.BlockComponent(name="p", kind="integrator")}  # fmt: skip
+    wires = [("e.y", "b.u"), ("b.y", "p.u"), ("p.y", "e.u2")]
+    with wb.connect(parts, wires, inputs={"r": "e.u1"}, outputs={"y": "p.y"}) as system:
+        found = wb.lin(system).result
+    assert found.dt == pytest.approx(0.1)
+    assert found.A[0, 0] == pytest.approx(0.9, rel=1e-7)
+    assert found.B[0, 0] == pytest.approx(0.1, rel=1e-7)
+
+
 def test_a_delay_has_no_period_map_and_nfr_waits_instead() -> None:
     with alone("delay", {"delay": 0.2}) as model:
         found = wb.nfr(model, "u", "y", [1.0], [1.0], in_process=True)
