@@ -35,6 +35,8 @@ SAMPLES: Mapping[str, Mapping[str, Any]] = {
     "lookup_2d": {"x1": [-1.0, 0.0, 1.0], "x2": [0.0, 1.0], "z": [[-0.5, -1.0], [0.0, 0.0], [1.0, 2.0]]},
     "delay": {"delay": 0.2},
     "variable_delay": {"smallest": 0.05, "largest": 0.5},
+    "crossover_pilot": {"gain": 0.5, "lead": 0.4, "lag": 0.2, "delay": 0.15},
+    "neal_smith_pilot": {"gain": 0.5, "lead": 0.1, "lag": 0.5, "delay": 0.2},
     "zero_order_hold": {"period": 0.05},
     "discrete_transfer_function": {"numerator": [0.5], "denominator": [1.0, -0.5], "period": 0.05},
 }

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import workbench as wb
-from tests.block_models import SAMPLES, alone, block
+from tests.block_models import SAMPLES, Floats, alone, block, event_times, response
 from workbench.analysis.lin.delayed import pade, phase_holds_to
 from workbench.errors import InputError, SimulationError
 from workbench.system.block_table.registry import BLOCKS, entry_of
@@ -150,6 +151,18 @@ def test_a_sampled_model_holds_a_delay_as_a_chain() -> None:
     assert (found.D + found.C @ states)[0, 0] == pytest.approx(0.5 / (z - 0.5) * z**-3, rel=1e-9)
 
 
+def test_a_hold_in_a_loop_is_sampled() -> None:
+    """1/s behind a hold of 0.1 s, closed: x(k+1) = 0.9 x(k) + 0.1 r."""
+    parts = {"e": wb.SumComponent(name="e", signs=(1, -1)), "b": block("zero_order_hold", {"period": 0.1}),
+             "p": wb.BlockComponent(name="p", kind="integrator")}  # fmt: skip
+    wires = [("e.y", "b.u"), ("b.y", "p.u"), ("p.y", "e.u2")]
+    with wb.connect(parts, wires, inputs={"r": "e.u1"}, outputs={"y": "p.y"}) as system:
+        found = wb.lin(system).result
+    assert found.dt == pytest.approx(0.1)
+    assert found.A[0, 0] == pytest.approx(0.9, rel=1e-7)
+    assert found.B[0, 0] == pytest.approx(0.1, rel=1e-7)
+
+
 def test_a_delay_has_no_period_map_and_nfr_waits_instead() -> None:
     with alone("delay", {"delay": 0.2}) as model:
         found = wb.nfr(model, "u", "y", [1.0], [1.0], in_process=True)
@@ -222,3 +235,58 @@ def test_a_sliding_relay_is_refused_with_its_reason() -> None:
 
 def test_every_sample_is_made() -> None:
     assert SAMPLES.keys() == BLOCKS.keys()
+
+
+# -- pilots ----------------------------------------------------------------------------------------
+
+PILOTS = [
+    ("crossover_pilot", {"gain": 0.5, "lead": 0.4, "lag": 0.2, "neuromuscular": 0.1, "delay": 0.15}),
+    ("crossover_pilot", {"gain": -2.0, "neuromuscular": 0.0, "delay": 0.2}),
+    ("neal_smith_pilot", {"gain": 0.5, "lead": 0.1, "lag": 0.5}),
+]
+
+
+def pilot_response(given: Mapping[str, float], f: Floats) -> Floats:
+    """Return McRuer's form at frequencies [Hz]; that of Neal and Smith is the one without the arm's lag."""
+    s = 2j * np.pi * f
+    lead, lag, arm = (given.get(n, 0.0) * s + 1.0 for n in ("lead", "lag", "neuromuscular"))
+    return np.asarray(given["gain"] * lead / lag / arm * np.exp(-given.get("delay", 0.3) * s))
+
+
+@pytest.mark.parametrize(("kind", "given"), PILOTS)
+def test_a_pilot_has_its_published_frequency_response(kind: str, given: Mapping[str, float]) -> None:
+    f = np.array([0.05, 0.3, 1.0, 2.0])
+    exact = pilot_response(given, f)
+    with alone(kind, given) as model:
+        linear = wb.lin(model).result
+        measured = wb.nfr(model, "u", "y", f, [1.0], in_process=True)
+    assert np.abs(np.ravel(linear.response(f)) / exact - 1.0).max() < 1e-12
+    got = np.ravel(measured.gain) * np.exp(1j * np.radians(np.ravel(measured.phase_deg)))
+    assert np.abs(got / exact - 1.0).max() < 1e-5
+
+
+def test_a_step_passes_a_pilot_after_its_delay() -> None:
+    """gain (1 + (lead − lag)/lag e^(−t/lag)) after the delay, the jump at its instant."""
+    given = {"gain": 2.0, "lead": 0.1, "lag": 0.5, "delay": 0.3}
+    time, y = response("neal_smith_pilot", given, {"u": wb.Step(time=0.25, value=1.0)})
+    late = time - 0.55
+    exact = np.where(late < 0.0, 0.0, 2.0 * (1.0 - 0.8 * np.exp(-np.maximum(late, 0.0) / 0.5)))
+    assert event_times(time) == pytest.approx([0.25, 0.55], abs=1e-9)
+    assert np.abs(y - exact)[np.abs(late) > 1e-9].max() < 1e-5
+
+
+def test_a_pilot_who_only_leads_is_refused() -> None:
+    with pytest.raises(InputError, match=r"neal_smith_pilot: lead = 0.2 s needs a lag above 0"):
+        block("neal_smith_pilot", {"lead": 0.2})
+
+
+def test_a_pilot_holds_its_point_before_a_nonlinear_block() -> None:
+    """What is behind the delay stands where it stood: the slope of the table is that at 0.5 · 3."""
+    table = {"x": [0.0, 1.0, 2.0], "y": [0.0, 1.0, 4.0]}
+    with wb.connect(
+        {"b": block("neal_smith_pilot", {"gain": 0.5, "lag": 0.5}),
+         "square": wb.BlockComponent(name="square", kind="lookup", parameters=table)},
+        [("b.y", "square.u")], inputs={"u": "b.u"}, outputs={"y": "square.y"},
+    ) as system:  # fmt: skip
+        found = wb.lin(system, u0={"u": 3.0}, x0={"b.x1": 1.5})
+    assert found.result.response([1e-6]).real.ravel()[0] == pytest.approx(1.5)

@@ -136,3 +136,89 @@ def test_any_component_is_a_limiter_whose_rate_is_given(tmp_path: Path) -> None:
     assert run([*line, "--amplitude", "0.55", "--in-process", "--json", str(out)]) == 0
     told = wb.OnsetResult.from_dict(json.loads(out.read_text(encoding="utf-8")))
     assert told.points[0].frequency_hz == pytest.approx(0.7534, abs=1e-3)  # half the limit, half the amplitude
+
+
+# -- samples and delays -----------------------------------------------------------------------------
+
+PERIOD = 0.1
+
+
+def sampled_loop(prefilter: bool = False) -> DescribedModel:
+    """A hold one sample late, 1/s behind it, negative feedback: F(z) = (z − 1)/(z(z − 1) + T) of the samples."""
+    before: dict[str, object] = {"lag": "fmu:FirstOrderLag"} if prefilter else {}
+    late = {"numerator": [1.0], "denominator": [1.0, 0.0], "period": PERIOD}
+    return wb.connect(
+        {
+            **before,
+            "error": wb.SumComponent(name="error", signs=(1, -1)),
+            "hold": wb.BlockComponent(name="hold", kind="discrete_transfer_function", parameters=late),
+            "plant": wb.BlockComponent(name="plant", kind="integrator"),
+        },
+        [("error.y", "hold.u"), ("hold.y", "plant.u"), ("plant.y", "error.u2"), *[("lag.y", "error.u1")] * prefilter],
+        inputs={"r": "lag.u" if prefilter else "error.u1"},
+        outputs={"y": "plant.y"},
+    )
+
+
+@pytest.mark.parametrize("prefilter", [False, True])
+def test_a_sampled_limiter_begins_where_a_sample_differs_by_the_limit(prefilter: bool) -> None:
+    """2 A |F| sin(πfT)/T = R, with the lag 1/(s + 1) before the samples in its own frequency response."""
+    with sampled_loop(prefilter) as loop:
+        (p,) = onset(loop, "r", limiter="hold", rate=1.0, amplitudes=[0.5], in_process=True).points
+
+    def asked_for(f: float) -> float:
+        z = np.exp(2j * math.pi * f * PERIOD)
+        before = 1.0 / abs(2j * math.pi * f + 1.0) if prefilter else 1.0
+        return float(before * abs((z - 1.0) / (z * (z - 1.0) + PERIOD)) * math.sin(math.pi * f * PERIOD) / PERIOD)
+
+    if prefilter:  # a sine behind the lag never moves so fast
+        assert p.frequency_hz is None
+        assert p.highest_ratio == pytest.approx(max(map(asked_for, np.geomspace(0.01, 4.995, 20_000))), rel=1e-3)
+        return
+    assert p.frequency_hz is not None
+    assert asked_for(p.frequency_hz) == pytest.approx(1.0, rel=1e-6)
+    z = np.exp(2j * math.pi * p.frequency_hz * PERIOD)
+    through = PERIOD / (z * (z - 1.0))
+    assert p.gain_db == pytest.approx(20.0 * math.log10(abs(through)), abs=1e-6)
+    assert p.phase_deg == pytest.approx(math.degrees(np.angle(through)), abs=1e-5)
+
+
+def test_a_limit_inside_a_sampled_control_law_is_met_by_the_model_at_the_onset() -> None:
+    """Of the samples of the law's output, some change by the limit a little above the onset, and none below."""
+    period, rate = 0.022, 30.0
+    with wb.load("system:law_and_rudder") as loop:
+        (p,) = onset(loop, "reference", limiter="law", rate=rate, amplitudes=[1.0], in_process=True).points
+        assert p.frequency_hz is not None
+        fastest = []
+        for factor in (0.97, 1.02):
+            forced = {"reference": wb.Sine(amplitude=1.0, frequency=factor * p.frequency_hz)}
+            points = np.arange(0.5, 500.0) * period
+            with loop.open_session() as session:
+                record = session.advance(points[-1] + period, signals=forced, record=["command"], points=points)
+            y = np.interp(points, record.time, record.values["command"])
+            fastest.append(float(np.abs(np.diff(y[100:])).max() / period))
+    assert 0.95 * rate < fastest[0] < 0.985 * rate
+    assert fastest[1] == pytest.approx(rate, rel=1e-9)
+
+
+def test_a_pilot_closes_the_loop_with_his_exact_delay() -> None:
+    """The transfer functions of the system file, evaluated without the workbench; the limiter lags by 1 ms."""
+    with wb.load("system:pilot_in_the_loop") as loop:
+        points = onset(loop, "attitude", limiter="limiter", amplitudes=[2.0, 10.0], in_process=True).points
+    f = np.geomspace(0.1, 2.0, 400_000)
+    s = 2j * math.pi * f
+    pilot = 1.5 * (0.3 * s + 1.0) / (0.05 * s + 1.0) * np.exp(-0.3 * s) / (0.001 * s + 1.0)
+    through = pilot * (7.0 * s + 5.6) / (s**3 + 3.6 * s**2 + 9.0 * s)
+    for p in points:
+        k = int(np.flatnonzero(p.amplitude * np.abs(s * pilot / (1.0 + through)) >= 30.0)[0])
+        assert p.frequency_hz == pytest.approx(f[k], rel=1e-5)
+        assert p.gain_db == pytest.approx(20.0 * math.log10(abs(through[k])), abs=1e-3)
+        assert p.phase_deg == pytest.approx(math.degrees(np.angle(through[k])), abs=1e-2)
+
+
+def test_a_limiter_between_the_samples_is_refused() -> None:
+    with wb.load("system:law_and_rudder") as loop:
+        with pytest.raises(InputError, match=r"rudder\.del does not stand over the 0\.022 s"):
+            onset(loop, "reference", limiter="rudder", rate=30.0, amplitudes=[1.0], in_process=True)
+        with pytest.raises(InputError, match=r"is not below 22\.7273 Hz, half the sample rate"):
+            onset(loop, "reference", limiter="law", rate=30.0, amplitudes=[1.0], band=(30.0, 50.0), in_process=True)

@@ -9,13 +9,14 @@ from typing import Any
 
 import pytest
 
+import workbench as wb
 from workbench.errors import InputError
 from workbench.system.read import read_system
 from workbench.ui.root import Root
 
 pytest.importorskip("tomlkit", reason="the extra 'ui' is not installed")
 
-from workbench.ui.diagram import BLOCKS, drawn, edited
+from workbench.ui.diagram import BLOCKS, PALETTE, drawn, edited
 
 ROOT = Path(__file__).resolve().parents[1]
 BUNDLED = sorted(path.stem for path in (ROOT / "systems").glob("*.toml"))
@@ -177,3 +178,10 @@ def test_a_box_says_what_is_in_it(tmp_path: Path, entry: str, label: str) -> Non
     found = drawn(f"[components]\npart = {entry}\n", Root(tmp_path), "loop.toml")
     assert found["wrong"] == []
     assert parts(found)["part"]["label"] == label
+
+
+def test_the_palette_has_every_block_once_under_the_heading_of_the_list() -> None:
+    assert sorted(kind for kinds in PALETTE.values() for kind in kinds) == sorted(BLOCKS)
+    told = {block.kind: block.group for block in wb.blocks([]).blocks}
+    for group, kinds in PALETTE.items():
+        assert {told.get(kind, "linear") for kind in kinds} == {group}

@@ -759,13 +759,17 @@ static Element element(BlockNumber kind, const double *p, double *memory) {
 
 static void test_every_block(void) {
     const double p[] = {-0.5, 0.6, 0.01, 0.7, 0.2, 0.1, 0.3}, others[] = {1.0, 1.0, 1e-6, 1e-6};
-    const double delay[] = {0.05, 0.05, 1.0, 2.0};
+    const double delay[] = {0.05, 0.05, 1.0, 2.0, 1.0};
+    /* Behind it A, B, C, D of two states. */
+    const double pilot[] = {0.05, 0.05, 0.0, 0.0, -7.0, -10.0, 1.0, 0.0, 1.0, 0.0, 2.0, 10.0, 0.5};
     for (int kind = 0; kind < N_BLOCKS; kind++) {
         const bool positive = kind == BLOCK_QUANTISER || kind == BLOCK_FRICTION || kind == BLOCK_EXTREME ||
                               kind == BLOCK_LOOKUP || kind == BLOCK_LOOKUP_2D;
-        for (int past = 0; past < 1 + (kind == BLOCK_DELAY); past++) {
+        for (int behind = 0; behind < 1 + (kind == BLOCK_DELAY); behind++) {
             double memory[8] = {0.0};
-            Element e = element((BlockNumber)kind, kind == BLOCK_DELAY ? delay : positive ? others : p, memory);
+            const double *given = kind != BLOCK_DELAY ? (positive ? others : p) : behind ? pilot : delay;
+            Element e = element((BlockNumber)kind, given, memory);
+            e.nx += behind ? 2 : 0;
             e.mode[0] = kind == BLOCK_DELAY ? -(double)INFINITY : 0.0;
             CHECK(drive(&e, 1.0));
         }

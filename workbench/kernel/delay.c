@@ -1,6 +1,7 @@
-/* delay.c: y(t) = u(t - T), T constant or a second input: a history of u with the breaks that events make.
+/* delay.c: d(t) = u(t - T), T constant or a second input: a history of u with the breaks that events make; behind it
+ * a linear system x' = A x + B d, y = C x + D d, for a plain delay without states.
  *
- * p = longest T, shortest T, whether the past before the start is given, that past. Between the samples of accepted
+ * p = longest T, shortest T, whether the past before the start is given, that past, A by rows, B, C, D. Between the samples of accepted
  * steps u is a polynomial of third order, which never reaches across an event. A solver's steps are no longer than
  * the shortest T, and so long that the polynomial is good for TOLERANCE. A jump comes out T later, at an event of its
  * own; mode[0]: time of the last jump that has come out.
@@ -11,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { POINTS = 4, FIRST_CAPACITY = 64 };
+enum { POINTS = 4, FIRST_CAPACITY = 64, FILTER = 4 };
 enum { PLAIN, KINK, JUMP }; /* what begins with a sample */
 static const double TOLERANCE = 1e-7; /* of the largest |u| */
 static const double ERROR_PART = 0.0234375; /* of a cubic between its middle points, of that one step beyond them */
@@ -175,17 +176,42 @@ static double delayed(const Element *e, const double *mode, double *slope) {
     return polynomial(samples, first, last, fmax(s, samples[i].t), slope);
 }
 
+/* Row of the linear system, ∂(dx, y) / ∂(x, d): entry `column`, that of d is nx. */
+static double behind(const Element *e, size_t row, size_t column) {
+    const size_t n = e->nx;
+    const double *a = e->p + FILTER, *b = a + n * n, *c = b + n, *d = c + n;
+    return row < n ? (column < n ? a[row * n + column] : b[row]) : column < n ? c[column] : *d;
+}
+
+static double driven(const Element *e, size_t row, double d) {
+    double value = behind(e, row, e->nx) * d;
+    for (size_t k = 0; k < e->nx; k++) {
+        value += behind(e, row, k) * element_states(e)[k];
+    }
+    return value;
+}
+
 static double delay_output(const Element *e, const double *mode) {
     double slope;
-    return delayed(e, mode, &slope);
+    return driven(e, e->nx, delayed(e, mode, &slope));
+}
+
+static void delay_rates(const Element *e, const double *mode, double *dx) {
+    double slope;
+    const double d = delayed(e, mode, &slope);
+    for (size_t row = 0; row < e->nx; row++) {
+        dx[row] = driven(e, row, d);
+    }
 }
 
 static double delay_slope(const Element *e, const double *mode, size_t row, size_t column) {
     double slope;
-    (void)row;
+    if (column >= e->nu) {
+        return behind(e, row, column - e->nu);
+    }
     delayed(e, mode, &slope);
-    return column == 1 ? (e->memory[1] > e->p[1] && e->memory[1] < e->p[0] ? -slope : 0.0)
-                       : e->p[2] == 0.0 && !has_begun(e);
+    const bool moves = e->memory[1] > e->p[1] && e->memory[1] < e->p[0];
+    return behind(e, row, e->nx) * (column == 1 ? (moves ? -slope : 0.0) : e->p[2] == 0.0 && !has_begun(e));
 }
 
 /* ---- jumps ---- */
@@ -313,6 +339,7 @@ static bool delay_note(Element *e, bool event) {
 const BlockKind block_delay = {
     .choose = delay_choose,
     .output = delay_output,
+    .rates = delay_rates,
     .indicators = delay_indicators,
     .slope = delay_slope,
     .note = delay_note,

@@ -18,6 +18,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value, Variable
 from workbench.kernel.library import kernel
 from workbench.model.base import Model
+from workbench.model.starts import check_starts
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.fmu import FmuSession, Lead, Setup
 from workbench.session.point import FmuPoint
@@ -153,11 +154,22 @@ class DescribedModel(Model):
             twin.start_time = self.start_time
         return twin
 
+    def with_values(self, values: Mapping[str, Value]) -> DescribedModel:
+        """Return the model with other parameters or start values, closed with this one; see `varied.set_to`.
+
+        Args:
+            values: name → value.
+
+        Raises:
+            InputError: no such variable, it cannot be set, or the value is not of its type.
+        """
+        return self.starting_with(check_starts(values, {v.name: v for v in self.description.variables}))
+
     def starting_with(self, values: Mapping[str, Value]) -> Self:
         """Return the model with other start values, here and in every worker; it is closed with this one.
 
         Args:
-            values: in their variables' types; `set_to` checks them.
+            values: in their variables' types; `with_values` checks them.
         """
         twin = copy.copy(self)
         twin.recipe = dataclasses.replace(self.recipe, start_values={**self.recipe.start_values, **values})

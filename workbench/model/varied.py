@@ -9,7 +9,6 @@ from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
-from workbench.model.starts import check_starts
 
 __all__ = ["Varied", "set_to", "with_parameters"]
 
@@ -37,7 +36,7 @@ def set_to(model: DescribedModel, values: Mapping[str, Value]) -> DescribedModel
     Raises:
         InputError: no such variable, it cannot be set, or the value is not of its type.
     """
-    return model.starting_with(check_starts(values, {v.name: v for v in model.description.variables}))
+    return model.with_values(values)
 
 
 class Varied:

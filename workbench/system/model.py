@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from types import MethodType
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.named import named
 from workbench.fmi.instance import Instance
+from workbench.fmi.variable import Value
 from workbench.fmi.wiring import Wiring
 from workbench.model.described import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
@@ -21,6 +22,7 @@ from workbench.system.composite import CompositeInstance
 from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.order import plan
+from workbench.system.parameters import component_parameters, reparametrised
 from workbench.system.parts import Opened, starts_of, system_starts
 
 if TYPE_CHECKING:
@@ -70,11 +72,21 @@ class SystemModel(DescribedModel):
             notes=(*_notes(opened, self._plan), *experiment_notes(recipe, described), *filter(None, [note])),
             recipe=replace(recipe, bias=setup.bias),
         )
+        self.parameters = (*self.parameters, *component_parameters(self.system))
 
     @property
     def loop(self) -> Callable[..., LoopResult]:
         """`system.loop("plant.y", …)` is `workbench.loop(system, "plant.y", …)`: margins of a loop."""
         return MethodType(named("workbench.analysis.loop.request:loop"), self)
+
+    def with_values(self, values: Mapping[str, Value]) -> DescribedModel:
+        opened, rest = reparametrised(self._opened, values)
+        if opened is self._opened:
+            return super().with_values(values)
+        starts = {**self.recipe.start_values, **rest}
+        twin = SystemModel(opened, replace(self.recipe, system=opened.description, start_values=starts))
+        twin._sessions = self._sessions  # it is closed with this one
+        return twin
 
     def new_instance(self) -> Instance:
         with ExitStack() as undo:

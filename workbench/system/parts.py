@@ -26,7 +26,7 @@ from workbench.system.description import (
 )
 from workbench.system.elements import ElementInstance, element_description
 
-__all__ = ["Opened", "Part", "open_parts", "starts_of", "system_starts"]
+__all__ = ["Opened", "Part", "block_part", "open_parts", "starts_of", "system_starts"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ def _open(
     interface: str,
 ) -> Part:
     if not isinstance(component, FmuComponent):
-        return _block(component)
+        return block_part(component)
     if component.interface == "auto":
         component = dataclasses.replace(component, interface=interface)
     recipe = known.get(component.name) or _again(component, unpacked.get(component.file))
@@ -190,7 +190,12 @@ def _told(description: Description, starts: Mapping[str, Value], units: Mapping[
     return dataclasses.replace(description, variables=tuple(told(v) for v in description.variables))
 
 
-def _block(component: NativeComponent) -> Part:
+def block_part(component: NativeComponent) -> Part:
+    """Return a component that is not an FMU, opened.
+
+    Args:
+        component: any such.
+    """
     description, make = _native(component)
     note = "a Python function, called at every evaluation: slow, and in this process only"
     return Part(

@@ -17,6 +17,7 @@ from workbench.model.load import FmuRecipe
 from workbench.model.recipe import LoadRecipe
 from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
 from workbench.system.health import resolve
+from workbench.system.parameters import with_parameters
 from workbench.system.parts import Opened, Part, open_parts
 from workbench.system.terminals import members_connected
 
@@ -63,6 +64,9 @@ class SystemRecipe(LoadRecipe):
         from workbench.system.master.model import MasterModel  # noqa: PLC0415
         from workbench.system.model import SystemModel  # noqa: PLC0415
 
+        system, starts = with_parameters(self.system, self.start_values)
+        if system is not self.system:
+            return replace(self, system=system, start_values=starts).open()
         with ExitStack() as undo:
             parts = open_parts(self.system.components, undo, self.parts, interface=self.interface)
             system = members_connected(self.system, parts)

@@ -24,7 +24,7 @@ from workbench.core.scratch import scratch
 from workbench.errors import InputError, WorkbenchError
 from workbench.report.results import picture_of, write_report
 from workbench.ui.curves import curves_of, loop_at, signals_of, stored_curves
-from workbench.ui.diagram import BLOCKS, drawn, edited
+from workbench.ui.diagram import PALETTE, drawn, edited
 from workbench.ui.forms import MEASURED, FormError, form_of
 from workbench.ui.root import NotHereError
 from workbench.ui.study import study_of
@@ -63,7 +63,7 @@ class _Server:
                 "folder": root.folder.name or str(root.folder),
                 "files": root.listing(),
                 "forms": [form_of(command) for command in MEASURED],
-                "blocks": list(BLOCKS),
+                "palette": [[group, kinds] for group, kinds in PALETTE.items()],
                 "works": [work.to_dict() for work in list(self.desk.works.values())],
                 "last": self.desk.last,
             }

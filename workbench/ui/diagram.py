@@ -18,10 +18,18 @@ from workbench.system.block_table.registry import BLOCKS as KINDS
 from workbench.system.block_table.registry import entry_of
 from workbench.ui.root import NotHereError, Root
 
-__all__ = ["BLOCKS", "EDITS", "drawn", "edited"]
+__all__ = ["BLOCKS", "EDITS", "PALETTE", "drawn", "edited"]
 
 # What can be added: name → entry in the file.
 BLOCKS: Mapping[str, str] = {"gain": "1.0", "sum": '{sum = "+-"}', **{kind: entry_of(kind) for kind in KINDS}}
+# Heading → names in BLOCKS, in the order of `workbench blocks`.
+PALETTE: Mapping[str, list[str]] = {
+    "linear": ["gain", "sum"],
+    **{
+        group: [k for k, block in KINDS.items() if block.group == group]
+        for group in dict.fromkeys(block.group for block in KINDS.values())
+    },
+}
 _Table = MutableMapping[str, Any]
 
 

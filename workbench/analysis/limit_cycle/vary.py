@@ -65,8 +65,12 @@ def range_of(model: DescribedModel, name: str, limits: tuple[float, float], *, p
     Raises:
         InputError: the system's own value does not lie between the limits.
     """
+    described = {v.name for v in model.description.variables}
+    of_blocks = {v.name: v.start for v in model.parameters if v.name not in described}
     if name == GAIN:
         start = 1.0
+    elif name in of_blocks:
+        start = float(of_blocks[name] or 0.0)
     else:
         with model.open_session(start_time=time) as session:
             start = session.values([name])[name]

@@ -14,7 +14,8 @@ from workbench.core.matrices import Floats
 from workbench.errors import InputError
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
-from workbench.system.block_table.linear import Delay, VariableDelay
+from workbench.system.block_table.linear import Delayed as DelayedBlock
+from workbench.system.block_table.linear import VariableDelay
 from workbench.system.description import BlockComponent, LinearComponent, SystemDescription
 from workbench.system.recipe import SystemRecipe
 
@@ -32,11 +33,19 @@ class _Cut:
     Attributes:
         component: it.
         time: how long [s], at the operating point.
+        x0: states of what is behind it, there.
+        delayed: what comes out of the delay, there.
     """
 
     component: BlockComponent
     time: float
-    order: int
+    x0: Floats
+    delayed: float
+
+    @property
+    def order(self) -> int:
+        """Of its Padé approximation."""
+        return _block(self.component).pade
 
     @property
     def source(self) -> str:
@@ -49,7 +58,7 @@ def _delays(model: Model) -> list[BlockComponent]:
     if not isinstance(system, SystemDescription) or model.interface != "me":
         return []
     parts = [c for c in system.components if isinstance(c, BlockComponent)]
-    return [c for c in parts if isinstance(c.block, Delay | VariableDelay)]
+    return [c for c in parts if isinstance(c.block, DelayedBlock)]
 
 
 def has_delays(model: Model) -> bool:
@@ -77,10 +86,10 @@ def through_delays(task: LinTask, linearise: Callable[[LinTask], LinResult]) -> 
     if not isinstance(model, DescribedModel) or not isinstance(recipe, SystemRecipe):
         raise InputError(f"{model.name}: this is not a system")
     with model.open_at(time=task.time, values=dict(task.values)) as session:
-        wanted = [f"{c.name}.{port}" for c in components for port in (*c.block.inputs, "y")]
+        wanted = [f"{c.name}.{port}" for c in components for port in (*c.block.inputs, *c.block.states, "y")]
         here = session.values(wanted)
     cuts = [_cut(c, here) for c in components]
-    standing = {_IN.format(i): here[f"{c.name}.y"] for i, c in enumerate(components)}
+    standing = {_IN.format(i): c.delayed for i, c in enumerate(cuts)}
     with _opened(recipe, cuts).open() as opened:
         asked = replace(
             task,
@@ -94,18 +103,27 @@ def through_delays(task: LinTask, linearise: Callable[[LinTask], LinResult]) -> 
 
 
 def _cut(component: BlockComponent, here: Mapping[str, float]) -> _Cut:
-    block = component.block
+    block, name = _block(component), component.name
+    time = block.times[0]
     if isinstance(block, VariableDelay):
-        time = min(max(here[f"{component.name}.u2"], block.smallest), block.largest)
-        return _Cut(component, time, block.pade)
-    if not isinstance(block, Delay):
+        time = min(max(here[f"{name}.u2"], block.smallest), block.largest)
+    behind, x0 = block.filter(), np.array([here[f"{name}.{state}"] for state in block.states])
+    through = float(behind.d[0, 0])
+    # Without a direct path nothing at the point depends on it; any value will do.
+    delayed = (here[f"{name}.y"] - float(behind.c[0] @ x0)) / through if through else here[f"{name}.{block.inputs[0]}"]
+    return _Cut(component, time, x0, delayed)
+
+
+def _block(component: BlockComponent) -> DelayedBlock:
+    block = component.block
+    if not isinstance(block, DelayedBlock):
         raise InputError(f"component {component.name} is not a delay")
-    return _Cut(component, block.delay, block.pade)
+    return block
 
 
 def _opened(recipe: SystemRecipe, cuts: Sequence[_Cut]) -> SystemRecipe:
-    """Return the system with each delay replaced by one whose output is an input of the system."""
-    stand_ins = {c.component.name: _stand_in(c.component) for c in cuts}
+    """Return the system with each delay replaced by what is behind it, driven by an input of the system."""
+    stand_ins = {c.component.name: _stand_in(c) for c in cuts}
     system = recipe.system
     shown = {_OUT.format(i): c.source for i, c in enumerate(cuts)}
     return recipe.changed(
@@ -121,14 +139,15 @@ def _opened(recipe: SystemRecipe, cuts: Sequence[_Cut]) -> SystemRecipe:
     )
 
 
-def _stand_in(component: BlockComponent) -> LinearComponent:
-    inputs = (*component.block.inputs, _INTO)
-    through = np.zeros((1, len(inputs)))
-    through[0, -1] = 1.0
+def _stand_in(cut: _Cut) -> LinearComponent:
+    component = cut.component
+    block, behind = component.block, _block(component).filter()
+    unused = np.zeros((1, len(block.inputs)))
     units = {**component.units, **({_INTO: component.units["y"]} if "y" in component.units else {})}
     return LinearComponent(
-        np.zeros((0, 0)), np.zeros((0, len(inputs))), np.zeros((1, 0)), through, name=component.name, dt=0.0,
-        input_names=inputs, output_names=("y",), state_names=(), x0=np.zeros(0), units=units,
+        behind.a, np.hstack([behind.b * unused, behind.b]), behind.c, np.hstack([unused, behind.d]), dt=0.0,
+        name=component.name, input_names=(*block.inputs, _INTO), output_names=("y",), state_names=block.states,
+        x0=cut.x0, units=units,
     )  # fmt: skip
 
 

@@ -315,6 +315,8 @@ class Columns:
 
     def reach(self, jacobian: Floats) -> Reach:
         """Return which zero entries move when their variables move far, shape (n + q, k) for each direction."""
+        if not self.task.explained:
+            return Reach.none(self.rows, self.names)
         dead = {self.names[j]: self._why_dead(int(j)) for j in np.flatnonzero(~jacobian.any(axis=0))}
         reach = replace(Reach.none(self.rows, self.names), dead=dead)
         suspects = [j for j in range(len(self.names)) if self.chosen[j] and not jacobian[:, j].all()]

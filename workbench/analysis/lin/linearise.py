@@ -17,6 +17,7 @@ from workbench.core.matrices import unheld
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.model.placing import named
+from workbench.system.description import BlockComponent, Component, LinearComponent, SystemDescription
 
 __all__ = ["choose", "linearise", "plain", "run"]
 
@@ -86,8 +87,8 @@ def _shows_states(task: LinTask) -> bool:
 def choose(task: LinTask) -> tuple[str, str]:
     """Return the name of the method for a task, and the reason in one line.
 
-    Co-simulation shows no states: response. Time events and discrete states: kalman-bertram, or difference where it
-    finds no rates. Given widths: difference. Directional derivatives: exact. Else difference.
+    Co-simulation shows no states: response. Time events and discrete states or sampled blocks: kalman-bertram, or
+    difference where it finds no rates. Given widths: difference. Directional derivatives: exact. Else difference.
 
     Args:
         task: the linearisation.
@@ -104,10 +105,23 @@ def choose(task: LinTask) -> tuple[str, str]:
             raise
         return "response", "auto: the model provides no states"
     with point:
-        if len(point.ticks(1, np.inf)) and (point.memory or not point.states):
+        if len(point.ticks(1, np.inf)) and (point.memory or not point.states or _has_samplers(task.model)):
             return "kalman-bertram", "auto: the model has time events and discrete states"
         if task.dx is not None or task.du is not None:
             return "difference", "auto: widths are given"
         if why := point.why_not_exact():
             return "difference", f"auto: {why}"
     return "exact", "auto: the FMU offers directional derivatives"
+
+
+def _has_samplers(model: Model) -> bool:
+    """Whether a system has sampled blocks; a hold has no discrete state, but what it holds is one."""
+    system = getattr(model, "system", None)
+    return isinstance(system, SystemDescription) and any(map(_is_sampled, system.components))
+
+
+def _is_sampled(component: Component) -> bool:
+    if isinstance(component, BlockComponent):
+        found = component.block.matrices()
+        return found is not None and found.dt > 0.0
+    return isinstance(component, LinearComponent) and component.dt > 0.0

@@ -117,6 +117,7 @@ class _Job:
     varied: dict[str, float]
     parameters: dict[str, float]
     asked: Lin
+    explained: bool
 
 
 def over(model: Model, asked: LinOver, job: Job) -> LinGrid:
@@ -136,7 +137,9 @@ def over(model: Model, asked: LinOver, job: Job) -> LinGrid:
     return result()
 
 
-def points_over(model: Model, asked: LinOver, workers: Workers, job: Job) -> Iterator[LinPoint]:
+def points_over(
+    model: Model, asked: LinOver, workers: Workers, job: Job, *, explained: bool = True
+) -> Iterator[LinPoint]:
     """Linearise at every combination; yield the models as they are finished.
 
     Args:
@@ -144,6 +147,7 @@ def points_over(model: Model, asked: LinOver, workers: Workers, job: Job) -> Ite
         asked: see `LinOver`.
         workers: where.
         job: can end it.
+        explained: see `LinTask`.
 
     Raises:
         InputError, FmuError: see `LinOver`.
@@ -151,7 +155,8 @@ def points_over(model: Model, asked: LinOver, workers: Workers, job: Job) -> Ite
     grid = {name: several(values) for name, values in asked.over.items()}
     _check(model, grid)
     common = recast(Lin, asked, at=None, progress=None, workers=None, **point_in_full(model, asked)[0])
-    todo = [_job(model, dict(zip(grid, values, strict=True)), common) for values in itertools.product(*grid.values())]
+    every = (dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values()))
+    todo = [_job(model, varied, common, explained=explained) for varied in every]
     with _open_store(asked.store, model, common) as kept:
         yield from _all(model, todo, workers, kept, job)
 
@@ -164,14 +169,15 @@ def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
         raise InputError(f"over: the parameters of {model.name} cannot be set, as it is not a file")
 
 
-def _job(model: Model, varied: dict[str, float], common: Lin) -> _Job:
+def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool) -> _Job:
     inputs, states = {v.name for v in model.inputs}, {v.name for v in model.states}
     asked = replace(
         common,
         u0={**(common.u0 or {}), **{n: v for n, v in varied.items() if n in inputs}},
         x0={**(common.x0 or {}), **{n: v for n, v in varied.items() if n in states}},
     )
-    return _Job(varied=varied, parameters={n: v for n, v in varied.items() if n not in inputs | states}, asked=asked)
+    parameters = {n: v for n, v in varied.items() if n not in inputs | states}
+    return _Job(varied=varied, parameters=parameters, asked=asked, explained=explained)
 
 
 def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | None, job: Job) -> Iterator[LinPoint]:
@@ -207,7 +213,8 @@ def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
     """Linearise one point of a grid; what a worker process runs."""
     varied = with_parameters(model, job.parameters)
     try:
-        yield LinPoint(job.varied, run(make_task(varied, job.asked), job.asked.method))
+        task = replace(make_task(varied, job.asked), explained=job.explained)
+        yield LinPoint(job.varied, run(task, job.asked.method))
     except SimulationError as error:
         yield LinPoint(job.varied, None, str(error), error.kind)
 

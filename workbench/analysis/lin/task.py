@@ -52,6 +52,7 @@ class LinTask:
         order: of the model that `response` finds; None: chosen.
         continuous: turn a discrete result into a continuous one.
         notes: on the operating point.
+        explained: also say of entries that are 0 whether they stay so farther away; that is most of the evaluations.
     """
 
     model: Model
@@ -68,6 +69,7 @@ class LinTask:
     order: int | None = None
     continuous: bool = False
     notes: tuple[str, ...] = ()
+    explained: bool = True
 
 
 def make_task(model: Model, asked: Lin) -> LinTask:

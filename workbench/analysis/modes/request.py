@@ -55,7 +55,7 @@ class Modes(PointOptions, InParts, Analysis["ModesResult"]):
     _: KW_ONLY
     vary: str = option(
         "Parameter, input or state to vary, with its range LO:HI or its values A,B,..; in a system component.name or "
-        "component.gain.",
+        "component.parameter of a block or gain.",
         form=VARIED,
     )
     values: Numbers | None = option("Values of what is varied, rising.", python=True, default=None)

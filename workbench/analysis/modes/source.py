@@ -17,12 +17,10 @@ from workbench.core.job import Job
 from workbench.core.modal import Poles, poles_near, poles_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import recast
-from workbench.errors import InputError, SimulationError
+from workbench.errors import SimulationError
 from workbench.model import Model
 from workbench.model.names import check_variables
 from workbench.model.varied import with_parameters
-from workbench.system.description import GainComponent
-from workbench.system.recipe import SystemRecipe
 from workbench.workers import Lost, Workers, choose
 
 __all__ = ["ModelSource", "check_parameter"]
@@ -39,38 +37,17 @@ def check_parameter(model: Model, name: str) -> None:
 
     Args:
         model: whose it should be.
-        name: of a parameter, input or state, or "component.gain" of a system's gain.
+        name: of a parameter, input or state, or "component.parameter" of a system's block or gain.
 
     Raises:
         InputError: it is none of these.
     """
-    if name not in _gains(model):
-        check_variables(model, [name], "parameter", "input", "state", what="vary", number=True)
-
-
-def _gains(model: Model) -> list[str]:
-    """Return the gains of a system file, which are no variables of the system."""
-    recipe = model.recipe
-    if not isinstance(recipe, SystemRecipe):
-        return []
-    return [f"{c.name}.gain" for c in recipe.system.components if isinstance(c, GainComponent)]
-
-
-def _with_gain(model: Model, name: str, value: float) -> AbstractContextManager[Model]:
-    """Return the system with another gain, opened anew."""
-    recipe = model.recipe
-    if not isinstance(recipe, SystemRecipe):
-        raise InputError(f"modes: {model.name} is not a system")
-    parts = tuple(
-        replace(c, gain=value) if isinstance(c, GainComponent) and f"{c.name}.gain" == name else c
-        for c in recipe.system.components
-    )
-    return replace(recipe, system=replace(recipe.system, components=parts)).open()
+    check_variables(model, [name], "parameter", "input", "state", what="vary", number=True)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Single:
-    """A value at which is linearised what `lin_over` does not: about an equilibrium of its own, with another gain."""
+    """A value at which is linearised what `lin_over` does not: about an equilibrium of its own."""
 
     vary: str
     value: float
@@ -86,14 +63,12 @@ def _linearised(model: Model, job: _Single) -> Iterator[LinPoint]:
             point = _trimmed(opened, job) if job.trimmed else None
             lin = job.lin
             asked = lin if point is None else replace(lin, x0={**point.x, **point.discrete}, u0=point.u)
-            yield LinPoint(varied, run(make_task(opened, asked), asked.method))
+            yield LinPoint(varied, run(replace(make_task(opened, asked), explained=False), asked.method))
     except SimulationError as error:
         yield LinPoint(varied, None, str(error), error.kind)
 
 
 def _set(model: Model, job: _Single) -> AbstractContextManager[Model]:
-    if job.vary in _gains(model):
-        return _with_gain(model, job.vary, job.value)
     varied = {job.vary: job.value} if job.vary in {v.name for v in model.parameters} else {}
     return nullcontext(with_parameters(model, varied))
 
@@ -144,7 +119,7 @@ class ModelSource:
         self, model: Model, vary: str, lin: Lin, *, trimmed: bool, count: int | None = None, about: float = 0.0
     ) -> None:
         self._model, self._vary, self._lin, self._trimmed = model, vary, lin, trimmed
-        self._one_by_one = trimmed or vary in _gains(model)
+        self._one_by_one = trimmed
         self._count, self._about = count, about
         self.results: dict[float, Known] = {}
         self.failed: dict[float, str] = {}
@@ -195,7 +170,8 @@ class ModelSource:
     def _points(self, values: Sequence[float], workers: Workers, job: Job) -> Iterator[LinPoint]:
         """Yield the linear models as they are finished."""
         if not self._one_by_one:
-            yield from points_over(self._model, recast(LinOver, self._lin, over={self._vary: values}), workers, job)
+            over = recast(LinOver, self._lin, over={self._vary: values})
+            yield from points_over(self._model, over, workers, job, explained=False)
             return
         jobs = deque(_Single(vary=self._vary, value=v, lin=self._lin, trimmed=self._trimmed) for v in values)
         runner, notes = choose(self._model, workers)

@@ -70,7 +70,7 @@ def _merged(f: Floats, value: Complex, more: Floats, there: Complex) -> tuple[Fl
 
 def _landmarks(part: LinearPart) -> Floats:
     """Return frequencies [Hz] around poles, and around real-axis crossings as an eigenvalue problem gives them."""
-    poles = part.poles
+    poles = part.continuous_poles
     width = np.maximum(np.abs(poles.real), 1e-9 * np.abs(poles))
     around = (np.abs(poles.imag)[:, None] + width[:, None] * _AROUND).ravel()
     crossings = _axis_candidates(part)
@@ -80,7 +80,7 @@ def _landmarks(part: LinearPart) -> Floats:
 
 def _axis_candidates(part: LinearPart) -> Floats:
     """Return |Im s| of the zeros of L(s) − L(−s) near the imaginary axis [rad/s]."""
-    if not len(part.A):
+    if not len(part.A) or part.dt > 0.0:  # of a sampled model the curve itself has to show them
         return np.zeros(0)
     alpha, beta = eig(*odd_pencil(part), right=False, homogeneous_eigvals=True)
     with np.errstate(all="ignore"):

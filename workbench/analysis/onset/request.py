@@ -31,7 +31,12 @@ class RateOnset(AtPoint, Analysis["OnsetResult"]):
     limiters in the forward path. With `jump`, the periodic responses of the model itself are followed over frequency
     (as by `branches`), and their folds are where it does jump.
 
-    Not for a loop that is unstable below the limit, nor for sampled or co-simulation parts.
+    A limiter may also be sampled, such as one in a control law: it then limits the change from one sample to the next,
+    and F is the fundamental of its staircase, of which the formula holds as it is. Its samples must be those with the
+    loop's longest period.
+
+    Not for a loop that is unstable below the limit, for co-simulation parts, or for a limiter between the samples of
+    other parts.
 
     Returns:
         For each amplitude the onset frequency, the onset point and the verdict; F and L over frequency; bandwidth and

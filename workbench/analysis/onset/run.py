@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from workbench.analysis.branches.request import branches
+from workbench.analysis.lin.result import LinResult
 from workbench.analysis.loop.request import loop
 from workbench.analysis.nyquist.grid import adaptive_grid
 from workbench.analysis.onset.boundary import boundary_db
@@ -20,7 +21,6 @@ from workbench.analysis.opened import find_ports, linear_between, recipe_of, sys
 from workbench.core.decibels import decibels
 from workbench.core.forms import several
 from workbench.core.job import Job
-from workbench.core.linear import Linear, LinearPart
 from workbench.core.matrices import Complex, Floats
 from workbench.core.modal import poles_of
 from workbench.errors import InputError, WorkbenchError
@@ -37,6 +37,8 @@ _LIMITED = "onset.limited"  # name of an output of the system, for the linear mo
 _AROUND = 3.0  # jumps are looked for so many times below and above the onset
 _ON_AXIS = 1e-9  # of the largest pole: a real part below that is rounding
 _MARGIN_DEG, _MARGIN_DB = 45.0, 6.0  # of a bandwidth
+_HELD = 1e-6  # of the largest entry: an output that moves less between samples stands
+_BELOW_NYQUIST = 0.999
 _SHOWN = 400  # frequencies of the curves
 
 
@@ -49,24 +51,27 @@ def run(model: DescribedModel, asked: RateOnset, job: Job) -> OnsetResult:
     placed, remarks = start_at(model, asked.at)
     rate, notes = _rate(model, asked)
     point = standing(placed)
-    opened = loop(placed, ports.w, in_process=True)
-    if opened.linear is None or opened.linear.transfer.dt > 0.0:
-        raise InputError(f"{model.name}: the loop through {asked.limiter} is sampled, but {_NEEDS} a continuous one")
-    transfer, every = opened.linear.transfer, several(asked.amplitudes)
+    opened, every = loop(placed, ports.w, in_process=True).linear, several(asked.amplitudes)
+    if opened is None:
+        raise InputError(f"{model.name}: the loop through {asked.limiter} has no linear model; {_NEEDS} one")
     with _watched(placed, ports.w) as watched:
         closed = linear_between(
             watched, {asked.input: None}, [_LIMITED, *([asked.attitude] if asked.attitude else [])],
             x=point.x, u=point.u, time=point.time,
         )  # fmt: skip
         _check_stable(closed)
-        motion = _Motion(closed.part(), rate, *adaptive_grid(closed.part(), asked.band))
+        if closed.dt > 0.0:
+            _check_held(placed, closed, ports.w)
+        band, told = _band(closed, asked.band)
+        notes += [*told, *closed.notes, *(f"{z.name}: {z.reason}" for z in closed.zeros if z.name == asked.input)]
+        motion = _Motion(closed, rate, *_curve(closed, 0, band))
         points = []
         for number, amplitude in enumerate(every, 1):
-            found = _point(amplitude, motion, transfer)
+            found = _point(amplitude, motion, opened.lin)
             points.append(_followed(found, watched, asked, motion) if asked.jump else found)
             job.done(f"amplitude {amplitude:g}", number, len(every))
-    shown = np.geomspace(*asked.band, _SHOWN)
-    through = transfer.response(shown)
+    shown = np.geomspace(*band, _SHOWN)
+    through = -opened.lin.response(shown)[:, 0, 0]
     units = {v.name: v.unit for v in (*placed.inputs, *placed.description.variables)}
     return OnsetResult(
         model=model.name,
@@ -80,10 +85,10 @@ def run(model: DescribedModel, asked: RateOnset, job: Job) -> OnsetResult:
         rate=rate,
         points=tuple(points),
         frequency_hz=shown,
-        closed_gain_db=decibels(motion.part.response(shown)),
+        closed_gain_db=decibels(closed.fundamental(shown)[:, 0, 0]),
         open_gain_db=decibels(through),
         open_phase_deg=_below(np.unwrap(np.angle(through))),
-        attitude=None if asked.attitude is None else _attitude(asked.attitude, closed.part(0, 1), asked.band),
+        attitude=None if asked.attitude is None else _attitude(asked.attitude, *_curve(closed, 1, band)),
         notes=(*remarks, *notes),
         operating_point=point,
     )
@@ -102,14 +107,18 @@ def _watched(model: DescribedModel, limited: str) -> Iterator[DescribedModel]:
 class _Motion:
     """How the limiter's output moves in the linear closed loop.
 
+    That of a sampled limiter is a staircase. Its fundamental is F = F_k sin(x)/x with x = πfT, of samples F_k, and the
+    largest change from one sample to the next, in the time T, is 2|F_k| sin(x)/T = 2πf|F|: the rate is that of the
+    fundamental, without approximation.
+
     Attributes:
-        part: from the input to it, F.
+        closed: from the input to it; its fundamental is F.
         rate: limit of its rate.
         grid: shape (k,), rising [Hz].
         response: F there.
     """
 
-    part: LinearPart
+    closed: LinResult
     rate: float
     grid: Floats
     response: Complex
@@ -121,7 +130,7 @@ class _Motion:
 
     def ratio(self, frequency_hz: float) -> float:
         """Return it at one frequency [Hz]."""
-        return 2.0 * math.pi * frequency_hz * abs(self.part.at(frequency_hz)) / self.rate
+        return 2.0 * math.pi * frequency_hz * abs(_at(self.closed, frequency_hz)) / self.rate
 
 
 def _rate(model: Model, asked: RateOnset) -> tuple[float, list[str]]:
@@ -139,8 +148,18 @@ def _rate(model: Model, asked: RateOnset) -> tuple[float, list[str]]:
     return min(rising, -falling), [f"{asked.limiter}: the limits differ, {falling:g} and {rising:g}; the lower counts"]
 
 
-def _check_stable(closed: Linear) -> None:
-    poles = poles_of(closed.A)
+def _at(closed: LinResult, frequency_hz: float) -> complex:
+    return complex(closed.fundamental(np.array([frequency_hz]))[0, 0, 0])
+
+
+def _curve(closed: LinResult, output: int, band: tuple[float, float]) -> tuple[Floats, Complex]:
+    """Return frequencies [Hz], dense where the response turns, and what a sine makes of an output there."""
+    f, _ = adaptive_grid(closed.part(0, output), band)
+    return f, closed.fundamental(f)[:, output, 0]
+
+
+def _check_stable(closed: LinResult) -> None:
+    poles = poles_of(closed.A, dt=closed.dt)
     growing = poles.value[
         poles.value.real > np.maximum(poles.uncertain, _ON_AXIS * np.abs(poles.value).max(initial=0.0))
     ]
@@ -151,7 +170,29 @@ def _check_stable(closed: Linear) -> None:
         )
 
 
-def _point(amplitude: float, motion: _Motion, through: LinearPart) -> OnsetPoint:
+def _check_held(model: DescribedModel, closed: LinResult, limited: str) -> None:
+    """Refuse a limiter whose output does not stand from one sample of a sampled loop to the next."""
+    between = closed.intersample
+    rows = np.zeros((2, 1)) if between is None else np.concatenate([between.C, between.D], axis=3)[:, :, 0]
+    if between is None or np.abs(rows - rows[0, 0]).max() > _HELD * np.abs(rows).max():
+        raise InputError(
+            f"{model.name}: {limited} does not stand over the {closed.dt:g} s after which the samples of the loop "
+            f"repeat; {_NEEDS} a limiter that is sampled, with the loop's longest period, or a loop without samples"
+        )
+
+
+def _band(closed: LinResult, asked: tuple[float, float]) -> tuple[tuple[float, float], list[str]]:
+    """Return the band as far as samples show it, and what to say of it."""
+    low, high = asked
+    if high < closed.highest_hz:
+        return asked, []
+    top = _BELOW_NYQUIST * closed.highest_hz
+    if low >= top:
+        raise InputError(f"band: {low:g} Hz is not below {closed.highest_hz:g} Hz, half the sample rate")
+    return (low, top), [f"sampled every {closed.dt:g} s: searched up to {top:.4g} Hz, half the sample rate"]
+
+
+def _point(amplitude: float, motion: _Motion, opened: LinResult) -> OnsetPoint:
     """Return the lowest frequency at which the limit is reached, and the open loop there."""
     ratios = amplitude * motion.ratios
     plain = OnsetPoint(amplitude=amplitude, highest_ratio=float(ratios.max()))
@@ -164,7 +205,7 @@ def _point(amplitude: float, motion: _Motion, through: LinearPart) -> OnsetPoint
         found = float(between[1])
     else:
         found = float(brentq(lambda f: amplitude * motion.ratio(f) - 1.0, *between, xtol=1e-14, rtol=1e-14))
-    value = through.at(found)
+    value = -complex(opened.response(found)[0, 0, 0])
     phase = float(np.degrees(np.angle(value)) % 360.0 - 360.0)
     return replace(
         plain,
@@ -207,9 +248,8 @@ def _below(phase: Floats) -> Floats:
 # -- bandwidth and phase delay ------------------------------------------------------------------
 
 
-def _attitude(name: str, part: LinearPart, band: tuple[float, float]) -> Attitude:
+def _attitude(name: str, f: Floats, value: Complex) -> Attitude:
     """Return bandwidth and phase delay of an attitude's response (MIL-STD-1797), as far as the band shows them."""
-    f, value = adaptive_grid(part, band)
     phase, gain = np.degrees(np.unwrap(np.angle(value))), decibels(value)
     half = _falls(f, phase, -180.0)
     by_gain = delay = None

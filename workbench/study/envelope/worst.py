@@ -63,11 +63,18 @@ def _changed(data: dict[str, Any], given: Mapping[str, Any], folder: Path) -> di
         owner = max((n for n in components if full.startswith(f"{n}.")), key=len, default="")
         if not owner:
             raise KeyError(full)
-        component = components[owner]
-        table: dict[str, Any] = {"model": component} if isinstance(component, str) else dict(component)
-        table["set"] = {**table.get("set", {}), full.removeprefix(f"{owner}."): value}
-        components[owner] = table
+        components[owner] = _with(components[owner], full.removeprefix(f"{owner}."), value)
     return {**data, "components": components}
+
+
+def _with(component: Any, name: str, value: object) -> dict[str, Any]:  # noqa: ANN401 - what TOML can hold
+    """Return a component with one value: a parameter of a block or a gain, or what is set in an FMU."""
+    if isinstance(component, int | float):
+        component = {"gain": component}
+    table: dict[str, Any] = {"model": component} if isinstance(component, str) else dict(component)
+    if "model" in table:
+        return {**table, "set": {**table.get("set", {}), name: value}}
+    return {**table, name: value}
 
 
 def _placed(component: Any, folder: Path) -> Any:  # noqa: ANN401 - what TOML can hold

@@ -13,7 +13,10 @@ from workbench.errors import InputError
 from workbench.system.block_table.base import Block, Matrices, Values, ordered
 
 __all__ = [
+    "PADE",
+    "PAST",
     "Delay",
+    "Delayed",
     "DiscreteTransfer",
     "LeadLag",
     "Notch",
@@ -26,6 +29,8 @@ __all__ = [
 _DYNAMIC = "dynamic"
 _SAMPLED = "sampled"
 _DELAYS = "delays"
+PAST = "Input before the start; left out: what it is at the start."
+PADE = "Order of the Padé approximation in linear models."
 
 
 def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float = 0.0) -> Matrices:
@@ -138,7 +143,42 @@ class DiscreteTransfer(_Linear):
         return realised(self.numerator, self.denominator, self.period)
 
 
-class Delay(Block):
+class Delayed(Block):
+    """A delay, and what is linear behind it.
+
+    Obligations of a subclass: options `past` and `pade`, and `times`.
+    """
+
+    group = _DELAYS
+    number = "delay"
+    past: float | None
+    pade: int
+
+    @property
+    def times(self) -> tuple[float, float]:
+        """Longest and shortest delay [s]."""
+        raise NotImplementedError
+
+    def filter(self) -> Matrices:
+        """Return the linear system that the delayed input drives, of two states at most."""
+        return realised([1.0], [1.0])
+
+    def check(self) -> None:
+        self.filter()
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        return tuple(f"x{k}" for k in range(1, len(self.filter().a) + 1))
+
+    def packed(self) -> tuple[float, ...]:
+        past = (0.0, 0.0) if self.past is None else (1.0, self.past)
+        return *self.times, *past, *(float(x) for m in self.filter()[:4] for x in m.ravel())
+
+    def first_mode(self) -> tuple[float, ...]:
+        return (-math.inf,)
+
+
+class Delay(Delayed):
     """Transport delay.
 
     The input is kept at the solver's steps, with a polynomial of third order between them, whose error is about 1e-6
@@ -147,38 +187,28 @@ class Delay(Block):
     """
 
     kind = "delay"
-    group = _DELAYS
     equations = "y(t) = u(t − delay); before that past, or u at the start where no past is given"
-    number = "delay"
     delay: float = option("Delay.", default=0.1, unit="s", positive=True)
-    past: float | None = option("Input before the start; left out: what it is at the start.", default=None, finite=True)
-    pade: int = option("Order of the Padé approximation in linear models.", default=4, least=1, below=21)
+    past: float | None = option(PAST, default=None, finite=True)
+    pade: int = option(PADE, default=4, least=1, below=21)
 
-    def packed(self) -> tuple[float, ...]:
-        return self.delay, self.delay, *_past(self.past)
-
-    def first_mode(self) -> tuple[float, ...]:
-        return (-math.inf,)
+    @property
+    def times(self) -> tuple[float, float]:
+        return self.delay, self.delay
 
 
-def _past(past: float | None) -> tuple[float, float]:
-    return (0.0, 0.0) if past is None else (1.0, past)
-
-
-class VariableDelay(Block):
+class VariableDelay(Delayed):
     """Transport delay whose time is a second input, u2.
 
     It must not grow faster than time passes. See `delay`.
     """
 
     kind = "variable_delay"
-    group = _DELAYS
     equations = "y(t) = u1(t − min(max(u2, smallest), largest))"
-    number = "delay"
     largest: float = option("Largest delay.", default=1.0, unit="s", positive=True)
     smallest: float = option("Smallest delay.", default=0.01, unit="s", positive=True)
-    past: float | None = option("Input before the start; left out: what it is at the start.", default=None, finite=True)
-    pade: int = option("Order of the Padé approximation in linear models.", default=4, least=1, below=21)
+    past: float | None = option(PAST, default=None, finite=True)
+    pade: int = option(PADE, default=4, least=1, below=21)
 
     def check(self) -> None:
         ordered(self.smallest, self.largest, ("smallest", "largest"))
@@ -191,8 +221,6 @@ class VariableDelay(Block):
     def indicators(self) -> int:
         return 1
 
-    def packed(self) -> tuple[float, ...]:
-        return self.largest, self.smallest, *_past(self.past)
-
-    def first_mode(self) -> tuple[float, ...]:
-        return (-math.inf,)
+    @property
+    def times(self) -> tuple[float, float]:
+        return self.largest, self.smallest

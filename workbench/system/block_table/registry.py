@@ -31,6 +31,7 @@ from workbench.system.block_table.linear import (
     VariableDelay,
     ZeroOrderHold,
 )
+from workbench.system.block_table.pilots import CrossoverPilot, NealSmithPilot
 
 __all__ = ["BLOCKS", "block_of", "block_table", "entry_of", "sample_of"]
 
@@ -40,7 +41,7 @@ BLOCKS: Mapping[str, type[Block]] = {
     for kind in (
         Saturation, DeadBand, RateLimiter, Backlash, Relay, Quantiser, Integrator, Pi, Pid, TransferFunction, LeadLag,
         Notch, Product, Minimum, Maximum, Switch, Friction, Lookup, Lookup2d, Delay, VariableDelay, ZeroOrderHold,
-        DiscreteTransfer,
+        DiscreteTransfer, CrossoverPilot, NealSmithPilot,
     )
 }  # fmt: skip
 

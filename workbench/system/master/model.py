@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from types import MethodType
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from workbench.errors import InputError, suggest
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.ticking import time_based
+from workbench.fmi.variable import Value
 from workbench.model.described import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
@@ -27,6 +28,7 @@ from workbench.system.master.ordering import ORDERS, choose_order
 from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
+from workbench.system.parameters import component_parameters, reparametrised
 from workbench.system.parts import Opened, starts_of, system_starts
 
 if TYPE_CHECKING:
@@ -89,6 +91,7 @@ class MasterModel(DescribedModel):
             ),
             recipe=dataclasses.replace(recipe, bias=setup.bias),
         )
+        self.parameters = (*self.parameters, *component_parameters(self.system))
 
     @property
     def decided(self) -> MasterPlan:
@@ -108,6 +111,15 @@ class MasterModel(DescribedModel):
                 rtol=self._setup.rtol,
             )
         return self._decided
+
+    def with_values(self, values: Mapping[str, Value]) -> DescribedModel:
+        opened, rest = reparametrised(self._opened, values)
+        if opened is self._opened:
+            return super().with_values(values)
+        starts = {**self.recipe.start_values, **rest}
+        twin = MasterModel(opened, dataclasses.replace(self.recipe, system=opened.description, start_values=starts))
+        twin._sessions = self._sessions  # it is closed with this one
+        return twin
 
     def new_instance(self) -> Instance:
         decided = self.decided

@@ -2,7 +2,7 @@
 
 import { say } from "./dom.js";
 
-export const server = { version: "", folder: "", files: [], blocks: [], forms: {}, works: new Map() };
+export const server = { version: "", folder: "", files: [], palette: [], forms: {}, works: new Map() };
 
 const listeners = new Set();
 
@@ -136,7 +136,7 @@ function heard(event) {
 /** Ask for everything that a page needs, and hear of what happens from then on. */
 export async function connect() {
   const start = await get("/api/start");
-  Object.assign(server, { version: start.version, folder: start.folder, files: start.files, blocks: start.blocks });
+  Object.assign(server, { version: start.version, folder: start.folder, files: start.files, palette: start.palette });
   server.forms = Object.fromEntries(start.forms.map((f) => [f.command, f]));
   server.works.clear();
   await Promise.all(start.works.map(async (w) => {

@@ -64,7 +64,8 @@ export async function diagramPage([name, plant]) {
     const open = parts.querySelector("details")?.open ?? false;
     fill(parts, partsOf(system, draw, open));
   }
-  const add = server.blocks.map((kind) => h("button", { type: "button", class: "quiet", onclick: () => draw("add", kind) }, `+ ${kind}`));
+  const add = server.palette.map(([group, kinds]) => h("div", { class: "group", role: "group", "aria-label": group }, h("span", { class: "dim" }, group),
+    kinds.map((kind) => h("button", { type: "button", class: "quiet", onclick: () => draw("add", kind) }, `+ ${kind.replaceAll("_", " ")}`))));
   const keep = async () => {
     if (!(await write(file.value, area.value))) return;
     drafts.delete(key);
@@ -82,7 +83,7 @@ export async function diagramPage([name, plant]) {
     title: name === "new" ? "New system" : name,
     element: h("div", {}, h("h1", {}, name === "new" ? `A loop around ${plant}` : name),
       h("p", { class: "dim" }, "Click an output, then an input, to connect them. The file at the bottom is the system; the picture shows it."),
-      h("div", { class: "row", role: "toolbar", "aria-label": "Blocks" }, add), place, parts,
+      h("div", { class: "palette", role: "toolbar", "aria-label": "Blocks" }, add), place, parts,
       h("label", { for: "toml" }, h("h2", {}, "System file")), h("p", { id: "toml-help", class: "help dim" }, "This is all of the system; paths are relative to the file. The page on system files in the documentation lists every key."), area, wrong,
       h("div", { class: "row" }, h("label", { for: "file" }, "File"), file, h("button", { type: "button", onclick: keep }, "Write and measure the loop"))),
   };
