@@ -1,4 +1,4 @@
-"""Libraries that tests compile: each one once a run, and quickly.
+"""Libraries that tests compile: each one once a run, and quickly, as are the archives around them.
 
 `quick_compiler` is in force in every test (`tests/conftest.py`). It compiles what the package does, with its flags but
 one: parts are not optimised as one, which takes seven times as long and changes no number. A test about the compiler
@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+import workbench.core.files
 import workbench.toolchain
 from workbench.toolchain import Platform
 
@@ -86,13 +87,14 @@ def _kept_run(command: Sequence[str], folder: Path, platform: Platform) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def quick_compiler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Compile nothing twice, and without optimisation of the whole."""
+    """Compile nothing twice, and without optimisation of the whole; compress little."""
     base = tmp_path_factory.getbasetemp()
     _Store.folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "compiled"
     _Store.folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(workbench.toolchain, "_run", _kept_run)
         patch.setattr(workbench.toolchain, "_AS_ONE", {})
+        patch.setattr(workbench.core.files, "_LEVEL", 1)
         yield
 
 
