@@ -60,13 +60,14 @@ NEVER_RUN = ("cmake", "setuptools")
 PYTEST = ("pytest", "-q", "--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile")
 
 # Compiles the inner loop where its C sources have changed since; an installation compiles it, too. And the modules:
-# where Python is told to write no bytecode, as in many containers, each worker process would compile them anew.
+# many processes that start at once would all do it.
 COMPILE = """
 from compileall import compile_dir
 from pathlib import Path
 from workbench.toolchain import compile_kernel, host_only
 compile_kernel(Path("workbench/kernel"), host_only())
-compile_dir("workbench", quiet=1)
+for folder in ("workbench", "tests"):
+    compile_dir(folder, quiet=1)
 """
 
 
@@ -264,6 +265,8 @@ def _run(command: Sequence[str | Path], **settings: str) -> None:
     # Small matrices gain nothing from several BLAS threads, which wait for each other on a busy machine.
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": os.environ.get("OPENBLAS_NUM_THREADS", "1")}
     environment |= settings
+    # What is compiled is kept, tests as pytest rewrites them, too: each of the many processes would do it anew.
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     environment["NO_MKDOCS_2_WARNING"] = "1"  # the theme's advertisement; what we use is pinned below version 2
     subprocess.run([str(part) for part in command], cwd=ROOT, check=True, env=environment)
 

@@ -7,10 +7,13 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from enum import IntEnum
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import fmpy
+
+from tests.compiled import contents, kept
 
 RUNTIME = Path(__file__).parent.parent / "workbench" / "build" / "runtime"
 STUB = Path(__file__).parent / "c"
@@ -46,13 +49,15 @@ def compile_library(
     aim = [] if target is None else ["-target", target]
     command = [sys.executable, "-m", "ziglang", "cc", *aim, "-shared", "-fPIC", *FLAGS]
     sources = [*runtime_sources(), str(STUB / "stub_core.c")]
-    done = subprocess.run(
-        [*command, *(f"-D{d}" for d in defines), *sources, "-o", str(out)],
-        capture_output=True, text=True, cwd=folder, check=False,
-    )  # fmt: skip
-    if done.returncode != 0:
-        message = f"the runtime does not compile: {done.stderr}"
-        raise RuntimeError(message)
+    whole = [*command, *(f"-D{d}" for d in defines), *sources]
+
+    def make() -> None:
+        done = subprocess.run([*whole, "-o", str(out)], capture_output=True, text=True, cwd=folder, check=False)
+        if done.returncode != 0:
+            message = f"the runtime does not compile: {done.stderr}"
+            raise RuntimeError(message)
+
+    kept([version("ziglang").encode(), *(w.encode() for w in whole), *contents([RUNTIME, STUB, HEADERS])], out, make)
     return out
 
 

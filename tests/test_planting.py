@@ -82,7 +82,8 @@ def test_what_is_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 def test_mutants_of_the_package_are_python_and_follow_from_the_seed() -> None:
     paths = [PACKAGE / name for name in FOLDERS]
     some = chosen(paths, 40, 1)
-    assert some == chosen(paths, 40, 1) != chosen(paths, 40, 2)
+    few = [PACKAGE / "kernel"]
+    assert chosen(few, 10, 1) == chosen(few, 10, 1) != chosen(few, 10, 2)
     for mutant in some:
         ast.parse(mutant.text())
     assert {m.file.relative_to(PACKAGE).parts[0] for m in some} <= set(FOLDERS)

@@ -31,6 +31,7 @@ def write(folder: Path, text: str) -> None:
     )
 
 
+@pytest.mark.usefixtures("real_compiler")
 def test_a_change_of_the_sources_and_nothing_else_compiles_anew(tmp_path: Path) -> None:
     write(tmp_path, ANSWER % 1)
     (library,) = compile_kernel(tmp_path, host_only()).values()

@@ -251,9 +251,10 @@ def compile_files(
         ]  # fmt: skip
         _run(command, folder, platform)
 
+    # With -O2 the compiler's own parts, Windows' C library among them, are those of `compile_library`, compiled once.
     linker = "cc" if all(f.name.endswith(_C) for f in files) else "c++"
     command = [
-        linker, "-target", platform.target, "-shared", "-s", *objects, *_LINKED.get(platform.suffix, ()),
+        linker, "-target", platform.target, "-shared", "-s", "-O2", *objects, *_LINKED.get(platform.suffix, ()),
         "-o", str(output.resolve()), *(option.format(stem=install_stem) for option in platform.link),
     ]  # fmt: skip
     with _told([platform], linker, say):

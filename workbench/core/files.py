@@ -19,6 +19,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows
 _UNIX = 3
 _SHOWN = 60  # characters of a name that no file can have
 _FILE_MODE = 0o100644 << 16
+_LEVEL = 9  # of compression: written once, kept and copied often
 
 
 def named_path(path: str | Path) -> Path:
@@ -149,4 +150,4 @@ def pack(output: Path, files: Mapping[str, bytes]) -> None:
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = _UNIX
             entry.external_attr = _FILE_MODE
-            archive.writestr(entry, files[name], compresslevel=9)
+            archive.writestr(entry, files[name], compresslevel=_LEVEL)
