@@ -212,6 +212,7 @@ def _lines_of(file: Path, line: int) -> Iterator[tuple[Path, Sequence[int]]]:
         yield file, _own_lines(innermost)
     else:
         assigned = {n.id for n in ast.walk(innermost) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        assigned |= {n.name for n in around if isinstance(n, ast.ClassDef)}
         yield from _uses(file, assigned) if assigned else [(file, range(1, 100_000))]
 
 

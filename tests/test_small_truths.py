@@ -1,0 +1,82 @@
+"""Small functions against closed forms: places that mutants showed to be looked at by no other test."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.test_validate_overlay import measured
+from workbench.analysis.describing.measured import MeasuredBlock
+from workbench.analysis.feedback.locus import shown_gains
+from workbench.analysis.limit_cycle.centre import _meeting
+from workbench.core.conversion import known_unit
+from workbench.core.matrices import exponentials
+from workbench.system.block_table.base import _short
+
+INF = math.inf
+
+
+@pytest.mark.parametrize("zero", [-300.0, -2.0, -1e-3, 0.0, 1e-3, 2.0, 300.0])
+@pytest.mark.parametrize("near", [-1.0, 0.0, 1.0])
+def test_a_centre_is_found_on_either_side(zero: float, near: float) -> None:
+    assert _meeting(lambda x: x - zero, near, 1.0) == pytest.approx(zero, rel=1e-9, abs=1e-9)
+
+
+def test_of_two_centres_the_nearer_one_is_found() -> None:
+    assert _meeting(lambda x: (x + 1.0) * (x - 3.0), 0.0, 1.0) == pytest.approx(-1.0, rel=1e-9)
+    assert _meeting(lambda x: (x + 3.0) * (x - 1.0), 0.0, 1.0) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_measured_block_answers_a_motion_with_its_fundamental() -> None:
+    frequency = np.array([0.5, 1.0, 2.0])
+    block = MeasuredBlock(measured(frequency, {1.0: 2.0 / (1.0 + 1j * frequency), 4.0: 1.0 / (1.0 + 1j * frequency)}))
+    v = np.array([0.3, 4.0j, 0.2, 0.0])
+    found = block.answer(v, 1.0, 3)
+    assert found.shape == (4,)
+    assert found == pytest.approx(np.array([0.0, 4.0j / (1.0 + 1.0j), 0.0, 0.0]), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("stable", "shown"),
+    [
+        ([(1.0, 3.0)], (-0.45, 3.45)),  # 0 … 3 and 15 % beyond
+        ([(-INF, 2.0)], (-4.3, 2.3)),  # what is stable without an end: twice the width more
+        ([(-1.0, INF)], (-1.15, 2.15)),
+        ([(-INF, -1.0), (1.0, INF)], (-5.3, 5.3)),
+    ],
+)
+def test_gains_worth_a_picture(stable: list[tuple[float, float]], shown: tuple[float, float]) -> None:
+    assert shown_gains(stable, [], (-INF, INF)) == pytest.approx(shown, rel=1e-12)
+
+
+INCH, POUND, GRAVITY = 0.0254, 0.45359237, 9.80665
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [
+        ("%", 1.0 / 100.0), ("1", 1.0), ("-", 1.0), ("kn", 1852.0 / 3600.0), ("kph", 1000.0 / 3600.0),
+        ("mph", 5280.0 * 12.0 * INCH / 3600.0), ("lbf", POUND * GRAVITY), ("psi", POUND * GRAVITY / INCH**2),
+        ("atm", 101325.0), ("mm", 1e-3), ("cm", 1e-2), ("dm", 1e-1), ("km", 1e3), ("MPa", 1e6), ("us", 1e-6),
+    ],
+)  # fmt: skip
+def test_units_are_their_definitions(name: str, factor: float) -> None:
+    unit = known_unit(name)
+    assert unit is not None
+    assert unit.factor == pytest.approx(factor, rel=1e-14)
+
+
+def test_values_of_a_block_in_words() -> None:
+    assert [_short(v) for v in ((1.0, 2.5), (1.0,) * 5, True, 0.25, 3, "mid")] == [
+        "[1, 2.5]", "5 values", "true", "0.25", "3", "mid",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("size", [0.1, 0.25, 1.0, 7.0])
+def test_exponentials_are_to_the_last_digits(size: float) -> None:
+    """Diagonal and nilpotent: exp is known entry by entry. 1e-15 is a few roundings."""
+    found = exponentials(np.array([[[size, 0.0], [0.0, -size]], [[0.0, size], [0.0, 0.0]]]))
+    assert found[0].diagonal() == pytest.approx([math.exp(size), math.exp(-size)], rel=2e-15 * max(1.0, 8.0 * size))
+    assert np.array_equal(found[1], [[1.0, size], [0.0, 1.0]])
