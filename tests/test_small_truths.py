@@ -9,10 +9,16 @@ import pytest
 
 from tests.test_validate_overlay import measured
 from workbench.analysis.describing.measured import MeasuredBlock
+from workbench.analysis.experiment.missing import regular
 from workbench.analysis.feedback.locus import shown_gains
 from workbench.analysis.limit_cycle.centre import _meeting
+from workbench.analysis.lin.task import width_for
+from workbench.analysis.periodic.monodromy import _rows
 from workbench.core.conversion import known_unit
+from workbench.core.forms import _read_widths
 from workbench.core.matrices import exponentials
+from workbench.core.where import _take_scheduler
+from workbench.errors import InputError
 from workbench.system.block_table.base import _short
 
 INF = math.inf
@@ -57,7 +63,8 @@ INCH, POUND, GRAVITY = 0.0254, 0.45359237, 9.80665
 @pytest.mark.parametrize(
     ("name", "factor"),
     [
-        ("%", 1.0 / 100.0), ("1", 1.0), ("-", 1.0), ("kn", 1852.0 / 3600.0), ("kph", 1000.0 / 3600.0),
+        ("%", 1.0 / 100.0), ("1", 1.0), ("-", 1.0), ("Hz", 1.0), ("Pa", 1.0), ("N", 1.0), ("J", 1.0), ("W", 1.0),
+        ("C", 1.0), ("bar", 1e5), ("Wh", 3600.0), ("kn", 1852.0 / 3600.0), ("kph", 1000.0 / 3600.0),
         ("mph", 5280.0 * 12.0 * INCH / 3600.0), ("lbf", POUND * GRAVITY), ("psi", POUND * GRAVITY / INCH**2),
         ("atm", 101325.0), ("mm", 1e-3), ("cm", 1e-2), ("dm", 1e-1), ("km", 1e3), ("MPa", 1e6), ("us", 1e-6),
     ],
@@ -80,3 +87,45 @@ def test_exponentials_are_to_the_last_digits(size: float) -> None:
     found = exponentials(np.array([[[size, 0.0], [0.0, -size]], [[0.0, size], [0.0, 0.0]]]))
     assert found[0].diagonal() == pytest.approx([math.exp(size), math.exp(-size)], rel=2e-15 * max(1.0, 8.0 * size))
     assert np.array_equal(found[1], [[1.0, size], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize(("texts", "width"), [(["0.1"], 0.1), (["0.1,0.2"], (0.1, 0.2)), (["x=0.1"], {"x": 0.1})])
+def test_widths_are_one_or_several_or_by_name(texts: list[str], width: object) -> None:
+    assert _read_widths(texts) == width
+
+
+@pytest.mark.parametrize("width", [0.0, -1.0, math.inf])
+def test_a_width_is_positive_and_finite(width: float) -> None:
+    with pytest.raises(InputError, match="must be positive and finite"):
+        width_for({"x": width}, ["x"], what="width")
+    assert width_for(2.0, ["x", "y"], what="width").tolist() == [2.0, 2.0]
+
+
+@pytest.mark.parametrize("place", [5, "", 1.0])
+def test_what_is_no_address_is_no_scheduler(place: object) -> None:
+    with pytest.raises(ValueError, match="is not the address of a scheduler"):
+        _take_scheduler(place)
+    assert _take_scheduler("tcp://host:8786") == "tcp://host:8786"
+
+
+def test_missing_rows_are_counted_and_put_where_they_were() -> None:
+    every = 0.5 * np.arange(30) + 7.0
+    there = np.delete(np.arange(30), [3, 4, 11])
+    time, columns, missing = regular(every[there], np.sin(every[there])[:, None])
+    assert missing == 3
+    assert time == pytest.approx(every, rel=1e-15)
+    assert np.flatnonzero(np.isnan(columns[:, 0])).tolist() == [3, 4, 11]
+    assert columns[there, 0].tolist() == np.sin(every[there]).tolist()
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_what_a_change_of_a_lag_puts_into_the_output(order: int) -> None:
+    """y = c·exp(a·t) over a period: the mean and the component at the forcing's frequency are integrals of exp."""
+    a, c, period, k = -0.8, 1.5, 2.5, 2000
+    t = period * np.arange(k) / k
+    flows = np.full((k, 1, 1), math.exp(a * period / k)), np.exp(a * t)[:, None, None]
+    found = _rows(np.full((k, 1, 1), a), np.full((k, 1), c), flows, period, order)[:, 0]
+    turned = a - 2j * math.pi * order / period
+    first = 2j * c / period * (np.exp(turned * period) - 1.0) / turned
+    mean = c * math.expm1(a * period) / (a * period)
+    assert found == pytest.approx([mean, first.real, first.imag], rel=1e-6)
