@@ -235,7 +235,7 @@ class Tried:
 
     Attributes:
         mutant: what was changed.
-        tests: that ran, if no one failed.
+        tests: that ran, until one failed.
         killer: the test that failed; empty: none did. None: none runs the line.
     """
 
@@ -274,6 +274,8 @@ def _unjust(killers: set[str]) -> set[str]:
     if not killers:
         return set()
     done = run_planted([a for a in _pytest(sorted(killers)) if a != "-x"], None, "", timeout=3600.0)
+    if done.returncode not in {0, 1}:
+        raise SystemExit(f"the tests have changed since they were recorded: --record\n{done.stderr[-2000:]}")
     return {name for name in killers if done.returncode and name in done.stdout}
 
 
