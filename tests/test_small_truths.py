@@ -109,13 +109,14 @@ def test_what_is_no_address_is_no_scheduler(place: object) -> None:
 
 
 def test_missing_rows_are_counted_and_put_where_they_were() -> None:
-    every = 0.5 * np.arange(30) + 7.0
+    every = np.linspace(7.0, 21.5, 30, dtype=np.float64)
     there = np.delete(np.arange(30), [3, 4, 11])
-    time, columns, missing = regular(every[there], np.sin(every[there])[:, None])
+    values = np.array(np.sin(every[there]), dtype=np.float64)
+    time, columns, missing = regular(np.array(every[there], dtype=np.float64), values[:, None])
     assert missing == 3
     assert time == pytest.approx(every, rel=1e-15)
     assert np.flatnonzero(np.isnan(columns[:, 0])).tolist() == [3, 4, 11]
-    assert columns[there, 0].tolist() == np.sin(every[there]).tolist()
+    assert columns[there, 0].tolist() == values.tolist()
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
