@@ -12,13 +12,16 @@ from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.experiment.missing import regular
 from workbench.analysis.feedback.locus import shown_gains
 from workbench.analysis.limit_cycle.centre import _meeting
+from workbench.analysis.lin.interfaces import _shift
 from workbench.analysis.lin.task import width_for
 from workbench.analysis.periodic.monodromy import _rows
+from workbench.analysis.subspace.delivered import _weight
 from workbench.core.conversion import known_unit
 from workbench.core.forms import _read_widths
 from workbench.core.matrices import exponentials
 from workbench.core.where import _take_scheduler
 from workbench.errors import InputError
+from workbench.session.fmu import _plus
 from workbench.system.block_table.base import _short
 
 INF = math.inf
@@ -130,3 +133,26 @@ def test_what_a_change_of_a_lag_puts_into_the_output(order: int) -> None:
     first = 2j * c / period * (np.exp(turned * period) - 1.0) / turned
     mean = c * math.expm1(a * period) / (a * period)
     assert found == pytest.approx([mean, first.real, first.imag], rel=1e-6)
+
+
+def test_a_pole_at_zero_has_no_shift() -> None:
+    """What is left of ln(1 + ε)/h is rounding; the shift of the other pole is told to its last digits."""
+    h = 1e-6
+    seen = np.array([1e-4, -2.0], dtype=np.complex128)
+    discrete = np.array([1.0, np.exp(-2.0 * h)], dtype=np.complex128)
+    assert _shift(discrete, seen, h) == pytest.approx(0.0, abs=1e-9)
+    assert _shift(discrete, np.array([1e-4, -1.6], dtype=np.complex128), h) == pytest.approx(0.25, rel=1e-9)
+
+
+def test_weighted_errors_are_white() -> None:
+    mixed = np.random.default_rng(3).standard_normal((400, 2)) @ np.array([[1.0, 0.3], [0.0, 5.0]])
+    weight = _weight(mixed)
+    assert weight is not None
+    white = mixed @ weight.T
+    assert white.T @ white / len(white) == pytest.approx(np.eye(2), abs=1e-12)
+
+
+def test_a_bias_is_added_to_numbers_only() -> None:
+    assert _plus("text", 1.0) == "text"
+    assert _plus(2, 0.5) == 2.5
+    assert _plus(True, 0.0) is True
