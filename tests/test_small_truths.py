@@ -11,6 +11,7 @@ from tests.test_validate_overlay import measured
 from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.experiment.missing import regular
 from workbench.analysis.feedback.locus import shown_gains
+from workbench.analysis.fit.run import _sampled
 from workbench.analysis.limit_cycle.centre import _meeting
 from workbench.analysis.lin.interfaces import _shift
 from workbench.analysis.lin.task import width_for
@@ -156,3 +157,14 @@ def test_a_bias_is_added_to_numbers_only() -> None:
     assert _plus("text", 1.0) == "text"
     assert _plus(2, 0.5) == 2.5
     assert _plus(True, 0.0) is True
+
+
+def test_a_bilinear_model_has_the_response_of_the_continuous_one() -> None:
+    dt, numbers = 0.2, np.random.default_rng(5)
+    A, B, C, D = (numbers.standard_normal(shape) for shape in ((3, 3), (3, 2), (2, 3), (2, 2)))
+    A, B, C, D = (np.array(m, dtype=np.float64) for m in (A, B, C, D))
+    Ad, Bd, Cd, Dd = _sampled((A, B, C, D), dt)
+    for z in np.exp(1j * np.array([0.1, 1.0, 2.5])):
+        s = 2.0 / dt * (z - 1.0) / (z + 1.0)
+        continuous = C @ np.linalg.solve(s * np.eye(3) - A, B) + D
+        assert Cd @ np.linalg.solve(z * np.eye(3) - Ad, Bd) + Dd == pytest.approx(continuous, rel=1e-10)
