@@ -81,6 +81,7 @@ def main() -> int:
     commands.choices["release"].add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the files")
     commands.choices["mutants"].add_argument("paths", nargs="*", help="files or folders; by default the numerical ones")
     commands.choices["mutants"].add_argument("--count", type=int, default=300, help="how many changes are tried")
+    commands.choices["mutants"].add_argument("--record", action="store_true", help="first record which tests run what")
     commands.choices["faults"].add_argument("areas", nargs="*", help="nfr, lin, reduction, …; by default all")
     arguments = parser.parse_args()
     if sys.version_info < (3, 11):  # noqa: UP036 - it is run by whatever Python the newcomer has
@@ -172,15 +173,17 @@ def numerical() -> int:
     return 0
 
 
-def mutants(paths: Sequence[str] = (), count: int = 300) -> int:
+def mutants(paths: Sequence[str] = (), count: int = 300, *, record: bool = False) -> int:
     """Change the numerical code in many places, one at a time, and see which changes no test notices.
 
     Args:
         paths: files or folders; by default analysis, core, system, session and kernel.
         count: how many changes are tried; which ones follows from a fixed seed.
+        record: whether to find out again which tests run which lines.
     """
     _ensure_installed()
-    return subprocess.call([PYTHON, "scripts/mutants.py", "--count", str(count), *paths], cwd=ROOT)
+    again = ["--record"] if record else []
+    return subprocess.call([PYTHON, "scripts/mutants.py", "--count", str(count), *again, *paths], cwd=ROOT)
 
 
 def faults(areas: Sequence[str] = ()) -> int:

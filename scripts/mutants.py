@@ -6,9 +6,10 @@
     python scripts/mutants.py --list --count 20       show them, run nothing
 
 A mutant is one operator, comparison, number or condition changed. Which are tried follows from the seed alone. Each
-is run, without a change on disk, against the test files that import its module, or stand nearest to it; it is killed
-where one of them fails, or does not end. What survives is listed: mend it by a test with a truth of its own (a closed
-form, a residual, a second method), never by writing down what comes out; some change nothing and are equivalent.
+is run, without a change on disk, against tests that run its line, the quickest first, until one fails; which they are
+is recorded once (`covered.py`; --record does so again). It is killed where one of them fails, or does not end, and
+passes without it. What survives is listed: mend it by a test with a truth of its own (a closed form, a residual, a
+second method), never by writing down what comes out; some change nothing and are equivalent.
 
 A driver of our own: mutmut wants all tests in one run of one process first, which takes ten minutes here and does not
 see worker processes; cosmic-ray has one test command for all modules, and changes the files themselves.
@@ -22,21 +23,21 @@ import random
 import re
 import subprocess
 import sys
-import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from scripts.covered import FOLDER as RECORDED
+from scripts.covered import Test, read, record
 from scripts.planting import ROOT, run_planted
 
 FOLDERS = ("analysis", "core", "system", "session", "kernel")
 COUNT, SEED = 300, 19
-FILES = 3  # test files of a module, at most, where not told otherwise
-PATIENCE, LEAST = 4.0, 60.0  # times what the tests take without a change; [s]
+TESTS, SECONDS = 40, 10.0  # of a mutant, at most: so many tests, which take so long [s]
+PATIENCE, LEAST = 4.0, 30.0  # times what the tests take without a change; [s]
 ENOUGH = 0.9  # of them
 
 _COMPARED = {
@@ -202,72 +203,89 @@ def chosen(paths: Sequence[Path], count: int, seed: int) -> list[Mutant]:
 
 # -- which tests could notice ----------------------------------------------------------------------
 
-_COMMON = {"__init__", "run", "result", "request", "settings", "base", "words"}  # names of files in many packages
 
-
-@cache
-def _texts() -> dict[Path, str]:
-    return {f: f.read_text(encoding="utf-8") for f in sorted((ROOT / "tests").glob("test_*.py"))}
-
-
-def nearest_tests(file: Path, most: int = FILES) -> list[str]:
-    """Return the test files that stand nearest to a module: named after it or importing it, then its package.
+def tests_of(mutant: Mutant) -> list[Test]:
+    """Return the tests that run what is changed, quickest first, and others of their files if there is time.
 
     Args:
-        file: of the module.
-        most: how many, at most.
+        mutant: what is changed.
     """
-    module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
-    package, stem = module.rpartition(".")[0], file.stem
-    near: Counter[Path] = Counter()
-    for test, text in _texts().items():
-        name = test.stem.removeprefix("test_")
-        near[test] += 8 * (re.search(rf"\b{re.escape(module)}\b", text) is not None)
-        near[test] += 4 * (stem not in _COMMON and (stem in name or name in stem)) + 4 * (file.parent.name in name)
-        near[test] += package.count(".") > 1 and f"{package}." in text
-    best = sorted((t for t, n in near.items() if n), key=lambda t: (-near[t], len(_texts()[t])))
-    return [str(t.relative_to(ROOT)) for t in best[:most]] or ["tests/test_docstring_examples.py"]
+    known = read()
+    running = known.running(mutant.file, mutant.line)
+    functions: Counter[str] = Counter()
+    ranks = []
+    for test in running:
+        ranks.append(functions[test.function])  # one of each function comes before its other parameters
+        functions[test.function] += 1
+    ranked = [t for _, t in sorted(zip(ranks, running, strict=True), key=lambda r: (r[0], r[1].seconds))]
+    picked, seconds = list[Test](), 0.0
+    for test in [*ranked, *known.beside(running)][:TESTS]:
+        if not picked or seconds + test.seconds <= SECONDS:
+            seconds += test.seconds
+            picked.append(test)
+    return picked
 
 
 # -- one after the other ---------------------------------------------------------------------------
 
 
-@cache
-def _seconds(tests: tuple[str, ...]) -> float:
-    """Return how long the tests take without a change; they must pass."""
-    begin = time.monotonic()
-    done = run_planted(_pytest(tests), None, "", timeout=3600.0)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(tests)}: these fail without a mutant:\n{done.stdout[-2000:]}")
-    return time.monotonic() - begin
+@dataclass(frozen=True)
+class Tried:
+    """What became of a mutant.
+
+    Attributes:
+        mutant: what was changed.
+        tests: that ran, until one failed.
+        killer: the test that failed; empty: none did. None: none runs the line.
+    """
+
+    mutant: Mutant
+    tests: Sequence[Test]
+    killer: str | None
 
 
 def _pytest(tests: Sequence[str]) -> list[str]:
-    return ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
+    return ["-m", "pytest", "-q", "-x", "--tb=no", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
 
 
-def survives(mutant: Mutant, tests: Sequence[str]) -> bool:
-    """Whether no test notices.
+def tried(mutant: Mutant) -> Tried:
+    """Run the tests of a mutant, until one fails.
 
     Args:
         mutant: what is changed.
-        tests: files.
     """
-    longest = LEAST + PATIENCE * _seconds(tuple(tests))
+    tests = tests_of(mutant)
+    if not tests:
+        return Tried(mutant, tests, None)
+    longest = LEAST + PATIENCE * sum(t.seconds for t in tests)
+    names = [t.name for t in tests]
     try:
-        return run_planted(_pytest(tests), mutant.file, mutant.text(), timeout=longest).returncode == 0
+        done = run_planted(_pytest(names), mutant.file, mutant.text(), timeout=longest)
     except subprocess.TimeoutExpired:
-        return False
+        return Tried(mutant, tests, names[0])
+    if not done.returncode:
+        return Tried(mutant, tests, "")
+    failed = re.search(r"^(?:FAILED|ERROR) (\S+?\.py::.+?)(?: - .*)?$", done.stdout, re.MULTILINE)
+    return Tried(mutant, tests, failed[1] if failed and failed[1] in names else names[0])
 
 
-def _run(mutants: Sequence[Mutant], files: int) -> Iterator[Mutant]:
-    for number, mutant in enumerate(mutants, start=1):
-        tests = nearest_tests(mutant.file, files)
-        alive = survives(mutant, tests)
-        print(f"{number:4d} {'SURVIVES' if alive else 'killed':9s}{mutant.words}", flush=True)
-        if alive:
-            print(f"{'':14s}tried: {' '.join(tests)}", flush=True)
-            yield mutant
+def _unjust(killers: set[str]) -> set[str]:
+    """Return those of the tests that fail without a mutant, too: by themselves, or on a busy machine."""
+    if not killers:
+        return set()
+    done = run_planted([a for a in _pytest(sorted(killers)) if a != "-x"], None, "", timeout=3600.0)
+    if done.returncode not in {0, 1}:
+        raise SystemExit(f"the tests have changed since they were recorded: --record\n{done.stderr[-2000:]}")
+    return {name for name in killers if done.returncode and name in done.stdout}
+
+
+def _show(what: Tried) -> None:
+    word = {None: "NOT RUN", "": "SURVIVES"}.get(what.killer, "killed")
+    print(f"{word:9s}{what.mutant.words}", flush=True)
+    if what.killer:
+        print(f"{'':9s}by {what.killer}", flush=True)
+    elif what.tests:
+        print(f"{'':9s}tried: {' '.join(t.name for t in what.tests)}", flush=True)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -276,23 +294,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("paths", nargs="*", type=Path, help="files or folders; by default the numerical ones")
     parser.add_argument("--count", type=int, default=COUNT, help=f"how many are tried; by default {COUNT}")
     parser.add_argument("--seed", type=int, default=SEED, help="of the choice")
-    parser.add_argument("--files", type=int, default=FILES, help=f"test files for each, at most; by default {FILES}")
+    parser.add_argument("--record", action="store_true", help="first find out again which tests run which lines")
     parser.add_argument("--list", action="store_true", help="show the mutants, run nothing")
     asked = parser.parse_args(arguments)
     paths = [p.resolve() for p in asked.paths] or [ROOT / "workbench" / name for name in FOLDERS]
     if missing := [p for p in paths if not p.exists()]:
         parser.error(f"there is no {missing[0]}")
     mutants = chosen(paths, asked.count, asked.seed)
+    if asked.record or not (RECORDED / "tests").exists():
+        print("recording which tests run which lines ...", flush=True)
+        record()
     if asked.list:
         for mutant in mutants:
-            print(f"{mutant.words}    by {' '.join(nearest_tests(mutant.file, asked.files))}")
+            print(f"{mutant.words}    by {len(read().running(mutant.file, mutant.line))} tests")
         return 0
-    alive = list(_run(mutants, asked.files))
-    tried, left = (Counter(m.file.relative_to(ROOT).parts[1] for m in group) for group in (mutants, alive))
-    for folder, count in tried.items():
-        print(f"{folder:12s}{count - left[folder]} of {count} killed")
-    print(f"{len(mutants) - len(alive)} of {len(mutants)} killed")
-    return 0 if len(alive) <= (1.0 - ENOUGH) * len(mutants) else 1
+    every = []
+    for mutant in mutants:
+        every.append(tried(mutant))
+        _show(every[-1])
+    unjust = _unjust({t.killer for t in every if t.killer})
+    for name in sorted(unjust):
+        print(f"fails without a mutant, too, and killed none: {name}")
+    killed = [t.mutant for t in every if t.killer and t.killer not in unjust]
+    count, dead = (Counter(m.file.relative_to(ROOT).parts[1] for m in group) for group in (mutants, killed))
+    for folder, number in count.items():
+        print(f"{folder:12s}{dead[folder]} of {number} killed")
+    print(f"{len(killed)} of {len(mutants)} killed")
+    return 0 if len(killed) >= ENOUGH * len(mutants) else 1
 
 
 if __name__ == "__main__":

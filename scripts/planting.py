@@ -10,10 +10,10 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-__all__ = ["ROOT", "run_planted"]
+__all__ = ["PLANTED", "ROOT", "run_planted"]
 
 ROOT = Path(__file__).resolve().parents[1]
-_FOLDER = Path(__file__).with_name("planted")
+PLANTED = Path(__file__).with_name("planted")
 
 
 def run_planted(
@@ -38,7 +38,7 @@ def run_planted(
             told = Path(folder) / "planted.json"
             planted = {"module": module.removesuffix(".__init__"), "file": str(file), "text": text}
             told.write_text(json.dumps(planted), encoding="utf-8")
-            path = [str(_FOLDER), *filter(None, [os.environ.get("PYTHONPATH")])]
+            path = [str(PLANTED), *filter(None, [os.environ.get("PYTHONPATH")])]
             environment |= {"PYTHONPATH": os.pathsep.join(path), "WORKBENCH_PLANTED": str(told)}
         return subprocess.run(
             [sys.executable, *arguments],

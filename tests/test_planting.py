@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from scripts.mutants import FOLDERS, chosen, mutants_of, nearest_tests
+from scripts.covered import Covered, read, record
+from scripts.covered import Test as CoveredTest
+from scripts.mutants import FOLDERS, chosen, mutants_of
 from scripts.plant_faults import Fault, main, read_faults
 from scripts.planting import ROOT, run_planted
 from workbench.reproduce.select import select
@@ -89,6 +91,50 @@ def test_mutants_of_the_package_are_python_and_follow_from_the_seed() -> None:
     assert {m.file.relative_to(PACKAGE).parts[0] for m in some} <= set(FOLDERS)
 
 
-def test_the_nearest_tests_come_first() -> None:
-    assert nearest_tests(PACKAGE / "core" / "linear.py")[0] == "tests/test_linear.py"
-    assert "tests/test_reduction.py" in nearest_tests(PACKAGE / "analysis" / "reduction" / "cancel.py")
+TESTS = """
+import subprocess
+import sys
+from workbench.core.decibels import decibels
+CODE = "from workbench.core.decibels import decibels; decibels(10.0)"
+
+def test_here():
+    assert decibels(10.0) == 20.0
+
+def test_in_a_child():
+    subprocess.run([sys.executable, "-c", CODE], check=True)
+
+def test_fails():
+    assert decibels(10.0) == 10.0
+
+def test_other():
+    pass
+"""
+
+
+def test_tests_are_known_by_the_lines_that_they_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "test_decibels.py"
+    file.write_text(TESTS, encoding="utf-8")
+    monkeypatch.setattr("scripts.covered.FOLDER", tmp_path)
+    assert record([str(file)]) == 1
+    read.cache_clear()
+    try:
+        known = read()
+    finally:
+        read.cache_clear()
+    module = PACKAGE / "core" / "decibels.py"
+    (line,) = (i for i, row in enumerate(module.read_text(encoding="utf-8").splitlines(), 1) if "np.log10" in row)
+    running = known.running(module, line)
+    assert {t.name.partition("::")[2] for t in running} == {"test_here", "test_in_a_child"}
+    assert [t.name.partition("::")[2] for t in known.beside(running)] == ["test_other"]
+    assert known.running(PACKAGE / "core" / "modal.py", 137) == []
+
+
+def test_a_constant_is_run_where_its_name_is_used(tmp_path: Path) -> None:
+    file = tmp_path / "package" / "module.py"
+    file.parent.mkdir()
+    file.write_text("_MOST = 2\n\n\ndef f(a=3):\n    b = 2\n    return min(a, _MOST)\n", encoding="utf-8")
+    tests = {n: CoveredTest(f"t{n}", 3.0 - n) for n in (1, 2)}
+    known = Covered(tests, {file: {5: {1, 2}, 6: {2, 3}}})
+    assert known.running(file, 1) == [tests[2]]  # the third one has not passed
+    assert known.running(file, 4) == [tests[2], tests[1]]  # a default
+    assert known.running(file, 5) == [tests[2], tests[1]]

@@ -1,7 +1,8 @@
-"""Plants a changed text into one module of this Python process, and of all that it starts.
+"""Plants a changed text into one module of this Python process, and of all that it starts; or records what runs.
 
 The folder stands first in PYTHONPATH only where `scripts/planting.py` puts it there; WORKBENCH_PLANTED names a file
 with {"module": …, "file": …, "text": …}. The Python process imports this module by itself at its start.
+WORKBENCH_TRACED names the folder in which lines that run are recorded, see `scripts/covered.py`.
 """
 
 from __future__ import annotations
@@ -10,11 +11,19 @@ import importlib.abc
 import importlib.machinery
 import importlib.util
 import json
+import mmap
 import os
 import sys
+import threading
+from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, FrameType, ModuleType
+from typing import Any
+
+# So often in a test a function is looked at: what it runs later only, in a loop of thousands, is not worth the time.
+_OFTEN = 300
 
 
 class Changed(importlib.machinery.SourceFileLoader):
@@ -44,6 +53,52 @@ class Planted(importlib.abc.MetaPathFinder):
         loader = Changed(fullname, self._file, self._text)
         return importlib.util.spec_from_file_location(fullname, self._file, loader=loader)
 
+
+class Traced:
+    """Writes which lines of the package's functions run in which test, each once a test and process.
+
+    Args:
+        folder: its file `now` holds the number of the test, 8 bytes; 0: none. To `hits` rows of number, line and module
+            are appended. Both stay open, so that a process that may not open files later writes, too.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._root = f"{Path(__file__).resolve().parents[2]}{os.sep}"
+        self._package = f"{self._root}workbench{os.sep}"
+        with (folder / "now").open("rb") as now:
+            self._now = mmap.mmap(now.fileno(), 8, access=mmap.ACCESS_READ)
+        self._hits = os.open(folder / "hits", os.O_WRONLY | os.O_APPEND)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._test = self._now[:8]
+        self._seen: set[tuple[CodeType, int]] = set()
+        self._calls: Counter[CodeType] = Counter()
+
+    def call(self, frame: FrameType, event: str, argument: Any) -> Any:
+        """Look at a function that begins, if it is one of the package's."""
+        code = frame.f_code
+        if not code.co_filename.startswith(self._package) or not code.co_flags & 1:  # 1: of a function
+            return None
+        if self._now[:8] != self._test:
+            self._begin()
+        self._calls[code] += 1
+        return self._line if self._calls[code] <= _OFTEN and int(self._test) else None
+
+    def _line(self, frame: FrameType, event: str, argument: Any) -> Any:
+        code, line = frame.f_code, frame.f_lineno
+        if event == "line" and (code, line) not in self._seen:
+            self._seen.add((code, line))
+            name = code.co_filename.removeprefix(self._root)
+            with suppress(OSError):  # tests set limits to the length of files
+                os.write(self._hits, f"{int(self._test)}\t{line}\t{name}\n".encode())
+        return self._line
+
+
+if "WORKBENCH_TRACED" in os.environ:
+    traced = Traced(Path(os.environ["WORKBENCH_TRACED"]))
+    sys.settrace(traced.call)
+    threading.settrace(traced.call)
 
 if "WORKBENCH_PLANTED" in os.environ:
     sys.meta_path.insert(0, Planted(**json.loads(Path(os.environ["WORKBENCH_PLANTED"]).read_text(encoding="utf-8"))))

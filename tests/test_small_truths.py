@@ -1,0 +1,170 @@
+"""Small functions against closed forms: places that mutants showed to be looked at by no other test."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.test_validate_overlay import measured
+from workbench.analysis.describing.measured import MeasuredBlock
+from workbench.analysis.experiment.missing import regular
+from workbench.analysis.feedback.locus import shown_gains
+from workbench.analysis.fit.run import _sampled
+from workbench.analysis.limit_cycle.centre import _meeting
+from workbench.analysis.lin.interfaces import _shift
+from workbench.analysis.lin.task import width_for
+from workbench.analysis.periodic.monodromy import _rows
+from workbench.analysis.subspace.delivered import _weight
+from workbench.core.conversion import known_unit
+from workbench.core.forms import _read_widths
+from workbench.core.matrices import exponentials
+from workbench.core.where import _take_scheduler
+from workbench.errors import InputError
+from workbench.session.fmu import _plus
+from workbench.system.block_table.base import _short
+
+INF = math.inf
+
+
+@pytest.mark.parametrize("zero", [-300.0, -2.0, -1e-3, 0.0, 1e-3, 2.0, 300.0])
+@pytest.mark.parametrize("near", [-1.0, 0.0, 1.0])
+def test_a_centre_is_found_on_either_side(zero: float, near: float) -> None:
+    assert _meeting(lambda x: x - zero, near, 1.0) == pytest.approx(zero, rel=1e-9, abs=1e-9)
+
+
+def test_of_two_centres_the_nearer_one_is_found() -> None:
+    assert _meeting(lambda x: (x + 1.0) * (x - 3.0), 0.0, 1.0) == pytest.approx(-1.0, rel=1e-9)
+    assert _meeting(lambda x: (x + 3.0) * (x - 1.0), 0.0, 1.0) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_measured_block_answers_a_motion_with_its_fundamental() -> None:
+    frequency = np.array([0.5, 1.0, 2.0])
+    block = MeasuredBlock(measured(frequency, {1.0: 2.0 / (1.0 + 1j * frequency), 4.0: 1.0 / (1.0 + 1j * frequency)}))
+    v = np.array([0.3, 4.0j, 0.2, 0.0])
+    found = block.answer(v, 1.0, 3)
+    assert found.shape == (4,)
+    assert found == pytest.approx(np.array([0.0, 4.0j / (1.0 + 1.0j), 0.0, 0.0]), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("stable", "shown"),
+    [
+        ([(1.0, 3.0)], (-0.45, 3.45)),  # 0 … 3 and 15 % beyond
+        ([(-INF, 2.0)], (-4.3, 2.3)),  # what is stable without an end: twice the width more
+        ([(-1.0, INF)], (-1.15, 2.15)),
+        ([(-INF, -1.0), (1.0, INF)], (-5.3, 5.3)),
+    ],
+)
+def test_gains_worth_a_picture(stable: list[tuple[float, float]], shown: tuple[float, float]) -> None:
+    assert shown_gains(stable, [], (-INF, INF)) == pytest.approx(shown, rel=1e-12)
+
+
+INCH, POUND, GRAVITY = 0.0254, 0.45359237, 9.80665
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [
+        ("%", 1.0 / 100.0), ("1", 1.0), ("-", 1.0), ("Hz", 1.0), ("Pa", 1.0), ("N", 1.0), ("J", 1.0), ("W", 1.0),
+        ("C", 1.0), ("bar", 1e5), ("Wh", 3600.0), ("kn", 1852.0 / 3600.0), ("kph", 1000.0 / 3600.0),
+        ("mph", 5280.0 * 12.0 * INCH / 3600.0), ("lbf", POUND * GRAVITY), ("psi", POUND * GRAVITY / INCH**2),
+        ("atm", 101325.0), ("mm", 1e-3), ("cm", 1e-2), ("dm", 1e-1), ("km", 1e3), ("MPa", 1e6), ("us", 1e-6),
+    ],
+)  # fmt: skip
+def test_units_are_their_definitions(name: str, factor: float) -> None:
+    unit = known_unit(name)
+    assert unit is not None
+    assert unit.factor == pytest.approx(factor, rel=1e-14)
+
+
+def test_values_of_a_block_in_words() -> None:
+    assert [_short(v) for v in ((1.0, 2.5), (1.0,) * 5, True, 0.25, 3, "mid")] == [
+        "[1, 2.5]", "5 values", "true", "0.25", "3", "mid",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("size", [0.1, 0.25, 1.0, 7.0])
+def test_exponentials_are_to_the_last_digits(size: float) -> None:
+    """Diagonal and nilpotent: exp is known entry by entry. 1e-15 is a few roundings."""
+    found = exponentials(np.array([[[size, 0.0], [0.0, -size]], [[0.0, size], [0.0, 0.0]]]))
+    assert found[0].diagonal() == pytest.approx([math.exp(size), math.exp(-size)], rel=2e-15 * max(1.0, 8.0 * size))
+    assert np.array_equal(found[1], [[1.0, size], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize(("texts", "width"), [(["0.1"], 0.1), (["0.1,0.2"], (0.1, 0.2)), (["x=0.1"], {"x": 0.1})])
+def test_widths_are_one_or_several_or_by_name(texts: list[str], width: object) -> None:
+    assert _read_widths(texts) == width
+
+
+@pytest.mark.parametrize("width", [0.0, -1.0, math.inf])
+def test_a_width_is_positive_and_finite(width: float) -> None:
+    with pytest.raises(InputError, match="must be positive and finite"):
+        width_for({"x": width}, ["x"], what="width")
+    assert width_for(2.0, ["x", "y"], what="width").tolist() == [2.0, 2.0]
+
+
+@pytest.mark.parametrize("place", [5, "", 1.0])
+def test_what_is_no_address_is_no_scheduler(place: object) -> None:
+    with pytest.raises(ValueError, match="is not the address of a scheduler"):
+        _take_scheduler(place)
+    assert _take_scheduler("tcp://host:8786") == "tcp://host:8786"
+
+
+def test_missing_rows_are_counted_and_put_where_they_were() -> None:
+    every = np.linspace(7.0, 21.5, 30, dtype=np.float64)
+    there = np.delete(np.arange(30), [3, 4, 11])
+    values = np.array(np.sin(every[there]), dtype=np.float64)
+    time, columns, missing = regular(np.array(every[there], dtype=np.float64), values[:, None])
+    assert missing == 3
+    assert time == pytest.approx(every, rel=1e-15)
+    assert np.flatnonzero(np.isnan(columns[:, 0])).tolist() == [3, 4, 11]
+    assert columns[there, 0].tolist() == values.tolist()
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_what_a_change_of_a_lag_puts_into_the_output(order: int) -> None:
+    """y = c·exp(a·t) over a period: the mean and the component at the forcing's frequency are integrals of exp."""
+    a, c, period, k = -0.8, 1.5, 2.5, 2000
+    t = period * np.arange(k) / k
+    flows = np.full((k, 1, 1), math.exp(a * period / k)), np.exp(a * t)[:, None, None]
+    found = _rows(np.full((k, 1, 1), a), np.full((k, 1), c), flows, period, order)[:, 0]
+    turned = a - 2j * math.pi * order / period
+    first = 2j * c / period * (np.exp(turned * period) - 1.0) / turned
+    mean = c * math.expm1(a * period) / (a * period)
+    assert found == pytest.approx([mean, first.real, first.imag], rel=1e-6)
+
+
+def test_a_pole_at_zero_has_no_shift() -> None:
+    """What is left of ln(1 + ε)/h is rounding; the shift of the other pole is told to its last digits."""
+    h = 1e-6
+    seen = np.array([1e-4, -2.0], dtype=np.complex128)
+    discrete = np.array([1.0, np.exp(-2.0 * h)], dtype=np.complex128)
+    assert _shift(discrete, seen, h) == pytest.approx(0.0, abs=1e-9)
+    assert _shift(discrete, np.array([1e-4, -1.6], dtype=np.complex128), h) == pytest.approx(0.25, rel=1e-9)
+
+
+def test_weighted_errors_are_white() -> None:
+    mixed = np.random.default_rng(3).standard_normal((400, 2)) @ np.array([[1.0, 0.3], [0.0, 5.0]])
+    weight = _weight(mixed)
+    assert weight is not None
+    white = mixed @ weight.T
+    assert white.T @ white / len(white) == pytest.approx(np.eye(2), abs=1e-12)
+
+
+def test_a_bias_is_added_to_numbers_only() -> None:
+    assert _plus("text", 1.0) == "text"
+    assert _plus(2, 0.5) == 2.5
+    assert _plus(True, 0.0) is True
+
+
+def test_a_bilinear_model_has_the_response_of_the_continuous_one() -> None:
+    dt, numbers = 0.2, np.random.default_rng(5)
+    A, B, C, D = (numbers.standard_normal(shape) for shape in ((3, 3), (3, 2), (2, 3), (2, 2)))
+    A, B, C, D = (np.array(m, dtype=np.float64) for m in (A, B, C, D))
+    Ad, Bd, Cd, Dd = _sampled((A, B, C, D), dt)
+    for z in np.exp(1j * np.array([0.1, 1.0, 2.5])):
+        s = 2.0 / dt * (z - 1.0) / (z + 1.0)
+        continuous = C @ np.linalg.solve(s * np.eye(3) - A, B) + D
+        assert Cd @ np.linalg.solve(z * np.eye(3) - Ad, Bd) + Dd == pytest.approx(continuous, rel=1e-10)
