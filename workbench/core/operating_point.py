@@ -17,6 +17,7 @@ from workbench.errors import InputError
 __all__ = ["At", "AtPoint", "OperatingPoint", "Stands", "point_of_json"]
 
 _SETS = ("x", "u", "y", "dx", "discrete")
+_ROUNDING = 1e-24  # what a search leaves of a speed or the like that is 0; no quantity of an FMU is so small
 _KEY = "operating_point"
 # What a linear model's file called these before it had an operating point of its own.
 _OF_LINEAR = {"x": "x0", "u": "u0", "y": "y0", "dx": "dx0", "discrete": "discrete0"}
@@ -62,7 +63,7 @@ class OperatingPoint(Part):
         return {**self.x, **self.discrete, **self.u}
 
     def words(self, most: int = 4) -> str:
-        """Return inputs and states in one line, e.g. for a table.
+        """Return inputs and states in one line, e.g. for a table; what a search left by rounding, below 1e-24, is 0.
 
         Args:
             most: largest number of each that is named.
@@ -72,10 +73,11 @@ class OperatingPoint(Part):
         return "; ".join([*filter(None, shown), f"t = {self.time:g} s"])
 
     def _listed(self, kind: str, values: Mapping[str, float], most: int) -> str:
-        if len(values) > most and not any(values.values()):
+        if len(values) > most and all(abs(v) < _ROUNDING for v in values.values()):
             return f"all {len(values)} {kind} 0"
         units = {name: unit for name in values if (unit := self.units.get(name)) and unit != "1"}
-        texts = [f"{n} = {v:.6g}" + (f" {units[n]}" if n in units else "") for n, v in list(values.items())[:most]]
+        known = [(n, 0.0 if abs(v) < _ROUNDING else v) for n, v in list(values.items())[:most]]
+        texts = [f"{n} = {v:.6g}" + (f" {units[n]}" if n in units else "") for n, v in known]
         more = [f"… ({len(values)} in all)"] if len(values) > most else []
         return ", ".join([*texts, *more])
 
