@@ -60,7 +60,9 @@ def plot_bla(result: BlaResult) -> Figure:
 def _name_levels(ax: Axes, *, shown: bool) -> None:
     """Say what the marks mean; the noise of a model is rounding, far below what is shown."""
     marks = {"distortion": "x"} | ({"noise": "."} if shown else {})
-    handles = [Line2D([], [], marker=m, linestyle="", color="#444444", markersize=4.0, label=k) for k, m in marks.items()]
+    handles = [
+        Line2D([], [], marker=m, linestyle="", color="#444444", markersize=4.0, label=k) for k, m in marks.items()
+    ]
     ax.legend(handles=handles, loc="lower left", **LEGEND)
     if not shown:
         words = f"noise: more than {_RANGE:g} dB below the distortion"

@@ -168,7 +168,12 @@ def _map(ax: Axes, panel: EnvelopePanel, axes: Sequence[tuple[str, float, float]
 def _points(ax: Axes, panel: EnvelopePanel, x: Floats, y: Floats) -> None:
     """Mark the points: met, not met, nothing measured."""
     unknown = ~np.isfinite(y) if panel.y is None else ~np.isfinite(panel.margin) & ~panel.passed
-    small: dict[str, Any] = {"linestyle": "", "markersize": 3.5 if len(x) <= 300 else 1.8, "clip_on": False, "zorder": 3}
+    small: dict[str, Any] = {
+        "linestyle": "",
+        "markersize": 3.5 if len(x) <= 300 else 1.8,
+        "clip_on": False,
+        "zorder": 3,
+    }
     for chosen, mark, colour, words in (
         (panel.passed, "o", COLOURS[0], "met"),
         (~panel.passed & ~unknown, "s", COLOURS[1], "not met"),
