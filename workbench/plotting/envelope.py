@@ -204,5 +204,8 @@ def _curve(ax: Axes, panel: EnvelopePanel, words: str, axis: tuple[str, float, f
     for at in panel.x[~np.isfinite(panel.margin) & ~panel.passed]:
         ax.axvline(at, color="#bbbbbb", linewidth=0.6, label="not measured")
     if panel.worst is not None:
-        ax.plot(*panel.worst, "*", color="#ffdd00", markeredgecolor="black", markersize=14.0, label="worst case")
+        ax.plot(
+            *panel.worst, "*", color="#ffdd00", markeredgecolor="black", markersize=14.0, label="worst case",
+            clip_on=False, zorder=5,
+        )  # fmt: skip
     ax.set(xlabel=axis[0], ylabel=words, xlim=axis[1:])
