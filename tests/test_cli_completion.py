@@ -32,8 +32,14 @@ def test_words_are_completed(
     assert set(completed(words, monkeypatch, capsys)) == found
 
 
-def test_the_script_for_a_shell_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_script_for_the_shell_that_asks_is_shown(
+    shell: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("shellingham.detect_shell", lambda: (shell, shell))  # who runs the tests may have none
     with pytest.raises(SystemExit) as ended:
-        run(["--show-completion", "bash"])
+        run(["--show-completion"])
     assert not ended.value.code
-    assert "_WORKBENCH_COMPLETE" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "_WORKBENCH_COMPLETE" in shown
+    assert f"complete_{shell}" in shown

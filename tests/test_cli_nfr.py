@@ -87,7 +87,7 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["nfr"], "Missing argument 'MODEL'"),
+        (["nfr"], "Missing argument 'MODEL'; workbench nfr --help has an example"),
         (["nosuch"], "No such command 'nosuch'"),
         ([*LAG, "--freq"], "requires an argument"),
         ([*LAG, "--nosuch"], "No such option"),

@@ -197,3 +197,10 @@ def test_what_does_not_fit_is_refused(
 ) -> None:
     with pytest.raises(wb.InputError, match=words):
         find_point(rudder, replace(trimmed, **change))
+
+
+def test_what_a_search_left_by_rounding_is_written_as_0() -> None:
+    point = OperatingPoint(x={"speed": -5.57e-31, "charge": 1.6e-19}, u={}, units={"charge": "C"})
+    assert point.words() == "speed = 0, charge = 1.6e-19 C; t = 0 s"
+    assert OperatingPoint(x=dict.fromkeys("abcdef", 1e-30), u={}).words() == "all 6 states 0; t = 0 s"
+    assert point.x["speed"] == -5.57e-31  # the point itself keeps what was found

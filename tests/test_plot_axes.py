@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import workbench as wb
 from tests.fakes import lag
+from tests.test_records import example
 from workbench.analysis.branches.result import Fold, ResponseBranch
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
+from workbench.core.record import Record
 from workbench.plotting.bode import plot_nfr
 from workbench.plotting.figure import rows
 from workbench.plotting.response import Degrees, gain_label, log_axis
+from workbench.report.results import picture_of
 
 
 def labels(figure: Figure) -> list[str]:
@@ -45,6 +49,15 @@ def test_phase_ticks_are_parts_of_a_right_angle_and_few(span: float, end: float)
     step = float(np.diff(ticks)[0])
     assert span < 90.0 or step % 45.0 == 0.0
     np.testing.assert_allclose(np.diff(ticks), step)
+
+
+@pytest.mark.parametrize(
+    "kind", [wb.BlaResult, wb.BranchesResult, wb.DescribingFunction, wb.FitResult, wb.NfrResult, wb.ModelSpread]
+)
+def test_every_picture_of_a_phase_has_its_ticks(kind: type[Record]) -> None:
+    axes = [ax for ax in picture_of(example(kind), None).axes if ax.get_ylabel().startswith("phase")]
+    assert axes
+    assert all(isinstance(ax.yaxis.get_major_locator(), Degrees) for ax in axes)
 
 
 def test_a_gain_in_decibels_says_of_what() -> None:

@@ -140,6 +140,9 @@ def said(error: typer.TyperException) -> str:
             flag = next(iter(getattr(getattr(error, "param", None), "opts", [])), "")
             return f"{flag}: '{first['input']}' is not {wanted}"
     text = re.sub(_IDLE, "", one_line(error.format_message()).replace(": Value error, ", ": "))
+    where = getattr(error, "ctx", None)
+    if text.startswith("Missing ") and where is not None:
+        text = f"{text.rstrip('.')}; {where.command_path} --help has an example"
     return re.sub(_NO_PARTS, r"\1: this command has no parts that could run on a cluster; leave it out", text)
 
 

@@ -14,9 +14,10 @@ from workbench.core.option import Options, option
 from workbench.core.record import Part
 from workbench.errors import InputError
 
-__all__ = ["At", "AtPoint", "OperatingPoint", "Stands", "point_of_json"]
+__all__ = ["At", "AtPoint", "OperatingPoint", "Stands", "point_of_json", "told"]
 
 _SETS = ("x", "u", "y", "dx", "discrete")
+_ROUNDING = 1e-24  # what a search leaves of a speed or the like that is 0; no quantity of an FMU is so small
 _KEY = "operating_point"
 # What a linear model's file called these before it had an operating point of its own.
 _OF_LINEAR = {"x": "x0", "u": "u0", "y": "y0", "dx": "dx0", "discrete": "discrete0"}
@@ -62,7 +63,7 @@ class OperatingPoint(Part):
         return {**self.x, **self.discrete, **self.u}
 
     def words(self, most: int = 4) -> str:
-        """Return inputs and states in one line, e.g. for a table.
+        """Return inputs and states in one line, e.g. for a table; what a search left by rounding, below 1e-24, is 0.
 
         Args:
             most: largest number of each that is named.
@@ -72,10 +73,11 @@ class OperatingPoint(Part):
         return "; ".join([*filter(None, shown), f"t = {self.time:g} s"])
 
     def _listed(self, kind: str, values: Mapping[str, float], most: int) -> str:
-        if len(values) > most and not any(values.values()):
+        if len(values) > most and not any(told(v) for v in values.values()):
             return f"all {len(values)} {kind} 0"
         units = {name: unit for name in values if (unit := self.units.get(name)) and unit != "1"}
-        texts = [f"{n} = {v:.6g}" + (f" {units[n]}" if n in units else "") for n, v in list(values.items())[:most]]
+        named = list(values.items())[:most]
+        texts = [f"{n} = {told(v):.6g}" + (f" {units[n]}" if n in units else "") for n, v in named]
         more = [f"… ({len(values)} in all)"] if len(values) > most else []
         return ", ".join([*texts, *more])
 
@@ -88,6 +90,15 @@ class OperatingPoint(Part):
         for key in (*_SETS, "time", "period"):
             _refuse_infinite(key, known.get(key))
         return known
+
+
+def told(value: float) -> float:
+    """Return a value as it is printed: 0 where a search left rounding alone, below 1e-24 in any unit.
+
+    Args:
+        value: of a state, an input, an output or a derivative [its unit].
+    """
+    return 0.0 if abs(value) < _ROUNDING else value
 
 
 class Stands(Protocol):

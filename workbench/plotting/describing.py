@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from workbench.analysis.describing.base import Complex, Floats
 from workbench.core.decibels import degrees
 from workbench.plotting.figure import ABOVE, COLOURS, panels
+from workbench.plotting.response import Degrees
 
 if TYPE_CHECKING:
     from workbench.analysis.describing.describe import DescribingFunction
@@ -41,6 +42,7 @@ def plot_describing(result: DescribingFunction) -> Figure:
     size.set_ylabel("|N|")
     size.set_ylim(bottom=0.0)
     phase.set_ylabel("phase of N [deg]")
+    phase.yaxis.set_major_locator(Degrees())
     plane.set(xlabel="real part of −1/N", ylabel="imaginary part")
     for ax in (size, phase, harmonics):
         ax.set_xlabel("amplitude")

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from workbench.plotting.figure import COLOURS, LEGEND, QUIET, caption, label, panels
@@ -98,7 +99,8 @@ def plot_maps(
                 ncols=3,
             )
     if drawn is not None:
-        figure.colorbar(drawn, ax=cells[: len(shown)], label=label(f"margin of {quantity}", unit))
+        bar = figure.colorbar(drawn, ax=cells[: len(shown)], label=label(f"margin of {quantity}", unit))
+        bar.set_ticks(_round_ticks(norm))
     if remark:
         caption(figure, remark)
     return figure
@@ -108,6 +110,13 @@ def _norm(finite: Floats) -> TwoSlopeNorm:
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (-1.0, 1.0)
     size = max(abs(low), abs(high)) or 1.0
     return TwoSlopeNorm(0.0, min(low, -0.02 * size), max(high, 0.02 * size))
+
+
+def _round_ticks(norm: TwoSlopeNorm) -> list[float]:
+    """Return round numbers on both sides of 0, whose colours are of different scales."""
+    low, high = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
+    ticks = [*MaxNLocator(4).tick_values(low, 0.0), *MaxNLocator(4).tick_values(0.0, high)]
+    return sorted({float(t) for t in ticks if low <= t <= high})
 
 
 def _map(ax: Axes, panel: EnvelopePanel, axes: Sequence[tuple[str, float, float]], norm: TwoSlopeNorm) -> Any:  # noqa: ANN401
@@ -139,6 +148,7 @@ def _map(ax: Axes, panel: EnvelopePanel, axes: Sequence[tuple[str, float, float]
             "markersize": 5.0,
             "linestyle": "",
             "color": COLOURS[2],
+            "clip_on": False,
         }
         ax.plot(*zip(*there, strict=True), **mark, markeredgecolor="black", markeredgewidth=0.5, label=kind)
     if panel.worst is not None:
@@ -150,6 +160,7 @@ def _map(ax: Axes, panel: EnvelopePanel, axes: Sequence[tuple[str, float, float]
             markersize=14.0,
             label="worst case",
             clip_on=False,
+            zorder=5,
         )
     return drawn
 
@@ -157,7 +168,12 @@ def _map(ax: Axes, panel: EnvelopePanel, axes: Sequence[tuple[str, float, float]
 def _points(ax: Axes, panel: EnvelopePanel, x: Floats, y: Floats) -> None:
     """Mark the points: met, not met, nothing measured."""
     unknown = ~np.isfinite(y) if panel.y is None else ~np.isfinite(panel.margin) & ~panel.passed
-    small: dict[str, Any] = {"linestyle": "", "markersize": 3.5 if len(x) <= 300 else 1.8}
+    small: dict[str, Any] = {
+        "linestyle": "",
+        "markersize": 3.5 if len(x) <= 300 else 1.8,
+        "clip_on": False,
+        "zorder": 3,
+    }
     for chosen, mark, colour, words in (
         (panel.passed, "o", COLOURS[0], "met"),
         (~panel.passed & ~unknown, "s", COLOURS[1], "not met"),
@@ -188,5 +204,8 @@ def _curve(ax: Axes, panel: EnvelopePanel, words: str, axis: tuple[str, float, f
     for at in panel.x[~np.isfinite(panel.margin) & ~panel.passed]:
         ax.axvline(at, color="#bbbbbb", linewidth=0.6, label="not measured")
     if panel.worst is not None:
-        ax.plot(*panel.worst, "*", color="#ffdd00", markeredgecolor="black", markersize=14.0, label="worst case")
+        ax.plot(
+            *panel.worst, "*", color="#ffdd00", markeredgecolor="black", markersize=14.0, label="worst case",
+            clip_on=False, zorder=5,
+        )  # fmt: skip
     ax.set(xlabel=axis[0], ylabel=words, xlim=axis[1:])

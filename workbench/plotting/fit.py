@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from workbench.plotting.figure import COLOURS, LEGEND, rows
+from workbench.plotting.response import Degrees, log_axis
 
 if TYPE_CHECKING:
     from workbench.analysis.fit.result import FitResult
@@ -40,6 +41,8 @@ def plot_fit_response(result: FitResult) -> Figure:
     misfit.legend(loc="lower left", **LEGEND)
     gain.set_ylabel("gain [dB]")
     phase.set_ylabel("phase [deg]")
-    misfit.set_ylabel("relative")
+    misfit.set_ylabel("misfit / gain [1]")
     misfit.set_xlabel("frequency [Hz]")
+    phase.yaxis.set_major_locator(Degrees())
+    log_axis(misfit, float(f[0]), float(f[-1]))
     return figure

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from workbench.analysis.validate.pole_zero import in_words
 from workbench.core.poles import pole_rows
 from workbench.plotting.figure import ABOVE, COLOURS, LEGEND, LINE, panels
+from workbench.plotting.response import Degrees, log_axis
 from workbench.session.base import Floats
 
 if TYPE_CHECKING:
@@ -177,6 +178,9 @@ def plot_spread(result: ModelSpread) -> Figure:
                 ax.set_ylabel(text)
         grid[0][column].set_title(f"{result.input_names[j]} → {result.output_names[i]}", fontsize=9.0, loc="left")
         grid[1][column].set_xlabel("frequency [Hz]")
+        grid[1][column].yaxis.set_major_locator(Degrees())
+        for ax in (grid[0][column], grid[1][column]):
+            log_axis(ax, float(result.frequency_hz[0]), float(result.frequency_hz[-1]))
     return figure
 
 

@@ -141,6 +141,8 @@ def _methods(ax: Axes, result: LimitCycleResult) -> None:
         ax.plot([], [], _MARKS[name], color="#444444", markerfacecolor="none", linestyle="", markersize=6.0, label=name)
     ax.set(xlabel="frequency [Hz]", ylabel=label(f"fundamental of {result.input}", result.input_unit))
     ax.margins(0.3)
+    low, high = ax.get_ylim()
+    ax.set_ylim(max(low, -0.04 * high), high)  # no amplitude is negative
     ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.ticklabel_format(useOffset=False)
     if seen:

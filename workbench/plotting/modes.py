@@ -40,7 +40,8 @@ def plot_modes(result: ModesResult) -> Figure:
     handles: list[Line2D] = []
     for number, (modes, numbers) in enumerate(zip(result.sets, chosen, strict=True)):
         style = _STYLES[number % len(_STYLES)]
-        handles.append(_heading(modes, style))
+        if len(result.sets) > 1 or modes.label:  # else there is nothing to tell apart
+            handles.append(_heading(modes, style))
         first = sum(map(len, chosen[:number]))
         colours = {n: COLOURS[(first + k) % len(COLOURS)] for k, n in enumerate(numbers)}
         handles += _one_set((damping, frequency), modes, colours, style, result.unit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -135,9 +135,8 @@ def _directions(ax: Axes, curve: Complex, colour: str, count: int) -> None:
 
 
 def _mark(ax: Axes, c: Crossing) -> None:
-    filled = COLOURS[2] if c.stable else "white"
-    style: dict[str, Any] = {"color": COLOURS[2] if c.stable else "#444444", "markerfacecolor": filled}
-    ax.plot(c.real, c.imag, "o", markersize=5.5, zorder=5, **style)
+    filled = "#444444" if c.stable else "white"
+    ax.plot(c.real, c.imag, "o", markersize=5.5, zorder=5, color="#444444", markerfacecolor=filled)
 
 
 def _names(ax: Axes, shown: Sequence[tuple[int, Crossing]], every: Sequence[Crossing]) -> None:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from workbench.analysis.onset.boundary import BOUNDARY
 from workbench.plotting.figure import COLOURS, LEGEND, panels
 from workbench.plotting.names import name_points
+from workbench.plotting.response import log_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,17 +34,19 @@ def plot_onset(result: OnsetResult) -> Figure:
 
 
 def _chart(ax: Axes, result: OnsetResult) -> None:
-    ax.plot(result.open_phase_deg, result.open_gain_db, color=COLOURS[0], linewidth=1.3, label="open loop L")
+    ax.plot(result.open_phase_deg, result.open_gain_db, color=COLOURS[6], linewidth=1.3, label="open loop L")
     phases, gains = zip(*BOUNDARY, strict=True)
     top = max(gains) + 6.0
     ax.plot(phases, gains, color="#b3261e", linewidth=1.6, label="boundary (Duda)")
     ax.fill_between(phases, gains, top, color="#b3261e14", linewidth=0.0, label="expect a jump")
     ax.plot([-180.0], [0.0], "+", color="#444444", markersize=10, label="-180°, 0 dB")
-    sides = [(p.phase_deg, p.gain_db) for p in result.points]
-    places = [(x, y) for x, y in sides if x is not None and y is not None]
-    for phase, gain in places:
-        ax.plot([phase], [gain], "o", color=COLOURS[1], markersize=6, zorder=4)
-    names = [f"{p.amplitude:g}: {p.frequency_hz:.3g} Hz" for p in result.points if p.frequency_hz is not None]
+    places, names = [], []
+    for k, p in enumerate(result.points):
+        if p.phase_deg is None or p.gain_db is None or p.frequency_hz is None:
+            continue
+        ax.plot([p.phase_deg], [p.gain_db], "o", color=_colour(k), markersize=6, zorder=4)
+        places.append((p.phase_deg, p.gain_db))
+        names.append(f"{p.amplitude:g}{_unit(result)}: {p.frequency_hz:.3g} Hz")
     name_points(ax, places, names)
     ax.set_xlim(-270.0, -45.0)
     ax.set_ylim(-20.0, top)
@@ -56,14 +59,24 @@ def _chart(ax: Axes, result: OnsetResult) -> None:
 def _rates(ax: Axes, result: OnsetResult) -> None:
     f = np.asarray(result.frequency_hz)
     rate = 2.0 * np.pi * f * 10.0 ** (np.asarray(result.closed_gain_db) / 20.0) / result.rate
-    unit = "" if result.input_unit is None else f" {result.input_unit}"
     for k, p in enumerate(result.points):
-        colour = COLOURS[k % len(COLOURS)]
-        ax.loglog(f, p.amplitude * rate, color=colour, linewidth=1.3, label=f"amplitude {p.amplitude:g}{unit}")
+        colour = _colour(k)
+        name = f"amplitude {p.amplitude:g}{_unit(result)}"
+        ax.loglog(f, p.amplitude * rate, color=colour, linewidth=1.3, label=name)
         if p.frequency_hz is not None:
             ax.plot([p.frequency_hz], [1.0], "o", color=colour, markersize=6, zorder=4)
     ax.axhline(1.0, color="#b3261e", linewidth=1.4, label="the limit")
     ax.set_ylim(1e-2, None)
+    log_axis(ax, float(f[0]), float(f[-1]))
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("highest rate of the linear loop / limit")
     ax.legend(**{**LEGEND, "loc": "best"})
+
+
+def _colour(k: int) -> str:
+    """Return the colour of an amplitude, in both pictures; grey is the loop's."""
+    return COLOURS[k % 6]
+
+
+def _unit(result: OnsetResult) -> str:
+    return "" if result.input_unit in {None, "1"} else f" {result.input_unit}"

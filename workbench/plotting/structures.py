@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.plotting.figure import COLOURS, LEGEND, label, panels
+from workbench.plotting.figure import ABOVE, COLOURS, label, panels
 
 if TYPE_CHECKING:
     from workbench.analysis.structures.result import StructureResult
@@ -46,15 +46,15 @@ def plot_structure(result: StructureResult) -> Figure:
     ax.set_xlabel(
         "time [s]" + ("" if part.stop == judged.n_samples else f", {part.stop} of {judged.n_samples} samples")
     )
-    ax.legend(loc="upper right", **LEGEND)
+    ax.legend(**ABOVE, ncols=2)
     return figure
 
 
 def _block(ax: Axes, table: StaticTable, name: str) -> None:
     """Draw one block."""
     ax.fill_between(table.x, table.y - table.error, table.y + table.error, color=COLOURS[0], alpha=0.25, linewidth=0.0)
-    ax.plot(table.x, table.x, color="#666666", linewidth=0.9, linestyle="--", label="linear")
-    ax.plot(table.x, table.y, ".-", color=COLOURS[0], linewidth=1.2, markersize=4.0, label="block")
+    ax.plot(table.x, table.x, color="#333333", linewidth=0.9, linestyle="--", label="linear", zorder=3)
+    ax.plot(table.x, table.y, ".-", color=COLOURS[0], linewidth=1.2, markersize=4.0, label="block, shaded: 95 % error")
     ax.set_xlabel(f"into the block: {name}")
     ax.set_ylabel("out of it")
-    ax.legend(loc="upper left", **LEGEND)
+    ax.legend(**ABOVE, ncols=2)

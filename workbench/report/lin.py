@@ -12,6 +12,7 @@ from workbench.analysis.lin.compare import Verdict as Agreement
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.step_check import StepCheck
 from workbench.analysis.lin.sweep import LinGrid, LinPoint
+from workbench.core.operating_point import told
 from workbench.core.poles import continuous, damping_ratio, natural_frequency_hz, vanished
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import bracketed, counted, matrices, number, pole_table
@@ -110,7 +111,7 @@ def _point(result: LinResult) -> Section:
     point = result.operating_point
     groups = (("state", point.x), ("discrete state", point.discrete), ("input", point.u), ("output", point.y))
     rows = [
-        (name, kind, f"{value:.8g}", point.units.get(name) or result.units.get(name) or "")
+        (name, kind, f"{told(value):.8g}", point.units.get(name) or result.units.get(name) or "")
         for kind, values in groups
         for name, value in values.items()
     ]

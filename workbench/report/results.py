@@ -157,7 +157,8 @@ def notebook_of(result: object) -> str:
             f"<strong>{escape(visible(page.title))}</strong><p>{escape(visible(page.lead))}</p>",
             f"<ul>{visible(verdicts)}</ul>" if verdicts else "",
             *pictures,
-            f"<details><summary>facts and values</summary><pre>{escape(text_of(page, None))}</pre></details>",
+            "<details><summary>facts and values</summary>",
+            f'<pre style="overflow-x:auto">{escape(text_of(page, None))}</pre></details>',
         ]
     )
 

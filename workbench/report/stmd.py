@@ -53,8 +53,8 @@ def write_stmd(page: Page, origin: Origin, path: str | Path) -> None:
     into = etree.SubElement(step, f"{{{_STC}}}Input")
     for model in origin.models:
         _models(into, model)
-    for name in origin.files:
-        _resource(into, "document", "application/octet-stream", name)
+    for name, digest in origin.files.items():
+        _classified(_resource(into, "document", "application/octet-stream", name), _FACTS, {"SHA-256": digest})
     if origin.call:
         procedure = etree.SubElement(step, f"{{{_STC}}}Procedure")
         resource = _resource(procedure, "document", "text/plain", "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from workbench.analysis.trim.result import Residual, TrimResult
+from workbench.core.operating_point import told
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted, number
 from workbench.report.tones import Verdict
@@ -39,9 +40,9 @@ def _point(result: TrimResult) -> Section:
         (
             name,
             kind,
-            f"{value:.8g}",
+            f"{told(value):.8g}",
             point.units.get(name) or "",
-            number(point.dx.get(name), ".4g") if kind == "state" else "",
+            number(told(point.dx[name]) if name in point.dx else None, ".4g") if kind == "state" else "",
             "found" if name in result.unknowns else "",
         )
         for kind, values in groups
@@ -52,7 +53,9 @@ def _point(result: TrimResult) -> Section:
 
 
 def _residuals(result: TrimResult) -> Section:
-    rows = [(r.name, f"{r.value:.4g}", r.unit or "", f"{r.scaled:.2g}", _remark(r)) for r in result.residuals]
+    rows = [
+        (r.name, f"{told(r.value):.4g}", r.unit or "", f"{told(r.scaled):.2g}", _remark(r)) for r in result.residuals
+    ]
     table = Table(("equation", "left over", "unit", "scaled", "remark"), rows, right=(1, 3))
     words = "Residual of each equation, relative to the change made by one nominal change of the unknowns."
     figures = [(result.plot, words)] if result.residuals else []

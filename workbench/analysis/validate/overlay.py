@@ -196,13 +196,17 @@ def overlay(
         shapes[LINEAR] = _linear(linear, source, target)
     grid = _grid(model, nfr, frequencies)
     level = float("nan") if nfr is None else _amplitude(nfr, amplitude)
-    reference = LINEAR if nfr is None else f"the response measured at amplitude {level:g}"
+    reference = LINEAR if nfr is None else f"the response measured at amplitude {level:g}{_of(nfr.input_unit)}"
     return Overlay(
         name=model.name, input=source, output=target, frequency_hz=grid,
         curves={name: shape(grid) for name, shape in shapes.items()}, measured=nfr, amplitude=level,
         reference=reference, differences=_differences(shapes, reference, _truth(shapes, nfr, level, grid)),
         nyquist_hz=0.5 / model.dt, notes=notes,
     )  # fmt: skip
+
+
+def _of(unit: str | None) -> str:
+    return f" {unit}" if unit and unit != "1" else ""
 
 
 def _differences(
