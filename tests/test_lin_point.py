@@ -28,7 +28,7 @@ def test_an_input_without_effect_here_is_not_called_unconnected(method: str) -> 
         away = lin(model, method=method, x0={"x": 0.5}, u0={"w": 0.5}).result
     reasons = {zero.name: zero.reason for zero in there.zeros if zero.kind == "input"}
     assert reasons["u"].startswith("no effect at this point, but an effect nearby")
-    assert reasons["idle"] == "not connected: the FMU declares that nothing depends on it"
+    assert reasons["idle"] == "not connected: by what is declared, nothing depends on it"
     assert [zero.name for zero in away.zeros if zero.kind == "input"] == ["idle"]
     assert not any("moving" in note for note in (*there.notes, *away.notes))
 

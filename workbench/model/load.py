@@ -243,33 +243,38 @@ def _choose_interface(wanted: str, description: Description, source: str) -> str
 
 def _choose_solver(wanted: str, interface: str, description: Description) -> tuple[str, str]:
     if interface == "me":
-        name, note = choose_solver(wanted, states=description.state_count)
-        return name, "; ".join(filter(None, (note, newton_note(description) if name == "gear" else "")))
+        return choose_solver(wanted, description)
     if wanted not in ("auto", "fmu"):
         raise InputError(f"solver {wanted}: a co-simulation FMU brings its own; leave solver at auto")
     return "fmu", ""
 
 
-def choose_solver(wanted: str, *, states: int) -> tuple[str, str]:
-    """Return the name of the solver of model exchange and a note about the choice (may be empty).
+def choose_solver(wanted: str, description: Description) -> tuple[str, str]:
+    """Return the name of the solver of model exchange, and a note about it (may be empty).
+
+    Args:
+        wanted: its name, or "auto".
+        description: of an FMU or a system.
 
     Raises:
         InputError: unknown name.
         FmuError: `gear` is wanted where its libraries are missing.
     """
+    states = description.state_count
     if wanted != "auto" and wanted not in SOLVERS:
         raise InputError(f"solver '{wanted}' is unknown; {suggest(wanted, ('auto', *SOLVERS))}")
     if states == 0:
         return "none", "solver: none, the model has no continuous states"
     if wanted == "none":
         raise InputError(f"solver none: the model has {states} continuous states; use vkm or gear")
-    if wanted == "gear" and why_missing():
-        raise FmuError(f"solver gear is not available: {why_missing()}; use solver vkm")
-    if wanted != "auto":
-        return wanted, ""
-    if why_missing():
-        return "vkm", f"solver: vkm, because gear is not available: {why_missing()}"
-    return "gear", "solver: gear (chosen by auto)"
+    missing = why_missing()
+    if wanted == "gear" and missing:
+        raise FmuError(f"solver gear is not available: {missing}; use solver vkm")
+    if wanted == "auto" and missing:
+        return "vkm", f"solver: vkm, because gear is not available: {missing}"
+    chosen = "solver: gear (chosen by auto)" if wanted == "auto" else ""
+    name = "gear" if wanted == "auto" else wanted
+    return name, "; ".join(filter(None, (chosen, newton_note(description) if name == "gear" else "")))
 
 
 def silent_clocks(description: Description, interface: str) -> list[str]:

@@ -23,7 +23,7 @@ from workbench.kernel.native_slopes import NativeSlopes, Pattern, believed
 from workbench.kernel.structs import Cs, Me
 from workbench.session.base import Floats, Recorded
 from workbench.session.cs import CsSession
-from workbench.session.directional import is_single, newton_sparsity, slopes_pattern
+from workbench.session.directional import newton_sparsity, slopes_pattern
 from workbench.session.fmu import Call, FmuSession
 from workbench.session.loop import InnerLoop, Recording, closed
 from workbench.session.me import MeSession
@@ -209,9 +209,7 @@ class CompiledMeSession(CompiledSession, MeSession):
         if name == "gear" and why_missing():
             raise FmuError(f"solver gear is not available: {why_missing()}; use solver vkm")
         self._scale, self._most = (np.ascontiguousarray(a, dtype=np.float64) for a in self.scales())
-        self._sparsity = (
-            newton_sparsity(self.instance.description) if name == "gear" and is_single(self.instance) else None
-        )
+        self._sparsity = newton_sparsity(self.instance.description) if name == "gear" else None
         self._native = Me(
             system=self._make_loop().system.address,
             solver_name=name.encode(),

@@ -13,7 +13,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.kernel.native_slopes import NativeSparsity, Pattern, pattern_of
 
-__all__ = ["columns_pattern", "is_single", "newton_note", "newton_sparsity", "slopes_pattern", "why_not_exact"]
+__all__ = ["columns_pattern", "newton_note", "newton_sparsity", "slopes_pattern", "why_not_exact"]
 
 SLOW = 300  # states; from here on somebody wants to know why it takes so long
 LARGE = 64  # states; a dense Newton matrix of fewer is as fast
@@ -40,18 +40,17 @@ def why_not_exact(instance: Instance) -> str:
 def slopes_pattern(instance: Instance, recorded: Sequence[Variable]) -> Pattern:
     """Return how the slopes of derivatives and recorded variables along a run are to be found, as declared.
 
-    In systems of several parts each state is moved by itself: what connections pass on is not declared.
-
     Args:
         instance: of model exchange.
         recorded: what the run records.
     """
     description, n = instance.description, instance.nx
+    if not _names_states(description):
+        return pattern_of([None], n)
     rows = (*description.derivatives, *recorded)
-    single = is_single(instance)
-    pattern = pattern_of(_states_of(description, rows) if single else [None], n)
-    if not single:
-        return pattern
+    pattern = pattern_of(_states_of(description, rows), n)
+    if len(instance.parts) > 1 or instance.wiring is not None:
+        return pattern  # the kernel asks one FMU only
     function = _FUNCTIONS.get(instance.parts[0].version, "")
     smooth = all(v.causality == "output" and v.type in FLOAT_TYPES and v.variability == "continuous" for v in recorded)
     # The kernel takes one number a value reference: no arrays.
@@ -70,7 +69,7 @@ def newton_sparsity(description: Description) -> NativeSparsity | None:
     """Return where the Jacobian of a large model may differ from zero, as declared; None: a dense one is no slower.
 
     Args:
-        description: of one FMU.
+        description: of an FMU or a system.
     """
     for other, found in tuple(_known):
         if other is description:
@@ -82,7 +81,7 @@ def newton_sparsity(description: Description) -> NativeSparsity | None:
 
 def _newton_sparsity(description: Description) -> NativeSparsity | None:
     n = len(description.states)
-    depends = _states_of(description, description.derivatives) if n >= LARGE else [None]
+    depends = _states_of(description, description.derivatives) if n >= LARGE and _names_states(description) else [None]
     if None in depends:
         return None
     found = NativeSparsity(pattern_of(depends, n))
@@ -93,7 +92,7 @@ def newton_note(description: Description) -> str:
     """Return a remark on the Newton matrix of `gear`; empty where the model is small.
 
     Args:
-        description: of one FMU.
+        description: of an FMU or a system.
     """
     n = description.state_count
     found = newton_sparsity(description)
@@ -104,7 +103,7 @@ def newton_note(description: Description) -> str:
         return ""
     if any(v.dependencies is None for v in description.derivatives):
         return f"gear: dense Newton matrix of {n} states, which is slow: the FMU does not declare what they depend on"
-    return f"gear: dense Newton matrix of {n} states, which is slow: its declared dependencies make no narrow band"
+    return f"gear: dense Newton matrix of {n} states, which is slow: what is declared of them makes no narrow band"
 
 
 def columns_pattern(instance: Instance, columns: Sequence[Variable], rows: Sequence[Variable]) -> Pattern | None:
@@ -116,7 +115,7 @@ def columns_pattern(instance: Instance, columns: Sequence[Variable], rows: Seque
         rows: derivatives and outputs.
     """
     description = instance.description
-    if len(columns) < LARGE or not is_single(instance) or description.shapes:
+    if len(columns) < LARGE or not _names_states(description) or description.shapes:
         return None
     number = {v.name: i for i, v in enumerate(columns)}
     depends = [_behind(v, number) for v in rows]
@@ -126,11 +125,9 @@ def columns_pattern(instance: Instance, columns: Sequence[Variable], rows: Seque
     return found if 2 * len(found.ends) < len(columns) else None
 
 
-def is_single(instance: Instance) -> bool:
-    """Whether an instance is one FMU that names its states and derivatives."""
-    description, n = instance.description, instance.nx
-    single = len(instance.parts) == 1 and not (instance.wiring is not None and instance.wiring.connections)
-    return single and len(description.derivatives) == n and len(description.states) == n
+def _names_states(description: Description) -> bool:
+    """Whether a model names its states and their derivatives, which FMI 1.0 leaves out."""
+    return len(description.derivatives) == len(description.states) == description.state_count
 
 
 def _states_of(description: Description, rows: Sequence[Variable]) -> list[list[int] | None]:

@@ -350,19 +350,23 @@ def _variables(
     outputs = tuple(
         Variable(
             n, unit=units.get(n), causality="output", variability=kind, value_reference=nu + nx + j,
-            dependencies=_reached(linear, j),
+            dependencies=_reached(linear, linear.C[j], linear.D[j]),
         )
         for j, n in enumerate(linear.output_names)
     )  # fmt: skip
     rates = tuple(
-        Variable(f"der({s.name})", value_reference=nu + nx + ny + i, derivative_of=s.name) for i, s in enumerate(states)
-    )
+        Variable(
+            f"der({s.name})", value_reference=nu + nx + ny + i, derivative_of=s.name,
+            dependencies=_reached(linear, linear.A[i], linear.B[i]),
+        )
+        for i, s in enumerate(states)
+    )  # fmt: skip
     if sampled:
         return (*inputs, *states, *outputs), (), ()
     return (*inputs, *states, *outputs), states, rates
 
 
-def _reached(linear: LinearComponent, row: int) -> tuple[str, ...]:
-    """Return the inputs and states that an output depends on directly."""
-    through = [n for n, d in zip(linear.input_names, linear.D[row], strict=True) if d != 0.0]
-    return (*through, *(n for n, c in zip(linear.state_names, linear.C[row], strict=True) if c != 0.0))
+def _reached(linear: LinearComponent, by_states: Floats, by_inputs: Floats) -> tuple[str, ...]:
+    """Return the inputs and states whose factors in a row of the matrices are not zero."""
+    through = [n for n, d in zip(linear.input_names, by_inputs, strict=True) if d != 0.0]
+    return (*through, *(n for n, c in zip(linear.state_names, by_states, strict=True) if c != 0.0))

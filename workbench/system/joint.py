@@ -9,6 +9,7 @@ from workbench.fmi.variable import Variable
 from workbench.system.composite import Ports
 from workbench.system.description import Port, Resolved, SystemDescription
 from workbench.system.parts import Part
+from workbench.system.reach import Reach, states_of
 
 __all__ = ["joint_description", "joint_ports"]
 
@@ -17,11 +18,17 @@ _OWN = ("input", "output")  # causalities that only the system's own inputs and 
 
 def joint_description(description: SystemDescription, parts: Sequence[Part], resolved: Resolved) -> Description:
     """Return the system's description."""
-    own = _own_variables(parts, resolved)
+    reach = Reach(parts, resolved)
+    own = _own_variables(parts, resolved, reach)
     names = {v.name for v in own}
     numbered = [v._replace(value_reference=i, element=0) for i, v in enumerate(own)]
-    inner = ((p.name, v) for p in parts for v in p.description.variables if f"{p.name}.{v.name}" not in names)
-    numbered += [_inner(*one, number=i) for i, one in enumerate(inner, start=len(own))]
+    inner = (
+        _inner(p.name, v, _declared(reach, k, v))
+        for k, p in enumerate(parts)
+        for v in p.description.variables
+        if f"{p.name}.{v.name}" not in names
+    )
+    numbered += [v._replace(value_reference=i, element=0) for i, v in enumerate(inner, start=len(own))]
     return Description(
         fmi_version="2.0",
         major=2,
@@ -33,8 +40,8 @@ def joint_description(description: SystemDescription, parts: Sequence[Part], res
         platforms=(),
         experiment=_experiment(description, parts),
         variables=tuple(numbered),
-        states=tuple(_inner(p.name, v) for p in parts for v in _states(p)),
-        derivatives=_derivatives(parts),
+        states=tuple(_inner(p.name, v) for p in parts for v in states_of(p)),
+        derivatives=_derivatives(parts, reach),
         state_count=sum(p.description.state_count for p in parts),
         indicator_count=sum(p.description.indicator_count for p in parts),
         shapes={},
@@ -56,10 +63,10 @@ def joint_ports(parts: Sequence[Part], resolved: Resolved) -> Ports:
     return ports
 
 
-def _own_variables(parts: Sequence[Part], resolved: Resolved) -> list[Variable]:
+def _own_variables(parts: Sequence[Part], resolved: Resolved, reach: Reach) -> list[Variable]:
     inputs = [_own(parts, _strictest(ports), name) for name, ports in resolved.inputs.items()]
     outputs = [
-        _own(parts, port, name)._replace(causality="output", dependencies=None)
+        _own(parts, port, name)._replace(causality="output", dependencies=reach.of(port.component, port.variable))
         for name, port in resolved.outputs.items()
     ]
     return [*inputs, *outputs]
@@ -80,29 +87,31 @@ def _strictest(ports: Sequence[Port]) -> Port:
     return next((p for p in ports if not p.variable.is_continuous_input), ports[0])
 
 
-def _inner(component: str, variable: Variable, number: int | None = None) -> Variable:
+def _inner(component: str, variable: Variable, depends: tuple[str, ...] | None = None) -> Variable:
     of = variable.derivative_of
     return variable._replace(
         name=f"{component}.{variable.name}",
         causality="local" if variable.causality in _OWN else variable.causality,
         derivative_of=None if of is None else f"{component}.{of}",
-        dependencies=None,
+        dependencies=depends,
         declared_type=_type_in(component, variable),
-        value_reference=variable.value_reference if number is None else number,
-        element=variable.element if number is None else 0,
     )
 
 
-def _states(part: Part) -> tuple[Variable, ...]:
-    """Return one variable for each state; FMI 1.0 does not name them."""
-    known, count = part.description.states, part.description.state_count
-    return (*known, *(Variable(f"state[{i + 1}]") for i in range(len(known), count)))
+def _declared(reach: Reach, component: int, variable: Variable) -> tuple[str, ...] | None:
+    """Return what a variable depends on, where components declare that of variables of its kind."""
+    says = variable.causality in _OWN or variable.derivative_of is not None
+    return reach.of(component, variable) if says else None
 
 
-def _derivatives(parts: Sequence[Part]) -> tuple[Variable, ...]:
+def _derivatives(parts: Sequence[Part], reach: Reach) -> tuple[Variable, ...]:
     if any(len(p.description.derivatives) != p.description.state_count for p in parts):
         return ()
-    return tuple(_inner(p.name, v) for p in parts for v in p.description.derivatives)
+    return tuple(
+        _inner(p.name, v, reach.of(k, v))
+        for k, p in enumerate(parts)
+        for v in p.description.derivatives
+    )
 
 
 def _capabilities(parts: Sequence[Part]) -> Capabilities:

@@ -51,7 +51,7 @@ class SystemModel(DescribedModel):
         described = joint_description(opened.description, opened.parts, opened.resolved)
         self._ports = joint_ports(opened.parts, opened.resolved)
         self._plan = plan(opened.resolved.wires, parts=len(opened.parts))
-        solver, note = choose_solver(recipe.solver, states=described.state_count)
+        solver, note = choose_solver(recipe.solver, described)
         variables = {v.name: v for v in described.variables}
         setup = Setup(
             open_instance=self.new_instance,

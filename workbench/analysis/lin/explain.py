@@ -15,8 +15,8 @@ __all__ = ["DECLARED", "ELSEWHERE", "NOT_CONNECTED", "Reach", "zeros_of"]
 Flags = NDArray[np.bool_]
 NOWHERE = "nothing depends on it at this point"
 ELSEWHERE = "no effect at this point, but an effect nearby: its factor is 0 here"
-DECLARED = "no effect found at this point; the FMU declares that {} depends on it"
-NOT_CONNECTED = "not connected: the FMU declares that nothing depends on it"
+DECLARED = "no effect found at this point; by what is declared, {} may depend on it"
+NOT_CONNECTED = "not connected: by what is declared, nothing depends on it"
 
 
 @dataclass(frozen=True)

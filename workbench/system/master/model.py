@@ -260,9 +260,10 @@ def _solvers(units: Units, wanted: str) -> tuple[dict[int, str], list[str]]:
     found, notes = dict[int, str](), list[str]()
     for k, unit in enumerate(units.units):
         if unit.group is not None:
-            states = unit.group.description.state_count
+            described = unit.group.description
+            states = described.state_count
             # What is wanted for the whole system does not concern groups without states.
-            found[k], note = choose_solver(wanted if states else "auto", states=states)
+            found[k], note = choose_solver(wanted if states else "auto", described)
             notes += [f"{unit.name}: {note}"] if states and note else []
     return found, notes
 

@@ -147,7 +147,7 @@ def _group(
     ends += [(p.component, p.variable) for ports in resolved.inputs.values() for p in ports if p.component in place]
     inputs = {f"{parts[i].name}.{v.name}": (Port(place[i], v),) for i, v in ends}
     mine = [parts[i] for i in members]
-    seen = Resolved(wires=(), inputs=inputs, outputs={})
+    seen = Resolved(wires=inner, inputs=inputs, outputs={})
     described = SystemDescription(
         name=" + ".join(p.name for p in mine),
         components=tuple(p.component for p in mine),
