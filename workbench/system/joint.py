@@ -107,11 +107,7 @@ def _declared(reach: Reach, component: int, variable: Variable) -> tuple[str, ..
 def _derivatives(parts: Sequence[Part], reach: Reach) -> tuple[Variable, ...]:
     if any(len(p.description.derivatives) != p.description.state_count for p in parts):
         return ()
-    return tuple(
-        _inner(p.name, v, reach.of(k, v))
-        for k, p in enumerate(parts)
-        for v in p.description.derivatives
-    )
+    return tuple(_inner(p.name, v, reach.of(k, v)) for k, p in enumerate(parts) for v in p.description.derivatives)
 
 
 def _capabilities(parts: Sequence[Part]) -> Capabilities:
