@@ -14,10 +14,12 @@ from workbench.analysis.branches.request import Branches
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.request import Check, check
 from workbench.analysis.check.result import HealthCard, HealthLine
-from workbench.analysis.lin.request import Lin
+from workbench.analysis.lin.request import Lin, lin
 from workbench.analysis.nfr.request import Nfr
 from workbench.analysis.request import asked_options
 from workbench.analysis.simulate.request import Simulate, simulate
+from workbench.analysis.trim.request import trim
+from workbench.errors import SimulationError
 from workbench.model.load import load
 from workbench.workers import Workers
 
@@ -167,3 +169,24 @@ def test_a_clock_is_told_with_its_size(folder: Path) -> None:
     assert named == ["--start"]
     for request in (Simulate, Nfr, Lin, Branches, Check):
         assert "--start" in {declared.flag for declared, _ in asked_options(request).values()}
+
+
+# -- what a command makes of a lie -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_an_fmu_that_allows_one_instance_only_without_saying_so_is_used_one_after_the_other(
+    folder: Path, interface: str
+) -> None:
+    """In workers a closed instance waits for its end; where it stands in the way of the next it is ended before."""
+    with load(build_lying(folder, "single"), interface) as model:
+        for _ in range(2):  # in a worker process, as a user does
+            assert trim(model).converged
+
+
+def test_directional_derivatives_that_fail_are_told_with_the_way_out(folder: Path) -> None:
+    with load(build_lying(folder, "no-derivative"), "me") as model:
+        with pytest.raises(SimulationError, match=r"GetDirectionalDerivative returned error.*; use method difference$"):
+            lin(model)
+        matrices = lin(model, method="difference").result
+    np.testing.assert_allclose(matrices.A, [[0.0, 1.0], [-K, -D]], atol=1e-6)

@@ -178,6 +178,10 @@ class Instance(ABC):
         self.component: Any = self._made(logging=False)
         if not self.component and interface == "cs" and self.event_mode:
             self._instantiate_without_event_mode()
+        if not self.component and _Ended.waiting:
+            # Some allow one instance only without saying so; one that waits for its end may stand in the way.
+            end_now()
+            self.component = self._made(logging=False)
         if not self.component:
             # Many FMUs say why only if logging is on; only then is the noise wanted.
             self.component = self._made(logging=True)

@@ -11,7 +11,7 @@ from workbench.analysis.lin.difference import AGREE, ROUNDING, Columns
 from workbench.analysis.lin.explain import zeros_of
 from workbench.analysis.lin.result import Doubt, LinResult
 from workbench.analysis.lin.task import LinTask, columns_of, open_base, pass_states, sampled_note
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
 from workbench.session.base import Floats
 
 __all__ = ["exact"]
@@ -45,7 +45,10 @@ def exact(task: LinTask) -> LinResult:
         if why:
             raise InputError(f"method exact: {why}; use method difference")
         n = len(point.states)
-        jacobian = point.jacobian()[:, [*range(n), *(n + i for i in columns_of(task, point))]]
+        try:
+            jacobian = point.jacobian()[:, [*range(n), *(n + i for i in columns_of(task, point))]]
+        except SimulationError as error:
+            raise SimulationError(f"method exact: {error}; use method difference") from error
         columns = Columns(task, point)
         pass_states(point, jacobian)
         notes = _fill(columns, jacobian)
