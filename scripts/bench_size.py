@@ -28,7 +28,7 @@ sys.path.insert(0, str(ROOT))
 import numpy as np  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from tests.large_fmus import build_large  # noqa: E402
+from tests.large_fmus import build_large, build_loop  # noqa: E402
 from tests.stub_fmus import stub_library  # noqa: E402
 from workbench.core.blas import one_thread  # noqa: E402
 from workbench.core.files import pack  # noqa: E402
@@ -160,6 +160,11 @@ def rows(folder: Path) -> Iterator[Row]:
     for name, file in (("rod", rod), ("chain", chain)):
         followed = ["modes", file, "--vary", "u=0:1", "--count", "10"]
         yield Row(f"modes: ten of the {name}, 41 values", "10 s", followed)
+    loop = str(build_loop(Path(rod)))
+    yield Row(f"loop: simulate, rod of {STATES}, 10 s", "", ["simulate", loop, "--stop", "10", "--input", "r=1"])
+    yield Row(f"loop: lin, rod of {STATES}", "", ["lin", loop])
+    yield Row(f"loop: nfr, a point, rod of {STATES}", "", ["nfr", loop, "--input", "r", *sine[2:]])
+    yield Row("loop: modes, ten, 41 values", "", ["modes", loop, "--vary", "r=0:1", "--count", "10"])
 
 
 def variables(folder: Path) -> Path:

@@ -9,7 +9,9 @@ from tests.stub_fmus import stub_library
 from workbench.core.files import pack
 from workbench.toolchain import host_only
 
-__all__ = ["build_large", "depends_of"]
+__all__ = ["GAIN", "INTEGRAL", "build_large", "build_loop", "depends_of"]
+
+GAIN, INTEGRAL = 1.0, 0.5  # of the controller
 
 
 def depends_of(kind: str, n: int) -> list[list[int]]:
@@ -72,4 +74,36 @@ def build_large(folder: Path, kind: str, n: int, *, dependencies: bool = True, d
 """
     binary = f"binaries/{host.name_2}/large{host.suffix}"
     pack(file, {"modelDescription.xml": xml.encode(), binary: stub_library("large")})
+    return file
+
+
+def build_loop(rod: Path, actuator: str = "fmu:FirstOrderLag") -> Path:
+    """Write a system file beside an FMU of input u and output y: r → (+) → PI controller → actuator → it, y fed back.
+
+    Args:
+        rod: the FMU.
+        actuator: another one.
+    """
+    file = rod.with_name(f"loop-{rod.stem}.toml")
+    matrices = f"A = [[0]], B = [[1]], C = [[{INTEGRAL}]], D = [[{GAIN}]]"
+    file.write_text(
+        f"""name = "loop"
+[components]
+error = {{sum = "+-"}}
+controller = {{{matrices}, inputs = ["e"], outputs = ["u"], states = ["i"]}}
+actuator = "{actuator}"
+rod = "{rod.name}"
+[connections]
+"error.u2" = "rod.y"
+"controller.e" = "error.y"
+"actuator.u" = "controller.u"
+"rod.u" = "actuator.y"
+[inputs]
+r = "error.u1"
+[outputs]
+y = "rod.y"
+u = "controller.u"
+""",
+        encoding="utf-8",
+    )
     return file
