@@ -98,7 +98,8 @@ def add_binaries(
         used: list[str] = []
         notes: list[str] = []
         for number, platform in enumerate(chosen):
-            job.done(f"compiling for {platform.name}", number, len(chosen))
+            if number:  # who interrupts what is compiled once loses nothing
+                job.done(f"compiling for {platform.name}", number, len(chosen))
             for library in listed_libraries(folder, description, platform.name, source=str(path)):
                 output = Path(temporary) / "lib" / platform.name / f"{library.identifier}{platform.suffix}"
                 try:
