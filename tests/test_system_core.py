@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from zipfile import ZipFile
 
 import control
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from tests.drivers import DRIVERS, driven_by
 from tests.gemseo import gemseo_fmu, needs_gemseo
@@ -419,3 +421,45 @@ def test_a_sampled_law_around_the_rudder_is_linearised_as_it_is_measured() -> No
         response = (found.C @ np.linalg.solve(z * np.eye(len(found.A)) - found.A, found.B) + found.D)[0, 0]
         assert measured.gain[0, k] == pytest.approx(abs(response), rel=1e-3)
         assert measured.phase_deg[0, k] == pytest.approx(np.degrees(np.angle(response)), abs=0.1)
+
+
+def _with_a_second_name(folder: Path) -> str:
+    """Return a bundled FMU of FMI 3.0 whose input has an alias."""
+    target = folder / "Aliased.fmu"
+    with ZipFile(bundled_path("fmu:DeadBand@3")) as source, ZipFile(target, "w") as made:
+        for name in source.namelist():
+            content = source.read(name)
+            if name == "modelDescription.xml":
+                plain = b'causality="input" variability="continuous" unit="1" start="0.0" />'
+                assert content.count(plain) == 1
+                content = content.replace(plain, plain[:-3] + b'><Alias name="again" /></Float64>')
+            made.writestr(name, content)
+    return str(target)
+
+
+@pytest.mark.parametrize("port", ["u", "again"])
+def test_a_loop_through_a_dead_band_that_is_left_for_the_first_time(tmp_path: Path, port: str) -> None:
+    """All that comes out of the band has been 0 until then: what is left of its equation is the rounding of its input.
+
+    u = 2 (r − 3 y), where v = Cx + Du and y is what of v is outside ±0.25: solved by cases, integrated by SciPy. The
+    input goes by an alias as well: its feed-through is declared for the other name.
+    """
+    A, B, C, D = np.array([[-0.51, -0.42], [0.5, 0.0]]), np.array([1.0, 0.0]), np.array([0.6407, 0.6794]), 0.43
+
+    def answer(t: float, x: np.ndarray) -> tuple[float, float]:
+        free = C @ x + 2.0 * D * 3.0 * np.sin(2.0 * np.pi * 0.3 * t)  # v where y = 0
+        y = np.sign(free) * max(abs(free) - 0.25, 0.0) / (1.0 + 6.0 * D)
+        return 6.0 * np.sin(2.0 * np.pi * 0.3 * t) - 6.0 * y, y
+
+    times = np.linspace(0.05, 5.0, 100)
+    exact = solve_ivp(
+        lambda t, x: A @ x + B * answer(t, x)[0], (0.0, 5.0), [0.0, 0.0], t_eval=times, rtol=1e-10, atol=1e-12,
+        max_step=0.01,
+    )  # fmt: skip
+    truth = np.array([answer(t, x)[1] for t, x in zip(times, exact.y.T, strict=True)])
+    parts = {"e": difference("e", 1.0, -1.0), "g": 2.0, "band": _with_a_second_name(tmp_path), "h": 3.0}
+    wires = [("e.y", "g.u"), ("g.y", f"band.{port}"), ("band.y", "h.u"), ("h.y", "e.u2")]
+    with connect(parts, wires, inputs={"r": "e.u1"}, outputs=["band.y"], tolerance=1e-9) as model:
+        assert not any("not connected" in note for note in model.notes)
+        found = simulate(model, stop=5.0, points=times, inputs={"r": Sine(amplitude=3.0, frequency=0.3)})
+    np.testing.assert_allclose(np.interp(times, found.time, found.signals["band.y"]), truth, atol=1e-6)

@@ -207,6 +207,7 @@ class _Variables:
                 description=alias.description or scalar.description,
                 display_unit=alias.display_unit or scalar.display_unit,
                 dependencies=None,
+                alias_of=scalar.name,
             )
 
     def _scalars(self, v: said.Variable) -> Iterator[Variable]:

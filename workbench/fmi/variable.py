@@ -40,6 +40,7 @@ class Variable(NamedTuple):
         initial: "exact", "approx" (the start value is a guess) or "calculated"; None: not declared.
         display_unit: unit in which values are to be shown, as declared.
         declared_type: name of the type that it is declared to be of.
+        alias_of: name of the variable that this is another name of (FMI 3.0).
     """
 
     name: str
@@ -59,6 +60,7 @@ class Variable(NamedTuple):
     initial: str | None = None
     display_unit: str | None = None
     declared_type: str | None = None
+    alias_of: str | None = None
 
     @property
     def is_continuous_input(self) -> bool:

@@ -15,6 +15,7 @@
 #define ROUNDING 1e-15
 #define CONVERGED 1e-12 /* enough if the kept Jacobian makes it no smaller */
 #define ACCEPTED 1e-9   /* enough if rounding lets it become no smaller */
+#define PASSED_ON 2e-15 /* of a value: its rounding, and that of what is computed from it */
 #define MAX_ITERATIONS 50
 #define SHORTEST (1.0 / 1024.0)
 #define SLOW 0.1 /* a Jacobian that reduces the residual by less than this is found anew */
@@ -333,6 +334,23 @@ static bool found(Loop *loop) {
     return true;
 }
 
+/* Whether what is left is the rounding of the loop's values, passed on by the components: the scale of a value that
+ * has been 0 until now knows nothing of it, as behind a dead band that is just left. */
+static bool is_rounding(Loop *loop) {
+    const size_t n = loop->n;
+    rescale(loop, loop->v, loop->g, true);
+    for (size_t i = 0; i < n; i++) {
+        double noise = loop->scale[i];
+        for (size_t j = 0; j < n; j++) {
+            noise += fabs(loop->link->jacobian[i * n + j] + (i == j ? 1.0 : 0.0)) * loop->scale[j];
+        }
+        if (!(fabs(loop->g[i] - loop->v[i]) <= PASSED_ON * noise)) {
+            return false;
+        }
+    }
+    return true;
+}
+
 /* Note which value is worst; the caller's first guess is put back. */
 static bool unsolved(Loop *loop, double time) {
     Failure *failure = &loop->system->failure;
@@ -378,7 +396,7 @@ static bool newton(Loop *loop, double time) {
             }
         } else if (!fresh && size > CONVERGED) {
             *loop->link->known = 0;
-        } else if (size <= ACCEPTED) {
+        } else if (size <= ACCEPTED || is_rounding(loop)) {
             return respond(loop, loop->v, loop->g) && found(loop);
         } else {
             break;

@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 EXACT = 1e-15
 CONVERGED = 1e-12  # enough if the kept Jacobian makes it no smaller
 ACCEPTED = 1e-9  # enough if rounding lets it become no smaller
+PASSED_ON = 2e-15  # of a value: its rounding, and that of what is computed from it
 MAX_ITERATIONS = 50
 SHORTEST = 1.0 / 1024.0  # damping
 SLOW = 0.1  # a Jacobian that reduces the residual by less than this is found anew
@@ -86,7 +87,7 @@ def solve_loop(loop: AlgebraicLoop, start: Floats, time: float) -> Floats:
             v, g = better
         elif not fresh and size > CONVERGED:
             loop.known[0] = 0
-        elif size <= ACCEPTED:
+        elif size <= ACCEPTED or _is_rounding(loop, v, g):
             loop.respond(v)
             return _found(loop, v)
         else:
@@ -110,6 +111,16 @@ def _norm(r: Floats, scale: Floats) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         size = float(np.linalg.norm(r / scale))
     return size if np.isfinite(size) else np.inf
+
+
+def _is_rounding(loop: AlgebraicLoop, v: Floats, g: Floats) -> bool:
+    """Whether what is left is the rounding of the loop's values, passed on by the components.
+
+    The scale of a value that has been 0 until now knows nothing of it, as behind a dead band that is just left.
+    """
+    scale = _scale(loop, v, g)
+    noise = scale + np.abs(loop.jacobian + np.eye(len(v))) @ scale
+    return bool((np.abs(g - v) <= PASSED_ON * noise).all())
 
 
 def _find_jacobian(loop: AlgebraicLoop, v: Floats, g: Floats, scale: Floats) -> None:

@@ -176,7 +176,8 @@ class _Resolver:
         both = sorted(set(inputs) & set(outputs))
         if both:
             raise InputError(f"'{both[0]}' is an input and an output of the system; rename one of them")
-        taken = {(self._full(Port(k, v))): (k, v.name) for k, group in enumerate(self.variables) for v in group}
+        every = ((k, v) for k, group in enumerate(self.variables) for v in group)
+        taken = {self._full(Port(k, v)): (k, v.alias_of or v.name) for k, v in every}
         shown = {**{n: p[0] for n, p in inputs.items()}, **outputs}
         for name, port in shown.items():
             if taken.get(name, (port.component, port.variable.name)) != (port.component, port.variable.name):
@@ -189,7 +190,7 @@ class _Resolver:
             self._full(Port(k, v)) + _start(self.description.components[k], v)
             for k, group in enumerate(self.variables)
             for v in group
-            if v.causality == "input" and v.type != "Clock" and (k, v.name) not in self.drivers
+            if v.causality == "input" and v.type != "Clock" and not v.alias_of and (k, v.name) not in self.drivers
         ]
         if free:
             shown = ", ".join(free[:12]) + (f", … ({len(free)} in all)" if len(free) > 12 else "")

@@ -94,6 +94,7 @@ def _inner(component: str, variable: Variable, depends: tuple[str, ...] | None =
         causality="local" if variable.causality in _OWN else variable.causality,
         derivative_of=None if of is None else f"{component}.{of}",
         dependencies=depends,
+        alias_of=None,
         declared_type=_type_in(component, variable),
     )
 

@@ -24,7 +24,7 @@ class NameTable:
         self._variables: Sequence[Mapping[str, Variable]] = [{v.name: v for v in group} for group in variables]
 
     def find(self, name: str, *, kind: str | None = None) -> Port:
-        """Return the variable "component.variable".
+        """Return the variable "component.variable"; for an alias what it is one of, whose dependencies are declared.
 
         Args:
             name: of the variable.
@@ -37,7 +37,8 @@ class NameTable:
         found = self._variables[self._index[component]].get(variable)
         if found is None:
             raise InputError(self._unknown(component, variable, kind))
-        return Port(self._index[component], found)
+        k = self._index[component]
+        return Port(k, self._variables[k][found.alias_of or variable])
 
     def elements(self, name: str) -> list[Port]:
         """Return the elements of the array "component.variable", in order; empty where there is no such array."""
