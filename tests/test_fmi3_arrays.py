@@ -279,3 +279,23 @@ def test_info_shows_them_all(sized: Path, capsys: pytest.CaptureFixture[str]) ->
     shown = capsys.readouterr().out
     for words in ("degC = K − 273.15", "deg = 57.29577951 · rad", "eco (1), sport (2)", "first = u[1]", "Structural"):
         assert words in shown
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_elements_of_one_input_come_from_several_sides(sized: Path, interface: str) -> None:
+    """u[1] by a connection, u[2] from outside: a write to one of them puts the other back to nothing old."""
+    a, w = np.array([0.5, 2.0]), 2.0 * np.pi
+    part = wb.FmuComponent(name="s", file=str(sized), interface=interface, set={"a": a.tolist()})
+    inputs, outputs = {"c": "g.u", "b": "s.u[2]"}, {"y1": "s.y[1]", "y2": "s.y[2]"}
+    step = 0.005 if interface == "cs" else None
+    wires = [("g.y", "s.u[1]")]
+    with wb.connect({"s": part, "g": 3.0}, wires, inputs, outputs, step=step, tolerance=1e-8) as model:
+        given = {"c": wb.Constant(1.0), "b": wb.Sine(amplitude=1.0, frequency=1.0)}
+        run = wb.simulate(model, stop=1.3, inputs=given)
+        found = wb.lin(model).result if interface == "me" else None
+    t = 1.3
+    second = (w * np.exp(-2.0 * t) + 2.0 * np.sin(w * t) - w * np.cos(w * t)) / (4.0 + w**2)
+    assert run.signals["y1"][-1] == pytest.approx(6.0 * (1.0 - np.exp(-0.5 * t)), abs=1e-3)
+    assert run.signals["y2"][-1] == pytest.approx(second, abs=1e-3)
+    if found is not None:
+        np.testing.assert_allclose(found.B, [[3.0, 0.0], [0.0, 1.0]], atol=1e-6)

@@ -97,9 +97,8 @@ class Block:
         return [self.calls.decode(self.buffer[s]) for s in self.slots]
 
     def write(self, values: Sequence[Any]) -> None:
-        if self.partial:  # the other elements of an array keep what they have
+        if self.partial:  # the other elements of an array keep what they have, which others may have written since
             self.read()
-            self.partial = False
         if self.plain:
             self.buffer[:] = values
         else:

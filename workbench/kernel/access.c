@@ -105,12 +105,7 @@ bool block_read(const Block *block, Component *components, double *values, Failu
 }
 
 static bool complete(Block *block, const Component *component, Failure *failure) {
-    if (block->partial &&
-        !block_call(block, component, block->get, block->get_name, block->buffer, failure)) {
-        return false;
-    }
-    block->partial = 0;
-    return true;
+    return !block->partial || block_call(block, component, block->get, block->get_name, block->buffer, failure);
 }
 
 bool block_write(Block *block, Component *components, const double *values, Failure *failure) {

@@ -38,7 +38,7 @@ typedef struct {
     const size_t *columns; /* [n] where in the caller's list */
     size_t n;
     int32_t type, component;
-    int32_t partial; /* the buffer holds array elements that are not ours: read before the first write */
+    int32_t partial; /* the buffer holds array elements that are not ours: read before each write */
     int32_t plain;   /* doubles in the caller's order from `columns[0]` on: no conversion, the buffer is not used */
 } Block;
 
