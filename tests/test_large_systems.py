@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from zipfile import ZipFile
 
 import control
 import numpy as np
@@ -11,7 +13,9 @@ from scipy.linalg import expm
 
 import workbench as wb
 from tests.large_fmus import GAIN, INTEGRAL, build_large, build_loop
-from workbench.errors import WorkbenchError
+from tests.reference_fmus import build_reference
+from workbench.core.files import pack
+from workbench.errors import SimulationError, WorkbenchError
 from workbench.kernel.native_slopes import BY_GROUPS
 from workbench.model.described import DescribedModel
 from workbench.session import directional
@@ -168,3 +172,32 @@ def _sparse(random: np.random.Generator) -> list[Floats]:
     n = int(random.integers(1, 4))
     shapes = [(n, n), (n, 2), (2, n), (2, 2)]
     return [random.standard_normal(s) * (random.random(s) < 0.4) for s in shapes]
+
+
+def misdeclared(folder: Path) -> Path:
+    """Write an FMU whose output is its input, and whose description denies that."""
+    true, file = build_reference(folder, "feedthrough", 2), folder / "misdeclared.fmu"
+    with ZipFile(true) as archive:
+        contents = {name: archive.read(name) for name in archive.namelist()}
+    text = contents["modelDescription.xml"].decode()
+    contents["modelDescription.xml"] = re.sub(r'dependencies="\d+"', 'dependencies=""', text).encode()
+    pack(file, contents)
+    return file
+
+
+@pytest.mark.parametrize("way", ["simulate", "lin"])
+def test_an_output_read_before_an_input_that_moves_it_ends_the_run(way: str, tmp_path: Path) -> None:
+    """Two such gains before a lag: unchecked, the lag saw what its source was an evaluation ago, near enough 0."""
+    file, first, last = misdeclared(tmp_path), "real_continuous_input", "real_continuous_output"
+    # In the wrong order: what comes first is read last.
+    parts = {"b": str(file), "a": str(file), "lag": "fmu:FirstOrderLag"}
+    wires = [("b." + last, "lag.u"), ("a." + last, "b." + first)]
+    system = wb.connect(parts, wires, inputs={"r": "a." + first}, outputs={"y": "lag.y"})
+    said = rf"b\.{last} → lag\.u passes a value that has changed since: b\.{last} depends on an input"
+    sine = {"r": wb.Sine(amplitude=1.0, frequency=1.0)}
+
+    def ask() -> object:
+        return wb.lin(system) if way == "lin" else wb.simulate(system, stop=1.0, inputs=sine)
+
+    with system, pytest.raises(SimulationError, match=said):
+        ask()

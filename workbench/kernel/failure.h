@@ -33,6 +33,7 @@ typedef enum {
     FAILED_EVENT_TIME,  /* an FMI function gave a next event time that is not a number */
     FAILED_UNIT,        /* a group of components: unit `index` of the master has noted why */
     FAILED_INTERVAL,    /* the FMU gave an interval of a clock that is negative or not finite */
+    FAILED_ORDER,       /* connection `index` passed on a value that changed behind it, to `value` */
     PAUSED,             /* no failure: the caller may look after signals, then go on */
     N_FAILURES
 } FailureCode;

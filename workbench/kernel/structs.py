@@ -313,6 +313,7 @@ class System(ctypes.Structure):
         ("evaluations", c_int64),
         ("steps", c_int64),
         ("pause_at", c_int64),
+        ("ordered", c_int64),
         ("limit", c_double),
         ("failure", Failure),
         ("unsolved", Failure),

@@ -54,12 +54,13 @@ typedef struct {
     int64_t evaluations;        /* right-hand sides */
     int64_t steps;              /* accepted steps of solvers, communication steps */
     int64_t pause_at;           /* steps at which a run lets the caller look after signals */
+    int64_t ordered;            /* evaluations that bore out the order of the links */
     double limit;               /* no signal is evaluated later than this [s] */
     Failure failure;
     Failure unsolved; /* of connections, that a shorter step may have avoided: the last one */
 } System;
 
-enum { STEPS_BETWEEN_PAUSES = 1000 };
+enum { STEPS_BETWEEN_PAUSES = 1000, ENOUGH_ORDERED = 64 };
 
 /* Begin or go on with a run. */
 void system_go_on(System *system);
@@ -78,7 +79,8 @@ void system_switch(System *system, double time);
 /* The next time > `time` at which one closes [s]. */
 double system_next_switch(const System *system, double time);
 
-/* Model exchange: set time [s], states and the continuous inputs of that time. */
+/* Model exchange: set time [s], states and the continuous inputs of that time. The order of the links is believed
+ * after ENOUGH_ORDERED evaluations only: a description may keep silent about an input that an output depends on. */
 bool system_put(System *system, double t, const double *x);
 bool system_vectors(System *system, FunctionIndex function, double *values, bool indicators);
 

@@ -1,4 +1,4 @@
-"""The error for an algebraic loop that has no solution; Newton's methods of the kernel and of Python share it."""
+"""The errors of connections that the kernel and its twin in Python share: unsolved loops, values passed too early."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from workbench.errors import SimulationError
 
-__all__ = ["UnsolvedError", "unsolved"]
+__all__ = ["UnsolvedError", "too_early", "unsolved"]
 
 
 class UnsolvedError(SimulationError):
@@ -27,5 +27,21 @@ def unsolved(labels: Sequence[str], worst: str, value: str, residual: float, tim
         f"no solution was found for the algebraic loop through {', '.join(labels)}: at best {worst} is {value} with a "
         f"residual of {residual:.3g}; put a lag or a delay into one of these connections, or check their gains and "
         "signs (a loop gain of exactly 1 has no solution)",
+        time=time,
+    )
+
+
+def too_early(label: str, time: float) -> SimulationError:
+    """Return the error for a value read before an input that moves it without delay, though nothing declares that.
+
+    Args:
+        label: of the connection.
+        time: [s].
+    """
+    source = label.split(" → ", maxsplit=1)[0]
+    return SimulationError(
+        f"{label} passes a value that has changed since: {source} depends on an input of its FMU, though the FMU's "
+        "modelDescription.xml leaves that out; correct the dependencies there, or leave them out altogether (the "
+        "command check names the input)",
         time=time,
     )

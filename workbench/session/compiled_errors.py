@@ -10,7 +10,7 @@ from workbench.fmi.instance import DISCARD, MAX_EVENT_ITERATIONS, Instance, no_e
 from workbench.fmi.ticking import no_interval
 from workbench.fmi.variable import Variable
 from workbench.kernel.structs import Failure
-from workbench.session.algebraic_error import unsolved
+from workbench.session.algebraic_error import too_early, unsolved
 from workbench.session.cs import MAX_EARLY_RETURNS, off_grid
 
 __all__ = ["PAUSED", "Situation", "chattering", "exception_of", "gone_through", "too_many_steps", "zeno"]
@@ -186,10 +186,14 @@ def _interval(now: Situation) -> Exception:
     return no_interval(now.whole.description.model_name, now.failure.time)
 
 
+def _order(now: Situation) -> Exception:
+    return too_early(_label(now, now.failure.index), now.failure.time)
+
+
 # By FailureCode in failure.h, from 1 on; behind the last comes PAUSED.
 FAILURES: tuple[Callable[[Situation], Exception], ...] = (
     _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _chatter, _through,
-    _early, _event_mode, _grid, _memory, _read_only, _loop, _wire, _event_time, _unit, _interval,
+    _early, _event_mode, _grid, _memory, _read_only, _loop, _wire, _event_time, _unit, _interval, _order,
 )  # fmt: skip
 PAUSED = len(FAILURES) + 1
 

@@ -15,12 +15,15 @@ from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Group, Wiring
+from workbench.session.algebraic_error import too_early
 from workbench.session.forcing import convert
 from workbench.system.algebraic import AlgebraicLoop, solve_loop
 
 __all__ = ["Propagation"]
 
 Floats = NDArray[np.float64]
+_SAME = 1e-8  # relative: what FMUs that iterate inside may differ by when asked again
+_ENOUGH = 64  # evaluations in continuous time, after which the order of the connections is believed
 _Part = tuple[Access, list[int]]  # of one component, and where its variables stand in the group
 
 
@@ -37,6 +40,7 @@ class Propagation:
         self._wiring = wiring
         memory = iter(range(len(wiring.known)))
         self._continuous = [_Bundle(parts, wiring, g, next(memory) if g.loop else -1) for g in wiring.continuous]
+        self._ordered = 0
         self._at_events = [_Bundle(parts, wiring, g, next(memory) if g.loop else -1) for g in wiring.events]
 
     def run(self, time: float, *, events: bool, initial: bool = False) -> None:
@@ -46,10 +50,18 @@ class Propagation:
             time: for messages [s].
             events: at events: all of them.
             initial: before initialisation has ended; FMI 1.0 has no outputs then.
+
+        Raises:
+            SimulationError: a value is not finite, a loop has no solution, or an output depends on an input that its
+                FMU does not declare.
         """
         for bundle in self._at_events if events else self._continuous:
             if not (initial and bundle.old):
                 bundle.run(time)
+        if not events and self._ordered < _ENOUGH:
+            self._ordered += 1
+            for bundle in self._continuous:
+                bundle.check_order()
 
 
 class _Bundle:
@@ -91,6 +103,15 @@ class _Bundle:
         )
         values[self._members] = solve_loop(loop, values[self._members], time)
         sizes[self._members] = own
+
+    def check_order(self) -> None:
+        """Raise where a value passed on is no longer its source's: an input that moves it came later."""
+        if self._memory >= 0:
+            return
+        was, now = self._wiring.values[self._members], self._read()
+        moved = np.flatnonzero(np.abs(now - was) > _SAME * (np.abs(now) + np.abs(was) + self._typical))
+        if len(moved):
+            raise too_early(self._labels[moved[0]], self._time)
 
     def _respond(self, values: Floats) -> Floats:
         self._write(values)
