@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from tests.master_loops import error_of, lags, mastered
+from tests.master_loops import REFERENCE, error_of, lags, mastered
 from workbench.analysis.delays.request import delays
 from workbench.analysis.delays.result import DelayReport
+from workbench.analysis.simulate.request import simulate
 from workbench.errors import InputError
 from workbench.system.load import load
 
@@ -108,3 +110,11 @@ def test_an_inner_systems_master_and_one_without_use_are_told(tmp_path: Path) ->
     (tmp_path / "inner.toml").write_text(_FILE.replace('"cs"', '"me"') + "extrapolation = 2\n")
     with pytest.raises(InputError, match="extrapolation is for systems with co-simulation components"):
         load(tmp_path / "inner.toml")
+
+
+def test_recording_does_not_shorten_the_steps_that_were_asked_for() -> None:
+    """Recorded at each 500th of the run, two runs of unlike steps were one and the same."""
+    for step in (0.1, 0.2):
+        with lags(step=step) as model:
+            found = simulate(model, stop=2.0, inputs=REFERENCE, in_process=True)
+        np.testing.assert_allclose(np.diff(found.time), step)

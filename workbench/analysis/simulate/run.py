@@ -117,10 +117,12 @@ def _usual_interval(model: Model, span: float) -> float | None:
     """
     if isinstance(model, DescribedModel) and model.interface == "me" and model.recipe.step is not None:
         return model.recipe.step
-    if not isinstance(model, FmuModel):
+    if not isinstance(model, DescribedModel):
         return None
     is_cs = model.interface == "cs"
-    step = model.recipe.step or model.description.experiment.step
+    step = model.recipe.step
+    if isinstance(model, FmuModel):
+        step = step or model.description.experiment.step
     if step is None or not step < span:
         return None
     if is_cs:
