@@ -32,3 +32,13 @@ def test_the_ends_pass_and_one_beyond_is_refused(kind: str, interface: str, feed
                     wb.simulate(model, stop=1.0, inputs={f"{kind}_input": signal}, in_process=True)
     with pytest.raises(InputError, match=f"'{largest + 1}' is not a value that an? {kind} can have"):
         wb.load(feedthrough, interface=interface, start_values={f"{kind}_input": largest + 1})
+
+
+@pytest.mark.parametrize(("name", "value"), [("Int32_input", 1.5), ("Int32_input", -0.2), ("Boolean_input", 2.0)])
+def test_a_constant_between_the_values_of_a_type_is_refused(name: str, value: float, feedthrough: Path) -> None:
+    """As --set refuses it; a sine into the same input is rounded."""
+    kind = name.removesuffix("_input")
+    with wb.load(feedthrough) as model:
+        with pytest.raises(InputError, match=rf"{name}: {value:g} is not a value that an? {kind} can have"):
+            wb.simulate(model, stop=1.0, inputs={name: wb.Constant(value)}, in_process=True)
+        wb.simulate(model, stop=1.0, inputs={name: wb.Sine(amplitude=1.0, frequency=1.0)}, in_process=True)

@@ -9,7 +9,7 @@ from workbench.core.names import check_names
 from workbench.errors import InputError, article
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import FLOAT_TYPES, WHOLE_RANGES, Value, Variable
-from workbench.signals import Signal
+from workbench.signals import Constant, Signal
 
 __all__ = ["Forcing", "convert"]
 
@@ -36,7 +36,12 @@ def convert(variable: Variable, value: float) -> Value:
 
 
 def _check_held(variable: Variable, signal: Signal, bias: float) -> None:
-    """Refuse a signal that jumps to what its input cannot hold, as far as its first jumps tell."""
+    """Refuse a signal that jumps to what its input cannot hold, as far as its first jumps tell.
+
+    A constant must be a value of the input's type; of other signals numbers between those are rounded.
+    """
+    if isinstance(signal, Constant) and convert(variable, held := signal.value + bias) != held:
+        raise InputError(f"input {variable.name}: {held:g} is not a value that {article(variable.type)} can have")
     t = 0.0
     for _ in range(_JUMPS):
         t = signal.next_break(t)
