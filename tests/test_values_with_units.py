@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import workbench as wb
@@ -15,6 +16,7 @@ from workbench.errors import InputError
 from workbench.fmi.description import DisplayUnit, UnitDefinition
 from workbench.fmi.variable import Variable
 from workbench.model.starts import check_biases, check_starts
+from workbench.signal_text import signal_text
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 UNITS = {
@@ -89,6 +91,57 @@ def test_systems_and_python_take_them(tmp_path: Path) -> None:
     with wb.load(tmp_path / "one.toml", bias={"d": "0.05rad"}) as system:
         assert system.recipe.bias == {"d": pytest.approx(math.degrees(0.05))}
         assert system.start_values["a.pS"] == pytest.approx(2e7)
+
+
+def forced(path: Path, heading: str, points: list[str]) -> list[float]:
+    """Return delC [deg] of the Rudder at 0, 0.1, … 0.4 s, forced by a file."""
+    path.write_text("\n".join([heading, *points]))
+    with wb.load("fmu:Rudder") as model:
+        result = wb.simulate(model, inputs={"delC": str(path)}, stop=0.4, outputs=["delC"])
+    return list(np.interp([0.0, 0.1, 0.2, 0.3, 0.4], result.time, result["delC"]))
+
+
+def test_a_column_is_converted_to_the_unit_of_the_input_it_forces(tmp_path: Path) -> None:
+    file = tmp_path / "u.csv"
+    plain = forced(file, "time,delC", ["0,0", "0.4,2"])
+    assert plain == pytest.approx([0.0, 0.5, 1.0, 1.5, 2.0])
+    assert forced(file, "time [s],delC [deg]", ["0,0", "0.4,2"]) == plain
+    assert forced(file, "time [ms],delC [rad]", ["0,0", f"400,{math.radians(2.0)!r}"]) == pytest.approx(plain)
+    found = forced(file, "t [min],gust [m],delC [mrad]", ["0,9,0", f"{0.4 / 60},9,{math.radians(2e3)!r}"])
+    assert found == pytest.approx(plain)
+
+
+@pytest.mark.parametrize(
+    ("heading", "words"),
+    [
+        ("time,delC [kg]", r"input delC: values in 'kg' do not convert to its unit, deg; give them in"),
+        ("time,delC [furlong]", r"input delC: values in 'furlong' do not convert to its unit, deg"),
+        ("time [m],delC", r"u\.csv: the times of 'time \[m\]' do not convert to s; give them in s"),
+        ("time [degC],delC", r"the times of 'time \[degC\]' do not convert to s"),
+    ],
+)
+def test_a_heading_whose_unit_does_not_fit_is_one_line(tmp_path: Path, heading: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        forced(tmp_path / "u.csv", heading, ["0,0", "1,1"])
+
+
+def test_a_table_with_a_unit_is_written_as_it_is_read() -> None:
+    table = wb.parse_signal("table:0=0,1=2,hold=1,unit=rad")
+    assert table == wb.Table([0.0, 1.0], [0.0, 2.0], "hold", "rad")
+    assert wb.parse_signal(signal_text(table)) == table
+    assert wb.parse_signal("table:0=0,1=2,hold=0") == wb.Table([0.0, 1.0], [0.0, 2.0])
+    with pytest.raises(InputError, match="'hold=yes' is neither hold=1, a staircase, nor hold=0"):
+        wb.parse_signal("table:0=0,1=2,hold=yes")
+
+
+def test_a_session_converts_no_units() -> None:
+    table = wb.Table([0.0, 1.0], [2.0, 2.0], unit="rad")
+    with (
+        wb.load("fmu:Rudder") as model,
+        pytest.raises(InputError, match=r"input delC: a session converts no units; give the table in deg"),
+        model.open_session(signals={"delC": table}),
+    ):
+        pass
 
 
 def test_display_units_of_an_fmu_are_taken_and_shown(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

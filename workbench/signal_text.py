@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
+from workbench.core.conversion import named_conversion
 from workbench.core.csv_file import is_number
 from workbench.core.files import content_of
 from workbench.core.forms import Form, pairs, table
@@ -58,17 +59,17 @@ def _level(text: str, words: Mapping[str, float]) -> float:
 def read_table(path: str | Path) -> Table:
     """Read a `Table` from a CSV file: time [s] in the first column, value in the second.
 
-    One heading line is allowed; separators are comma, semicolon, tab.
+    One heading line is allowed, with units in brackets, as in `u [rad]`; separators are comma, semicolon, tab.
 
     Raises:
-        InputError: no such file, not two columns of numbers.
+        InputError: no such file, not two columns of numbers, or a unit of time that is not known.
     """
-    _, rows = _rows(Path(path))
-    return _column(Path(path), rows, 1)
+    headings, rows = _rows(Path(path))
+    return _column(Path(path), headings, rows, 1)
 
 
 def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Return the headings of a CSV file, without units, and its rows; no headings: empty."""
+    """Return the headings of a CSV file, with their units, and its rows; no headings: empty."""
     try:
         text = content_of(path).decode("utf-8-sig")
     except OSError as error:
@@ -80,12 +81,20 @@ def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
         rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
     except csv.Error as error:
         raise InputError(f"{path}: is not a table of time and value: {error}") from None
-    return [] if not rows or is_number(rows[0][0]) else [_bare(cell.strip()) for cell in rows.pop(0)], rows
+    return [] if not rows or is_number(rows[0][0]) else [cell.strip() for cell in rows.pop(0)], rows
 
 
-def _column(path: Path, rows: Sequence[Sequence[str]], number: int, words: Mapping[str, float] = _NO_WORDS) -> Table:
+def _column(
+    path: Path,
+    headings: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    number: int,
+    words: Mapping[str, float] = _NO_WORDS,
+) -> Table:
+    _, unit = _named(headings[number]) if number < len(headings) else ("", None)
+    second = _seconds(path, headings[0]) if headings else 1.0
     try:
-        return Table([float(r[0]) for r in rows], [_level(r[number], words) for r in rows])
+        return Table([second * float(r[0]) for r in rows], [_level(r[number], words) for r in rows], unit=unit)
     except (ValueError, IndexError):
         what = "two columns of numbers" if number == 1 else f"numbers in its columns 1 and {number + 1}"
         wrong = next((r[number].strip() for r in rows if number < len(r) and not _is_level(r[number], words)), "")
@@ -102,22 +111,31 @@ def _named_columns(name: str, path: Path, words: Words) -> dict[str, Signal]:
     A file of two columns holds it whatever they are called.
     """
     headings, rows = _rows(path)
-    known = {heading: number for number, heading in enumerate(headings) if number}
-    if name in known:
-        return {name: _column(path, rows, known[name], words(name))}
-    if elements := [heading for heading in known if heading.startswith(f"{name}[")]:
-        return {heading: _column(path, rows, known[heading], words(heading)) for heading in elements}
+    known = {_named(heading)[0]: number for number, heading in enumerate(headings) if number}
     width = len(headings) or max((len(row) for row in rows), default=0)
-    if width <= 2:
-        return {name: _column(path, rows, 1, words(name))}
+    if name in known:
+        wanted = {name: known[name]}
+    elif not (wanted := {one: number for one, number in known.items() if one.startswith(f"{name}[")}) and width <= 2:
+        wanted = {name: 1}
+    if wanted:
+        return {one: _column(path, headings, rows, number, words(one)) for one, number in wanted.items()}
     which = suggest(name, known) if known else "give it a line of headings"
     raise InputError(f"{path}: none of its {width} columns is called {name}; {which}")
 
 
-def _bare(heading: str) -> str:
-    """Return a column's name without its unit: "u" for "u [m]"."""
-    name, bracket, _ = heading.rpartition(" [")
-    return name if bracket else heading
+def _named(heading: str) -> tuple[str, str | None]:
+    """Return a column's name and unit: "u" and "m" for "u [m]"."""
+    name, bracket, unit = heading.rpartition(" [")
+    return (name, unit.rstrip("] ").strip() or None) if bracket else (heading, None)
+
+
+def _seconds(path: Path, heading: str) -> float:
+    """Return how many seconds the unit in the heading of the column of times is."""
+    _, unit = _named(heading)
+    factor, offset = named_conversion(unit or "s", "s") or (0.0, 0.0)
+    if not factor or offset:
+        raise InputError(f"{path}: the times of '{heading}' do not convert to s; give them in s")
+    return factor
 
 
 _KEYS: Mapping[str, tuple[str, ...]] = {
@@ -167,7 +185,7 @@ def _gust(k: Mapping[str, float]) -> Signal:
 
 
 _LEVELS = {"step": ("value", "initial")}  # which of the options may be words
-_TABLE, _HOLD = "table", "hold"
+_TABLE, _HOLD, _UNIT = "table", "hold", "unit"
 _FILES = (".csv", ".txt")
 _MAKERS: Mapping[str, Callable[[Mapping[str, float]], Signal]] = {
     "sine": _sine,
@@ -210,8 +228,8 @@ def parse_signal(text: str, words: Mapping[str, float] = _NO_WORDS) -> Signal:
     Args:
         text: a number, `sine:amplitude=1,frequency=2,offset=0,phase=0`, `step:time=1,value=2`,
             `prbs:hold=0.1,amplitude=1`, `pulse:duration=0.1,value=0.8`, `gust:duration=0.5,value=100`,
-            `table:0=0,1=2` (time [s] and value; `hold=1` makes it a staircase), or the name of a CSV file with
-            time [s] and value.
+            `table:0=0,1=2` (time [s] and value; `hold=1` makes it a staircase, `unit=rad` is that of the values), or
+            the name of a CSV file with time and value, with units in its headings or in those of time [s] and input.
         words: what may stand for a number besides, such as the items of an enumeration: alone, in a table, and as
             `value` and `initial` of a step.
 
@@ -233,7 +251,7 @@ def parse_signal(text: str, words: Mapping[str, float] = _NO_WORDS) -> Signal:
     if colon and kind in _MAKERS:
         return _MAKERS[kind](_key_values(kind, rest, words))
     if _is_file(text):
-        return _column(Path(text), _rows(Path(text))[1], 1, words)
+        return _column(Path(text), *_rows(Path(text)), 1, words)
     if _is_level(text, words):
         return Constant(_level(text, words))
     if words:
@@ -269,7 +287,8 @@ def signal_text(signal: Signal) -> str:
     if isinstance(signal, Table):
         points = zip(signal.times, signal.values, strict=True)
         hold = [f"{_HOLD}=1"] if signal.interpolate == _HOLD else []
-        return f"{_TABLE}:{','.join([*(f'{t!r}={x!r}' for t, x in points), *hold])}"
+        unit = [f"{_UNIT}={signal.unit}"] if signal.unit else []
+        return f"{_TABLE}:{','.join([*(f'{t!r}={x!r}' for t, x in points), *hold, *unit])}"
     kind = type(signal).__name__.lower()
     if kind not in _MAKERS:
         raise InputError(f"a signal of class {type(signal).__name__} cannot be written as text")
@@ -277,15 +296,18 @@ def signal_text(signal: Signal) -> str:
 
 
 def _table(text: str, words: Mapping[str, float]) -> Table:
-    """Read TIME=VALUE,.. and hold=1 for a staircase."""
+    """Read TIME=VALUE,.., hold=1 for a staircase, and unit=UNIT of the values."""
     items = [(key.strip(), value.strip()) for key, _, value in (part.partition("=") for part in text.split(","))]
-    points = [(key, value) for key, value in items if key != _HOLD]
+    others = dict(item for item in items if item[0] in (_HOLD, _UNIT))
+    points = [item for item in items if item[0] not in others]
     if not all(is_number(t) and _is_level(x, words) for t, x in points):
         wrong = next((x for t, x in points if is_number(t) and x and not _is_level(x, words)), "")
         other = f"; '{wrong}': {suggest(wrong, words)}" if words and wrong else ""
         raise InputError(f"{_TABLE}: '{text}' is not of the form TIME=VALUE,.., as in table:0=0,1=2{other}")
-    held = len(points) < len(items)
-    return Table([float(t) for t, _ in points], [_level(x, words) for _, x in points], "hold" if held else "linear")
+    if (held := others.get(_HOLD, "0")) not in ("0", "1"):
+        raise InputError(f"{_TABLE}: '{_HOLD}={held}' is neither {_HOLD}=1, a staircase, nor {_HOLD}=0, straight lines")
+    times, values = [float(t) for t, _ in points], [_level(x, words) for _, x in points]
+    return Table(times, values, "hold" if held == "1" else "linear", others.get(_UNIT))
 
 
 _Given: TypeAlias = "Signal | float | str | Sequence[Any] | NDArray[Any]"

@@ -262,6 +262,7 @@ class Table(Signal):
         times: shape (n,) [s], not falling; a time given twice is a jump.
         values: shape (n,).
         interpolate: "linear" between the points or "hold" (a staircase).
+        unit: of the values; None: that of the input which they force. Analyses convert.
 
     Examples:
         >>> print(wb.Table([0.0, 1.0, 2.0], [0.0, 4.0, 4.0])(0.25))
@@ -271,6 +272,7 @@ class Table(Signal):
     times: Sequence[float]
     values: Sequence[float]
     interpolate: Literal["linear", "hold"] = "linear"
+    unit: str | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         times = tuple(float(t) for t in self.times)

@@ -11,6 +11,7 @@ from workbench.errors import InputError, suggest
 from workbench.fmi.variable import Variable
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
+from workbench.model.starts import conversion_to
 from workbench.signal_text import signals_of
 from workbench.signals import Constant, Signal, Step, Table
 
@@ -86,10 +87,30 @@ def forced_inputs(model: Model, given: Signals, *, what: str = "inputs") -> dict
         check_variables(model, [name], "input", what=what)
         return items[name]
 
-    items = {v.name: _items(model, v) for v in model.inputs}
+    inputs = {v.name: v for v in model.inputs}
+    items = {name: _items(model, v) for name, v in inputs.items()}
     found = signals_of(given, words)
     check_variables(model, found, "input", what=what)
-    return {name: _stepwise(name, signal, items[name]) for name, signal in found.items()}
+    own = {name: _in_its_unit(model, inputs[name], signal) for name, signal in found.items()}
+    return {name: _stepwise(name, signal, items[name]) for name, signal in own.items()}
+
+
+def _in_its_unit(model: Model, variable: Variable, signal: Signal) -> Signal:
+    """Return a table in the unit of the input that it forces; an input without a unit takes numbers as they are."""
+    if not isinstance(signal, Table) or signal.unit is None:
+        return signal
+    values = signal.values
+    if variable.unit and signal.unit != variable.unit:
+        units = model.description.units if isinstance(model, DescribedModel) else {}
+        found = conversion_to(variable, signal.unit, units)
+        if found is None:
+            raise InputError(
+                f"input {variable.name}: values in '{signal.unit}' do not convert to its unit, {variable.unit}; "
+                "give them in a unit that does, or without one"
+            )
+        factor, offset = found
+        values = [factor * x + offset for x in values]
+    return replace(signal, values=values, unit=None)
 
 
 def _items(model: Model, variable: Variable) -> Mapping[str, int]:

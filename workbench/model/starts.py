@@ -14,7 +14,7 @@ from workbench.errors import InputError, article, suggest
 from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import FLOAT_TYPES, WHOLE_RANGES, Value, Variable
 
-__all__ = ["check_biases", "check_starts", "elements_of"]
+__all__ = ["check_biases", "check_starts", "conversion_to", "elements_of"]
 
 _SETTABLE = ("parameter", "structuralParameter", "input", "local", "output")
 _NO_TYPES: Mapping[str, Mapping[str, int]] = MappingProxyType({})
@@ -141,7 +141,13 @@ def _converted(
         return number
     if variable.unit is None:
         raise InputError(f"{variable.name}: it has no unit; give a plain number in place of '{value}'")
-    factor, offset = _conversion(variable, given, units)
+    found = conversion_to(variable, given, units)
+    if found is None:
+        raise InputError(
+            f"{variable.name}: '{given}' does not convert to its unit, {variable.unit}; give a number in that, or a "
+            "unit that does"
+        )
+    factor, offset = found
     if change and offset:
         raise InputError(
             f"{variable.name}: {value} may be a value or a difference, since the zeros of {given} and {variable.unit} "
@@ -150,19 +156,20 @@ def _converted(
     return factor * number + offset
 
 
-def _conversion(variable: Variable, given: str, units: Mapping[str, UnitDefinition]) -> tuple[float, float]:
+def conversion_to(variable: Variable, given: str, units: Mapping[str, UnitDefinition]) -> tuple[float, float] | None:
+    """Return factor and offset that turn a value in a given unit into one in a variable's; None: there are none.
+
+    Args:
+        variable: that has a unit.
+        given: the unit's name: a display unit of the FMU, or any that is known.
+        units: what the FMU defines about its units, by name.
+    """
     own = units.get(variable.unit or "", UnitDefinition())
     for shown in own.display:
         if plain_unit(shown.name) == plain_unit(given) and shown.factor:
             return 1.0 / shown.factor, -shown.offset / shown.factor
     known = {name: unit for name, defined in units.items() if (unit := defined.unit(name)) is not None}
-    found = named_conversion(given, variable.unit or "", known)
-    if found is None:
-        raise InputError(
-            f"{variable.name}: '{given}' does not convert to its unit, {variable.unit}; give a number in that, or a "
-            "unit that does"
-        )
-    return found
+    return named_conversion(given, variable.unit or "", known)
 
 
 def _as_type(variable: Variable, value: Value) -> Value:

@@ -9,7 +9,7 @@ from workbench.core.names import check_names
 from workbench.errors import InputError, article
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import FLOAT_TYPES, WHOLE_RANGES, Value, Variable
-from workbench.signals import Constant, Signal
+from workbench.signals import Constant, Signal, Table
 
 __all__ = ["Forcing", "convert"]
 
@@ -72,6 +72,11 @@ class Forcing:
         self._fast = [i for i, v in enumerate(variables) if v.is_continuous_input]
         self._slow = [i for i, v in enumerate(variables) if not v.is_continuous_input]
         self._variables = variables
+        for variable, (signal, _) in zip(variables, self._pairs, strict=True):
+            if isinstance(signal, Table) and signal.unit not in (None, variable.unit):
+                raise InputError(
+                    f"input {variable.name}: a session converts no units; give the table in {variable.unit}"
+                )
         for i in self._slow:
             _check_held(variables[i], *self._pairs[i])
         self.continuous = instance.access([variables[i] for i in self._fast])
