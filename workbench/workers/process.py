@@ -47,8 +47,8 @@ _LAST_WORDS = 1 << 16
 _LOG = 1 << 26
 
 _START = (
-    "import sys; sys.path[:] = {path!r}; {orphaned}{first}from workbench.workers.child import main; "
-    "main({link!r}, *{rest!r})"
+    "import sys; sys.path[:] = {path!r}; {orphaned}{first}from workbench.core.cycles import seldom; seldom(); "
+    "from workbench.workers.child import main; main({link!r}, *{rest!r})"
 )
 
 # When its parent dies, the system continues a worker (Linux): one that is stopped could not see that. Not a signal that
