@@ -349,9 +349,12 @@ def recast(request: type[_Kind], asked: Options, **others: Any) -> _Kind:  # noq
         request: class of the other one.
         asked: whose options are taken.
         others: what it has in place of them, or besides.
+
+    Raises:
+        TypeError: it has no option of a name in `others`.
     """
     known = {d.name for d in options_of(request)}
-    return request(**{name: value for name, value in {**values_of(asked), **others}.items() if name in known})
+    return request(**{**{name: value for name, value in values_of(asked).items() if name in known}, **others})
 
 
 @cache

@@ -76,7 +76,7 @@ class Worker(Options):
         confine: whether an FMU may neither write files nor use a network. For worker processes only.
 
     Raises:
-        InputError: confined, but in this process; a limit that is none.
+        InputError: confined, but in this process; an impossible limit.
     """
 
     _: KW_ONLY

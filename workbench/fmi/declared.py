@@ -40,7 +40,7 @@ Word = str  # one of few, which many elements share
 
 
 def written(*names: str) -> Mapping[str, tuple[str, ...]]:
-    """Return the metadata of a field that stands in the file under one of these names; none: it is no attribute."""
+    """Return the metadata of a field that stands in the file under one of these names; none: it is not an attribute."""
     return {"written": names}
 
 

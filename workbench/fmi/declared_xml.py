@@ -64,7 +64,7 @@ def read_declared(data: bytes) -> Declared:
         data: the file, without a document type.
 
     Raises:
-        FmuError: not well-formed, no version of FMI that is known, or a number that is none.
+        FmuError: not well-formed, an unknown version of FMI, or text where a number should be.
     """
     found = Declared()
     try:

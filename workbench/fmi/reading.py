@@ -57,7 +57,7 @@ def described_at(path: Path) -> Description:
         path: an FMU, or the folder of an unpacked one.
 
     Raises:
-        FmuError: no FMU, or see `read_description`.
+        FmuError: not an FMU, or see `read_description`.
     """
     if path.is_dir():
         return _described(_data_in(path, str(path)), str(path), {})

@@ -79,7 +79,7 @@ def time_based(clocks: Mapping[str, Clock]) -> dict[str, Clock]:
 
 
 def no_interval(who: str, time: float) -> SimulationError:
-    """Return the error for an interval that is none.
+    """Return the error for an interval that is negative or not finite.
 
     Args:
         who: model, and clock where it is known.

@@ -42,7 +42,7 @@ class Degrees(Locator):
 
 
 def gain_label(input_unit: str | None, output_unit: str | None) -> str:
-    """Return the label of a gain in decibels, with what 0 dB is where that is no pure number.
+    """Return the label of a gain in decibels, with what 0 dB is where that is not a pure number.
 
     Args:
         input_unit: None: not known.

@@ -98,7 +98,7 @@ class Command:
         """Return what is given for `set` or `bias` as a table.
 
         Raises:
-            InputError: it is none.
+            InputError: it is not a table.
         """
         found = value if isinstance(value, Mapping) else next(iter(self.values({key: value}).values()), None)
         if not isinstance(found, Mapping):

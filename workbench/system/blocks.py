@@ -295,7 +295,7 @@ def described(  # noqa: PLR0917
     derivatives: tuple[Variable, ...],
     indicators: int = 0,
 ) -> Description:
-    """Return the description of a component that is no FMU, in an FMU's words.
+    """Return the description of a component that is not an FMU, in an FMU's words.
 
     Args:
         name: of the component.

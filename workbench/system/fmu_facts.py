@@ -54,7 +54,7 @@ def fmu_facts(file: str) -> FmuFacts:
 
     Raises:
         InputError: nothing there.
-        FmuError: no FMU, or its description cannot be read.
+        FmuError: not an FMU, or its description cannot be read.
     """
     path = locate(file).resolve()
     described = path / DESCRIPTION if path.is_dir() else path

@@ -80,7 +80,7 @@ class _Terminals:
         if first is None or second is None:
             component, name = ends[0 if first is None else 1]
             near = suggest(name, self._terminals[component])
-            raise InputError(f"'{name}' is no terminal of '{component}', and a terminal takes another; {near}")
+            raise InputError(f"'{name}' is not a terminal of '{component}', and a terminal takes another; {near}")
         if (connection.gain, connection.offset, connection.unit) != (1.0, 0.0, None):
             raise InputError("terminals are connected as they are: leave out gain, offset and unit")
         if first.rule != second.rule:

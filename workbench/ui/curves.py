@@ -45,7 +45,7 @@ def curves_of(record: object) -> list[dict[str, Any]]:
 
 
 def _with_unit(value: float, unit: str | None) -> str:
-    """Return a number with its unit as a label shows it; the unit 1 is none."""
+    """Return a number with its unit as a label shows it; the unit 1 is left out."""
     return f"{value:g} {unit}" if unit and unit != "1" else f"{value:g}"
 
 

@@ -150,7 +150,7 @@ class Root:
 
 
 def _model_of_point(file: Path) -> str:
-    """Return the name of the model whose operating point a file holds, as its beginning says it; empty: it is none."""
+    """Return the name of the model whose operating point a file holds, by its beginning; empty: it holds none."""
     try:
         with file.open("rb") as stream:
             begin = stream.read(_BEGINNING).decode("utf-8", "replace")

@@ -63,7 +63,7 @@ def records_only(packed: bytes) -> Any:  # noqa: ANN401 - any result
     """
     others = {code.name for code, _, _ in pickletools.genops(packed)} - _PLAIN
     if others:
-        raise pickle.UnpicklingError(f"a worker sent what is no part of a result ({', '.join(sorted(others))})")
+        raise pickle.UnpicklingError(f"a worker sent what is not part of a result ({', '.join(sorted(others))})")
     return _Reader(io.BytesIO(packed)).load()
 
 
@@ -87,7 +87,7 @@ class _Writer(pickle.Pickler):
 class _Reader(pickle.Unpickler):
     def find_class(self, module: str, name: str, /) -> Any:  # noqa: ANN401 - a function
         if (module, name) not in _CALLED:
-            raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is no part of a result")
+            raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not part of a result")
         return _CALLED[module, name]
 
 
@@ -97,7 +97,7 @@ class _Reader(pickle.Unpickler):
 def _record(module: str, name: str, values: Mapping[str, object]) -> object:
     kind = _class(module, name)
     if not _is_record(kind):
-        raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is no record")
+        raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not a record")
     made = object.__new__(kind)  # what its own way of making does was done in the worker
     _fill(made, values)
     return made
@@ -106,7 +106,7 @@ def _record(module: str, name: str, values: Mapping[str, object]) -> object:
 def _error(module: str, name: str, texts: tuple[str, ...], values: Mapping[str, object]) -> WorkbenchError:
     kind = _class(module, name)
     if not issubclass(kind, WorkbenchError):
-        raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is no error of the workbench")
+        raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not an error of the workbench")
     made = kind.__new__(kind, *map(one_line, texts))
     _fill(made, values)
     return made
@@ -130,7 +130,7 @@ def _array(kind: str, shape: tuple[int, ...], content: bytes) -> np.ndarray[Any,
     if dtype.kind == _TRUTHS:
         return np.frombuffer(content, np.uint8).reshape(shape).astype(np.bool_)
     if dtype.kind not in _NUMBERS:  # objects, and structures that could hide some
-        raise pickle.UnpicklingError(f"a worker sent an array of {kind}, which are no numbers")
+        raise pickle.UnpicklingError(f"a worker sent an array of {kind}, which are not numbers")
     made: np.ndarray[Any, Any] = np.frombuffer(content, dtype).reshape(shape).copy()
     return made
 
@@ -150,7 +150,7 @@ def _class(module: str, name: str) -> type[Any]:
         found = getattr(import_module(module), name, None)
         if isinstance(found, type) and found.__module__ == module:
             return found
-    raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is no part of a result")
+    raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not part of a result")
 
 
 def _is_record(kind: type[Any]) -> bool:

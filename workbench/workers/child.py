@@ -237,7 +237,7 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
 
 
 def _failure(error: BaseException) -> tuple[str, Any]:
-    """Return the message that tells what a task has raised; what is no error of the workbench is a bug of ours."""
+    """Return the message that tells what a task has raised; what is not an error of the workbench is a bug of ours."""
     if isinstance(error, WorkbenchError):
         return ERROR, error
     if isinstance(error, MemoryError):

@@ -26,7 +26,7 @@ def parse_design(kind: str, text: str) -> Design:
         text: KEY=VALUE pairs with commas between; several numbers as in band=0.1:20, or amplitude=2:0.5 for two inputs.
 
     Raises:
-        InputError: unknown kind or key, a key twice, a value that is none, out of range.
+        InputError: unknown kind or key, a key twice, not a number, out of range.
     """
     if kind not in _MAKERS:
         raise InputError(f"signal '{kind}' is unknown; {suggest(kind, _MAKERS)}")

@@ -103,7 +103,7 @@ def _equidistant(name: str, time: Floats) -> tuple[Floats, tuple[str, ...]]:
 
 
 def check_finite(name: str, kind: str, names: Sequence[str], values: Floats, time: Floats) -> None:
-    """Refuse a number that is none, and say where it is.
+    """Refuse what is not a number, and say where it is.
 
     Raises:
         InputError: a value is not finite.
@@ -122,7 +122,7 @@ def check_finite(name: str, kind: str, names: Sequence[str], values: Floats, tim
 
 
 def check_choice(name: str, inputs: Sequence[str], outputs: Sequence[str], known: Sequence[str]) -> None:
-    """Refuse a choice of columns that is none.
+    """Refuse an impossible choice of columns.
 
     Raises:
         InputError: no such column, none at all, one named twice.

@@ -27,7 +27,7 @@ __all__ = ["refined"]
 _NOTHING_LEFT = 1e-6  # of the output: prediction errors below are rounding, not noise
 # How much larger the simulation's error may be, in log det for each output. On other data both models have the same
 # noise in it, so that little is a lot; on the data of the fit the subspace model has fitted the noise.
-_SAME = 1e-3  # a change of the prediction error that is none, in log det for each output
+_SAME = 1e-3  # a change of the prediction error that counts as none, in log det for each output
 _WORSE = {"other": 0.02, "own": 0.1}
 
 

@@ -40,7 +40,7 @@ def check_parameter(model: Model, name: str) -> None:
         name: of a parameter, input or state, or "component.parameter" of a system's block or gain.
 
     Raises:
-        InputError: it is none of these.
+        InputError: the model has no such name.
     """
     check_variables(model, [name], "parameter", "input", "state", what="vary", number=True)
 

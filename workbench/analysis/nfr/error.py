@@ -92,7 +92,7 @@ class Evidence:
     rows: int = 200
 
     def floor(self, drive: float, largest: float) -> float:
-        """Return the fundamental of the output below which it is none [unit of the output].
+        """Return the fundamental of the output below which it counts as none [unit of the output].
 
         That is rounding of the output, and of the terms that the linear model has it the sum of; and what the
         integration gets wrong of these where the linear model has no response.

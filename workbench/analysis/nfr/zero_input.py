@@ -24,7 +24,7 @@ _GROWTH = 100.0
 
 _PERIODS = 8
 
-# A movement below this part of the output's size is none.
+# A movement below this part of the output's size counts as none.
 _NOTHING = 1e-9
 
 

@@ -143,7 +143,7 @@ def pose(balance: Balance, sets: TrimSets) -> Problem:
     Unless told otherwise every state is unknown, every derivative must vanish and every input is held.
 
     Raises:
-        InputError: an unknown name, a name in sets that exclude each other, a value that is none.
+        InputError: an unknown name, a name in sets that exclude each other, a value that is not a number.
     """
     _check(balance, sets)
     n = len(balance.states)

@@ -71,7 +71,7 @@ def solve(problem: Problem, start: Floats, *, tolerance: float, slowest: bool, e
     Phase two, in a family of solutions, moves along it: to the least floating derivatives (`slowest`), then to the
     solution nearest to `start`, in nominal values.
 
-    It follows slopes: it finds one solution of several, and none where a minimum of ‖F‖² that is none lies in
+    It follows slopes: it finds one solution of several, and none where a minimum of ‖F‖² above zero lies in
     the way. The caller must look at `converged`.
 
     Args:

@@ -99,7 +99,7 @@ def _steps(path: str) -> Iterator[re.Match[str]]:
     """Yield the steps of a path.
 
     Raises:
-        InputError: something in it is none.
+        InputError: a step of it cannot be read.
     """
     place = 0
     while place < len(path):
