@@ -217,7 +217,12 @@ def test_flows_into_both_sum_to_zero(tmp_path: Path) -> None:
 
 REFUSED = {
     "both inputs": ("b.drive", "a.drive", TERMINALS, r"a\.u\[1\] and b\.u\[1\] are both inputs; of two members one"),
-    "no terminal": ("b.drive", "a.sum", TERMINALS, r"'sum' is not a terminal of 'a', and a terminal takes another; known"),
+    "no terminal": (
+        "b.drive",
+        "a.sum",
+        TERMINALS,
+        r"'sum' is not a terminal of 'a', and a terminal takes another; known",
+    ),
     "a plug": (
         "b.drive",
         "a.shown",

@@ -47,6 +47,17 @@ def test_settled_points_hold_the_truth_and_are_good_to_one_per_cent(blind: bool)
     assert blind or all(t.true <= t.stated for t in found if np.isfinite(t.stated))
 
 
+@pytest.mark.parametrize(("frequency", "amplitude"), [(0.25, 0.3), (0.28, 0.3), (0.3, 0.3), (0.3, 0.5)])
+def test_multipliers_that_change_as_the_transient_decays_are_in_the_error(frequency: float, amplitude: float) -> None:
+    options: dict[str, Any] = {"amplitude": amplitude, "max_periods": 60}
+    with wb.load("fmu:Duffing", "me", tolerance=1e-9) as model:  # solved for, not waited for
+        (truth,) = quick(model, [frequency], errcrit=1e-4, **options).response.ravel()
+    with wb.load("fmu:Duffing", "cs", step=0.005) as model:
+        result = quick(model, [frequency], **options)
+    assert result.status == (("settled",),)
+    assert abs(result.response[0, 0] / truth - 1.0) <= result.error[0, 0] <= 0.01
+
+
 def test_a_light_resonance_that_has_not_grown_is_not_settled() -> None:
     plant = Plant((Mode(1.0, 2e-4, 1.0),), 1.0001)
     assert abs(plant.truth) == pytest.approx(2235.87, rel=1e-5)
