@@ -15,7 +15,7 @@ from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
-from workbench.model import Model
+from workbench.model import Model, load
 from workbench.session import Session
 from workbench.signals import Constant, Signal, Step
 
@@ -106,3 +106,9 @@ def test_wrong_input_is_refused() -> None:
         simulate(model, stop=-1.0)
     with pytest.raises(InputError, match="interval must be positive"):
         simulate(model, stop=1.0, interval=0.0)
+
+
+def test_local_variables_have_their_units() -> None:
+    with load("fmu:Rudder") as model:
+        result = simulate(model, stop=0.1, outputs=["spoolTarget", "del"])
+    assert result.units == {"spoolTarget": "m", "del": "deg"}

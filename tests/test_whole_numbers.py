@@ -42,3 +42,23 @@ def test_a_constant_between_the_values_of_a_type_is_refused(name: str, value: fl
         with pytest.raises(InputError, match=rf"{name}: {value:g} is not a value that an? {kind} can have"):
             wb.simulate(model, stop=1.0, inputs={name: wb.Constant(value)}, in_process=True)
         wb.simulate(model, stop=1.0, inputs={name: wb.Sine(amplitude=1.0, frequency=1.0)}, in_process=True)
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+@pytest.mark.parametrize("kind", ["Int64", "UInt64"])
+def test_a_signal_beyond_its_digits_is_refused_and_such_a_result_is_told(
+    kind: str, interface: str, feedthrough: Path
+) -> None:
+    """A start value arrives with all its digits; results are floating point, and say where these are rounded."""
+    name, beyond = f"{kind}_input", 2**53 + 1
+    with wb.load(feedthrough, interface=interface) as model:
+        for signal in (beyond + 1, str(beyond + 1), wb.Step(time=0.5, value=float(beyond + 1), initial=0.0)):
+            with pytest.raises(InputError, match=rf"{name}: signals are exact to ±2\^53, and {beyond + 1} is beyond"):
+                wb.simulate(model, stop=1.0, inputs={name: signal}, in_process=True)
+        exact = wb.simulate(model, stop=1.0, inputs={name: 2**53 - 1}, outputs=[f"{kind}_output"], in_process=True)
+        assert exact[f"{kind}_output"][-1] == 2**53 - 1
+        assert not any("rounded" in note for note in exact.notes)
+    with wb.load(feedthrough, interface=interface, start_values={name: str(beyond)}) as model:
+        assert model.start_values[name] == beyond
+        found = wb.simulate(model, stop=1.0, outputs=[f"{kind}_output"], in_process=True)
+        assert f"{kind}_output: may be rounded, since results are exact below 2^53" in found.notes

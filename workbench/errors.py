@@ -204,7 +204,8 @@ def unbroken(text: str) -> str:
 
 def article(noun: str) -> str:
     """Return `noun` with the indefinite article before it."""
-    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
+    vowel = noun[:1].lower() in "aeiou" and not noun.startswith("UInt")  # which is spoken "you"
+    return f"{'an' if vowel else 'a'} {noun}"
 
 
 _SUGGESTED = 8  # names at most

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["FLOAT_TYPES", "WHOLE_RANGES", "Value", "Variable"]
+__all__ = ["EXACT_TO", "FLOAT_TYPES", "WHOLE_RANGES", "Value", "Variable"]
 
 Value = float | int | bool | str
 
@@ -15,6 +15,7 @@ WHOLE_RANGES = {
     **{f"UInt{bits}": (0, (1 << bits) - 1) for bits in (8, 16, 32, 64)},
     "Integer": (-(1 << 31), (1 << 31) - 1),
 }
+EXACT_TO = 1 << 53  # whole numbers up to this are themselves in signals and results, which are 64-bit floating point
 
 
 class Variable(NamedTuple):

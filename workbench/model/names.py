@@ -18,7 +18,7 @@ from workbench.signals import Constant, Signal, Step, Table
 if TYPE_CHECKING:
     from workbench.signal_text import Signals
 
-__all__ = ["Kind", "check_variables", "forced_inputs", "found_variables"]
+__all__ = ["Kind", "check_variables", "declared_units", "forced_inputs", "found_variables", "variables_of"]
 
 Kind = Literal["input", "output", "state", "parameter", "variable"]
 
@@ -66,6 +66,17 @@ def found_variables(model: Model, names: Iterable[str], *kinds: Kind, what: str)
 
 
 _TRUTH: Mapping[str, int] = {"false": 0, "true": 1}
+
+
+def variables_of(model: Model) -> dict[str, Variable]:
+    """Return all variables that a model tells of, by name."""
+    return {v.name: v for v in (*model.parameters, *_of(model, "variable"))}
+
+
+def declared_units(model: Model, names: Iterable[str]) -> dict[str, str | None]:
+    """Return the units of variables by name; None: it has none."""
+    known = variables_of(model)
+    return {name: known[name].unit for name in names}
 
 
 def forced_inputs(model: Model, given: Signals, *, what: str = "inputs") -> dict[str, Signal]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from workbench.core.names import check_names
 from workbench.errors import InputError, article
 from workbench.fmi.instance import Instance
-from workbench.fmi.variable import FLOAT_TYPES, WHOLE_RANGES, Value, Variable
+from workbench.fmi.variable import EXACT_TO, FLOAT_TYPES, WHOLE_RANGES, Value, Variable
 from workbench.signals import Constant, Signal, Table
 
 __all__ = ["Forcing", "convert"]
@@ -20,7 +20,7 @@ def convert(variable: Variable, value: float) -> Value:
     """Return `value` as the variable's type: integers are rounded, Booleans are value ≥ 0.5.
 
     Raises:
-        InputError: an integer that its type cannot hold; it would wrap around.
+        InputError: an integer that its type cannot hold (it would wrap around), or with more digits than a signal.
     """
     if variable.type in FLOAT_TYPES:
         return value
@@ -31,6 +31,10 @@ def convert(variable: Variable, value: float) -> Value:
     if not least <= whole <= largest:
         raise InputError(
             f"input {variable.name}: {whole} is beyond what {article(variable.type)} can hold, {least} … {largest}"
+        )
+    if abs(whole) > EXACT_TO:
+        raise InputError(
+            f"input {variable.name}: signals are exact to ±2^53, and {whole} is beyond; a start value (--set) is exact"
         )
     return whole
 

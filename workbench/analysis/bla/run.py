@@ -19,7 +19,7 @@ from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import Model
-from workbench.model.names import check_variables
+from workbench.model.names import check_variables, declared_units
 from workbench.model.placing import find_point
 from workbench.session.base import Floats
 
@@ -99,10 +99,10 @@ class _UnderWay:
     def result(self) -> BlaResult:
         """Return the result of the powers that are done."""
         asked, model = self.asked, self.model
-        units = {v.name: v.unit for v in (*model.parameters, *model.states, *model.outputs, *model.inputs)}
+        units = declared_units(model, (asked.input, asked.output))
         told = {
-            "model": model.name, "input": asked.input, "output": asked.output, "input_unit": units.get(asked.input),
-            "output_unit": units.get(asked.output), "periods": asked.periods, "realisations": asked.realisations,
+            "model": model.name, "input": asked.input, "output": asked.output, "input_unit": units[asked.input],
+            "output_unit": units[asked.output], "periods": asked.periods, "realisations": asked.realisations,
             "transient": asked.transient, "lines": asked.lines, "notes": tuple(self.notes),
             "operating_point": self.where,
         }  # fmt: skip

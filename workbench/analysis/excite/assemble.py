@@ -12,6 +12,7 @@ from workbench.analysis.excite.request import Excite
 from workbench.analysis.excite.result import ExciteResult, SignalFacts
 from workbench.analysis.experiment.experiment import Experiment, make_experiment
 from workbench.model import Model
+from workbench.model.names import declared_units
 from workbench.session.base import Floats
 
 __all__ = ["assemble"]
@@ -58,15 +59,15 @@ def assemble(
 
 def _part(model: Model, asked: Excite, rows: tuple[Floats, Floats, Floats], chosen: slice) -> Experiment:
     time, u, y = rows
-    known = {v.name: v.unit for v in (*model.parameters, *model.states, *model.outputs, *model.inputs)}
+    known = declared_units(model, [*asked.inputs, *asked.outputs])
     return make_experiment(
         time[chosen],
         u[chosen],
         y[chosen],
         input_names=asked.inputs,
         output_names=asked.outputs,
-        input_units=[known.get(n) for n in asked.inputs],
-        output_units=[known.get(n) for n in asked.outputs],
+        input_units=[known[n] for n in asked.inputs],
+        output_units=[known[n] for n in asked.outputs],
         name=model.name,
         loops=model.closed_loops([*asked.inputs, *asked.outputs], until=float(time[-1])),
     )

@@ -7,10 +7,11 @@ import numpy as np
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask
 from workbench.core.operating_point import OperatingPoint
+from workbench.model.names import declared_units
 from workbench.session.base import Floats
 from workbench.session.point import Evaluation, Point
 
-__all__ = ["continuous_result", "operating_point", "output_rows", "units_of"]
+__all__ = ["continuous_result", "operating_point", "output_rows"]
 
 
 def operating_point(task: LinTask, point: Point, base: Evaluation) -> OperatingPoint:
@@ -28,13 +29,6 @@ def operating_point(task: LinTask, point: Point, base: Evaluation) -> OperatingP
         units={v.name: v.unit for v in (*task.model.states, *task.model.inputs, *task.model.outputs)},
         time=point.time,
     )
-
-
-def units_of(task: LinTask, states: list[str]) -> dict[str, str | None]:
-    """Return the units of everything in the result."""
-    model = task.model
-    known = {v.name: v.unit for v in (*model.states, *model.outputs, *model.inputs)}
-    return {n: known.get(n) for n in (*states, *task.inputs, *task.outputs)}
 
 
 def output_rows(task: LinTask, point: Point) -> list[int]:
@@ -70,7 +64,7 @@ def continuous_result(
         state_names=tuple(v.name for v in point.states),
         input_names=task.inputs,
         output_names=task.outputs,
-        units=units_of(task, [v.name for v in point.states]),
+        units=declared_units(task.model, [*(v.name for v in point.states), *task.inputs, *task.outputs]),
         operating_point=where,
         calls=dict(point.calls),
     )

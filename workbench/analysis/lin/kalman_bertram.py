@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.lin.assemble import units_of
 from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.period_map import PeriodMap
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
@@ -16,6 +15,7 @@ from workbench.analysis.lin.task import LinTask, moving_note, open_base
 from workbench.analysis.rates import basic_period, sample_periods
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
+from workbench.model.names import declared_units
 from workbench.session.base import Floats
 from workbench.session.point import Point
 
@@ -170,7 +170,7 @@ def _point(setting: PeriodMap, slopes: _Slopes) -> OperatingPoint:
         u=dict(setting.inputs),
         y=dict(zip(task.outputs, slopes.y[0, 0].tolist(), strict=True)),
         discrete=dict(zip(names[c:], values[c:n], strict=True)),
-        units={**units_of(task, names[:c]), **{v.name: v.unit for v in setting.states[c:]}},
+        units=declared_units(task.model, [*names, *task.inputs, *task.outputs]),
         time=setting.start,
         period=setting.period,
     )

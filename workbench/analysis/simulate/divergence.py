@@ -11,6 +11,7 @@ import numpy as np
 from workbench.core.record import Part
 from workbench.errors import InputError, SimulationError
 from workbench.model.base import Model
+from workbench.model.names import declared_units
 from workbench.session.base import Floats, Recorded, Session
 from workbench.signals import Signal
 
@@ -222,8 +223,8 @@ def explained(
         return error
     if seen is None or len(seen.time) < _EVENLY // 2:
         return error
-    units = {v.name: v.unit for v in (*model.outputs, *model.states)}
-    kinds = [divergence(seen.time, seen.values[n], variable=n, unit=units.get(n)) for n in every]
+    units = declared_units(model, every)
+    kinds = [divergence(seen.time, seen.values[n], variable=n, unit=units[n]) for n in every]
     found = [d for d in kinds if d is not None]
     worst = _worst([d for d in found if d.variable in names] or found)
     return error if worst is None else DivergenceError.of(worst, error, seen)

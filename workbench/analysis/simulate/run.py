@@ -16,10 +16,11 @@ from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import EndedError, InputError, SimulationError, StoppedError
+from workbench.fmi.variable import EXACT_TO, WHOLE_RANGES
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
 from workbench.model.fmu_model import FmuModel
-from workbench.model.names import forced_inputs, found_variables
+from workbench.model.names import declared_units, forced_inputs, found_variables, variables_of
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats, Recorded, Session
 from workbench.session.pauses import at_pauses
@@ -141,6 +142,14 @@ def _growth(record: Recorded, units: Mapping[str, str | None]) -> tuple[str, ...
     return ()
 
 
+def _inexact(model: Model, columns: Mapping[str, Floats]) -> tuple[str, ...]:
+    """Return a note on whole numbers with more digits than a result keeps."""
+    known = variables_of(model)
+    whole = [name for name in columns if known[name].type in WHOLE_RANGES]
+    names = [name for name in whole if np.any(np.abs(columns[name]) >= EXACT_TO)]
+    return (f"{', '.join(names)}: may be rounded, since results are exact below 2^53",) if names else ()
+
+
 def _has_rows(before: object) -> TypeGuard[Recorded]:
     """Return whether there are rows of a run that ended early: without any there is no time history."""
     return isinstance(before, Recorded) and len(before.time) > 0
@@ -197,11 +206,11 @@ class _Run:
             record = _at_points(record, self.start, self.points, () if end is None else record.time[-1:])
         if isinstance(failed, DivergenceError) and not self.exactly:
             record = _with_rows(record, failed.followed)
-        units = _units(model, [*self.names, *self.inputs])
+        units = declared_units(model, [*self.names, *self.inputs])
         columns = {**record.values, **record.inputs}
         if found.ended is not None:
             notes += (f"{found.ended}, before {self.stop:g} s",)
-        notes += (*_growth(record, units), *model.remarks())
+        notes += (*_growth(record, units), *_inexact(model, columns), *model.remarks())
         return SimulationResult(
             model.name,
             model.interface,
@@ -335,9 +344,3 @@ def _with_rows(record: Recorded, others: Recorded) -> Recorded:
         values={n: np.append(v, others.values[n][new])[order] for n, v in record.values.items()},
         inputs={n: np.append(v, others.inputs[n][new])[order] for n, v in record.inputs.items()},
     )
-
-
-def _units(model: Model, names: Sequence[str]) -> dict[str, str | None]:
-    every = (*model.parameters, *model.states, *model.outputs, *model.inputs)
-    known = {v.name: v.unit for v in every}
-    return {name: known.get(name) for name in names}
