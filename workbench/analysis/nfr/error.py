@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from workbench.analysis.harmonics import NOTHING, fundamental
 from workbench.analysis.nfr.beats import Beat
 from workbench.analysis.nfr.surroundings import Twin
-from workbench.analysis.nfr.transient import Limit, directions, multipliers, weigh, weights_of
+from workbench.analysis.nfr.transient import Limit, directions, multipliers, weigh
 from workbench.session.base import Floats
 
 __all__ = [
@@ -60,9 +60,6 @@ BELIEVED = 0.02
 
 # One older change checks a multiplier that nothing else does, and so many more where they are.
 _CHECKS = 2
-
-# Changes that fell by less show by how much only badly.
-_FELL, _TINY = 1.1, 1e-300
 
 # The mean of a transient that is known is known to this.
 _CLEAR = 1.2
@@ -118,8 +115,6 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
     differences, with one mode more than were removed: what these leave unexplained may be slower than they.
     A sampler's beat has multipliers e^(jnθ), known and on the unit circle: what it changes in a period may be little of
     what it changes in a whole beat.
-    Where the transient is large, the multipliers of a nonlinear model change with what is left of it, which no weights
-    foresee: the extrapolation itself then moves as more periods come in, and that is added.
     Where the linear model goes through the same periods, the weights applied to its transient, which is
     known, give their error directly; what tells the two sequences apart is weighed at worst.
 
@@ -137,7 +132,7 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
     if size == 0.0:
         return math.inf
     slowest = max(slowness(limit, evidence.twin), 1.0 if evidence.beat is None else evidence.beat.slowness)
-    measured = _MARGIN * max(limit.defect, _unchecked(limit, sampled=evidence.sampled)) * slowest + _moving(limit)
+    measured = _MARGIN * max(limit.defect, _unchecked(limit, sampled=evidence.sampled)) * slowest
     transient, slow = measured, slowness(limit, None)
     if evidence.twin is not None:
         known, apart = _by_twin(limit, drive, evidence.twin)
@@ -175,27 +170,6 @@ def _unchecked(limit: Limit, *, sampled: bool) -> float:
         return math.inf
     left = max(float(np.linalg.norm((limit.weights @ changes[i : i + n])[1:])) for i in older)
     return left / abs(fundamental(limit.harmonics))
-
-
-def _moving(limit: Limit) -> float:
-    """Return the error of an extrapolation that moves from the periods before to the newest ones.
-
-    It falls at least as the transient does, in proportion where modes are left out, with its square where the model is
-    nonlinear: e(before) ≥ r·e now, where the changes fell by r, and so what it moved is (r − 1)·e at least. Where the
-    older periods are too few for the same number of modes, nothing is known; they then have the check of `_unchecked`.
-    """
-    n = limit.weights.size
-    by = min(n, len(limit.changes) - 2 * limit.modes)
-    if n == 1 or by < 1:
-        return 0.0
-    changes, before = limit.changes[:n, 1:], limit.changes[by:]
-    fell = float(np.linalg.norm(before[:n, 1:])) / max(float(np.linalg.norm(changes)), _TINY)
-    weights = weights_of(before, limit.modes)
-    if weights is None:
-        return math.inf
-    earlier = fundamental(weigh(limit.periods[:-by], weights))
-    moved = abs(earlier - fundamental(limit.harmonics)) / abs(fundamental(limit.harmonics))
-    return moved / (max(fell, _FELL) - 1.0)
 
 
 def _by_twin(limit: Limit, drive: float, twin: Twin) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.session.base import Floats
 
-__all__ = ["Limit", "directions", "multipliers", "remove_transient", "weigh", "weights_of"]
+__all__ = ["Limit", "directions", "multipliers", "remove_transient", "weigh"]
 
 # Decaying modes that are looked for together: two pairs of complex poles.
 _MOST_MODES = 4
@@ -128,20 +128,6 @@ def multipliers(changes: Floats, modes: int) -> Sequence[complex]:
         modes: number of modes, at least 1.
     """
     return _roots(_prediction(changes, modes, 0.0))
-
-
-def weights_of(changes: Floats, modes: int) -> Floats | None:
-    """Return the weights, newest period first, that remove the modes which best predict the newest changes.
-
-    None: one of these does not decay, so that its periods tend to nothing.
-
-    Args:
-        changes: newest first, twice as many as modes at least.
-        modes: number of modes, at least 1.
-    """
-    polynomial = _prediction(changes, modes, 0.0)
-    total = float(polynomial.sum())
-    return polynomial / total if total != 0.0 else None
 
 
 def _by_defect(candidate: tuple[float, Floats]) -> float:
