@@ -113,6 +113,8 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
     What is left of the transient changes the response by the defect δ in the next period and so, with the
     slowest multiplier μ, by δ/|1 − μ| in all periods to come. μ is found as the weights are, from the newest
     differences, with one mode more than were removed: what these leave unexplained may be slower than they.
+    In a nonlinear model a transient a·μ^k also moves the response itself, by its power |a|²·|μ|^(2k) to second order,
+    which is slower than a mode that turns: see `slowness_of_products`.
     A sampler's beat has multipliers e^(jnθ), known and on the unit circle: what it changes in a period may be little of
     what it changes in a whole beat.
     Where the linear model goes through the same periods, the weights applied to its transient, which is
@@ -131,7 +133,11 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
     size = abs(fundamental(limit.harmonics))
     if size == 0.0:
         return math.inf
-    slowest = max(slowness(limit, evidence.twin), 1.0 if evidence.beat is None else evidence.beat.slowness)
+    slowest = max(
+        slowness(limit, evidence.twin),
+        slowness_of_products(limit),
+        1.0 if evidence.beat is None else evidence.beat.slowness,
+    )
     measured = _MARGIN * max(limit.defect, _unchecked(limit, sampled=evidence.sampled)) * slowest
     transient, slow = measured, slowness(limit, None)
     if evidence.twin is not None:
@@ -206,6 +212,22 @@ def slowness(limit: Limit, twin: Twin | None) -> float:
     if not gaps:
         return _UNKNOWN if twin is None or twin.forced.vanishes else 1.0 + twin.forced.sensitivity
     return max(1.0, 1.0 / max(min(gaps), 1e-12))
+
+
+def slowness_of_products(limit: Limit) -> float:
+    """Return 1/(1 − |μ|²) for the slowest of the multipliers that were removed, at least 1.
+
+    With the transient still alive, a nonlinear model is another one: a spring is stiffer or softer while it also swings
+    freely. The shift of the forced response goes with the power of the free motion, so its multiplier μ·μ* is real,
+    and decays within 1/(1 − |μ|²) periods, without turning. The weights, which were made for μ, leave of it what the
+    defect shows of one period. For real positive μ this is quicker than the mode itself.
+
+    Source: A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 4.1 (free and forced terms in the same equation).
+    """
+    if limit.modes == 0:
+        return 1.0
+    largest = max(abs(mu) for mu in multipliers(limit.changes, limit.modes))
+    return max(1.0, 1.0 / max(1.0 - largest**2, 1e-12))
 
 
 def quadrature(harmonics: Floats, rows: int) -> float:
