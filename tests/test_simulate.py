@@ -15,7 +15,8 @@ from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
-from workbench.model import Model, load
+from workbench.model import Model
+from workbench.model.load import load
 from workbench.session import Session
 from workbench.signals import Constant, Signal, Step
 

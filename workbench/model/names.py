@@ -70,13 +70,13 @@ _TRUTH: Mapping[str, int] = {"false": 0, "true": 1}
 
 def variables_of(model: Model) -> dict[str, Variable]:
     """Return all variables that a model tells of, by name."""
-    return {v.name: v for v in (*model.parameters, *_of(model, "variable"))}
+    return {v.name: v for v in (*model.parameters, *model.states, *_of(model, "variable"))}
 
 
 def declared_units(model: Model, names: Iterable[str]) -> dict[str, str | None]:
-    """Return the units of variables by name; None: it has none."""
-    known = variables_of(model)
-    return {name: known[name].unit for name in names}
+    """Return the units of variables by name; None: it has none, as have states that FMI 1 does not name."""
+    known = {name: variable.unit for name, variable in variables_of(model).items()}
+    return {name: known.get(name) for name in names}
 
 
 def forced_inputs(model: Model, given: Signals, *, what: str = "inputs") -> dict[str, Signal]:
