@@ -20,8 +20,9 @@ from workbench.cli.program import program
 from workbench.core.loading import Loading
 from workbench.core.option import Declared, asked_of, put_together
 from workbench.errors import InputError
+from workbench.gusts import gust
 from workbench.signal_text import parse_signal, signal_text
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, pulse
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, pulse
 
 NAMES = ("u", "plant.y[2]", "side stick", "x_1")
 

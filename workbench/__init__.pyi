@@ -151,6 +151,8 @@ from workbench.errors import SimulationError as SimulationError
 from workbench.errors import StoppedError as StoppedError
 from workbench.errors import TimedOutError as TimedOutError
 from workbench.errors import WorkbenchError as WorkbenchError
+from workbench.gusts import gust as gust
+from workbench.gusts import turbulence as turbulence
 from workbench.model import FmuModel as FmuModel
 from workbench.model import Model as Model
 from workbench.model import Variable as Variable
@@ -165,7 +167,6 @@ from workbench.signals import Signal as Signal
 from workbench.signals import Sine as Sine
 from workbench.signals import Step as Step
 from workbench.signals import Table as Table
-from workbench.signals import gust as gust
 from workbench.signals import pulse as pulse
 from workbench.study.envelope.probability import Probability as Probability
 from workbench.study.envelope.request import envelope as envelope

@@ -16,7 +16,8 @@ from workbench.core.files import content_of
 from workbench.core.forms import Form, pairs, table
 from workbench.core.names import split_names
 from workbench.errors import InputError, suggest
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, pulse
+from workbench.gusts import gust, turbulence
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, pulse
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -143,7 +144,8 @@ _KEYS: Mapping[str, tuple[str, ...]] = {
     "step": ("time", "value", "initial"),
     "prbs": ("hold", "amplitude", "offset", "order", "seed", "start"),
     "pulse": ("duration", "value", "time"),
-    "gust": ("duration", "value", "time"),
+    "gust": ("duration", "gradient", "speed", "value", "time"),
+    "turbulence": ("intensity", "speed", "duration", "length", "step", "seed"),
 }
 
 
@@ -181,7 +183,18 @@ def _pulse(k: Mapping[str, float]) -> Signal:
 
 
 def _gust(k: Mapping[str, float]) -> Signal:
-    return gust(time=k.get("time", 0.0), value=k.get("value", 1.0), duration=_required("gust", k, "duration"))
+    return gust(**k)
+
+
+def _turbulence(k: Mapping[str, float]) -> Signal:
+    return turbulence(
+        intensity=k.get("intensity", 1.0),
+        speed=_required("turbulence", k, "speed"),
+        duration=_required("turbulence", k, "duration"),
+        length=k.get("length", 762.0),
+        step=k.get("step", 0.01),
+        seed=_whole("turbulence", "seed", k.get("seed", 1)),
+    )
 
 
 _LEVELS = {"step": ("value", "initial")}  # which of the options may be words
@@ -193,6 +206,7 @@ _MAKERS: Mapping[str, Callable[[Mapping[str, float]], Signal]] = {
     "prbs": _prbs,
     "pulse": _pulse,
     "gust": _gust,
+    "turbulence": _turbulence,
 }
 
 
@@ -228,6 +242,7 @@ def parse_signal(text: str, words: Mapping[str, float] = _NO_WORDS) -> Signal:
     Args:
         text: a number, `sine:amplitude=1,frequency=2,offset=0,phase=0`, `step:time=1,value=2`,
             `prbs:hold=0.1,amplitude=1`, `pulse:duration=0.1,value=0.8`, `gust:duration=0.5,value=100`,
+            `turbulence:intensity=1.5,speed=250,duration=60`,
             `table:0=0,1=2` (time [s] and value; `hold=1` makes it a staircase, `unit=rad` is that of the values), or
             the name of a CSV file with time and value, with units in its headings or in those of time [s] and input.
         words: what may stand for a number besides, such as the items of an enumeration: alone, in a table, and as

@@ -25,7 +25,8 @@ __all__ = [
     "Sine",
     "Step",
     "Table",
-    "gust",
+    "check_finite",
+    "check_positive",
     "pulse",
 ]
 
@@ -60,7 +61,8 @@ class Signal(ABC):
         return math.inf
 
 
-def _finite(owner: str, **values: float) -> None:
+def check_finite(owner: str, **values: float) -> None:
+    """Refuse numbers that are not finite, in the words of the signal that they are for."""
     for name, value in values.items():
         if (
             not -math.inf < value < math.inf or abs(value) > sys.float_info.max
@@ -68,8 +70,9 @@ def _finite(owner: str, **values: float) -> None:
             raise InputError(f"{owner}: {name} must be a finite number, not {shortened(str(value))}")
 
 
-def _positive(owner: str, **values: float) -> None:
-    _finite(owner, **values)
+def check_positive(owner: str, **values: float) -> None:
+    """Refuse numbers that are not finite and positive, in the words of the signal that they are for."""
+    check_finite(owner, **values)
     for name, value in values.items():
         if value <= 0.0:
             raise InputError(f"{owner}: {name} must be positive, not {value:g}")
@@ -90,7 +93,7 @@ class Constant(Signal):
     value: float
 
     def __post_init__(self) -> None:
-        _finite("constant", value=self.value)
+        check_finite("constant", value=self.value)
 
     def __call__(self, t: float) -> float:
         return self.value
@@ -124,9 +127,9 @@ class Sine(Signal):
     _phi: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        _positive("sine", frequency=self.frequency)
-        _finite("sine", amplitude=self.amplitude, phase=self.phase)
-        _finite("sine", offset=self.offset, start=self.start)
+        check_positive("sine", frequency=self.frequency)
+        check_finite("sine", amplitude=self.amplitude, phase=self.phase)
+        check_finite("sine", offset=self.offset, start=self.start)
         object.__setattr__(self, "_omega", 2.0 * math.pi * self.frequency)
         object.__setattr__(self, "_phi", math.radians(self.phase))
 
@@ -161,7 +164,7 @@ class Step(Signal):
     initial: float = 0.0
 
     def __post_init__(self) -> None:
-        _finite("step", time=self.time, value=self.value, initial=self.initial)
+        check_finite("step", time=self.time, value=self.value, initial=self.initial)
 
     def __call__(self, t: float) -> float:
         return self.value if t >= self.time else self.initial
@@ -211,8 +214,8 @@ class Prbs(Signal):
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        _positive("prbs", hold=self.hold)
-        _finite("prbs", amplitude=self.amplitude, offset=self.offset, start=self.start)
+        check_positive("prbs", hold=self.hold)
+        check_finite("prbs", amplitude=self.amplitude, offset=self.offset, start=self.start)
         from workbench.shift_register import TAPS  # noqa: PLC0415  numpy is slow
 
         if not min(TAPS) <= self.order <= _LONGEST_ORDER:
@@ -319,37 +322,7 @@ def pulse(*, time: float = 0.0, value: float = 1.0, duration: float) -> Table:
         >>> wb.pulse(value=2.0, duration=0.1)
         Table(times=(0.0, 0.0, 0.1, 0.1), values=(0.0, 2.0, 2.0, 0.0), interpolate='linear')
     """
-    _positive("pulse", duration=duration)
-    _finite("pulse", time=time, value=value)
+    check_positive("pulse", duration=duration)
+    check_finite("pulse", time=time, value=value)
     end = time + duration
     return Table([time, time, end, end], [0.0, value, value, 0.0])
-
-
-_GUST_POINTS = 64
-
-
-def gust(*, time: float = 0.0, value: float = 1.0, duration: float) -> Table:
-    """Return the pulse of a discrete gust, value · (1 − cos(2π (t − time)/duration))/2, by 64 straight lines.
-
-    Args:
-        time: when it begins [s].
-        value: height of the gust, in the middle.
-        duration: how long it lasts [s], positive.
-
-    Raises:
-        InputError: a value out of range.
-
-    Source: the "1 − cosine" gust of CS-25.341.
-
-    Examples:
-        The largest value is in the middle.
-
-        >>> gust = wb.gust(value=3.0, duration=2.0)
-        >>> print(gust.times[gust.values.index(3.0)])
-        1.0
-    """
-    _positive("gust", duration=duration)
-    _finite("gust", time=time, value=value)
-    share = [k / _GUST_POINTS for k in range(_GUST_POINTS + 1)]
-    values = [0.5 * value * (1.0 - math.cos(2.0 * math.pi * s)) for s in share]
-    return Table([time + s * duration for s in share], values)
