@@ -10,10 +10,11 @@ from collections.abc import Generator
 
 import pytest
 
+from tests.browsers import browser
 from tests.compiled import quick_compiler, real_compiler
 from tests.drivers import driver
 
-__all__ = ["driver", "quick_compiler", "real_compiler"]
+__all__ = ["browser", "driver", "quick_compiler", "real_compiler"]
 
 # A shell starts background jobs with SIGINT ignored, nohup with SIGHUP, and their children inherit that; tests that
 # interrupt would then wait for ever.

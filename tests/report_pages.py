@@ -9,6 +9,9 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import workbench as wb
+from workbench.report import Page, Section, Table
+
 VOID = {"meta", "link", "br", "hr", "img", "input"}
 # What may fetch something, and the words of style sheets that do.
 FETCHING = ("src", "href", "xlink:href", "action", "data", "poster", "srcset")
@@ -90,3 +93,15 @@ def check_page_file(path: Path) -> PageReader:
     assert len([e for e in page.elements if e.tag == "h1"]) == 1
     assert any(e.attributes.get("name") == "viewport" for e in page.elements)
     return page
+
+
+def page(**more: Any) -> Page:  # noqa: ANN401
+    """Return a small page."""
+    sections = [Section("S", tables=[Table(("what", "value [Hz]"), [("a", "1.5"), ("b", "–"), ("c", "-2e-3")])])]
+    return Page(**{"title": "A & <B>", "lead": "lead", "facts": {}, "sections": sections, **more})
+
+
+def changed_lag() -> wb.NfrResult:
+    """Measure the lag with twice its time constant: what a report tells of a model that is not as its FMU has it."""
+    with wb.load("fmu:FirstOrderLag", start_values={"tau": 2.0}) as model:
+        return wb.nfr(model, "u", "y", [0.1, 0.2], [1.0], in_process=True)

@@ -19,11 +19,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lxml import etree
 from matplotlib.figure import Figure
 
 import workbench as wb
-from tests.report_pages import check_page_file, data_of, facts_of_page, read_page
+from tests.report_pages import changed_lag, check_page_file, data_of, facts_of_page, page, read_page
 from tests.test_records import RECORDS, example
 from workbench.cli.program import COMMANDS
 from workbench.core.named import named
@@ -99,8 +98,8 @@ def test_every_command_is_in_the_index_of_methods(command: str) -> None:
     methods = (docs / "methods" / "index.md").read_text(encoding="utf-8")
     assert f"`{command}`" in methods or command in NO_METHOD
     pages = (docs.parent / "mkdocs.yml").read_text(encoding="utf-8")
-    for page in re.findall(r"\]\(([\w-]+\.md)\)", methods):
-        assert f"methods/{page}" in pages
+    for name in re.findall(r"\]\(([\w-]+\.md)\)", methods):
+        assert f"methods/{name}" in pages
 
 
 NO_METHOD = {"info", "ui"}  # one reads what the FMU says, the other shows what all do
@@ -133,11 +132,6 @@ def test_a_result_without_a_page_is_told(tmp_path: Path) -> None:
 
 def saturation(*amplitudes: float) -> wb.DescribingFunction:
     return wb.describing_function(wb.standard_block("saturation"), amplitudes)
-
-
-def page(**more: Any) -> Page:  # noqa: ANN401
-    sections = [Section("S", tables=[Table(("what", "value [Hz]"), [("a", "1.5"), ("b", "–"), ("c", "-2e-3")])])]
-    return Page(**{"title": "A & <B>", "lead": "lead", "facts": {}, "sections": sections, **more})
 
 
 def test_the_violated_come_first(tmp_path: Path) -> None:
@@ -410,8 +404,7 @@ def test_every_kind_writes_its_page(name: str, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def changed() -> wb.NfrResult:
-    with wb.load("fmu:FirstOrderLag", start_values={"tau": 2.0}) as model:
-        return wb.nfr(model, "u", "y", [0.1, 0.2], [1.0], in_process=True)
+    return changed_lag()
 
 
 def test_a_report_tells_what_differs_from_the_fmu(changed: wb.NfrResult, tmp_path: Path) -> None:
@@ -454,94 +447,6 @@ def test_pictures_of_a_report_have_text_and_values(changed: wb.NfrResult, tmp_pa
         for f, g in zip(changed.frequency_hz, changed.gain_db[0], strict=True)
     ]
     assert all(0.0 < x < width and 0.0 < y < height for x, y, *_ in gains)
-
-
-def test_the_same_facts_stand_beside_the_page_as_traceability_metadata(changed: wb.NfrResult, tmp_path: Path) -> None:
-    changed.report(tmp_path / "p.html")
-    names = {
-        "stmd": "http://ssp-standard.org/SSPTraceability1/SimulationTaskMetaData",
-        "stc": "http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon",
-    }
-    root = etree.parse(tmp_path / "p.stmd").getroot()
-    assert root.tag == f"{{{names['stmd']}}}SimulationTaskMetaData"
-    assert {"version", "name", "GUID"} <= set(root.keys())
-    entries = root.findall("stmd:GeneralInformation/stc:Classification/stc:ClassificationEntry", names)
-    told = {e.get("keyword"): e.text for e in entries}
-    facts = facts_of_page(read_page(tmp_path / "p.html"))
-    assert told == facts
-    (fmu,) = root.findall("stmd:ExecutionPhase/stmd:ExecuteSimulation/stc:Input/stc:Resource", names)
-    assert (fmu.get("kind"), fmu.get("source")) == ("model", "FirstOrderLag.fmu")
-    assert facts["SHA-256"] in [e.text for e in fmu.iter()]
-    order = [etree.QName(e).localname for e in root.find("stmd:ExecutionPhase/stmd:ExecuteSimulation", names)]
-    assert order == ["Input", "Procedure", "Output"]
-
-
-# What may stand in an element, in this order, as SSP Traceability 1.0 words it.
-STEP = ("Input", "Procedure", "Output", "Rationale", "Links", "LifeCycleInformation", "Classification", "Annotations")
-PARTICLE = ("Resource", "Classification", "Annotations")
-STMD_CHILDREN = {
-    "SimulationTaskMetaData": (
-        "GeneralInformation", "AnalysisPhase", "RequirementsPhase", "DesignPhase", "ImplementationPhase",
-        "ExecutionPhase", "EvaluationPhase", "FulfillmentPhase", "Classification", "Annotations",
-    ),
-    "GeneralInformation": ("DerivationChain", "Resource", "Links", "Classification", "Annotations"),
-    "ExecutionPhase": ("ExecuteSimulation", *STEP[4:]),
-    "EvaluationPhase": ("EvaluateSimulationResults", "AssureSimulationQuality", *STEP[4:]),
-    "ExecuteSimulation": STEP, "EvaluateSimulationResults": STEP, "Input": PARTICLE, "Procedure": PARTICLE,
-    "Output": PARTICLE, "Resource": ("Content", "Summary", "MetaData", "Signature", "Classification", "Annotations"),
-    "Classification": ("ClassificationEntry",), "ClassificationEntry": (), "Content": (),
-}  # fmt: skip
-STMD_REQUIRED = {
-    "SimulationTaskMetaData": {"version", "name", "GUID"},
-    "Resource": {"kind", "type"},
-    "ClassificationEntry": {"keyword"},
-}
-STMD_ALLOWED = {
-    "SimulationTaskMetaData": {
-        "version", "name", "GUID", "id", "description", "author", "fileversion", "copyright", "license",
-        "generationTool", "generationDateAndTime",
-    },
-    "Resource": {"kind", "type", "source"}, "ClassificationEntry": {"keyword"}, "Classification": {"type"},
-}  # fmt: skip
-STMD_KINDS = {
-    "document", "requirement", "specification", "model", "parameter", "system", "testcase", "result", "method",
-    "rationale", "report", "request", "delivery", "executable", "configuration",
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("author", ["", "J. Doe"])
-def test_the_metadata_has_the_structure_of_the_standard(author: str, tmp_path: Path, changed: wb.NfrResult) -> None:
-    known = origin_of(changed)
-    assert known is not None
-    full = replace(known, files={"a b.csv": "0" * 64}, call="workbench nfr lag.fmu")
-    facts = {"author": author} if author else {}
-    write_report(page(facts=facts, summary=[Verdict("good", "text")]), tmp_path / "p.html", full)
-    root = etree.parse(tmp_path / "p.stmd").getroot()
-    for element in root.iter():
-        name, keys = etree.QName(element).localname, set(element.keys())
-        children = [etree.QName(child).localname for child in element]
-        places = [STMD_CHILDREN[name].index(child) for child in children]
-        assert places == sorted(places), (name, children)
-        assert STMD_REQUIRED.get(name, set()) <= keys <= STMD_ALLOWED.get(name, set()), (name, keys)
-        if name == "Resource":
-            assert element.get("kind") in STMD_KINDS
-            assert ("source" in keys) != ("Content" in children)  # one of them, never both
-            assert " " not in element.get("source", "")  # a URI
-    assert re.fullmatch(r"[0-9]+[.][0-9]+([.][0-9]+)?(-.*)?", root.get("version", ""))
-    assert [e.text for e in root.iter() if e.getparent() is not None and "a%20b.csv" in source_of(e)] == ["0" * 64]
-
-
-def source_of(entry: etree._Element) -> str:
-    """Return the file that an entry of a resource's classification belongs to."""
-    resources = [e for e in entry.iterancestors() if etree.QName(e).localname == "Resource"]
-    return resources[0].get("source", "") if resources and entry.get("keyword") else ""
-
-
-def test_a_text_that_xml_cannot_hold_does_not_stop_the_metadata(tmp_path: Path) -> None:
-    write_report(page(facts={"na\x01me": "a\x00b\ufffe"}), tmp_path / "p.html")
-    told = [e.text for e in etree.parse(tmp_path / "p.stmd").getroot().iter() if e.get("keyword", "").startswith("na")]
-    assert len(told) == 1
-    assert told[0].startswith("a")
 
 
 def test_tables_of_sentences_fold_and_tables_of_numbers_do_not() -> None:

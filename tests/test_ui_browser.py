@@ -6,7 +6,6 @@ import json
 import math
 import os
 import re
-import shutil
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,9 +19,6 @@ from tests.ui_server import Ui, browser_workbench
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page, Route
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-if CHROMIUM is None:
-    pytest.skip("chromium is not installed (Debian: apt-get install chromium)", allow_module_level=True)
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
 
@@ -30,16 +26,6 @@ ROOT = Path(__file__).resolve().parents[1]
 LONG = 120_000.0  # nothing takes so long that works, however busy the machine is [ms]
 # Pictures of the pages go here, for whoever wants to look at them.
 PICTURES = os.environ.get("WORKBENCH_SCREENSHOTS")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with api.sync_playwright() as play:
-        # Without these Chromium calls its makers at each start.
-        quiet = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"]
-        found = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *quiet])
-        yield found
-        found.close()
 
 
 @pytest.fixture(scope="module")
