@@ -43,6 +43,8 @@ def test_three_lags(parts: dict[str, object]) -> None:
     assert m.phase_margin_deg == pytest.approx(phase, rel=1e-9)
     assert m.delay_margin_s == pytest.approx(math.radians(phase) / omega, rel=1e-9)
     assert m.gain_reduction == 0.0
+    near = f"gain 6.02 dB at {math.sqrt(3.0) / TWO_PI:.3g} Hz, phase {phase:.3g} deg at {omega / TWO_PI:.3g} Hz"
+    assert str(m).startswith(f"margins: {near}, delay {math.radians(phase) / omega:.3g} s; the closed loop is stable")
 
 
 def test_integrator_and_two_lags_of_fmus() -> None:

@@ -113,6 +113,14 @@ class Margins(Part):
     peak_complementary_hz: float
     everywhere: bool = True
 
+    def __str__(self) -> str:
+        """Return one line: the smallest margins, where they are, and the verdict."""
+        if not self.meaningful:
+            return self.words
+        gain = f"gain {self.gain_margin_db:.3g} dB" + _where(self.phase_crossover_hz)
+        phase = f"phase {self.phase_margin_deg:.3g} deg" + _where(self.gain_crossover_hz)
+        return f"margins: {gain}, {phase}, delay {self.delay_margin_s:.3g} s; {self.words}"
+
     @property
     def meaningful(self) -> bool:
         """Whether the closed loop is stable, as far as is known."""
@@ -185,6 +193,10 @@ class Margins(Part):
             "phase_margin_deg", "gain_crossover_hz", "delay_margin_s",
         )  # fmt: skip
         return {name: getattr(self, name) for name in single}
+
+
+def _where(frequency_hz: float) -> str:
+    return f" at {frequency_hz:.3g} Hz" if math.isfinite(frequency_hz) else ""
 
 
 def disk_of(largest: float, frequency_hz: float) -> DiskMargin:
