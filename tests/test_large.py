@@ -225,7 +225,7 @@ def oscillators(*more: Floats) -> Floats:
     """200 oscillators of 5 … 60 Hz and other blocks, in states of unlike units and mixed order; sparse."""
     own = [_oscillator(f, 0.01) for f in np.linspace(5.0, 60.0, 200)]
     matrix, random = block_diag(*own, *more), np.random.default_rng(3)
-    order, units = random.permutation(len(matrix)), 10.0 ** random.uniform(-1.0, 1.0, len(matrix))
+    order, units = random.permutation(len(matrix)), 2.0 ** random.integers(-4, 5, len(matrix))
     found: Floats = matrix[order][:, order] * units[:, None] / units
     return found
 
