@@ -40,13 +40,14 @@ def lags(
     tolerance: float = 1e-8,
     extrapolation: int = 1,
     step_tolerance: float | None = None,
+    x0: tuple[float, float] = (0.0, 0.0),
 ) -> MasterModel:
-    """r → (+) → lag a → lag b → y, with −gain·y fed back."""
+    """r → (+) → lag a → lag b → y, with −gain·y fed back; the lags start from `x0`."""
     return mastered(
         connect(
             {
-                "a": fmu("a", f"fmu:FirstOrderLag{version}", first),
-                "b": fmu("b", f"fmu:FirstOrderLag{version}", second),
+                "a": fmu("a", f"fmu:FirstOrderLag{version}", first, x=x0[0]),
+                "b": fmu("b", f"fmu:FirstOrderLag{version}", second, x=x0[1]),
                 "e": difference("e", 1.0, -gain),
             },
             [("e.y", "a.u"), ("a.y", "b.u"), ("b.y", "e.u2")],
@@ -62,11 +63,11 @@ def lags(
     )
 
 
-def lags_truth(t: Floats, gain: float = 4.0) -> dict[str, Floats]:
-    """Of `lags` under `REFERENCE`, from rest."""
+def lags_truth(t: Floats, gain: float = 4.0, x0: tuple[float, float] = (0.0, 0.0)) -> dict[str, Floats]:
+    """Of `lags` under `REFERENCE`."""
     a, b, c = np.array([[-1.0, -gain], [1.0, -1.0]]), np.array([[1.0], [0.0]]), np.eye(2)
     fine = np.linspace(0.0, t[-1], 20001)
-    _, x = control.forced_response(control.ss(a, b, c, np.zeros((2, 1))), fine, np.sin(0.6 * np.pi * fine))
+    _, x = control.forced_response(control.ss(a, b, c, np.zeros((2, 1))), fine, np.sin(0.6 * np.pi * fine), x0)
     return {"a": np.interp(t, fine, x[0]), "y": np.interp(t, fine, x[1])}
 
 
@@ -80,9 +81,9 @@ def left_limits(record: Recorded, points: Floats, names: Sequence[str]) -> dict[
     return {n: record.values[n][at] for n in names}
 
 
-def error_of(model: MasterModel, gain: float = 4.0) -> float:
+def error_of(model: MasterModel, gain: float = 4.0, x0: tuple[float, float] = (0.0, 0.0)) -> float:
     points = grid(25, 0.2)
     with model, model.open_session(signals=REFERENCE) as session:
         record = session.advance(5.0, signals=REFERENCE, record=["a", "y"], points=points)
-    found, truth = left_limits(record, points, ["a", "y"]), lags_truth(points, gain)
+    found, truth = left_limits(record, points, ["a", "y"]), lags_truth(points, gain, x0)
     return max(float(np.abs(found[n] - truth[n]).max()) for n in truth)

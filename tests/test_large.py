@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import math
 import pickle
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 import workbench as wb
 from tests.large_fmus import build_large
@@ -218,6 +219,48 @@ def test_a_large_linear_model_is_sent_without_its_zeros() -> None:
 
 
 # -- poles and modes ---------------------------------------------------------------------------
+
+
+def oscillators(*more: Floats) -> Floats:
+    """200 oscillators of 5 … 60 Hz and other blocks, in states of unlike units and mixed order; sparse."""
+    own = [_oscillator(f, 0.01) for f in np.linspace(5.0, 60.0, 200)]
+    matrix, random = block_diag(*own, *more), np.random.default_rng(3)
+    order, units = random.permutation(len(matrix)), 2.0 ** random.integers(-4, 5, len(matrix))
+    found: Floats = matrix[order][:, order] * units[:, None] / units
+    return found
+
+
+def _oscillator(frequency: float, damping: float) -> Floats:
+    w = 2.0 * np.pi * frequency
+    return np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]])
+
+
+def _twice(block: Floats) -> Floats:
+    """Its poles are double, with one eigenvector each: a Jordan block."""
+    return np.block([[block, np.eye(len(block))], [np.zeros_like(block), block]])
+
+
+_BESIDE_1_HZ = 2.0 * np.pi * np.array([[1e-3, 1.0], [-1.0, 1e-3]])  # its poles are where the Arnoldi method looks from
+
+
+@pytest.mark.parametrize(
+    ("block", "about", "poles"),
+    [
+        (np.diag(np.ones(3), 1), 0.0, [0.0] * 4),
+        (_BESIDE_1_HZ, 1.0, [2.0 * np.pi * (1e-3 + 1j)]),
+        (_twice(_oscillator(0.5, 0.02)), 0.5, [np.pi * (-0.02 + 1j * math.sqrt(1.0 - 4e-4))] * 2),
+        (block_diag(*[_oscillator(1.0, 0.02)] * 8), 1.0, [2.0 * np.pi * (-0.02 + 1j * math.sqrt(1.0 - 4e-4))] * 8),
+    ],
+    ids=["four integrators", "on the shift", "double, defective", "eight equal"],
+)
+def test_poles_that_coincide_or_lie_on_the_shift_are_all_found(
+    block: Floats, about: float, poles: list[complex]
+) -> None:
+    found = poles_near(oscillators(block), len(poles) + 1, about)
+    assert len(found) == len(poles) + 1
+    near = found.value[np.argsort(np.abs(found.value - 2j * np.pi * about))[: len(poles)]]
+    np.testing.assert_allclose(near, poles, atol=2e-3)
+    assert np.abs(found.value - 2j * np.pi * about).max() > 10.0  # the last one is one of the others
 
 
 @pytest.mark.parametrize("frequency", [0.0, 3.0, 40.0])

@@ -201,3 +201,25 @@ def test_an_output_read_before_an_input_that_moves_it_ends_the_run(way: str, tmp
 
     with system, pytest.raises(SimulationError, match=said):
         ask()
+
+
+@pytest.mark.parametrize("way", ["simulate", "lin", "nfr"])
+def test_an_fmu_whose_dependencies_are_not_believed_is_evaluated_in_the_right_order(way: str, tmp_path: Path) -> None:
+    first, last = "real_continuous_input", "real_continuous_output"
+    file = misdeclared(tmp_path).name
+    (tmp_path / "loop.toml").write_text(
+        "[components]\n"
+        + "".join(f'{name} = {{model = "{file}", interface = "me", dependencies = "all"}}\n' for name in "ba")
+        + f'lag = "fmu:FirstOrderLag"\n[connections]\n"lag.u" = "b.{last}"\n"b.{first}" = "a.{last}"\n'
+        + f'[inputs]\nr = "a.{first}"\n[outputs]\ny = "lag.y"\n'
+    )
+    with wb.load(tmp_path / "loop.toml") as system:
+        assert any("a: the dependencies that it declares are not believed" in note for note in system.notes)
+        if way == "lin":
+            np.testing.assert_allclose(wb.lin(system).result.B, [[1.0]], rtol=1e-6)
+        elif way == "nfr":
+            found = wb.nfr(system, "r", "y", [0.5], 1.0, workers=wb.Workers(in_process=True))
+            assert found.response[0, 0] == pytest.approx(1.0 / (1.0 + 1j * np.pi), rel=1e-3)
+        else:
+            run = wb.simulate(system, stop=2.0, inputs={"r": wb.Constant(1.0)}, in_process=True)
+            np.testing.assert_allclose(run["y"], 1.0 - np.exp(-run.time), atol=1e-5)

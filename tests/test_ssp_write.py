@@ -48,7 +48,7 @@ def loop() -> SystemDescription:
         components=(
             FmuComponent(name="rudder", file="fmu:Rudder", interface="me", set={"pS": 2.1e7}, solver="gear"),
             FmuComponent(name="rudder2", file="fmu:Rudder", interface="cs", step=1e-3),
-            FmuComponent(name="lag", file="fmu:FirstOrderLag@3"),
+            FmuComponent(name="lag", file="fmu:FirstOrderLag@3", dependencies="all"),
             GainComponent(name="k", gain=0.1, units={"u": "deg"}),
             LinearComponent(
                 name="filter",

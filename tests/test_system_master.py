@@ -52,11 +52,28 @@ def test_held_inputs_are_of_first_order(order: str) -> None:
 def test_the_error_falls_with_the_order_of_the_extrapolation(
     extrapolation: int, order: float, order_of_units: str
 ) -> None:
-    """A loop whose signals begin at rest: the first step knows no slope."""
     coarse, fine = (
         error_of(lags("me", step=h, order=order_of_units, extrapolation=extrapolation)) for h in (0.05, 0.025)
     )
     assert math.log2(coarse / fine) == pytest.approx(order, abs=0.2)
+
+
+@both
+@pytest.mark.parametrize("order", ["gauss-seidel", "jacobi"])
+def test_the_first_step_is_repeated_until_it_knows_its_slopes(driver: str, order: str) -> None:
+    """Two co-simulation parts that do not begin at rest: one repetition does for neither, the sum passes on at once."""
+    x0 = (-0.5, 1.0)
+    coarse, fine = (error_of(lags(step=h, order=order, extrapolation=2, x0=x0), x0=x0) for h in (0.05, 0.025))
+    assert math.log2(coarse / fine) == pytest.approx(3.0, abs=0.1)
+    assert coarse < 2e-3
+
+
+@needs_gemseo
+def test_a_first_step_that_cannot_be_repeated_is_told() -> None:
+    with springs(0.01, extrapolation=2) as model:
+        with model.open_session() as session:
+            session.advance(0.1, signals={})
+        assert any("the first step cannot be repeated" in remark for remark in model.remarks())
 
 
 @needs_gemseo
@@ -125,7 +142,7 @@ def test_the_delay_of_the_report_destabilises_as_it_says() -> None:
 # -- springs ------------------------------------------------------------------------------------
 
 
-def springs(step: float | None, step_tolerance: float | None = None) -> MasterModel:
+def springs(step: float | None, step_tolerance: float | None = None, extrapolation: int = 1) -> MasterModel:
     files = (str(gemseo_fmu(f"MassSpringSubSystem{k}")) for k in (1, 2))
     return mastered(
         connect(
@@ -134,6 +151,7 @@ def springs(step: float | None, step_tolerance: float | None = None) -> MasterMo
             outputs={"v1": "a.v1", "v2": "b.v2", "x1": "a.x1", "x2": "b.x2"},
             step=step,
             step_tolerance=step_tolerance,
+            extrapolation=extrapolation,
         )
     )
 

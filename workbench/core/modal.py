@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ __all__ = ["Complex", "Poles", "poles_near", "poles_of"]
 
 _ROUNDING = 20.0
 _LARGE = 300  # states; of fewer all poles are found as fast
-_BESIDE = 1e-3  # of its size, beside the point whose neighbours are looked for
+_BESIDE = (1e-3, 3.7e-3)  # of its size, beside the point whose neighbours are looked for: if not the one, the other
+_MOST = 3000  # states; of more not all poles are found instead: minutes, and gigabytes
 _SMALLEST = 1e-9  # of the norm of A: what counts as the size of a pole at 0
 _SAME = 1e-6  # relative: an eigenvalue of A and one of its transpose
 _MORE = 4  # vectors than twice the poles wanted: an odd number of them halves a pair, and takes ten times as long
@@ -119,7 +120,8 @@ def poles_near(a: Floats, count: int, about_hz: float = 0.0, *, dt: float = 0.0,
     """Return the poles of dx/dt = A x nearest to j2πf, or those that the samples of x(k+1) = A x(k) show.
 
     Of a large sparse matrix by the Arnoldi method on (A − σI)⁻¹, σ beside that point, with sparse elimination: time and
-    memory grow with the entries, not with n³. Of others all are found, and these taken.
+    memory grow with the entries, not with n³. Of others all are found, and these taken; also where the method leaves a
+    doubt whether one that is as near is missing, as where several coincide.
 
     Args:
         a: shape (n, n).
@@ -131,43 +133,65 @@ def poles_near(a: Floats, count: int, about_hz: float = 0.0, *, dt: float = 0.0,
     Source: R. Lehoucq, D. Sorensen, C. Yang, ARPACK Users' Guide, 1998, 3.2 (shift and invert).
 
     Raises:
-        SimulationError: the Arnoldi method does not converge.
+        SimulationError: the Arnoldi method does not converge, and the states are too many to find all poles.
     """
     aim = 2j * np.pi * about_hz
     if not is_sparse(a) or len(a) < _LARGE or dt > 0.0 or 4 * (count + 2) > len(a):
         return poles_of(a, dt=dt, accuracy=accuracy).nearest(count, aim)
+    from scipy.sparse.linalg import ArpackError  # noqa: PLC0415  slow to import
+
+    why = "some coincide so nearly that the Arnoldi method does not tell them apart"
     with one_thread():
-        value, right, left = _arnoldi(a, min(2 * count + 4, len(a) - 2), aim)
+        balanced, scale = balance(a)
+        for beside in _BESIDE:
+            try:
+                found, sure = _beside(balanced, count, aim, beside, accuracy)
+            except (ArpackError, RuntimeError, np.linalg.LinAlgError) as error:
+                why = str(error)
+                continue
+            if len(found) == count and np.abs(found.value - aim).max() < sure:
+                units = scale[:, None]
+                return replace(found, right=found.right * units, left=found.left / units)
+    if len(a) > _MOST:
+        raise SimulationError(f"the poles near {about_hz:g} Hz were not found: {why}")
+    return poles_of(a, accuracy=accuracy).nearest(count, aim)
+
+
+def _beside(a: Floats, count: int, aim: complex, beside: float, accuracy: float) -> tuple[Poles, float]:
+    """Return the poles nearest to a point, of a balanced matrix, and the distance from where on some may be missing."""
+    value, right, left, sure = _arnoldi(a, min(2 * count + 4, len(a) - 2), aim, beside)
     size = max(float(np.linalg.norm(a)), np.finfo(float).tiny)
-    uncertain = _uncertain(size, value, left / np.linalg.norm(left, axis=0), right, accuracy)
+    uncertain = _uncertain(size, value, left, right, accuracy)
+    left = np.asarray(left @ np.linalg.inv(left.conj().T @ right).conj().T, dtype=np.complex128)
     value = np.where(np.abs(value.imag) <= 2.0 * uncertain, value.real + 0.0j, value)
     keep = np.flatnonzero(value.imag >= 0.0)
     order = keep[np.lexsort((-value[keep].real, value[keep].imag))]
-    return Poles(value[order], right[:, order], left[:, order], uncertain[order]).nearest(count, aim)
+    poles = Poles(value[order], right[:, order], left[:, order], uncertain[order])
+    return poles.nearest(count, aim), sure
 
 
-def _arnoldi(a: Floats, count: int, aim: complex) -> tuple[Complex, Complex, Complex]:
-    """Return eigenvalues near a point with right and left vectors, leftᴴ right = I."""
-    from scipy.sparse.linalg import ArpackError, eigs  # noqa: PLC0415
+def _arnoldi(a: Floats, count: int, aim: complex, part: float) -> tuple[Complex, Complex, Complex, float]:
+    """Return eigenvalues near a point with right and left vectors of length 1.
+
+    Those whose left vector is not found are left out; the last value returned is how near the nearest of them is.
+    """
+    from scipy.sparse.linalg import eigs  # noqa: PLC0415
 
     # Of a real matrix and a complex σ ARPACK would take the real part of (A − σI)⁻¹, in which modes near σ may vanish.
     matrix = as_sparse(a, "csc").astype(np.complex128 if aim.imag else np.float64)
     start = np.random.default_rng(0).standard_normal(len(a))  # the same answer each time
     norm = float(abs(matrix).sum(axis=0).max())
-    beside = aim + _BESIDE * max(abs(aim), _SMALLEST * norm)  # on a pole there is no inverse
+    beside = aim + part * max(abs(aim), _SMALLEST * norm)  # on a pole there is no inverse
     sigma = beside if aim.imag else beside.real
     vectors = min(2 * count + _MORE, len(a))
-    try:
-        value, right = eigs(matrix, k=count, sigma=sigma, v0=start, ncv=vectors)
-        other, left = eigs(matrix.T.tocsc(), k=count, sigma=sigma, v0=start, ncv=vectors)
-    except (ArpackError, RuntimeError) as error:
-        raise SimulationError(f"the poles near {abs(aim) / (2.0 * np.pi):g} Hz were not found: {error}") from None
+    value, right = eigs(matrix, k=count, sigma=sigma, v0=start, ncv=vectors)
+    other, left = eigs(matrix.T.tocsc(), k=count, sigma=sigma, v0=start, ncv=vectors)
     apart = np.abs(value[:, None] - other)
     rows, columns = linear_sum_assignment(apart)
     same = apart[rows, columns] <= _SAME * np.maximum(np.abs(value[rows]), _SMALLEST * norm)
+    sure = float(np.min(np.abs(value[rows[~same]] - aim), initial=np.inf))
     value, right, left = value[rows[same]], right[:, rows[same]], left[:, columns[same]].conj()
-    across = left.conj().T @ right
-    return value, right, np.asarray(left @ np.linalg.inv(across).conj().T, dtype=np.complex128)
+    return value, right, left, sure
 
 
 def _uncertain(size: float, value: Complex, left: Complex, right: Complex, accuracy: float) -> Floats:

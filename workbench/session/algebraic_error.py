@@ -41,7 +41,7 @@ def too_early(label: str, time: float) -> SimulationError:
     source = label.split(" → ", maxsplit=1)[0]
     return SimulationError(
         f"{label} passes a value that has changed since: {source} depends on an input of its FMU, though the FMU's "
-        "modelDescription.xml leaves that out; correct the dependencies there, or leave them out altogether (the "
-        "command check names the input)",
+        'modelDescription.xml leaves that out; give the component dependencies = "all" in the system, and '
+        "what it declares is ignored (the command check names the input)",
         time=time,
     )

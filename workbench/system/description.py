@@ -51,6 +51,8 @@ class FmuComponent:
         step: communication step [s]; None: the FMU's.
         solver: "auto", "vkm" or "gear".
         units: variable → unit that the system file declares; counts where the FMU declares none.
+        dependencies: "declared": its outputs and derivatives depend on the inputs and states that it declares; "all":
+            what it declares is not believed, each of them depends on all.
     """
 
     name: str
@@ -60,6 +62,7 @@ class FmuComponent:
     step: float | None = None
     solver: str = "auto"
     units: Mapping[str, str] = field(default_factory=dict)
+    dependencies: str = "declared"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -165,12 +165,14 @@ def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> Part:
         # The solver and the communication step are the system's affair, or the master's.
         model = load(component.file, component.interface, start_values=component.set, step=component.step)
     starts = dict(model.start_values)
+    described = _told(model.description, starts, component.units)
+    doubted = ("the dependencies that it declares are not believed",) if component.dependencies == "all" else ()
     return Part(
         component=component,
-        description=_told(model.description, starts, component.units),
+        description=_undeclared(described) if doubted else described,
         interface=model.interface,
         starts=starts,
-        notes=(*model.description.notes, *silent_clocks(model.description, model.interface)),
+        notes=(*model.description.notes, *silent_clocks(model.description, model.interface), *doubted),
         model=model,
         make=model.new_instance,
     )
@@ -188,6 +190,14 @@ def _told(description: Description, starts: Mapping[str, Value], units: Mapping[
     if not starts and not units:
         return description
     return dataclasses.replace(description, variables=tuple(told(v) for v in description.variables))
+
+
+def _undeclared(description: Description) -> Description:
+    """Return the description without what it says of dependencies: each output and derivative may depend on all."""
+    variables, derivatives = (
+        tuple(v._replace(dependencies=None) for v in of) for of in (description.variables, description.derivatives)
+    )
+    return dataclasses.replace(description, variables=variables, derivatives=derivatives)
 
 
 def block_part(component: NativeComponent) -> Part:

@@ -204,6 +204,7 @@ class _Reader:
             units={c.name: c.unit for c in node.connectors.values() if c.unit},
             step=_optional(own, "step"),
             solver="auto" if own is None else own.get("solver") or "auto",
+            dependencies="declared" if own is None else own.get("dependencies") or "declared",
         )
         try:
             self.fmus[node.path] = _Fmu(component, fmu_facts(str(path)))

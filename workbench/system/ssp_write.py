@@ -196,10 +196,11 @@ class _Writer:
     def _settings(self, xml: Element, component: FmuComponent, part: _Part) -> None:
         if component.set and part.facts is not None:
             add_parameters(xml, component, part.facts)
-        own = attributes({"step": component.step, "solver": None if component.solver == "auto" else component.solver})
+        told = {"step": component.step, "solver": component.solver, "dependencies": component.dependencies}
+        own = attributes({key: None if value in {"auto", "declared"} else value for key, value in told.items()})
         if own:
             add_annotation(xml, ANNOTATION, "Component", own)
-            self.notes.append(f"component {component.name}: step and solver are for the workbench only")
+            self.notes.append(f"component {component.name}: for the workbench only: {', '.join(own)}")
 
     # -- connections ----------------------------------------------------------------------------------
 

@@ -87,6 +87,7 @@ def _fmu(name: str, given: Mapping[str, Any], place: _Context) -> FmuComponent:
         set={name: whole(value) if isinstance(value, list) else value for name, value in table.set.items()},
         step=table.step,
         solver=table.solver,
+        dependencies=table.dependencies,
     )
 
 

@@ -63,6 +63,7 @@ class FmuTable(Table):
     interface: Literal["auto", "me", "cs"] = "auto"
     solver: Literal["auto", "vkm", "gear"] = "auto"
     step: float | None = Field(default=None, gt=0.0)
+    dependencies: Literal["declared", "all"] = "declared"
 
 
 class UnitsTable(Table):

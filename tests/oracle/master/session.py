@@ -10,10 +10,10 @@ from tests.oracle.master.instance import OracleMasterInstance
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats, Recorded
-from workbench.session.cs import CsSession
 from workbench.session.fmu import Setup
 from workbench.session.pauses import pause
 from workbench.session.rows import Rows
+from workbench.system.master.rehearsal import RehearsingSession
 
 __all__ = ["OracleMasterSession", "UndoableRows"]
 
@@ -21,7 +21,7 @@ _SAME = 1e-9  # of the communication step: instants closer than this are one
 _SHORTEST = 1e-4  # of the first step: shorter ones are taken as they are
 
 
-class OracleMasterSession(CsSession):
+class OracleMasterSession(RehearsingSession):
     """Steps the whole system from one communication point to the next.
 
     Communication points are those of `CsSession`, and the instants at which something is known to happen in a
@@ -30,12 +30,13 @@ class OracleMasterSession(CsSession):
     Args:
         setup: see `Setup`.
         tolerance: of one step, which is controlled then; None: the step is fixed.
+        rehearses: see `RehearsingSession`.
     """
 
-    def __init__(self, setup: Setup, *, tolerance: float | None = None) -> None:
+    def __init__(self, setup: Setup, *, tolerance: float | None = None, rehearses: bool = False) -> None:
         self._tolerance = tolerance
         self._control: StepControl | None = None
-        super().__init__(setup)
+        super().__init__(setup, rehearses=rehearses)
 
     @property
     def master(self) -> OracleMasterInstance:

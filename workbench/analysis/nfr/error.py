@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from workbench.analysis.harmonics import NOTHING, fundamental
 from workbench.analysis.nfr.beats import Beat
 from workbench.analysis.nfr.surroundings import Twin
-from workbench.analysis.nfr.transient import Limit, directions, multipliers, weigh
+from workbench.analysis.nfr.transient import MOST_MODES, Limit, directions, multipliers, weigh
 from workbench.session.base import Floats
 
 __all__ = [
@@ -206,12 +207,20 @@ def slowness(limit: Limit, twin: Twin | None) -> float:
     """
     gaps = [
         min(abs(1.0 - mu) for mu in multipliers(limit.changes, modes))
-        for modes in (limit.modes, limit.modes + 1)
+        for modes in _looked_for(limit.modes)
         if modes >= 1 and 2 * modes <= len(limit.changes)
     ]
     if not gaps:
         return _UNKNOWN if twin is None or twin.forced.vanishes else 1.0 + twin.forced.sensitivity
     return max(1.0, 1.0 / max(min(gaps), 1e-12))
+
+
+def _looked_for(removed: int) -> Iterator[int]:
+    """Yield with how many modes the slowest multiplier is looked for, where so many were removed.
+
+    Where no mode could be removed, one alone may be the mixture of a slow one with quicker ones that hide it.
+    """
+    yield from range(removed, removed + 2) if removed else range(1, MOST_MODES + 1)
 
 
 def slowness_of_products(limit: Limit) -> float:

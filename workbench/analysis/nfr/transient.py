@@ -12,10 +12,10 @@ import numpy as np
 
 from workbench.session.base import Floats
 
-__all__ = ["Limit", "directions", "multipliers", "remove_transient", "weigh"]
+__all__ = ["MOST_MODES", "Limit", "directions", "multipliers", "remove_transient", "weigh"]
 
 # Decaying modes that are looked for together: two pairs of complex poles.
-_MOST_MODES = 4
+MOST_MODES = 4
 
 # A multiplier is known to about this many times the unexplained part of the newest difference,
 # and a mode that loses less than this in a period is not seen to decay in any number we wait for.
@@ -143,7 +143,7 @@ def _candidates(periods: Floats) -> Iterator[tuple[float, Floats]]:
     if newest == 0.0:
         return
     shrinkage = _Shrinkage.of(changes)
-    for modes in range(1, min(_MOST_MODES, len(changes) // 2, (periods.shape[1] - 1) // 2) + 1):
+    for modes in range(1, min(MOST_MODES, len(changes) // 2, (periods.shape[1] - 1) // 2) + 1):
         if modes > 1 and directions(changes[: 2 * modes]) < modes:
             break
         polynomial = _prediction(changes, modes, _RIDGE * scale)

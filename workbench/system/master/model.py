@@ -136,12 +136,17 @@ class MasterModel(DescribedModel):
 
     def _open(self, setup: Setup) -> FmuSession:
         wanted = self.recipe.system.master.step_tolerance
-        if self._probing or setup.step is not None:
+        if self._probing:
             return SESSION(setup)
+        rehearses = self.recipe.system.master.extrapolation > 1
+        if setup.step is not None:
+            return SESSION(setup, rehearses=rehearses)
         why = self.why_fixed_step()
         if why and wanted is not None:
             raise InputError(f"{self.source}: step_tolerance: the step cannot be controlled: {why}; give step instead")
-        return SESSION(setup, tolerance=None if why else wanted or _LOOSER * setup.rtol)
+        if why:
+            return SESSION(setup, rehearses=rehearses)
+        return SESSION(setup, tolerance=wanted or _LOOSER * setup.rtol)
 
     def why_fixed_step(self) -> str:
         """Return why the communication step is not controlled; empty if it is, as long as no `step` is given."""
@@ -164,6 +169,12 @@ class MasterModel(DescribedModel):
             return super().why_replay()
         finally:
             self._probing = before
+
+    def remarks(self) -> tuple[str, ...]:
+        told = super().remarks()
+        if self.recipe.system.master.extrapolation < 2 or not (why := self.why_replay()):
+            return told
+        return (*told, f"extrapolation: the first step cannot be repeated and knows no slope: {why}")
 
     @property
     def delays(self) -> Callable[..., DelayReport]:

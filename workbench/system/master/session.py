@@ -13,13 +13,14 @@ from workbench.session.fmu import Setup
 from workbench.session.loop import InnerLoop
 from workbench.system.master.instance import MasterInstance
 from workbench.system.master.native import NativeMaster
+from workbench.system.master.rehearsal import RehearsingSession
 
 __all__ = ["MasterSession"]
 
 _SHORTEST = 1e-4  # of the first step: shorter ones are taken as they are
 
 
-class MasterSession(CompiledCsSession):
+class MasterSession(RehearsingSession, CompiledCsSession):
     """Steps the whole system from one communication point to the next, in compiled code.
 
     Communication points are those of `CsSession`, and the instants at which something is known to happen in a
@@ -28,11 +29,12 @@ class MasterSession(CompiledCsSession):
     Args:
         setup: see `Setup`.
         tolerance: of one step, which is controlled then; None: the step is fixed.
+        rehearses: see `RehearsingSession`.
     """
 
-    def __init__(self, setup: Setup, *, tolerance: float | None = None) -> None:
+    def __init__(self, setup: Setup, *, tolerance: float | None = None, rehearses: bool = False) -> None:
         self._tolerance = tolerance
-        super().__init__(setup)
+        super().__init__(setup, rehearses=rehearses)
 
     @property
     def master(self) -> MasterInstance:
