@@ -9,7 +9,9 @@ import pytest
 import workbench as wb
 from tests.reference_fmus import build_reference
 from workbench.errors import InputError
-from workbench.fmi.variable import WHOLE_RANGES
+from workbench.fmi.variable import WHOLE_RANGES, Value, Variable
+from workbench.session.forcing import convert
+from workbench.system import composite
 
 
 @pytest.fixture(scope="module")
@@ -62,3 +64,20 @@ def test_a_signal_beyond_its_digits_is_refused_and_such_a_result_is_told(
         assert model.start_values[name] == beyond
         found = wb.simulate(model, stop=1.0, outputs=[f"{kind}_output"], in_process=True)
         assert f"{kind}_output: may be rounded, since results are exact below 2^53" in found.notes
+
+
+def test_a_start_value_has_all_its_digits_in_a_system(feedthrough: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The FMU of the tests keeps numbers as doubles, so what it is given is looked at."""
+    whole, written = 2**62 + 1, []
+
+    def told(variable: Variable, value: float) -> Value:
+        written.append((variable.name, convert(variable, value)))
+        return convert(variable, value)
+
+    monkeypatch.setattr(composite, "convert", told)
+    starts = {"f.Int64_input": whole}
+    with (
+        wb.connect({"f": feedthrough}, outputs=["f.Int64_output"], start_values=starts) as system,
+        system.open_session(),
+    ):
+        assert ("Int64_input", whole) in written

@@ -9,7 +9,7 @@ __all__ = ["grouped_names", "python_page", "python_pages"]
 
 # The first prefix that fits a name's home decides.
 _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("models", "Models, sessions, signals", ("model", "session", "signal", "system.load", "workers", "fmi")),
+    ("models", "Models, sessions, signals", ("model", "session", "signal", "gusts", "system.load", "workers", "fmi")),
     ("errors", "Errors", ("errors", "analysis.simulate.divergence")),
     (
         "response",

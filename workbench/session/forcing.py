@@ -32,7 +32,7 @@ def convert(variable: Variable, value: float) -> Value:
         raise InputError(
             f"input {variable.name}: {whole} is beyond what {article(variable.type)} can hold, {least} … {largest}"
         )
-    if abs(whole) > EXACT_TO:
+    if abs(whole) > EXACT_TO and not isinstance(value, int):
         raise InputError(
             f"input {variable.name}: signals are exact to ±2^53, and {whole} is beyond; a start value (--set) is exact"
         )

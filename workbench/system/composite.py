@@ -333,4 +333,4 @@ class CompositeAccess(Access):
 
 def _fitting(variable: Variable, value: Value) -> Value:
     """Return `value` as the part's variable takes it."""
-    return value if isinstance(value, str) or not variable.is_number else convert(variable, float(value))
+    return value if isinstance(value, str) or not variable.is_number else convert(variable, value)
