@@ -304,6 +304,19 @@ def test_a_sampled_plant() -> None:
     assert any("sampled" in n for n in result.notes)
 
 
+def test_one_output_to_several_inputs_with_weights() -> None:
+    """x' = x + u1 + 2 u2, and u1 = g/2 x, u2 = g/4 x: the pole is 1 + g."""
+    plant = control.ss([[1.0]], [[1.0, 2.0]], [[1.0]], [[0.0, 0.0]], inputs=["u1", "u2"], outputs=["y"])
+    parts = {"plant": plant, "shared": 1.0, "first": 0.5, "second": 0.25}
+    wires = [("shared.y", "first.u"), ("shared.y", "second.u"), ("first.y", "plant.u1"), ("second.y", "plant.u2")]
+    with connect(parts, wires, inputs={"u": "shared.u"}) as system:
+        assert feedback(system, source="plant.y", target="shared.u").stable_gains == ((-math.inf, -1.0),)
+    with connect({"plant": plant}, [], inputs={"both": ["plant.u1", "plant.u2"]}) as system:
+        words = r"both drives several inputs \(plant.u1, plant.u2\); name one of them, or let a gain of 1 drive them"
+        with pytest.raises(InputError, match=words):
+            feedback(system, source="plant.y", target="both")
+
+
 # -- FMUs of others ----------------------------------------------------------------------------
 
 

@@ -274,7 +274,10 @@ def _found(
         own = {v.name.removeprefix(f"{_PLANT}."): (n,) for n, v in _named(table).items()}
     full = own.get(name, (name,))
     if len(full) != 1:
-        raise InputError(f"{model.name}: {name} drives several inputs ({', '.join(full)}); name one of them")
+        raise InputError(
+            f"{model.name}: {name} drives several inputs ({', '.join(full)}); name one of them, or let a gain of 1 "
+            "drive them and name its input"
+        )
     usable = [n for n, v in table.items() if v.causality == wanted and v.type in FLOAT_TYPES]
     known = [n.removeprefix(f"{_PLANT}.") for n in usable] if single else [*own, *usable]
     if full[0] in table and table[full[0]].type not in FLOAT_TYPES:
