@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats
 from workbench.session.cs import CsSession
@@ -61,7 +62,13 @@ class RehearsingSession(CsSession):
         end = min(until, self.time + self._choose_step(until))
         for _ in range(_MOST):
             before = master.slopes[0].copy()
-            self._advance(end, np.array([end]), [], new=new)
+            try:
+                self._advance(end, np.array([end]), [], new=new)
+            except SimulationError:  # the step itself will tell, with what was recorded before
+                if not self.instance.healthy:
+                    raise
+                self.restore(saved)
+                break
             slopes = master.slopes[0].copy()
             self.restore(saved)
             master.slopes[0] = slopes
