@@ -60,17 +60,46 @@ def test_three_experiments_are_known_better_than_one() -> None:
     assert three.uncertainty.holds(POLES[1], POLES[1])
 
 
-def test_experiments_with_other_units_or_intervals_are_refused() -> None:
-    first = part(0)
+def in_degrees(data: wb.Experiment, unit: str | None = "deg") -> wb.Experiment:
+    """The same experiment with u in degrees and y in degrees per second, under any name of the unit."""
+    return wb.make_experiment(
+        data.dt, np.rad2deg(data.u), np.rad2deg(data.y), input_names=["u"], output_names=["y"],
+        input_units=[unit], output_units=["deg/s"], name="degrees",
+    )  # fmt: skip
+
+
+def in_radians(data: wb.Experiment) -> wb.Experiment:
+    return wb.make_experiment(
+        data.dt, data.u, data.y, input_names=["u"], output_names=["y"], input_units=["rad"], output_units=["rad/s"]
+    )
+
+
+def test_experiments_in_other_units_are_converted_to_those_of_the_first() -> None:
+    first, second, third = in_radians(part(0)), in_radians(part(1)), in_radians(part(2))
+    alike = wb.identify(first, also=[second], validation=third, order=2, noise=0)
+    mixed = wb.identify(first, also=[in_degrees(second)], validation=in_degrees(third), order=2, noise=0)
+    assert mixed.model.poles == pytest.approx(alike.model.poles, rel=1e-9)
+    assert mixed.model.response([0.5]) == pytest.approx(alike.model.response([0.5]), rel=1e-9)
+    assert mixed.fit_percent == pytest.approx(alike.fit_percent, rel=1e-9)
+    assert (mixed.model.units["u"], mixed.model.units["y"]) == ("rad", "rad/s")
+    assert mixed.notes.count("degrees: y is converted from deg/s to rad/s") == 1
+    own = wb.validate(alike.model, in_degrees(third))
+    assert own.fit_percent["y"] == pytest.approx(alike.fit_percent, rel=1e-9)
+    assert own.data.units == {"u": "rad", "y": "rad/s"}
+
+
+def test_experiments_that_do_not_fit_each_other_are_refused() -> None:
+    first = in_radians(part(0))
     slow = wb.make_experiment(0.2, first.u, first.y, input_names=["u"], output_names=["y"])
     with pytest.raises(InputError, match="resample one"):
         wb.identify(first, also=[slow])
-    with_units = [
-        wb.make_experiment(0.1, first.u, first.y, input_names=["u"], output_names=["y"], output_units=[unit])
-        for unit in ("deg", "rad")
-    ]
-    with pytest.raises(InputError, match="y is in 'rad'"):
-        wb.identify(with_units[0], also=with_units[1:])
+    for unit, why in (("m", "they do not measure the same"), ("notches", "the unit 'notches' is not known")):
+        with pytest.raises(InputError, match=f"u is in '{unit}', and is needed in 'rad': {why}; convert the data"):
+            wb.identify(first, also=[in_degrees(part(1), unit)])
+        with pytest.raises(InputError, match=why):
+            wb.identify(first, validation=in_degrees(part(1), unit))
+    without = wb.identify(first, validation=part(1), order=2)
+    assert any("u has no unit; it is taken to be in rad" in note for note in without.notes)
     with pytest.raises(InputError, match="one experiment only"):
         wb.identify(first, also=[part(1)], bootstrap=60)
 

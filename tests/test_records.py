@@ -175,7 +175,7 @@ def all_parts() -> list[type[Part]]:
 
 NO_TABLE = {
     "BalancedReduction", "BuildResult", "BuiltModels", "CompiledFmu", "ContainerResult", "DelayReport", "ExportResult",
-    "FmuInfo", "NoDelays", "SubspaceEstimate", "SystemInfo",
+    "FmuInfo", "NoDelays", "SubspaceEstimate", "SystemFile", "SystemInfo",
 }  # fmt: skip
 
 # What a file does not hold: of each gain the curve that a picture shows, whose block is not in the file either.

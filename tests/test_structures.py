@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -193,3 +194,41 @@ def test_the_command_writes_what_reads_back(tmp_path: Path, capsys: pytest.Captu
     assert len(found.before.x) == 6
     assert found.simulate(found.data.u[:, 0], found.data.y[:, 0]) == pytest.approx(found.simulated, abs=1e-6)
     assert (tmp_path / "s.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("kind", ["hammerstein", "wiener"])
+@pytest.mark.parametrize("suffix", [".toml", ".ssp"])
+def test_an_exported_system_runs_as_the_blocks_do(kind: str, suffix: str, tmp_path: Path) -> None:
+    """Also where the operating point is not 0; between the samples the output stands."""
+    data = recorded(kind, 0, samples=300, about=3.0)
+    data = wb.make_experiment(
+        data.dt, data.u, data.y, input_names=["u"], output_names=["y"], input_units=["deg"], output_units=["rad/s"],
+    )  # fmt: skip
+    found = wb.identify_structure(data, structure=kind, order=2, knots=6, delay=1)
+    v = data.u[:, 0] if found.before is None else found.before(data.u[:, 0])
+    w = found.linear.simulate(v[:, None], found.linear.x0)[:, 0]
+    expected = w if found.behind is None else found.behind(w)
+    assert isinstance(wb.export(found, tmp_path / f"found{suffix}"), wb.SystemFile)
+    held = wb.Table(data.time.tolist(), data.u[:, 0].tolist(), "hold")
+    with wb.load(tmp_path / f"found{suffix}") as system:
+        between = data.time[:-1] + 0.5 * data.dt
+        run = wb.simulate(system, stop=data.time[-1], inputs={"u": held}, points=between)
+        units = [(v.name, v.unit) for v in (*system.inputs, *system.outputs)]
+    assert units == [("u", "deg"), ("y", "rad/s")]
+    simulated = run["y"][np.searchsorted(run.time, between - 1e-9)]
+    assert np.abs(simulated - expected[:-1]).max() < 1e-9 * np.ptp(expected)
+
+
+def test_an_export_that_cannot_be_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = wb.identify_structure(recorded("wiener", 0, samples=300), structure="wiener", order=2, knots=6)
+    (tmp_path / "w.json").write_text(json.dumps(found.to_dict()), encoding="utf-8")
+    command = ["export", str(tmp_path / "w.json"), "--out"]
+    assert run([*command, str(tmp_path / "w.toml")]) == 0
+    assert "the linear block starts at the state of the first sample" in capsys.readouterr().err
+    for out, more, said in (
+        ("w.fmu", [], "whose static blocks an FMU of a linear model cannot hold; write it as a system:"),
+        ("w.toml", ["--step", "0.1"], "step is for FMUs; leave it out"),
+        (".no/w.toml", [], "does not exist"),
+    ):
+        assert run([*command, str(tmp_path / out), *more]) == 2
+        assert said in capsys.readouterr().err

@@ -193,9 +193,11 @@ from workbench.system.master.model import MasterModel as MasterModel
 from workbench.system.model import SystemModel as SystemModel
 from workbench.system.read import read_system as read_system
 from workbench.system.ssp_write import write_ssp as write_ssp
+from workbench.system.toml_write import write_toml as write_toml
 from workbench.to_fmu.compile_fmu import CompiledFmu as CompiledFmu
 from workbench.to_fmu.request import compile_fmu as compile_fmu
 from workbench.to_fmu.request import export as export
+from workbench.to_fmu.result import SystemFile as SystemFile
 from workbench.workers import Workers as Workers
 from workbench.workers.cluster import Cluster as Cluster
 

@@ -13,8 +13,9 @@ from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
 from workbench.system.container import ContainerResult
 from workbench.to_fmu.compile_fmu import CompiledFmu
+from workbench.to_fmu.result import SystemFile
 
-__all__ = ["build_page", "built_page", "compiled_page", "container_page", "export_page"]
+__all__ = ["build_page", "built_page", "compiled_page", "container_page", "export_page", "system_file_page"]
 
 
 def build_page(result: BuildResult) -> Page:
@@ -79,6 +80,22 @@ def container_page(result: ContainerResult) -> Page:
             "inputs": ", ".join(result.inputs) or "none",
             "outputs": ", ".join(result.outputs) or "none",
             "parameters": str(len(result.parameters)),
+        },
+        sections=[_files([result.file])],
+        notes=result.notes,
+        kind="export",
+    )
+
+
+def system_file_page(result: SystemFile) -> Page:
+    """Return the page of a model with static blocks that became a system."""
+    return Page(
+        title=f"Model {result.model} as a system",
+        lead=f"A {result.structure} model, its linear part sampled at {result.dt:.9g} s.",
+        facts={
+            "parts": ", ".join(result.components),
+            "inputs": ", ".join(result.inputs),
+            "outputs": ", ".join(result.outputs),
         },
         sections=[_files([result.file])],
         notes=result.notes,

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from workbench.build.fmu import BuiltModels
     from workbench.system.container import ContainerResult
     from workbench.to_fmu.compile_fmu import CompiledFmu
+    from workbench.to_fmu.result import SystemFile
 
 __all__ = ["EXTRAS", "Written"]
 
@@ -184,8 +185,8 @@ class _Build(Written):
 
 
 class _Export(Written):
-    def write(self, record: CompiledFmu | ExportResult | ContainerResult) -> Iterator[str | Path]:
-        """Yield the FMU, which is there already."""
+    def write(self, record: CompiledFmu | ExportResult | ContainerResult | SystemFile) -> Iterator[str | Path]:
+        """Yield the file, which is there already."""
         yield record.file
 
 

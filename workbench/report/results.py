@@ -86,6 +86,7 @@ SHOWN: dict[str, tuple[str, str]] = {
     ),
     "system.container.ContainerResult": ("build:container_page", ""),
     "to_fmu.compile_fmu.CompiledFmu": ("build:compiled_page", ""),
+    "to_fmu.result.SystemFile": ("build:system_file_page", ""),
 }
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from workbench.build.fmu import BuiltModels  # noqa: F401
     from workbench.system.container import ContainerResult  # noqa: F401
     from workbench.to_fmu.compile_fmu import CompiledFmu  # noqa: F401
+    from workbench.to_fmu.result import SystemFile  # noqa: F401
 
 __all__ = ["Build", "Compile", "Export", "compile_fmu", "export"]
 
@@ -112,8 +113,10 @@ class Compile(Request[str | Path, "CompiledFmu"]):
 compile_fmu = function(Compile)
 
 
-class Export(Request[object, "ExportResult | ContainerResult"]):
+class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
     """Turn a linear model into an FMU for five platforms, or a system of FMUs into one container FMU.
+
+    A model with static blocks (`identify --structure`) becomes a system, as .toml or .ssp.
 
     A continuous model (dt = 0) is der(x) = dx0 + A x + B (u − u0), y = y0 + C x + D (u − u0). A discrete one is sampled
     at multiples of dt; its outputs are held in between, and y[k] holds the effect of u[k]. The inputs start at u0 and
@@ -123,9 +126,12 @@ class Export(Request[object, "ExportResult | ContainerResult"]):
     A system becomes a container for co-simulation, see `export_container`: every connection carries a delay of one
     step, which the system itself does not have.
 
+    A model with static blocks becomes a system of its own sampled linear part between tables, which go on beyond their
+    knots along their last lines: see `StructureResult.to_system`. FMUs of linear models have no place for tables.
+
     Raises:
         InputError: no linear model, a wrong FMI version or name, a folder that does not exist; a container cannot
-            express the system.
+            express the system; a model with static blocks, and `out` is not a .toml or .ssp.
         BuildError: the compiler is missing or failed, an unknown platform.
 
     Examples:
@@ -142,20 +148,23 @@ class Export(Request[object, "ExportResult | ContainerResult"]):
     details = (
         "The container is for co-simulation: it steps the FMUs inside by --step and passes values on in between, so "
         "that every connection carries a delay of one step, which the system itself does not have. Blocks, gains, "
-        "conversions of units and connections that close later cannot be expressed; the message names the reason."
+        "conversions of units and connections that close later cannot be expressed; the message names the reason.\n\n"
+        "A model with static blocks (identify --structure … --json) becomes a system: --out X.toml or X.ssp."
     )
     subject = Subject(
         name="model",
         type="object",
         help="A JSON file that `workbench identify` or `workbench lin` wrote; a model as "
         "`workbench.build.matrices.matrices_of` takes it: a mapping, a result of `lin`, an identified model, a "
-        "python-control StateSpace; or a system: a model, a description, or a file.",
+        "python-control StateSpace; an identified model with static blocks, or its JSON; or a system: a model, a "
+        "description, or a file.",
         metavar="MODEL",
-        words="Linear model: the JSON of workbench identify or lin. Or a system: .toml, .ssp, system:NAME.",
+        words="Linear model, or one with static blocks: the JSON of workbench identify or lin. Or a system: .toml, "
+        ".ssp, system:NAME.",
     )
     unwritten = ("csv", "plot")
 
-    out: File = option("FMU to write.", metavar="X.fmu")
+    out: File = option("FMU to write; of a model with static blocks a system, .toml or .ssp.", metavar="X.fmu")
     _: KW_ONLY
     fmi: int = option("FMI version, 2 or 3.", metavar="2|3", default=2)
     name: str | None = option(

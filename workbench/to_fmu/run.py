@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
+from workbench.analysis.structures.request import STRUCTURES
+from workbench.analysis.structures.result import StructureResult
 from workbench.build.export import ExportResult, export_linear
 from workbench.build.fmu import FMI_VERSIONS, BuiltModels, build_all, build_fmu
 from workbench.core.files import named_path
 from workbench.core.job import Job
+from workbench.core.record import read_json
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
 from workbench.origin import Origin, remember
@@ -18,15 +21,18 @@ from workbench.system.container import ContainerResult, export_container
 from workbench.system.description import SystemDescription
 from workbench.system.read import is_system_file
 from workbench.system.recipe import SystemRecipe
+from workbench.system.ssp_write import write_ssp
+from workbench.system.toml_write import write_toml
 from workbench.to_fmu.compile_fmu import CompiledFmu, add_binaries
 from workbench.to_fmu.request import Build, Compile, Export
+from workbench.to_fmu.result import SystemFile
 from workbench.toolchain import require
 
 __all__ = ["run_build", "run_compile", "run_export"]
 
 
-def run_export(model: object, asked: Export, job: Job) -> ExportResult | ContainerResult:
-    """Write an FMU.
+def run_export(model: object, asked: Export, job: Job) -> ExportResult | ContainerResult | SystemFile:
+    """Write an FMU, or a model with static blocks as a system.
 
     Args:
         model: see `Export`.
@@ -37,6 +43,9 @@ def run_export(model: object, asked: Export, job: Job) -> ExportResult | Contain
         InputError: an option that belongs to the other kind of model, or what the algorithms raise.
         BuildError: the compiler is missing or failed.
     """
+    blocks = _with_blocks(model)
+    if blocks is not None:
+        return _system_file(blocks, asked)
     if not _is_system(model):
         if asked.step is not None:
             raise InputError("step is for systems; a linear model has its own")
@@ -49,6 +58,44 @@ def run_export(model: object, asked: Export, job: Job) -> ExportResult | Contain
     if asked.platforms is not None or asked.stiff is not None:
         raise InputError("platforms and stiff are for linear models; a container has the binaries of its parts")
     return export_container(model, asked.out, step=asked.step, fmi=asked.fmi, name=asked.name)
+
+
+_WRITERS = {".toml": write_toml, ".ssp": write_ssp}
+
+
+def _with_blocks(model: object) -> StructureResult | None:
+    """Return a model with static blocks, also from its JSON file; None: it is something else."""
+    if isinstance(model, StructureResult):
+        return model
+    if not isinstance(model, str | Path) or is_system_file(model) or named_path(model).suffix.lower() != ".json":
+        return None
+    data = read_json(model)
+    told = isinstance(data, dict) and data.get("structure") in STRUCTURES
+    return StructureResult.read(model) if told else None
+
+
+def _system_file(blocks: StructureResult, asked: Export) -> SystemFile:
+    """Write a model with static blocks as a system."""
+    target = named_path(asked.out)
+    write = _WRITERS.get(target.suffix.lower())
+    if write is None:
+        raise InputError(
+            f"out: the model is a {blocks.structure} model, whose static blocks an FMU of a linear model cannot hold; "
+            f"write it as a system: {target.with_suffix('.toml')} or {target.with_suffix('.ssp').name}"
+        )
+    for name in ("fmi", "step", "platforms", "stiff"):
+        if getattr(asked, name) != getattr(Export(target), name):
+            raise InputError(f"{name} is for FMUs; leave it out for a system")
+    system = blocks.to_system(asked.name or target.stem)
+    notes = write(system, target) or ()
+    starts = ", ".join(f"{n} = {x:.6g}" for n, x in zip(blocks.linear.state_names, blocks.linear.x0, strict=True))
+    where = (f"the linear block starts at the state of the first sample of its data: {starts}",) if starts else ()
+    return SystemFile(
+        model=system.name, file=target, structure=blocks.structure,
+        components=tuple(component.name for component in system.components),
+        inputs=tuple(system.inputs), outputs=tuple(system.outputs), dt=blocks.linear.dt,
+        notes=(*where, "the disturbance is left out: a system has no noise input", *notes),
+    )  # fmt: skip
 
 
 def run_build(sources: Sequence[str | Path], asked: Build, job: Job) -> BuiltModels:

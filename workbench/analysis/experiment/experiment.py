@@ -25,6 +25,7 @@ from workbench.analysis.experiment.data_table import DataTable
 from workbench.analysis.experiment.formats import read_columns
 from workbench.analysis.experiment.missing import filled, regular
 from workbench.core.closed_loop import ClosedLoop
+from workbench.core.conversion import known_unit, named_conversion
 from workbench.core.csv_file import write_csv
 from workbench.core.parsing import from_json
 from workbench.core.record import Part, entry
@@ -141,6 +142,49 @@ class Experiment(Part):
             input_units=tuple(units[n] for n in inputs),
             output_units=tuple(units[n] for n in outputs),
         )
+
+    def in_units(self, units: Mapping[str, str | None]) -> Experiment:
+        """Return the experiment in other units, its numbers converted; the notes tell which.
+
+        A column without a unit is taken to be in the one that is wanted, which a note says.
+
+        Args:
+            units: column → unit that is wanted; None, or a column left out: its own.
+
+        Raises:
+            InputError: a unit that is not known, or not comparable with the column's own.
+
+        Examples:
+            >>> import numpy as np
+            >>> data = wb.make_experiment(0.1, [0.0, 180.0], [0.0, 1.0], input_names=["u"], input_units=["deg"])
+            >>> print((data.in_units({"u": "rad"}).u[1] / np.pi).round(9))
+            [1.]
+        """
+        sides = {"input": self.u.copy(), "output": self.y.copy()}
+        told, found = [], {}
+        for side, values in sides.items():
+            named = zip(getattr(self, f"{side}_names"), getattr(self, f"{side}_units"), strict=True)
+            for k, (name, own) in enumerate(named):
+                wanted = found[name] = units.get(name) or own
+                if own is None and wanted is not None:
+                    told.append(f"{self.name}: {name} has no unit; it is taken to be in {wanted}")
+                elif own != wanted and own is not None and wanted is not None:
+                    factor, offset = self._conversion(name, own, wanted)
+                    values[:, k] = factor * values[:, k] + offset
+                    told.append(f"{self.name}: {name} is converted from {own} to {wanted}")
+        return replace(
+            self, u=sides["input"], y=sides["output"], notes=(*self.notes, *told),
+            input_units=tuple(found[n] for n in self.input_names),
+            output_units=tuple(found[n] for n in self.output_names),
+        )  # fmt: skip
+
+    def _conversion(self, name: str, own: str, wanted: str) -> tuple[float, float]:
+        found = named_conversion(own, wanted)
+        if found is None:
+            unknown = [unit for unit in (own, wanted) if known_unit(unit) is None]
+            why = f"the unit '{unknown[0]}' is not known" if unknown else "they do not measure the same"
+            raise InputError(f"{self.name}: {name} is in '{own}', and is needed in '{wanted}': {why}; convert the data")
+        return found
 
     def with_data(
         self, *, u: Floats | None = None, y: Floats | None = None, time: Floats | None = None, note: str | None = None

@@ -19,11 +19,12 @@ from workbench.analysis.subspace import SubspaceEstimate
 from workbench.analysis.subspace.delivered import cost
 from workbench.analysis.validate.estimator import Estimator, same_settings
 from workbench.analysis.validate.validate import suited
-from workbench.errors import InputError
+from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
 __all__ = ["refined"]
 
+_DOUBT = 0.01  # probability below which the data are said to disagree with a gain
 _NOTHING_LEFT = 1e-6  # of the output: prediction errors below are rounding, not noise
 # How much larger the simulation's error may be, in log det for each output. On other data both models have the same
 # noise in it, so that little is a lot; on the data of the fit the subspace model has fitted the noise.
@@ -43,10 +44,11 @@ def refined(
         asked: with the options.
     """
     same = found, same_settings(found)
+    gains = _gains(asked, prepared)
     if asked.refine == "never":
         return found, NOT_REFINED, same[1]
     if _noise_free(found.model, prepared):
-        if asked.refine == "always":
+        if asked.refine == "always" or gains is not None:
             raise InputError(f"{prepared.data.name}: the data are free of noise: there is nothing to refine")
         return found, Refinement(taken=False, reason="the data are free of noise"), same[1]
     direct = asked.closed_loop == "direct"
@@ -57,17 +59,50 @@ def refined(
         feedthrough=asked.feedthrough,
         stable=asked.stable,
         closed_loop=direct,
+        gains=gains,
     )
     best = refined_model(found.model, prepared.u, prepared.y, wish)
+    if best is None and gains is not None:
+        raise InputError(f"{prepared.data.name}: no model of this order has the gains {_told(asked)}; leave gains out")
     if best is None:
         return found, Refinement(taken=False, reason="no model has a finite prediction of these data"), same[1]
     taken, reason = _judged(found.model, best.model, prepared, other, closed=direct)
-    if asked.refine == "always" or asked.closed_loop is not None:
+    if asked.refine == "always" or asked.closed_loop is not None or gains is not None:
         taken = True
+    reason += _agreement(best, asked)
     words = _refinement(best, taken=taken, reason=reason)
     if not taken:
         return found, words, same[1]
     return _in_place(found, best), words, refining(best, prepared.u, prepared.y)
+
+
+def _gains(asked: Identify, prepared: Prepared) -> Floats | None:
+    """Return the gains that are held, shape (p, m) with the inputs that join experiments; None: there are none."""
+    if not asked.gains:
+        return None
+    data = prepared.data
+    places = {f"{y}/{u}": (i, j) for i, y in enumerate(data.output_names) for j, u in enumerate(data.input_names)}
+    found = np.full((prepared.y.shape[1], prepared.u.shape[1]), np.nan)
+    for name, value in asked.gains.items():
+        if name not in places:
+            raise InputError(f"gains: '{name}' is not an output/input of {data.name}; {suggest(name, places)}")
+        if not math.isfinite(value):
+            raise InputError(f"gains: {name} is not a finite number: {value:g}")
+        found[places[name]] = value
+    return found
+
+
+def _told(asked: Identify) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in (asked.gains or {}).items())
+
+
+def _agreement(best: RefinedModel, asked: Identify) -> str:
+    """Return what is held, and whether the data agree; empty: nothing is."""
+    if not asked.gains:
+        return ""
+    p = best.chosen.agree
+    words = "not known" if p is None else f"the data {'agree' if p >= _DOUBT else 'disagree'} (p = {p:.2g})"
+    return f"; steady gain held: {_told(asked)}, {words}"
 
 
 def _noise_free(model: IdentifiedModel, prepared: Prepared) -> bool:

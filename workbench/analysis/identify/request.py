@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from workbench.analysis.request import Request, Subject, function
-from workbench.core.forms import FILE, FILES, File, Form, Names
+from workbench.core.forms import FILE, FILES, File, Form, Names, Values
 from workbench.core.option import option, recast
 from workbench.core.where import DEFAULT_TIMEOUT, Parts, Workers
 from workbench.errors import InputError
@@ -187,6 +187,13 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         group="Estimate",
     )
     stable: bool = option("Move unstable poles inside the unit circle.", default=False, group="Estimate")
+    gains: Values | None = option(
+        "Steady gain that is known and held in the refined model, as output/input=value.",
+        flag="--gain",
+        metavar="Y/U=VALUE",
+        default=None,
+        group="Estimate",
+    )
     refine: str = option(
         "Refine the model to the least prediction error; auto takes the refined model where it validates no worse.",
         choices=("auto", "always", "never"),
@@ -265,6 +272,8 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
             raise InputError("amplitude: it selects one of nfr, which is missing")
         if self.noise not in ("auto", "shared") and not (isinstance(self.noise, int) and self.noise >= 0):
             raise InputError(f"noise must be auto, shared or a number of states, 0 (white) or more, not {self.noise!r}")
+        if self.gains and self.refine == "never":
+            raise InputError("gains: they are held by the refinement, which refine=never rules out")
         if self.closed_loop is not None and self.refine == "never":
             raise InputError("closed_loop: refine=never leaves the subspace model, which is biased in a closed loop")
         if self.bootstrap and self.also:

@@ -125,7 +125,7 @@ def _named(found: SubspaceEstimate, prepared: Prepared) -> IdentifiedModel:
 def _other(asked: Identify, data: Experiment) -> Experiment | None:
     if asked.validation is None:
         return None
-    other = chosen(asked.validation, data.input_names, data.output_names, asked.dt)
+    other = chosen(asked.validation, data.input_names, data.output_names, asked.dt).in_units(data.units)
     if abs(other.dt - data.dt) > 1e-6 * data.dt:
         raise InputError(f"{other.name}: sampled every {other.dt:g} s, {data.name} every {data.dt:g} s; resample one")
     return cut(other, asked.settle)

@@ -33,15 +33,15 @@ def gathered(data: Experiment | str | Path, asked: Identify) -> tuple[Experiment
         asked: with names of columns, further experiments, and whether they are repaired.
 
     Raises:
-        InputError: no such file or column, other intervals or units than the first's.
+        InputError: no such file or column, another interval than the first's, units that cannot be converted.
     """
     first = _read(data, asked)
     names = first[0].input_names, first[0].output_names
     named = replace(asked, inputs=names[0], outputs=names[1])
     found = (*first, *(e for given in asked.also or () for e in _read(given, named)))
-    for other in found[1:]:
-        _check_alike(first[0], other)
-    return found
+    others = [_alike(found[0], other) for other in found[1:]]
+    notes = dict.fromkeys(note for experiment in (found[0], *others) for note in experiment.notes)
+    return replace(found[0], notes=tuple(notes)), *others
 
 
 def _read(data: Experiment | str | Path, asked: Identify) -> list[Experiment]:
@@ -53,13 +53,11 @@ def _read(data: Experiment | str | Path, asked: Identify) -> list[Experiment]:
     return [remove_outliers(e).experiment for e in found] if asked.repair else found
 
 
-def _check_alike(first: Experiment, other: Experiment) -> None:
+def _alike(first: Experiment, other: Experiment) -> Experiment:
+    """Return another experiment in the units of the first."""
     if abs(other.dt - first.dt) > 1e-6 * first.dt:
         raise InputError(f"{other.name}: sampled every {other.dt:g} s, {first.name} every {first.dt:g} s; resample one")
-    for name, unit in other.units.items():
-        known = first.units.get(name)
-        if unit is not None and known is not None and unit != known:
-            raise InputError(f"{other.name}: {name} is in '{unit}', in {first.name} in '{known}'; convert one")
+    return other.in_units(first.units)
 
 
 def joined(pieces: Sequence[Prepared]) -> Prepared:

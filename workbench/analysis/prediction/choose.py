@@ -12,9 +12,10 @@ that is better. In a closed loop the subspaces mislead; there the search begins 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.special
 
 from workbench.analysis.prediction.gradient import errors_of
 from workbench.analysis.prediction.innovations import Innovations
@@ -74,13 +75,16 @@ class Chosen:
     Attributes:
         refined: the model.
         tried: all candidates, in the order in which they were tried, each with the best of its starts.
+        agree: probability that data as far from the gains that are held come by chance, where they are right
+            (likelihood ratio with the same structure, its gains free); None: none are held, or not known.
     """
 
     refined: Refined
     tried: tuple[Candidate, ...]
+    agree: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Wish:
     """What is asked for.
 
@@ -91,6 +95,7 @@ class Wish:
         feedthrough: D is free.
         stable: the plant is stable.
         closed_loop: the inputs react to the outputs: subspaces of the past and future inputs are biased.
+        gains: shape (p, m), steady gains of the plant that are held, not a number where one is free; None: all are.
     """
 
     order: int | None
@@ -99,6 +104,7 @@ class Wish:
     feedthrough: bool
     stable: bool
     closed_loop: bool = False
+    gains: Floats | None = None
 
 
 def choose(record: Record, plants: Sequence[Plant], wish: Wish) -> Chosen | None:
@@ -121,7 +127,26 @@ def choose(record: Record, plants: Sequence[Plant], wish: Wish) -> Chosen | None
     model = best.model
     # The last steps on the whole record, from near the end.
     final = refine(model, record, stable=wish.stable)
-    return None if final is None else Chosen(final, tuple(search.tried.values()))
+    if final is None:
+        return None
+    agree = None if wish.gains is None else _agreement(final, record, search)
+    return Chosen(final, tuple(search.tried.values()), agree)
+
+
+def _agreement(found: Refined, record: Record, search: _Search) -> float | None:
+    """Return the probability of the likelihood ratio; the free model is searched for anew: steps may not lead there."""
+    model, wish = found.model, search.wish
+    structure = replace(
+        wish, gains=None, order=model.plant, noise="shared" if model.shared else model.disturbance
+    )  # fmt: skip
+    anew = _Search(search.record, search.plants, structure).run()
+    starts = [replace(model, gains=None), *(() if anew is None else (anew.model,))]
+    free = [refine(start, record, stable=wish.stable) for start in starts]
+    costs = [one.cost for one in free if one is not None]
+    if not costs or wish.gains is None:
+        return None
+    count = int(np.sum(~np.isnan(wish.gains)))
+    return float(scipy.special.chdtrc(count, max(found.samples * (found.cost - min(costs)), 0.0)))
 
 
 class _Search:
@@ -212,7 +237,7 @@ class _Search:
         return [self._refined(with_shared(*found, feedthrough=self.wish.feedthrough))]
 
     def _refined(self, start: Innovations) -> Refined | None:
-        found = refine(start, self.record, stable=self.wish.stable)
+        found = refine(replace(start, gains=self.wish.gains), self.record, stable=self.wish.stable)
         if found is not None:
             model = found.model
             tried = Candidate(

@@ -11,6 +11,9 @@ The first states are the plant's, the others the disturbance's. What may be chan
 The free entries of all matrices are more than the model's degrees of freedom: every change of the state basis leaves
 the model the same. The directions at right angles to these changes are the local coordinates (data-driven local
 coordinates: T. McKelvey, A. Helmersson and T. Ribarits, Automatica 40, 2004); they are found anew at each step.
+
+A steady gain of the plant, C (I − A)⁻¹ B + D, can be held: the local coordinates then are those at right angles to its
+derivative, too, and what a step leaves of it is taken away by Newton's method, by the smallest change of the entries.
 """
 
 from __future__ import annotations
@@ -30,6 +33,8 @@ __all__ = ["Entries", "Innovations"]
 Entries = NDArray[np.intp]
 
 _NEAR = 0.9999  # from here on gramians are too large to balance with
+_HELD = 1e-12  # of a gain that is held, relative to the larger of it and 1
+_CORRECTIONS = 30  # of Newton's method
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,6 +52,7 @@ class Innovations:
         plant: n, states of the plant.
         shared: K drives the plant's states; there are no others then.
         feedthrough: D is free, else it stays as it is.
+        gains: shape (p, m), steady gains of the plant that are held; not a number where one is free; None: all are.
     """
 
     A: Floats
@@ -59,6 +65,7 @@ class Innovations:
     plant: int
     shared: bool
     feedthrough: bool = True
+    gains: Floats | None = None
 
     @property
     def disturbance(self) -> int:
@@ -104,6 +111,9 @@ class Innovations:
             entries: numbers of the free entries.
             change: as many.
         """
+        return self._changed(entries, change).held()
+
+    def _changed(self, entries: Entries, change: Floats) -> Innovations:
         flat = np.concatenate([part.ravel() for part in self.parts])
         flat[entries] += change
         return self._from(flat)
@@ -135,7 +145,59 @@ class Innovations:
         own = np.arange(size) < self.plant
         within = np.flatnonzero((own[:, None] == own[None, :]).ravel())
         full, _ = scipy.linalg.qr(tangent[np.ix_(entries, within)])
-        return np.asarray(full[:, len(within) :])
+        directions = np.asarray(full[:, len(within) :])
+        if self.gains is None:
+            return directions
+        return np.asarray(directions @ scipy.linalg.null_space(self._gains_off(entries)[1] @ directions))
+
+    # -- steady gains that are held ------------------------------------------------------------------
+
+    @property
+    def holds(self) -> bool:
+        """Whether the plant has the steady gains that are held."""
+        if self.gains is None:
+            return True
+        off = self._gains_off(self.free())[0]
+        wanted = np.abs(self.gains[~np.isnan(self.gains)])
+        return bool(np.all(np.abs(off) <= 1e3 * _HELD * np.maximum(wanted, 1.0)))
+
+    def held(self) -> Innovations:
+        """Return the model with the steady gains that are held, by the smallest change of its free entries.
+
+        Where they cannot be reached (`holds` tells), it comes back as it is.
+        """
+        if self.gains is None:
+            return self
+        model, entries = self, self.free()
+        wanted = np.maximum(np.abs(self.gains[~np.isnan(self.gains)]), 1.0)
+        for _ in range(_CORRECTIONS):
+            off, slopes = model._gains_off(entries)
+            if not (np.all(np.isfinite(off)) and np.all(np.isfinite(slopes))):
+                return self
+            if np.all(np.abs(off) <= _HELD * wanted):
+                return model
+            change: Floats = -np.asarray(np.linalg.lstsq(slopes, off, rcond=None)[0], dtype=np.float64)
+            model = model._changed(entries, change)
+        return model if model.holds else self
+
+    def _gains_off(self, entries: Entries) -> tuple[Floats, Floats]:
+        """Return by how much the gains that are held are off, and their derivatives by the entries, (c, entries)."""
+        wanted = np.full(self.D.shape, np.nan) if self.gains is None else self.gains
+        n = self.plant
+        try:
+            inner = np.linalg.inv(np.eye(n) - self.A[:n, :n])
+        except np.linalg.LinAlgError:
+            inner = np.full((n, n), np.nan)
+        left, right = self.C[:, :n] @ inner, inner @ self.B[:n]
+        gain = self.C[:, :n] @ right + self.D
+        off, rows = [], []
+        for i, j in np.argwhere(~np.isnan(wanted)):
+            parts = [np.zeros_like(part) for part in self.parts]
+            parts[0][:n, :n] = np.outer(left[i], right[:, j])
+            parts[1][:n, j], parts[3][i, :n], parts[4][i, j] = left[i], right[:, j], 1.0
+            off.append(gain[i, j] - wanted[i, j])
+            rows.append(np.concatenate([part.ravel() for part in parts])[entries])
+        return np.array(off), np.array(rows).reshape(len(off), len(entries))
 
     # -- basis ---------------------------------------------------------------------------------------
 

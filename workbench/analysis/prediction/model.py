@@ -53,8 +53,9 @@ def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: Wish) -> R
     delays = as_tuple(start.delay or 0, u.shape[1])
     core, (su, sy) = start.undelayed(), (record.u_scale, record.y_scale)
     plant = core.A, core.B * su, core.C / sy[:, None], core.D * su / sy[:, None]
+    scaled = wish if wish.gains is None else replace(wish, gains=wish.gains * su / sy[:, None])
     with one_thread():
-        chosen = choose(advance(record.u, record.y, delays), [plant], wish)
+        chosen = choose(advance(record.u, record.y, delays), [plant], scaled)
     if chosen is None:
         return None
     return RefinedModel(_in_units(chosen.refined, record, delays, start.dt), chosen)

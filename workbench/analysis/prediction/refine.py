@@ -75,9 +75,11 @@ def refine(start: Innovations, record: Record, *, stable: bool = False, most: in
         most: steps.
 
     Returns:
-        The model; None where the start has no finite prediction.
+        The model; None where the start has no finite prediction, or cannot have the gains that are held.
     """
-    model = start.balanced()
+    model = start.held().balanced()
+    if not model.holds:
+        return None
     errors = errors_of(model, record)
     best = cost(errors)
     if not math.isfinite(best):
@@ -119,7 +121,7 @@ def _step(
         step = scipy.linalg.cho_solve(factor, right, check_finite=False)
         expected = float(step @ right)
         tried = model.moved(entries, Q @ (step / scale))
-        if radius(tried.predictor) < _STEADY and not (stable and _unstable(tried)):
+        if tried.holds and radius(tried.predictor) < _STEADY and not (stable and _unstable(tried)):
             new = errors_of(tried, record)
             value = cost(new)
             if value < best:

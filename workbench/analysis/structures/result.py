@@ -15,6 +15,13 @@ from workbench.analysis.structures.table import StaticTable
 from workbench.analysis.validate.fit import Fit, fit_of
 from workbench.core.record import Part, Record, entry
 from workbench.session.base import Floats
+from workbench.system.description import (
+    BlockComponent,
+    Connection,
+    GainComponent,
+    LinearComponent,
+    SystemDescription,
+)
 
 __all__ = ["StructureResult", "Tried"]
 
@@ -145,6 +152,39 @@ class StructureResult(Record):
             state = tried
         return state
 
+    def to_system(self, name: str | None = None) -> SystemDescription:
+        """Return the blocks as a system, without noise: its input and output have the names of the columns.
+
+        The parts are `before`, `linear` and `behind`; a static block that the structure has not is a gain of 1. The
+        linear part is sampled: it acts at multiples of its dt and holds its output in between. It starts at its x0, the
+        state at the first sample of the data; the connections take its operating point off and add it again.
+
+        Args:
+            name: of the system; None: that of the linear block.
+        """
+        linear, inputs, outputs = self.linear, self.data.input_names, self.data.output_names
+        units = [
+            {} if unit is None else {"u": unit, "y": unit} for unit in (linear.input_units[0], linear.output_units[0])
+        ]
+        ends = {"u": linear.input_units[0], "y": linear.output_units[0]}
+        sampled = LinearComponent(
+            name="linear", A=linear.A, B=linear.B, C=linear.C, D=linear.D, dt=linear.dt, x0=linear.x0,
+            input_names=("u",), output_names=("y",), state_names=linear.state_names,
+            units={port: unit for port, unit in ends.items() if unit is not None},
+        )  # fmt: skip
+        return SystemDescription(
+            name=name or linear.name,
+            components=(
+                _static("before", self.before, units[0]), sampled, _static("behind", self.behind, units[1])
+            ),
+            connections=(
+                Connection(source="before.y", destination="linear.u", offset=-float(linear.u0[0])),
+                Connection(source="linear.y", destination="behind.u", offset=float(linear.y0[0])),
+            ),
+            inputs={inputs[0]: ("before.u",)},
+            outputs={outputs[0]: "behind.y"},
+        )  # fmt: skip
+
     def derived(self) -> dict[str, Any]:
         """Return figures, and the data by name."""
         return {
@@ -163,6 +203,14 @@ class StructureResult(Record):
         data = self.judged
         yield ("time [s]", data.input_names[0], data.output_names[0], f"{data.output_names[0]} simulated")
         yield from np.column_stack([data.time, data.u[:, 0], data.y[:, 0], self.simulated]).tolist()
+
+
+def _static(name: str, table: StaticTable | None, units: Mapping[str, str]) -> BlockComponent | GainComponent:
+    """Return a static block as a component, which goes on beyond its knots as the table does; None: a gain of 1."""
+    if table is None:
+        return GainComponent(name=name, units=units)
+    parameters = {"x": table.x.tolist(), "y": table.y.tolist(), "extrapolation": "linear"}
+    return BlockComponent(name=name, kind="lookup", parameters=parameters, units=units)
 
 
 def _rest(model: IdentifiedModel, v: float) -> Floats:

@@ -53,7 +53,8 @@ def validate(
         bootstrap: regions of the poles, for the picture and for the near-cancellations.
 
     Raises:
-        InputError: other channels or sampling interval than the model's, too few samples for the lags, unknown start.
+        InputError: other channels or sampling interval than the model's, units that cannot be converted to its own, too
+            few samples for the lags, unknown start.
 
     Examples:
         The model of data without noise reproduces them.
@@ -82,7 +83,7 @@ def validate(
 
 
 def suited(model: IdentifiedModel, data: Experiment) -> Experiment:
-    """Return the data with the model's channels in the model's order.
+    """Return the data with the model's channels in the model's order, and in its units.
 
     Channels are found by name; where no name fits, and there are as many as the model has, by their place.
 
@@ -91,8 +92,12 @@ def suited(model: IdentifiedModel, data: Experiment) -> Experiment:
         data: may hold more channels.
 
     Raises:
-        InputError: a channel is missing, or another sampling interval.
+        InputError: a channel is missing, another sampling interval, or units that cannot be converted.
     """
+    return _chosen(model, data).in_units(model.units)
+
+
+def _chosen(model: IdentifiedModel, data: Experiment) -> Experiment:
     if not abs(data.dt - model.dt) <= 1e-6 * model.dt:
         raise InputError(f"{data.name}: sampled every {data.dt:g} s, the model every {model.dt:g} s; resample the data")
     known, wanted = (*data.input_names, *data.output_names), (*model.input_names, *model.output_names)
