@@ -16,16 +16,20 @@ package Delays "delay() with closed forms"
     end when;
   end Chain;
 
-  model Lag "The output of a lag, delayed; x' = -x(t - 1); each element of an array has its own past"
+  model Lag "The output of a lag, delayed; each element of an array has its own past"
     input Real u;
     output Real y;
-    output Real x(start = 1, fixed = true);
     output Real v[2];
     Real lag(start = 0, fixed = true);
   equation
     der(lag) = u - lag;
     y = delay(lag, 0.4);
-    der(x) = -delay(x, 1.0);
-    v = delay({lag, 2 * x}, 0.5);
+    v = delay({lag, 2 * u}, 0.5);
   end Lag;
+
+  model Past "x' = -x(t - 1)"
+    output Real x(start = 1, fixed = true);
+  equation
+    der(x) = -delay(x, 1.0);
+  end Past;
 end Delays;
