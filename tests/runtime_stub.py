@@ -287,10 +287,19 @@ class Fmu3(Fmu):
 _WHOLE: dict[str, Any] = {"Int32": ctypes.c_int32, "Int64": ctypes.c_int64, "Boolean": ctypes.c_bool}
 
 
-def build_driver(folder: Path, *, defines: Sequence[str] = ()) -> tuple[Path, str]:
-    """Compile tests/c/driver.c with the best sanitizers found here; the program and what watches it."""
+def build_driver(
+    folder: Path, *, defines: Sequence[str] = (), driver: str = "driver.c", model: Sequence[Path] = ()
+) -> tuple[Path, str]:
+    """Compile a driver of tests/c with the best sanitizers found here; the program and what watches it.
+
+    Args:
+        folder: where the program goes.
+        defines: macros.
+        driver: the file with `main`.
+        model: what stands beside the runtime; the stub by default.
+    """
     out = folder / "driver.exe"
-    sources = [*runtime_sources(), str(STUB / "stub_core.c"), str(STUB / "driver.c")]
+    sources = [*runtime_sources(), *map(str, model or [STUB / "stub_core.c"]), str(STUB / driver)]
     common = ["-std=c11", "-O1", "-g", "-isystem", str(HEADERS), "-I", str(RUNTIME), *(f"-D{d}" for d in defines)]
     libraries = [] if sys.platform == "win32" else ["-lm"]
     complaint = ""
@@ -309,7 +318,7 @@ def build_driver(folder: Path, *, defines: Sequence[str] = ()) -> tuple[Path, st
 def _sanitizers() -> list[tuple[str, list[str]]]:
     """Compilers to try: the system's with the address sanitizer and failing allocations, then the build chain's."""
     watch = ["-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"]
-    wrapped = ["-DWRAP_CALLOC", "-Wl,--wrap=calloc"]
+    wrapped = ["-DWRAP_CALLOC", "-Wl,--wrap=calloc,--wrap=realloc"]
     found = [shutil.which(name) for name in ("gcc", "clang", "cc")]
     system = [("address", [path, *watch, *wrapped]) for path in found if path is not None]
     trap = ["-fsanitize=undefined", "-fsanitize-trap=undefined"]

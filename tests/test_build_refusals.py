@@ -11,7 +11,13 @@ from workbench.build.frontend import models_in
 from workbench.errors import BuildError
 
 REFUSED = {
-    "delay": ("Real y;\nequation\n  y = delay(time, 0.1);", 4, "delay", "first-order lags"),
+    "varying delay": (
+        "Real y;\nequation\n  y = delay(time, 0.1 + 0.1*time, 1.0);",
+        4,
+        "whose time varies",
+        "parameter",
+    ),
+    "delayed loop": ("Real y;\nequation\n  y = 1 - 0.5*delay(y, 1.0);", 4, "delay() of y", "delay a state"),
     "initial equation": (
         "Real x;\ninitial equation\n  x = 2;\nequation\n  der(x) = -x;",
         4,
@@ -122,7 +128,7 @@ def test_unknown_name_is_the_front_ends_message(tmp_path: Path) -> None:
 
 
 def test_nothing_is_written_when_a_model_is_refused(tmp_path: Path) -> None:
-    file = write(tmp_path, "Real y;\nequation\n  y = delay(time, 0.1);")
+    file = write(tmp_path, "Real y;\nequation\n  y = delay(time, 0.0);")
     with pytest.raises(BuildError):
         build_fmu([file], out=tmp_path / "M.fmu")
     assert [p.name for p in tmp_path.iterdir()] == ["M.mo"]

@@ -5,6 +5,7 @@ import itertools
 import math
 import os
 import subprocess
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,16 @@ import pytest
 from tests.runtime_stub import (
     ERROR,
     OK,
+    RUNTIME,
     Fmu2,
     Fmu3,
     Vr,
     build_driver,
     compile_library,
 )
+from workbench.build.fmu import generate
 
+MODELICA = Path(__file__).parent / "modelica"
 SIZE = ctypes.c_size_t
 
 
@@ -116,6 +120,23 @@ def test_a_state_saved_before_an_error_brings_the_instance_back(library: Path) -
 def test_every_function_under_sanitizers(tmp_path: Path, defines: tuple[str, ...]) -> None:
     """No report, no leak, also for wrong calls in every state and for each allocation that fails."""
     program, watch = build_driver(tmp_path, defines=defines)
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=False, env=_sanitizer_environment())
+    if watch == "address" and "LeakSanitizer has encountered a fatal error" in done.stderr:
+        pytest.skip("the leak sanitizer cannot look at processes here (ptrace is forbidden)")
+    assert done.stderr == ""
+    assert done.returncode == 0
+
+
+def test_delays_under_sanitizers(tmp_path: Path) -> None:
+    """A generated model: the past of its delays is saved, read back to the last bit, and freed."""
+    sources = generate(MODELICA / "Delays.mo", "Delays.Chain")
+    (tmp_path / "model.c").write_bytes(sources.c_files["model.c"])
+    root = ET.fromstring(sources.descriptions[2])  # noqa: S314 - written just now
+    numbers = {v.get("name"): v.get("valueReference") for v in root.iter("ScalarVariable")}
+    defines = (f'GUID="{root.get("guid")}"', f"U={numbers['u']}", f"Y={numbers['y']}")
+    program, watch = build_driver(
+        tmp_path, defines=defines, driver="delay_driver.c", model=[RUNTIME / "core.c", tmp_path / "model.c"]
+    )
     done = subprocess.run([str(program)], capture_output=True, text=True, check=False, env=_sanitizer_environment())
     if watch == "address" and "LeakSanitizer has encountered a fatal error" in done.stderr:
         pytest.skip("the leak sanitizer cannot look at processes here (ptrace is forbidden)")

@@ -1,7 +1,7 @@
 /* driver.c: calls every function of the runtime, also wrongly and without memory, under sanitizers.
  *
  * Ends with 0 when every check held; address and undefined-behaviour sanitizers report by themselves.
- * Linked with -Wl,--wrap=calloc where the linker can: then each allocation fails once.
+ * Linked with -Wl,--wrap=calloc,--wrap=realloc where the linker can: then each allocation fails once.
  */
 #include "fmi2Functions.h"
 #include "fmi3Functions.h"
@@ -42,6 +42,12 @@ void *__wrap_calloc(size_t count, size_t size);
 void *__wrap_calloc(size_t count, size_t size)
 {
     return granted() ? __real_calloc(count, size) : NULL;
+}
+void *__real_realloc(void *block, size_t size);
+void *__wrap_realloc(void *block, size_t size);
+void *__wrap_realloc(void *block, size_t size)
+{
+    return granted() ? __real_realloc(block, size) : NULL;
 }
 static void *allocate(size_t count, size_t size)
 {

@@ -308,17 +308,29 @@ bool core_new_discrete_states(Core *core, CoreEventInfo *info)
     return true;
 }
 
-void core_enter_continuous(Core *core)
+bool core_enter_continuous(Core *core)
 {
     update(&core->image);
     core->image.mode = CORE_CONTINUOUS;
+    return true;
 }
 
-bool core_completed_step(Core *core, bool *enter_event_mode)
+bool core_completed_step(Core *core)
 {
     (void)core;
-    *enter_event_mode = false;
     return true;
+}
+
+bool core_accepted(Core *core)
+{
+    (void)core;
+    return true;
+}
+
+bool core_wants_event(const Core *core)
+{
+    (void)core;
+    return false;
 }
 
 void core_set_time(Core *core, double time)
@@ -383,8 +395,9 @@ bool core_directional(Core *core, const unsigned *unknowns, size_t n_unknowns, c
     return true;
 }
 
-size_t core_image_size(void)
+size_t core_saved_size(const Core *core)
 {
+    (void)core;
     return sizeof(Image);
 }
 
@@ -393,7 +406,11 @@ void core_save(const Core *core, void *image)
     memcpy(image, &core->image, sizeof core->image);
 }
 
-void core_load(Core *core, const void *image)
+bool core_load(Core *core, const void *image, size_t size)
 {
+    if (size != sizeof core->image) {
+        return false;
+    }
     memcpy(&core->image, image, sizeof core->image);
+    return true;
 }

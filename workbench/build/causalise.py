@@ -25,7 +25,7 @@ from workbench.errors import BuildError
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """One step of the evaluation: `kind` is "variable", "relation", "quotient", "condition" or "discrete".
+    """One step of the evaluation: `kind` is "variable", "relation", "quotient", "condition", "discrete" or "delay".
 
     `target` is a value reference or a slot; `expression` is None for a discrete variable, whose
     branches stand in the model.
@@ -58,6 +58,7 @@ def causalise(model: ScalarModel) -> list[Assignment]:
     steps += [Assignment("relation", slot, r.indicator) for slot, r in enumerate(model.relations)]
     steps += [Assignment("quotient", slot, q.argument) for slot, q in enumerate(model.quotients)]
     steps += [Assignment("condition", slot, e) for slot, e in enumerate(model.conditions)]
+    steps += [Assignment("delay", number, e) for number, e in enumerate(model.delays)]
     steps += [Assignment("discrete", d.target, None, d.place, d) for d in model.discrete]
     return _sort(model, steps)
 
@@ -69,7 +70,7 @@ def _match(model: ScalarModel, unknowns: Sequence[int]) -> list[tuple[int, Resid
             "every variable needs exactly one equation"
         )
     wanted = set(unknowns)
-    incidence = [sorted(model.graph.variables(r.expression) & wanted) for r in model.residuals]
+    incidence = [sorted(model.graph.variables(r.expression, delayed=False) & wanted) for r in model.residuals]
     # Equations that already stand as `unknown = …` keep that reading.
     owner: dict[int, int] = {}
     for number, residual in enumerate(model.residuals):
@@ -110,12 +111,19 @@ def _solve(model: ScalarModel, residual: Residual, unknown: int) -> int:
             target = graph[side]
             if target.operation == VARIABLE and target.reference == unknown and unknown not in graph.variables(other):
                 return other
+    name = model.variables[unknown].name
+    if any(unknown in graph.variables(e) for e in graph.delays_in(residual.expression)):
+        refuse(
+            residual.place,
+            f"a delay() of {name} in the equation for {name}",
+            "delay a state: at the start, where nothing is delayed, this is an algebraic loop",
+        )
     slope = partial(graph, residual.expression, unknown)
     if unknown in graph.variables(slope):
         refuse(
             residual.place,
-            f"an equation that is not affine in {model.variables[unknown].name}",
-            f"solve it for {model.variables[unknown].name} by hand",
+            f"an equation that is not affine in {name}",
+            f"solve it for {name} by hand",
         )
     rest = graph.substitute(residual.expression, {unknown: graph.number(0.0)})
     return graph.divide(graph.negate(rest), slope)
@@ -133,8 +141,14 @@ def _sort(model: ScalarModel, steps: Sequence[Assignment]) -> list[Assignment]:
     return [steps[number] for number in alike_together(model.graph, variables, order, needs)]
 
 
-def reads(model: ScalarModel, step: Assignment) -> set[tuple[str, int]]:
-    """Return the keys of all that `step` reads: variables, relations, quotients and conditions."""
+def reads(model: ScalarModel, step: Assignment, *, delayed: bool = True) -> set[tuple[str, int]]:
+    """Return the keys of all that `step` reads: variables, relations, quotients and conditions.
+
+    Args:
+        model: the model.
+        step: what reads them.
+        delayed: whether what acts a delay later counts: it is read at the start.
+    """
     graph = model.graph
     if step.discrete is None:
         expressions = [] if step.expression is None else [step.expression]
@@ -142,7 +156,7 @@ def reads(model: ScalarModel, step: Assignment) -> set[tuple[str, int]]:
             expressions.append(model.relations[step.target].deadline or 0)
     else:
         expressions = [e for b in step.discrete.branches for e in (b.fires, b.value) if e is not None]
-    keys = {("variable", vr) for e in expressions for vr in graph.variables(e)}
+    keys = {("variable", vr) for e in expressions for vr in graph.variables(e, delayed=delayed)}
     for kind in (RELATION, QUOTIENT, CONDITION):
         keys |= {(kind, slot) for e in expressions for slot in graph.leaves(e, kind)}
     return keys

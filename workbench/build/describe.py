@@ -64,7 +64,9 @@ def model_description_2(description: Description) -> bytes:
         "canSerializeFMUstate": "true",
         "providesDirectionalDerivative": "true",
     }
-    exchange = ET.SubElement(root, "ModelExchange", {**common, "completedIntegratorStepNotNeeded": "true"})
+    exchange = ET.SubElement(
+        root, "ModelExchange", {**common, "completedIntegratorStepNotNeeded": _flag(not model.delays)}
+    )
     slave = ET.SubElement(
         root,
         "CoSimulation",
@@ -94,7 +96,7 @@ def model_description_3(description: Description) -> bytes:
         "canSerializeFMUState": "true",
         "providesDirectionalDerivatives": "true",
     }
-    ET.SubElement(root, "ModelExchange", {**common, "needsCompletedIntegratorStep": "false"})
+    ET.SubElement(root, "ModelExchange", {**common, "needsCompletedIntegratorStep": _flag(bool(model.delays))})
     ET.SubElement(
         root,
         "CoSimulation",
@@ -125,6 +127,10 @@ def build_description(description: Description) -> bytes:
 
 
 # Parts that both versions share
+
+
+def _flag(value: bool) -> str:  # noqa: FBT001 - all that it is about
+    return "true" if value else "false"
 
 
 def _root(description: Description, version: str, token: dict[str, str]) -> ET.Element:

@@ -12,8 +12,10 @@ from collections.abc import Callable, Mapping
 
 from workbench.build.expressions import (
     COMPARISONS,
+    DELAYED,
     DOT,
     DOT_TANGENT,
+    GOES_THROUGH,
     MATRIX,
     MATRIX_TANGENT,
     TANGENT,
@@ -100,6 +102,11 @@ def _extremum(comparison: str) -> Rule:
     return rule
 
 
+def _delayed(graph: ExpressionGraph, _e: int, operands: tuple[int, ...], tangents: list[int]) -> int:
+    number = int(graph.value(operands[2]) or 0.0)
+    return graph.multiply(graph.leaf(GOES_THROUGH, number), tangents[0])
+
+
 _RULES: dict[str, Rule] = {
     "add": lambda g, _e, _o, t: g.add(t[0], t[1]),
     "subtract": lambda g, _e, _o, t: g.subtract(t[0], t[1]),
@@ -125,6 +132,7 @@ _RULES: dict[str, Rule] = {
     "tanh": _unary(lambda g, e, _a: _one_minus(g, _square(g, e))),
     "exp": _unary(lambda _g, e, _a: e),
     "log": _unary(lambda g, _e, a: _reciprocal(g, a)),
+    DELAYED: _delayed,
     "log10": _unary(lambda g, _e, a: _reciprocal(g, g.multiply(g.number(2.302585092994046), a))),
 }
 

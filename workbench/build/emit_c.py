@@ -30,7 +30,7 @@ class _Emitter:
     # Evaluation
 
     def continuous(self) -> str:
-        steps = [s for s in self.order if s.kind in {"variable", "relation", "quotient"}]
+        steps = [s for s in self.order if s.kind in {"variable", "relation", "quotient", "delay"}]
         writer = self._writer(e for s in steps for e in self._read(s))
         self._assign_all(writer, steps)
         return self.function("void model_continuous(const Frame *f)", writer, ["f"])
@@ -80,6 +80,7 @@ class _Emitter:
             "quotient": self._assign_quotient,
             "condition": self._assign_condition,
             "discrete": self._assign_discrete,
+            "delay": self._note_delay,
         }
         handlers[step.kind](writer, step)
 
@@ -109,6 +110,11 @@ class _Emitter:
     def _assign_condition(self, writer: Writer, step: Assignment) -> None:
         if step.expression is not None:
             writer.lines.append(f"f->condition[{step.target}] = {bare(writer.text(step.expression))};")
+
+    def _note_delay(self, writer: Writer, step: Assignment) -> None:
+        """Have it read wherever the model is evaluated, so that it notes its input."""
+        if step.expression is not None:
+            writer.lines.append(f"(void){writer.text(step.expression)};")
 
     def _assign_discrete(self, writer: Writer, step: Assignment) -> None:
         if step.discrete is None:

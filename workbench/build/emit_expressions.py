@@ -10,8 +10,10 @@ from workbench.build.expressions import (
     COMPARISONS,
     CONDITION,
     CONDITION_PRE,
+    DELAYED,
     DOT,
     DOT_TANGENT,
+    GOES_THROUGH,
     INITIAL,
     MATRIX,
     MATRIX_PRE,
@@ -44,6 +46,7 @@ _SPECIAL: dict[str, Callable[[list[str], list[str]], str]] = {
     "or": lambda _t, c: f"({c[0]} || {c[1]})",
     "not": lambda _t, c: f"(!{c[0]})",
     "select": lambda t, c: f"({c[0]} ? {t[1]} : {t[2]})",
+    DELAYED: lambda t, _c: f"delayed(f, {', '.join(map(bare, t))})",
     "lookup": lambda t, _c: f"pick({t[0]}, {len(t) - 1}, (const double[]){{{', '.join(t[1:])}}})",
 }
 _BOOLEAN = {*COMPARISONS, "and", "or", "not"}
@@ -77,7 +80,9 @@ class Writer:
         for number in self.graph.reachable([expression], self.texts):
             node = self.graph[number]
             written = self._write(number)
-            if node.operands and (self.uses.get(number, 0) > 1 or len(written) > _LINE):
+            wanted = self.uses.get(number, 0) > 1 or len(written) > _LINE
+            # A delay notes its input when it is read: it must not be left out, as by a branch that is not taken.
+            if node.operands and (wanted or node.operation == DELAYED):
                 name = f"{self.prefix}{number}"
                 self.lines.append(f"const double {name} = {bare(written)};")
                 written = name
@@ -214,6 +219,7 @@ _LEAVES = {
     TICK: "f->tick[{}]",
     QUOTIENT: "f->frozen[{}]",
     INITIAL: "(double)f->initial",
+    GOES_THROUGH: "goes_through(f, {})",
 }
 
 

@@ -61,7 +61,8 @@ _TYPES = {
 
 def variability(variable: ScalarVariable) -> str:
     """Return FMI's variability of a variable."""
-    fixed = {"parameter": "tunable", "calculated": "tunable", "constant": "constant"}.get(variable.kind)
+    tunable = "fixed" if variable.fixed else "tunable"
+    fixed = {"parameter": tunable, "calculated": tunable, "constant": "constant"}.get(variable.kind)
     return fixed or ("continuous" if variable.continuous else "discrete")
 
 
@@ -120,7 +121,7 @@ def tables(model: ScalarModel, token: str, *, stiff: bool, tolerance: float) -> 
     nominals = [c_number(model.variables[s].nominal or 1.0) for s in model.states]
     clocks = [f"    {{{c.period[0]}, {c.period[1]}, {c.phase[0]}, {c.phase[1]}}}," for c in model.clocks]
     of_state = model.derivatives
-    has_time_events = bool(model.clocks) or any(r.deadline is not None for r in model.relations)
+    has_time_events = bool(model.clocks or model.delays) or any(r.deadline is not None for r in model.relations)
     rows = [_info_row(model, v, remembers=r in remember) for r, v in enumerate(model.variables)]
     return "\n".join(
         [
@@ -158,6 +159,7 @@ def tables(model: ScalarModel, token: str, *, stiff: bool, tolerance: float) -> 
             f"    .n_conditions = {len(model.conditions)},",
             f"    .n_clocks = {len(model.clocks)},",
             f"    .n_discrete = {len(discrete)},",
+            f"    .n_delays = {len(model.delays)},",
             "    .discrete = discrete,",
             "    .indicators = indicators,",
             "    .clocks = clocks,",

@@ -28,6 +28,9 @@ DOT = "dot"  # a row: (first value reference of a, stride of a, first of x, stri
 MATRIX = "matrix"  # a row of numbers times variables: as DOT, but a counts in the graph's table
 MATRIX_PRE = "matrix_pre"  # ... times their values before this event iteration
 MATRIX_TANGENT = "matrix_tangent"  # ... times their tangents
+GOES_THROUGH = "goes_through"  # refers to: number of a delay; 1 while its input goes straight through
+
+DELAYED = "delayed"  # operands: what is delayed, by how long [s], number of the delay
 
 # (first value reference of a, stride of a, first value reference of x, stride of x, length)
 Row = tuple[int, int, int, int, int]
@@ -301,12 +304,17 @@ class ExpressionGraph:
 
     # Walks
 
-    def reachable(self, expressions: Iterable[int], known: Container[int] = ()) -> list[int]:
+    def delays_in(self, expression: int) -> list[int]:
+        """Return the delays that `expression` reads."""
+        return [number for number in self.reachable([expression]) if self._nodes[number].operation == DELAYED]
+
+    def reachable(self, expressions: Iterable[int], known: Container[int] = (), *, delayed: bool = True) -> list[int]:
         """Return all nodes that `expressions` are made of, in an order of evaluation.
 
         Args:
             expressions: where the walk begins.
             known: where it ends; these nodes are not among those returned.
+            delayed: whether to go on to what acts a delay later.
         """
         seen: set[int] = set()
         stack = list(expressions)
@@ -314,7 +322,8 @@ class ExpressionGraph:
             expression = stack.pop()
             if expression not in seen and expression not in known:
                 seen.add(expression)
-                stack.extend(self._nodes[expression].operands)
+                node = self._nodes[expression]
+                stack.extend(node.operands if delayed or node.operation != DELAYED else ())
         return sorted(seen)
 
     def leaves(self, expression: int, operation: str) -> Iterator[int]:
@@ -326,12 +335,19 @@ class ExpressionGraph:
             elif node.operation == MATRIX_PRE and operation == PRE:
                 yield from self._factors(node.row)
 
-    def variables(self, expression: int) -> set[int]:
-        """Return the value references that `expression` reads now (not those it reads as pre)."""
-        found = set(self.leaves(expression, VARIABLE))
-        for number in self.reachable([expression]):
+    def variables(self, expression: int, *, delayed: bool = True) -> set[int]:
+        """Return the value references that `expression` reads now (not those it reads as pre).
+
+        Args:
+            expression: what reads them.
+            delayed: whether those that act a delay later count: they are read at the start.
+        """
+        found: set[int] = set()
+        for number in self.reachable([expression], delayed=delayed):
             node = self._nodes[number]
-            if node.operation == DOT:
+            if node.operation == VARIABLE:
+                found.add(node.reference)
+            elif node.operation == DOT:
                 a, stride_a, x, stride_x, length = node.row
                 found.update(a + i * stride_a for i in range(length))
                 found.update(x + i * stride_x for i in range(length))
@@ -396,6 +412,8 @@ def evaluate_operation(operation: str, operands: Sequence[float]) -> float:
         return float(comparison(operands[0], operands[1]))
     if operation == "select":
         return operands[1] if operands[0] != 0.0 else operands[2]
+    if operation == DELAYED:
+        return operands[0]  # so it is at the start
     if operation == "lookup":
         index = int(operands[0])
         return operands[index] if 1 <= index < len(operands) else math.nan

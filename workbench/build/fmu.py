@@ -27,12 +27,12 @@ from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
 from workbench.core.files import cache_folder, named_path, pack, replacing
 from workbench.core.job import Job
+from workbench.core.names import OUR_TOOL
 from workbench.core.record import Record, entry
 from workbench.errors import BuildError, suggest
 from workbench.origin import with_origin
 from workbench.toolchain import PLATFORMS, Platform, compile_all
 
-TOOL = "FMI workbench"
 DEFAULT_TOLERANCE = 1.0e-6
 FMI_VERSIONS = (2, 3)
 _MODEL = "model.c"  # the one C file that is the model's own
@@ -211,7 +211,7 @@ def assemble(
     token = "{" + digest.hexdigest()[:32] + "}"
     c_files = {**runtime, _MODEL: c_model(token).encode()}
     compiled = tuple(sorted(n for n in c_files if n.endswith(".c")))
-    description = Description(scalar, order, token, TOOL, experiment, compiled, naming)
+    description = Description(scalar, order, token, OUR_TOOL, experiment, compiled, naming)
     return Sources(
         name=scalar.name,
         identifier=description.identifier,

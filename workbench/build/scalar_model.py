@@ -30,6 +30,7 @@ class ScalarVariable:
     continuous: bool = True
     derivative_of: int | None = None
     literals: tuple[str, ...] = ()
+    fixed: bool = False  # a parameter that must not change in a run: a delay depends on it
     place: SourceLocation | None = None
 
 
@@ -113,6 +114,7 @@ class ScalarModel:
     conditions: list[int] = field(default_factory=list)
     actions: list[Action] = field(default_factory=list)
     clocks: list[Clock] = field(default_factory=list)
+    delays: list[int] = field(default_factory=list)  # expressions that read them
 
     def references(self, *kinds: str) -> list[int]:
         """Return the value references of the variables of these kinds, in order."""

@@ -77,6 +77,8 @@ class _Scalariser:
         self._actions()
         self.model.relations = self.translator.relations
         self.model.quotients = self.translator.quotients
+        self.model.delays = self.translator.delays
+        self._fix(self.translator.delay_times)
         return self.model
 
     def _refuse_unsupported(self) -> None:
@@ -84,13 +86,21 @@ class _Scalariser:
         for entry in storage["initialization_equation_operations"]:
             body = next(iter(entry.values()))
             refuse(self.dae.place(body["provenance"]), "an initial equation", ADVICE["initial_equation"])
-        for key in ("delays", "previous_values", "terminals", "model_event_transactions"):
+        for key in ("previous_values", "terminals", "model_event_transactions"):
             for entry in storage[key]:
                 construct = _CALLED.get(key, key.removesuffix("s").replace("_", " "))
                 place = self.dae.place(entry.get("provenance", {}))
                 refuse(place, construct, ADVICE.get(key.removesuffix("s"), "rewrite it in the subset"))
 
     # Variables
+
+    def _fix(self, expressions: set[int]) -> None:
+        """Declare the parameters fixed that delays depend on: the past is kept for so long and no longer."""
+        waiting = [r for e in expressions for r in self.graph.variables(e)]
+        while waiting:
+            reference = waiting.pop()
+            self._replace(reference, fixed=True)
+            waiting += self.graph.variables(self.model.bindings[reference]) if reference in self.model.bindings else ()
 
     def _declare(self) -> None:
         zero = self.graph.number(0.0)

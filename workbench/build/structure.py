@@ -12,13 +12,13 @@ def dependencies(model: ScalarModel, order: Sequence[Assignment]) -> dict[tuple[
     """Return, for every assignment, the inputs and continuous states that it depends on.
 
     Keys are those of :attr:`Assignment.key`. A dependency through a relation, a condition or a discrete
-    variable counts: it acts in event mode. What was stored at an earlier event does not.
+    variable counts: it acts in event mode. What was stored at an earlier event does not, nor what acts a delay later.
     """
     knowns = set(model.references("input", "state"))
     found: dict[tuple[str, int], frozenset[int]] = {}
     for step in order:
         total: set[int] = set()
-        for key in reads(model, step):
+        for key in reads(model, step, delayed=False):
             kind, reference = key
             if kind == "variable" and reference in knowns:
                 total.add(reference)

@@ -13,13 +13,12 @@ from itertools import pairwise, product
 from typing import NoReturn
 
 from workbench.build.differentiate import partial
-from workbench.build.expressions import COMPARISONS, NUMBER, PRE, QUOTIENT, RELATION, VARIABLE, ExpressionGraph
+from workbench.build.expressions import COMPARISONS, DELAYED, NUMBER, PRE, QUOTIENT, RELATION, VARIABLE, ExpressionGraph
 from workbench.build.ir import Dae, Json, SourceLocation
 from workbench.build.scalar_model import TIME, Quotient, Relation
 from workbench.errors import BuildError
 
 ADVICE = {
-    "delay": "a delay has no finite state: write it as a chain of first-order lags or sample it",
     "string": "String variables do not exist in the supported subset: use an Integer or an enumeration",
     "spatial_distribution": "write the discretised equations",
     "external": "external functions cannot be shipped in a portable FMU: write the function in Modelica",
@@ -81,6 +80,8 @@ class Translator:
         self._leaves: dict[tuple[str, int], Array] = {}
         self.relations: list[Relation] = []
         self.quotients: list[Quotient] = []
+        self.delays: list[int] = []
+        self.delay_times: set[int] = set()
         self._slots: dict[tuple[object, ...], int] = {}
         self._handlers: dict[str, Callable[[int, Json, Scope], Array]] = {
             "literal": self._literal,
@@ -129,6 +130,8 @@ class Translator:
             return Array((), (self.graph.number(scope.binders[index["domain"], index["ordinal"]]),))
         if kind == "function_parameter":
             return scope.parameters[int(index["ordinal"])]
+        if kind == "delay":
+            return self._delayed(index, scope)
         if kind not in _COORDINATES:
             refuse(self.dae.place_of(number), kind.replace("_", " "), ADVICE.get(kind, "rewrite it in the subset"))
         if index in self.constants:
@@ -142,6 +145,35 @@ class Translator:
             elements = tuple(self.graph.leaf(leaf, first + k) for k in range(math.prod(shape)))
             self._leaves[known] = Array(shape, elements)
         return self._leaves[known]
+
+    def _delayed(self, number: int, scope: Scope) -> Array:
+        """Return delay(e, T), each element of e with a past of its own."""
+        entry = self.dae.storage["delays"][number]
+        place = self.dae.place(entry["provenance"])
+        time = next(iter(entry["kind"].values()))["delay_time"]
+        lag = self.scalar(time if isinstance(time, int) else time["expression"], scope)
+        parameters = {
+            self.layout[i] + k
+            for i, v in enumerate(self.dae.variables)
+            if v.role == "parameter" and i in self.layout
+            for k in range(math.prod(v.type.dimensions))
+        }
+        if not self.graph.variables(lag) <= parameters:
+            refuse(
+                place,
+                "a delay() whose time varies",
+                "make the time a constant or a parameter, or use the block `variable_delay` of a system file",
+            )
+        self.delay_times.add(lag)
+        return self._map(place, [self.array(entry["source"], scope)], lambda e: self._one_delay(e, lag))
+
+    def _one_delay(self, expression: int, lag: int) -> int:
+        if self.graph.value(expression) is not None:
+            return expression
+        slot = self._slots.setdefault((DELAYED, expression, lag), len(self.delays))
+        if slot == len(self.delays):
+            self.delays.append(self.graph.apply(DELAYED, expression, lag, self.graph.number(slot)))
+        return self.delays[slot]
 
     # Operators
 

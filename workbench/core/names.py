@@ -6,7 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from workbench.errors import InputError, article, suggest
 
-__all__ = ["check_names", "plain_unit", "split_names"]
+__all__ = ["OUR_TOOL", "check_names", "plain_unit", "split_names"]
+
+OUR_TOOL = "FMI workbench"  # by which an FMU names itself that was built here
 
 _CLOSING = {"[": "]", "(": ")", "{": "}"}
 _QUOTES = "\"'"

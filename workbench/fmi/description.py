@@ -177,6 +177,8 @@ class Description:
         terminals: variables that are connected together.
         intermediate: value references of inputs that may be set inside a step of co-simulation.
         components: of a system with co-simulation parts: those parts → whether their FMUs offer model exchange, too.
+        has_history: an FMU of this workbench with a delay(), or a system with one: its states do not tell all that it
+            remembers. Of other FMUs that is not known.
     """
 
     fmi_version: str
@@ -205,6 +207,7 @@ class Description:
     terminals: tuple[Terminal, ...] = ()
     intermediate: frozenset[int] = frozenset()
     components: Mapping[str, bool] = field(default_factory=dict)
+    has_history: bool = False
 
     def way_out(self, *others: str) -> str:
         """Return what to do where co-simulation does not do: model exchange if it is offered, or something else.

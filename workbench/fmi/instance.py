@@ -283,7 +283,7 @@ class Instance(ABC):
     @property
     def has_history(self) -> bool:
         """Whether it shows what its inputs were some time before, which its states do not tell; a saved state does."""
-        return any(part.has_history for part in self.parts if part is not self)
+        return self.description.has_history or any(part.has_history for part in self.parts if part is not self)
 
     @property
     def next_tick(self) -> float:

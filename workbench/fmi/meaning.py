@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 
-from workbench.core.names import plain_unit
+from workbench.core.names import OUR_TOOL, plain_unit
 from workbench.errors import FmuError
 from workbench.fmi import declared as said
 from workbench.fmi.clocks import clocked_by, clocks_of
@@ -45,6 +45,7 @@ def described(declared: Declared) -> Description:
         model_name=root.model_name or "unnamed",
         token=root.token or "",
         generation_tool=root.generation_tool,
+        has_history=_has_history(declared),
         description=root.description,
         interfaces=_interfaces(declared),
         platforms=(),
@@ -113,6 +114,12 @@ def _capabilities(major: int, name: str, element: said.Interface, identifier: st
         adjoint_derivatives=major == 3 and element.provides_adjoint_derivatives,
         intermediate_update=major == 3 and element.provides_intermediate_update,
     )
+
+
+def _has_history(declared: Declared) -> bool:
+    """Whether an FMU that this workbench has built has a delay(): only those ask to be told of accepted steps."""
+    me = _claims(declared, "me")
+    return declared.root.generation_tool == OUR_TOOL and me is not None and me.completed_step
 
 
 def _experiment(given: said.Experiment | None) -> DefaultExperiment:

@@ -8,21 +8,14 @@
  */
 #include "block_kind.h"
 
+#include "../build/runtime/history.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { POINTS = 4, FIRST_CAPACITY = 64, FILTER = 4 };
-enum { PLAIN, KINK, JUMP }; /* what begins with a sample */
+enum { FIRST_CAPACITY = 64, FILTER = 4 };
 static const double TOLERANCE = 1e-7; /* of the largest |u| */
-static const double ERROR_PART = 0.0234375; /* of a cubic between its middle points, of that one step beyond them */
-static const double FIRST_STEP = 5e-3, LEAST_STEP = 1e-3, TOGETHER = 1e-6; /* of the shortest T */
-static const double SAME = 1e-9; /* of the largest |u|: a smaller jump is none */
-
-typedef struct {
-    double t, u;
-    int begins;
-} Sample;
 
 typedef struct History {
     Sample *samples;
@@ -84,58 +77,6 @@ static double delay_of(const Element *e) {
     return e->nu > 1 ? fmin(fmax(e->memory[1], e->p[1]), e->p[0]) : e->p[0];
 }
 
-/* Number of samples up to time s, those at s included. */
-static size_t up_to(const History *history, double s) {
-    size_t low = 0, high = history->n;
-    while (low < high) {
-        const size_t middle = (low + high) / 2;
-        if (history->samples[middle].t <= s) {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    return low;
-}
-
-/* The polynomial through samples [first, last] at s, and its derivative. */
-static double polynomial(const Sample *samples, size_t first, size_t last, double s, double *slope) {
-    const double base = samples[first].u; /* a constant comes out as it is */
-    double value = base;
-    *slope = 0.0;
-    for (size_t i = first; i <= last; i++) {
-        double weight = 1.0, change = 0.0;
-        for (size_t j = first; j <= last; j++) {
-            if (j != i) {
-                const double width = samples[i].t - samples[j].t;
-                change = change * (s - samples[j].t) / width + weight / width;
-                weight *= (s - samples[j].t) / width;
-            }
-        }
-        value += weight * (samples[i].u - base);
-        *slope += change * (samples[i].u - base);
-    }
-    return value;
-}
-
-/* The samples of one smooth piece around [i, i + 1], POINTS at most. */
-static void around(const History *history, size_t *first, size_t *last) {
-    const Sample *samples = history->samples;
-    bool moved = true;
-    while (moved && *last - *first + 1 < POINTS) {
-        moved = false;
-        if (*first > 0 && samples[*first].begins == PLAIN) {
-            (*first)--;
-            moved = true;
-        }
-        if (*last - *first + 1 < POINTS && *last + 1 < history->n && samples[*last].begins == PLAIN &&
-            samples[*last + 1].begins != JUMP) {
-            (*last)++;
-            moved = true;
-        }
-    }
-}
-
 static bool has_begun(const Element *e) {
     const History *history = e->history;
     return history && history->n && (history->n > 1 || e->time > history->samples[0].t);
@@ -153,27 +94,7 @@ static double delayed(const Element *e, const double *mode, double *slope) {
     if (!has_begun(e) || (e->p[2] > 0.0 && !isfinite(mode[0]))) {
         return past(e);
     }
-    const Sample *samples = history->samples;
-    size_t i = up_to(history, s);
-    if (i == 0) {
-        return samples[0].u; /* the past */
-    }
-    i--;
-    while (samples[i].begins == JUMP && samples[i].t > mode[0]) {
-        i--; /* it has not come out yet */
-    }
-    while (i + 1 < history->n && samples[i + 1].t <= mode[0]) {
-        i++; /* it has, a rounding error earlier */
-    }
-    if (i + 1 >= history->n || samples[i + 1].begins == JUMP) { /* at the end of a piece */
-        if (samples[i].t >= s || samples[i].begins != PLAIN || i == 0) {
-            return samples[i].u;
-        }
-        i--;
-    }
-    size_t first = i, last = i + 1;
-    around(history, &first, &last);
-    return polynomial(samples, first, last, fmax(s, samples[i].t), slope);
+    return history_value(history->samples, history->n, s, mode[0], slope);
 }
 
 /* Row of the linear system, ∂(dx, y) / ∂(x, d): entry `column`, that of d is nx. */
@@ -218,12 +139,7 @@ static double delay_slope(const Element *e, const double *mode, size_t row, size
 
 /* The first jump after the time `from`; NULL: none is known. The first sample counts: the given past ends there. */
 static const Sample *jump_after(const History *history, double from) {
-    for (size_t i = up_to(history, from); i < history->n; i++) {
-        if (history->samples[i].begins == JUMP) {
-            return &history->samples[i];
-        }
-    }
-    return NULL;
+    return history_jump_after(history->samples, history->n, from);
 }
 
 static void delay_choose(const Element *e, double *mode) {
@@ -250,31 +166,25 @@ static void delay_indicators(const Element *e, double *z) {
 /* Forget what nobody will ask for again. */
 static void prune(Element *e) {
     History *history = e->history;
-    const size_t old = up_to(history, e->time - e->p[0]);
-    if (old > POINTS + 1 && old - POINTS > history->capacity / 2) {
-        const size_t gone = old - POINTS - 1;
+    const size_t gone = history_old(history->samples, history->n, history->capacity, e->time - e->p[0]);
+    if (gone > 0) {
         history->n -= gone;
         memmove(history->samples, history->samples + gone, history->n * sizeof *history->samples);
     }
 }
 
 /* How long the next step may be, from how far the last sample is off the polynomial through those before it. */
-static void adapt(Element *e, size_t first) {
+static void adapt(Element *e) {
     const History *history = e->history;
     const Sample *samples = history->samples;
     const size_t n = history->n;
     const double shortest = e->p[1], step = samples[n - 1].t - samples[n - 2].t;
-    double slope, factor = 1.0; /* until there are points to judge by */
-    if (n - 1 - first >= POINTS) {
-        const double guess = polynomial(samples, n - 1 - POINTS, n - 2, samples[n - 1].t, &slope);
-        const double error = ERROR_PART * fabs(samples[n - 1].u - guess);
-        factor = error > 0.0 ? fmin(2.0, fmax(0.2, 0.9 * sqrt(sqrt(TOLERANCE * history->largest / error)))) : 2.0;
-    }
+    const double factor = history_factor(samples, n, TOLERANCE * history->largest);
     const double next = factor < 1.0 ? fmin(e->longest, factor * step) : fmax(e->longest, factor * step);
-    e->longest = fmin(shortest, fmax(LEAST_STEP * shortest, next));
+    e->longest = fmin(shortest, fmax(HISTORY_LEAST_STEP * shortest, next));
 }
 
-static bool push(Element *e, int begins) {
+static bool push(Element *e, double begins) {
     History *history = e->history;
     const double u = e->memory[0];
     if (!reserve(history, history->n + 1)) {
@@ -290,17 +200,17 @@ static bool note_event(Element *e) {
     History *history = e->history;
     Sample *last = &history->samples[history->n - 1];
     const double u = e->memory[0];
-    e->longest = fmin(e->longest, FIRST_STEP * e->p[1]);
-    if (last->t == e->time && last->begins == JUMP) { /* a further round of the same event */
+    e->longest = fmin(e->longest, HISTORY_FIRST_STEP * e->p[1]);
+    if (last->t == e->time && last->begins >= HISTORY_JUMP) { /* a further round of the same event */
         last->u = u;
         return true;
     }
-    const bool jumps = fabs(u - last->u) > SAME * fmax(history->largest, fabs(u));
+    const bool jumps = fabs(u - last->u) > HISTORY_SAME * fmax(history->largest, fabs(u));
     if (last->t == e->time && !jumps) {
-        last->begins = KINK;
+        last->begins = HISTORY_KINK;
         return true;
     }
-    return push(e, jumps && e->time - last->t <= TOGETHER * e->p[1] ? JUMP : KINK);
+    return push(e, jumps && e->time - last->t <= HISTORY_TOGETHER * e->p[1] ? HISTORY_JUMP : HISTORY_KINK);
 }
 
 static bool delay_note(Element *e, bool event) {
@@ -314,24 +224,20 @@ static bool delay_note(Element *e, bool event) {
     if (!has_begun(e)) { /* the past is what stands at the start; one that is given ends with a jump */
         history->n = 0;
         history->largest = 0.0;
-        e->longest = FIRST_STEP * e->p[1];
-        return push(e, e->p[2] > 0.0 ? JUMP : KINK);
+        e->longest = HISTORY_FIRST_STEP * e->p[1];
+        return push(e, e->p[2] > 0.0 ? HISTORY_JUMP : HISTORY_KINK);
     }
     if (event) {
         return note_event(e);
     }
     const Sample *last = &history->samples[history->n - 1];
-    if (e->time - last->t <= TOGETHER * e->p[1]) {
+    if (e->time - last->t <= HISTORY_TOGETHER * e->p[1]) {
         return true;
     }
-    if (!push(e, PLAIN)) {
+    if (!push(e, HISTORY_PLAIN)) {
         return false;
     }
-    size_t first = history->n - 1;
-    while (first > 0 && history->n - first <= POINTS + 1 && history->samples[first].begins == PLAIN) {
-        first--;
-    }
-    adapt(e, first);
+    adapt(e);
     prune(e);
     return true;
 }

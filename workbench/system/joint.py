@@ -47,6 +47,7 @@ def joint_description(description: SystemDescription, parts: Sequence[Part], res
         shapes={},
         log_categories=(),
         notes=(),
+        has_history=any(p.description.has_history for p in parts),
         enumerations={f"{p.name}.{t}": items for p in parts for t, items in p.description.enumerations.items()},
     )
 

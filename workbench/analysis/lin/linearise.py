@@ -16,6 +16,7 @@ from workbench.core.job import Job
 from workbench.core.matrices import unheld
 from workbench.errors import InputError
 from workbench.model import Model
+from workbench.model.described import DescribedModel
 from workbench.model.placing import named
 from workbench.system.description import BlockComponent, Component, LinearComponent, SystemDescription
 
@@ -64,13 +65,23 @@ def plain(task: LinTask, method: str) -> LinResult:
             raise
         said = str(error).partition(";")[0]
         result = METHODS["difference"](task).because(f"auto: {said}; what is discrete is held")
-    notes = (*task.notes, *result.notes, *task.model.remarks())
+    notes = (*task.notes, *result.notes, *_of_history(task.model), *task.model.remarks())
     result = replace(result, notes=notes, operating_point=named(task.model, result.operating_point))
     if task.continuous and result.dt > 0.0:
         A, B = unheld(result.A, result.B, result.dt)
         note = f"converted to continuous time from a period of {result.dt:.6g} s, the input held over it"
         result = replace(result, A=A, B=B, dt=0.0, intersample=None, notes=(*result.notes, note))
     return result
+
+
+def _of_history(model: Model) -> list[str]:
+    if not (isinstance(model, DescribedModel) and model.description.has_history):
+        return []
+    note = (
+        "delay() in an FMU: the linear model has none of its delays, at the start as if they were 0, later as if what "
+        "comes out of them stood still; nfr has them, and a block `delay` of a system file is exact here, too"
+    )
+    return [note]
 
 
 def _shows_states(task: LinTask) -> bool:

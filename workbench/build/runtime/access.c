@@ -112,7 +112,7 @@ static Status check_range(Instance *instance, unsigned reference, VariableType t
     return STATUS_OK;
 }
 
-/* In Co-Simulation a new input may start an event; a model without discrete parts has none. */
+/* In Co-Simulation a new input may start an event; a model without discrete parts or delays has none. */
 static void note_change(Instance *instance)
 {
     bool hybrid = model_info.n_relations > 0 || model_info.n_memory > 0 || model_info.n_indicators > 0

@@ -54,7 +54,10 @@ bool communicate_handle_event(Instance *instance)
     }
     instance->record.event_due = 0.0;
     instance->record.touched = 0.0;
-    core_enter_continuous(instance->core);
+    if (!core_enter_continuous(instance->core)) {
+        instance_core_failed(instance);
+        return false;
+    }
     return true;
 }
 
@@ -131,7 +134,7 @@ static Status restart(Instance *instance)
     return good ? STATUS_OK : integration_failed(instance);
 }
 
-static Status integrate(Instance *instance, const Step *step, bool *state_event)
+static Status integrate(Instance *instance, const Step *step, bool *state_event, bool *haste)
 {
     mute(instance);
     SolverResult result = solver_step(instance->solver, step->next_stop, &instance->record.step);
@@ -140,6 +143,7 @@ static Status integrate(Instance *instance, const Step *step, bool *state_event)
         return integration_failed(instance);
     }
     *state_event = result == SOLVER_EVENT;
+    *haste = core_wants_event(instance->core);
     instance->record.last_successful_time = instance->solver->t;
     return STATUS_OK;
 }
@@ -236,10 +240,11 @@ static bool time_event_ahead(const Instance *instance, const Step *step)
 static Status advance(Instance *instance, Step *step)
 {
     bool state_event = false;
+    bool haste = false;
     bool time_event = time_event_ahead(instance, step);
     step->next_stop = time_event ? instance->record.next_event_time : step->end;
     if (step->next_stop > instance->solver->t) {
-        Status status = integrate(instance, step, &state_event);
+        Status status = integrate(instance, step, &state_event, &haste);
         status = status == STATUS_OK ? guard_against_going_through(instance) : status;
         status = status == STATUS_OK ? ask_environment(instance, step) : status;
         if (status != STATUS_OK) {
@@ -247,7 +252,7 @@ static Status advance(Instance *instance, Step *step)
         }
     }
     bool reached = time_event && instance->solver->t >= step->next_stop;
-    return state_event || reached ? handle_event(instance, step, state_event) : STATUS_OK;
+    return state_event || haste || reached ? handle_event(instance, step, state_event) : STATUS_OK;
 }
 
 static bool finished(const Instance *instance, const Step *step)

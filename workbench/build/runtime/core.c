@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "delays.h"
 #include "model.h"
 
 enum { MESSAGE_LENGTH = 512 };
@@ -18,6 +19,7 @@ typedef struct {
     bool parameters_due;    /* so do the calculated parameters */
     bool first_iteration;   /* of this event: clocks tick in it */
     bool terminated;        /* the model asked to end the simulation */
+    bool stirred;           /* this event changed something of the model */
 } Status;
 
 struct Core {
@@ -95,7 +97,8 @@ Core *core_new(CoreLog log, void *environment)
     core->environment = environment;
     core->image = calloc(n_doubles(), sizeof *core->image);
     core->scratch = calloc(n_scratch(), sizeof *core->scratch);
-    if (core->image == NULL || core->scratch == NULL) {
+    core->frame.delays = calloc(model_layout.n_delays + 1, sizeof *core->frame.delays);
+    if (core->image == NULL || core->scratch == NULL || core->frame.delays == NULL) {
         core_free(core);
         return NULL;
     }
@@ -109,6 +112,7 @@ void core_free(Core *core)
     if (core != NULL) {
         free(core->image);
         free(core->scratch);
+        delays_free(core->frame.delays, model_layout.n_delays);
         free(core);
     }
 }
@@ -125,6 +129,8 @@ void core_reset(Core *core)
     core->status.parameters_due = true;
     core->status.first_iteration = false;
     core->status.terminated = false;
+    core->status.stirred = false;
+    delays_reset(core->frame.delays, model_layout.n_delays);
 }
 
 /* Evaluation */
@@ -265,7 +271,7 @@ static double next_event_time(const Core *core)
     for (size_t i = 0; i < model_layout.n_clocks; i++) {
         next = smaller(next, tick_time(&model_layout.clocks[i], core->next_tick[i]));
     }
-    return next;
+    return smaller(next, delays_next(core->frame.delays, model_layout.n_delays));
 }
 
 /* Modes */
@@ -278,30 +284,70 @@ bool core_enter_initialisation(Core *core, double start_time)
     return true;
 }
 
-
-void core_enter_event(Core *core)
+static void begin_event(Core *core)
 {
     core->status.mode = CORE_EVENT;
     core->status.first_iteration = true;
+    core->status.stirred = !delays_plan(core->frame.delays, model_layout.n_delays, core->frame.v[0]);
+}
+
+void core_enter_event(Core *core)
+{
+    begin_event(core);
     set_due(core, true);
     core->frame.fresh = true;
 }
 
-void core_enter_continuous(Core *core)
+static bool noted(Core *core, bool good)
 {
+    if (!good) {
+        core_log(core, true, "out of memory: the past of a delay() cannot be kept");
+    }
+    set_due(core, true); /* what comes out of it may now be known better */
+    return good;
+}
+
+bool core_enter_continuous(Core *core)
+{
+    Delay *delays = core->frame.delays;
+    const size_t n = model_layout.n_delays;
     update(core);
     core->status.mode = CORE_CONTINUOUS;
     core->frame.fresh = false;
+    return n == 0 || noted(core, delays_note_event(delays, n, core->frame.v[0], !core->status.stirred));
 }
 
-bool core_completed_step(Core *core, bool *enter_event_mode)
+bool core_completed_step(Core *core)
 {
-    *enter_event_mode = false;
     update(core);
-    return derivatives_are_finite(core);
+    return derivatives_are_finite(core) && core_accepted(core);
+}
+
+bool core_accepted(Core *core)
+{
+    if (model_layout.n_delays == 0) {
+        return true;
+    }
+    update(core);
+    return noted(core, delays_note_step(core->frame.delays, model_layout.n_delays, core->frame.v[0]));
+}
+
+bool core_wants_event(const Core *core)
+{
+    return delays_in_haste(core->frame.delays, model_layout.n_delays);
 }
 
 /* One event iteration */
+
+static bool any_ticks(const Core *core)
+{
+    for (size_t i = 0; i < model_layout.n_clocks; i++) {
+        if (core->frame.tick[i] != 0.0) {
+            return true;
+        }
+    }
+    return false;
+}
 
 static bool differs(const double *a, const double *b, size_t n)
 {
@@ -352,8 +398,12 @@ bool core_exit_initialisation(Core *core)
     set_due(core, true);
     update(core);
     start_clocks(core);
-    core->status.mode = CORE_EVENT;
-    core->status.first_iteration = true;
+    const Delay *wrong = delays_wrong(core->frame.delays, model_layout.n_delays);
+    if (wrong != NULL) {
+        core_log(core, true, "a delay() of %g s: it must be above 0 and finite", wrong->record.lag);
+        return false;
+    }
+    begin_event(core);
     if (!act(core, &info)) { /* what `when initial()` asks for */
         return false;
     }
@@ -376,6 +426,7 @@ bool core_new_discrete_states(Core *core, CoreEventInfo *info)
     hold_discrete(core);
     tick_clocks(core);
     core->frame.fresh = true;
+    const bool jumped = delays_choose(core->frame.delays, model_layout.n_delays, core->frame.v[0]);
     model_discrete(&core->frame);
     set_due(core, false);
     if (!act(core, info)) {
@@ -384,7 +435,12 @@ bool core_new_discrete_states(Core *core, CoreEventInfo *info)
     info->discrete_states_need_update =
         info->continuous_states_changed || discrete_changed(core)
         || differs(core->frame.condition, core->frame.condition_pre, model_layout.n_conditions)
-        || differs(core->frame.frozen, frozen_before, model_layout.n_frozen);
+        || differs(core->frame.frozen, frozen_before, model_layout.n_frozen)
+        || delays_unsettled(core->frame.delays, model_layout.n_delays, core->frame.v[0]);
+    core->status.stirred = core->status.stirred || jumped || info->discrete_states_need_update || any_ticks(core);
+    if (core->status.stirred) {
+        delays_begin_again(core->frame.delays, model_layout.n_delays, core->frame.v[0]);
+    }
     memcpy(core->frame.condition_pre, core->frame.condition, model_layout.n_conditions * sizeof(double));
     core->status.first_iteration = false;
     info->terminate = core->status.terminated;
@@ -460,29 +516,40 @@ bool core_directional(Core *core, const unsigned *unknowns, size_t n_unknowns, c
 
 /* Snapshots */
 
-size_t core_image_size(void)
+static size_t fixed_size(void)
 {
     return n_doubles() * sizeof(double) + sizeof(Status) + 2 * sizeof(bool);
 }
 
-void core_save(const Core *core, void *image)
+size_t core_saved_size(const Core *core)
 {
-    char *to = image;
+    return fixed_size() + delays_size(core->frame.delays, model_layout.n_delays);
+}
+
+void core_save(const Core *core, void *saved)
+{
+    char *to = saved;
     const bool flags[2] = {core->frame.fresh, core->frame.initial};
     memcpy(to, core->image, n_doubles() * sizeof(double));
     to += n_doubles() * sizeof(double);
     memcpy(to, &core->status, sizeof(Status));
     memcpy(to + sizeof(Status), flags, sizeof flags);
+    delays_save(core->frame.delays, model_layout.n_delays, to + sizeof(Status) + sizeof flags);
 }
 
-void core_load(Core *core, const void *image)
+bool core_load(Core *core, const void *saved, size_t size)
 {
-    const char *from = image;
+    const char *from = saved;
     bool flags[2];
+    if (size < fixed_size()
+        || !delays_load(core->frame.delays, model_layout.n_delays, from + fixed_size(), size - fixed_size())) {
+        return false;
+    }
     memcpy(core->image, from, n_doubles() * sizeof(double));
     from += n_doubles() * sizeof(double);
     memcpy(&core->status, from, sizeof(Status));
     memcpy(flags, from + sizeof(Status), sizeof flags);
     core->frame.fresh = flags[0];
     core->frame.initial = flags[1];
+    return true;
 }

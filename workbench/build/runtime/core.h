@@ -5,7 +5,8 @@
  *
  * Every variable, whatever its FMI type, is one double in `v`; its index is its value reference.
  * (Integers up to 2^53 and Booleans are exact in a double.) All that a saved FMU state has to hold
- * lies in ONE block of memory without pointers, the image; copying it is taking a snapshot.
+ * lies in ONE block of memory without pointers, the image; copying it is taking a snapshot. Only the past of delays
+ * is beside it, as it grows with the steps; a snapshot has that behind the image.
  */
 #ifndef WORKBENCH_CORE_H
 #define WORKBENCH_CORE_H
@@ -100,8 +101,10 @@ bool core_enter_initialisation(Core *core, double start_time);
 bool core_exit_initialisation(Core *core);   /* ends in CORE_EVENT; the caller iterates */
 void core_enter_event(Core *core);
 bool core_new_discrete_states(Core *core, CoreEventInfo *info); /* ONE event iteration */
-void core_enter_continuous(Core *core);      /* freezes relations */
-bool core_completed_step(Core *core, bool *enter_event_mode); /* step events: none at present */
+bool core_enter_continuous(Core *core);      /* freezes relations */
+bool core_completed_step(Core *core);        /* the environment has accepted a step ... */
+bool core_accepted(Core *core);              /* ... or the solver: delays note their inputs */
+bool core_wants_event(const Core *core);     /* whether an event should follow there, as a delay's step was too long */
 
 /* Continuous time. n is model_info.n_states / n_indicators. */
 void core_set_time(Core *core, double time);
@@ -114,10 +117,10 @@ bool core_get_indicators(Core *core, double *z);
 bool core_directional(Core *core, const unsigned *unknowns, size_t n_unknowns, const unsigned *knowns,
                       size_t n_knowns, const double *seed, double *sensitivity);
 
-/* Snapshots: the image holds everything above; its size never changes. */
-size_t core_image_size(void);
-void core_save(const Core *core, void *image);
-void core_load(Core *core, const void *image);
+/* Snapshots hold everything above; their size changes where the model has delays. */
+size_t core_saved_size(const Core *core);
+void core_save(const Core *core, void *saved);
+bool core_load(Core *core, const void *saved, size_t size); /* false: no memory, or not what core_save wrote */
 
 /* printf-like logging through the environment. */
 void core_log(Core *core, bool is_error, const char *format, ...)

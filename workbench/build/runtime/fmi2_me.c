@@ -39,14 +39,13 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStat
                                        fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation)
 {
     Instance *instance = fmi2_enter(c, CALL2_COMPLETED_STEP);
-    (void)noSetFMUStatePriorToCurrentPoint; /* no buffer to flush */
+    (void)noSetFMUStatePriorToCurrentPoint; /* a saved state has the past of delays in it */
     if (instance == NULL || instance_missing(instance, enterEventMode, "enterEventMode")
         || instance_missing(instance, terminateSimulation, "terminateSimulation")) {
         return fmi2Error;
     }
-    bool event = false;
-    bool good = core_completed_step(instance->core, &event);
-    *enterEventMode = event ? fmi2True : fmi2False;
+    bool good = core_completed_step(instance->core);
+    *enterEventMode = core_wants_event(instance->core) ? fmi2True : fmi2False;
     *terminateSimulation = fmi2False;
     return good ? fmi2OK : (fmi2Status)instance_fail(instance, "the step cannot be completed");
 }

@@ -11,14 +11,14 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetF
                                        fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation)
 {
     Instance *self = fmi3_enter(instance, CALL3_COMPLETED_STEP);
-    (void)noSetFMUStatePriorToCurrentPoint; /* no buffer to flush */
+    (void)noSetFMUStatePriorToCurrentPoint; /* a saved state has the past of delays in it */
     if (self == NULL || instance_missing(self, enterEventMode, "enterEventMode")
         || instance_missing(self, terminateSimulation, "terminateSimulation")) {
         return fmi3Error;
     }
-    *enterEventMode = fmi3False;
     *terminateSimulation = fmi3False;
-    bool good = core_completed_step(self->core, enterEventMode);
+    bool good = core_completed_step(self->core);
+    *enterEventMode = core_wants_event(self->core);
     return good ? fmi3OK : (fmi3Status)instance_fail(self, "the step cannot be completed");
 }
 

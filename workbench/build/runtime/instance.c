@@ -410,7 +410,9 @@ Status instance_new_discrete_states(Instance *instance, CoreEventInfo *info)
 
 Status instance_leave_event(Instance *instance, State next)
 {
-    core_enter_continuous(instance->core);
+    if (!core_enter_continuous(instance->core)) {
+        return instance_core_failed(instance);
+    }
     instance_set_state(instance, next);
     if (instance->kind == KIND_ME) {
         access_remember_sides(instance);

@@ -15,6 +15,7 @@ typedef struct {
     double *condition;     /* when-conditions in this event iteration ... */
     double *condition_pre; /* ... and in the one before */
     double *tick;          /* 1 for a clock that ticks in this event iteration */
+    struct Delay *delays;  /* [model_layout.n_delays] */
     bool fresh;            /* relations are evaluated, else they keep their values */
     bool initial;          /* the model is being initialised */
 } Frame;
@@ -25,7 +26,7 @@ typedef struct {
 } ClockInfo;
 
 typedef struct {
-    size_t n_frozen, n_conditions, n_clocks, n_discrete;
+    size_t n_frozen, n_conditions, n_clocks, n_discrete, n_delays;
     const unsigned *discrete;   /* [n_discrete] value references of variables with a memory of events */
     const unsigned *indicators; /* [model_info.n_indicators] value references */
     const ClockInfo *clocks;    /* [n_clocks] */
@@ -47,6 +48,10 @@ void model_discrete(const Frame *f);         /* the same and all discrete equati
 unsigned model_actions(const Frame *f, double *x, const char **message);
 double model_next_deadline(const Frame *f);  /* HUGE_VAL when there is none */
 void model_tangent(const Frame *f, double *d); /* d: seeds in, tangents of everything out */
+
+/* Delay `number`, by delays.c: note its input and its time, return the value that comes out of it now. */
+double delayed(const Frame *f, double input, double lag, double number);
+double goes_through(const Frame *f, double number); /* 1 before the first step, when that is the input; else 0 */
 
 /* Whether the time has come for an event that is due at `instant`, rounding allowed for. */
 static inline bool reached(double time, double instant)

@@ -1,8 +1,8 @@
 /* snapshot.c: saved FMU states (see instance.h).
  *
- * A saved state is one block: header, record, input polynomials, domains of the
- * event indicators, image of the core. It holds no
- * pointer, so that its bytes are also its serialisation; the header says for which build they are.
+ * A saved state is one block: header, record, input polynomials, domains of the event indicators, what the core saves,
+ * which grows with the past of delays. It holds no pointer, so that its bytes are also its serialisation; the header
+ * says for which build they are, and how many.
  */
 #include "instance.h"
 
@@ -38,17 +38,28 @@ static size_t turned_size(void)
     return turned_doubles() * sizeof(double);
 }
 
+static size_t size_before_core(const Instance *instance)
+{
+    return sizeof(Header) + sizeof(Record) + inputs_size(instance) + sides_size() + turned_size();
+}
+
 static size_t block_size(const Instance *instance)
 {
-    return sizeof(Header) + sizeof(Record) + inputs_size(instance)
-        + sides_size() + turned_size() + core_image_size();
+    return size_before_core(instance) + core_saved_size(instance->core);
+}
+
+static size_t size_of(const void *block)
+{
+    Header header;
+    memcpy(&header, block, sizeof header);
+    return (size_t)header.size;
 }
 
 /* Model, version, kind and the representation of numbers on this machine. */
 static uint64_t fingerprint(const Instance *instance)
 {
     const double number = -1.5;
-    const size_t sizes[] = {block_size(instance), sizeof(size_t), (size_t)instance->fmi, (size_t)instance->kind,
+    const size_t sizes[] = {size_before_core(instance), sizeof(size_t), (size_t)instance->fmi, (size_t)instance->kind,
                             instance->event_mode_used ? 1U : 0U};
     uint64_t hash = UINT64_C(14695981039346656037);
     hash = hash_bytes(hash, model_info.token, strlen(model_info.token));
@@ -60,7 +71,7 @@ static bool is_ours(const Instance *instance, const void *bytes)
 {
     Header header;
     memcpy(&header, bytes, sizeof header);
-    return memcmp(header.magic, magic, sizeof magic) == 0 && header.size == block_size(instance)
+    return memcmp(header.magic, magic, sizeof magic) == 0 && header.size > size_before_core(instance)
         && header.fingerprint == fingerprint(instance);
 }
 
@@ -93,9 +104,9 @@ static void fill(Instance *instance, unsigned char *block)
     core_save(instance->core, block + turned_size());
 }
 
-static Status new_block(Instance *instance, void **saved)
+static Status new_block(Instance *instance, void **saved, size_t size)
 {
-    *saved = memory_new(&instance->memory, block_size(instance), 1);
+    *saved = memory_new(&instance->memory, size, 1);
     return *saved != NULL ? STATUS_OK : instance_fail(instance, "out of memory");
 }
 
@@ -104,7 +115,14 @@ Status snapshot_save(Instance *instance, void **saved)
     if (instance_missing(instance, saved, "FMUstate")) {
         return STATUS_ERROR;
     }
-    Status status = *saved == NULL ? new_block(instance, saved) : check(instance, *saved);
+    Status status = *saved == NULL ? STATUS_OK : check(instance, *saved);
+    if (status == STATUS_OK && *saved != NULL && size_of(*saved) != block_size(instance)) {
+        memory_delete(&instance->memory, *saved);
+        *saved = NULL;
+    }
+    if (status == STATUS_OK && *saved == NULL) {
+        status = new_block(instance, saved, block_size(instance));
+    }
     if (status == STATUS_OK) {
         fill(instance, *saved);
     }
@@ -118,6 +136,10 @@ Status snapshot_restore(Instance *instance, const void *saved)
         return status;
     }
     const unsigned char *block = saved;
+    const size_t before = size_before_core(instance);
+    if (!core_load(instance->core, block + before, size_of(saved) - before)) {
+        return instance_fail(instance, "the saved state is damaged, or there is no memory for it");
+    }
     block += sizeof(Header);
     memcpy(&instance->record, block, sizeof(Record));
     block += sizeof(Record);
@@ -127,7 +149,6 @@ Status snapshot_restore(Instance *instance, const void *saved)
     memcpy(instance->sides, block, sides_size());
     block += sides_size();
     memcpy(instance->turned, block, turned_size());
-    core_load(instance->core, block + turned_size());
     return STATUS_OK;
 }
 
@@ -147,17 +168,17 @@ Status snapshot_size(Instance *instance, const void *saved, size_t *size)
     if (status != STATUS_OK || instance_missing(instance, size, "size")) {
         return STATUS_ERROR;
     }
-    *size = block_size(instance);
+    *size = size_of(saved);
     return STATUS_OK;
 }
 
-static Status check_size(Instance *instance, const void *bytes, size_t size)
+static Status check_size(Instance *instance, const void *bytes, size_t size, size_t expected)
 {
     if (instance_missing(instance, bytes, "serializedState")) {
         return STATUS_ERROR;
     }
-    if (size != block_size(instance)) {
-        return instance_fail(instance, "a serialised state has %zu bytes, not %zu", block_size(instance), size);
+    if (size != expected) {
+        return instance_fail(instance, "a serialised state has %zu bytes, not %zu", expected, size);
     }
     return STATUS_OK;
 }
@@ -165,7 +186,7 @@ static Status check_size(Instance *instance, const void *bytes, size_t size)
 Status snapshot_write(Instance *instance, const void *saved, void *bytes, size_t size)
 {
     Status status = check(instance, saved);
-    status = status == STATUS_OK ? check_size(instance, bytes, size) : status;
+    status = status == STATUS_OK ? check_size(instance, bytes, size, size_of(saved)) : status;
     if (status == STATUS_OK) {
         memcpy(bytes, saved, size);
     }
@@ -174,12 +195,15 @@ Status snapshot_write(Instance *instance, const void *saved, void *bytes, size_t
 
 Status snapshot_read(Instance *instance, const void *bytes, size_t size, void **saved)
 {
-    Status status = check_size(instance, bytes, size);
-    if (status != STATUS_OK || instance_missing(instance, saved, "FMUstate")) {
+    if (instance_missing(instance, bytes, "serializedState") || instance_missing(instance, saved, "FMUstate")) {
         return STATUS_ERROR;
     }
-    status = check(instance, bytes);
-    status = status == STATUS_OK ? new_block(instance, saved) : status;
+    if (size <= size_before_core(instance)) {
+        return instance_fail(instance, "a serialised state has more than %zu bytes, not %zu", size_before_core(instance), size);
+    }
+    Status status = check(instance, bytes);
+    status = status == STATUS_OK ? check_size(instance, bytes, size, size_of(bytes)) : status;
+    status = status == STATUS_OK ? new_block(instance, saved, size) : status;
     if (status == STATUS_OK) {
         memcpy(*saved, bytes, size);
     }

@@ -110,6 +110,15 @@ static void place(Solver *s)
     core_set_states(s->core, s->x);
 }
 
+static bool accepted(Solver *s)
+{
+    if (!core_accepted(s->core)) {
+        snprintf(s->problem, sizeof s->problem, "out of memory");
+        return false;
+    }
+    return true;
+}
+
 bool solver_begin(Solver *s, double tolerance)
 {
     s->tolerance = tolerance;
@@ -238,15 +247,16 @@ static bool take_step(Solver *s, double t_new)
         return false;
     }
     place(s);
-    return events_remember(s);
+    return accepted(s) && events_remember(s);
 }
 
-static void stop_at_event(Solver *s, double theta, double t_stop)
+static bool stop_at_event(Solver *s, double theta, double t_stop)
 {
     s->method->interpolate(s, theta, s->probe);
     memcpy(s->x, s->probe, s->n * sizeof(double));
     s->t = fmin(s->t + theta * s->h, t_stop);
     place(s);
+    return accepted(s);
 }
 
 /* The dense output is less accurate than the step: where a root lies well inside, the step is made
@@ -280,8 +290,7 @@ static SolverResult finish(Solver *s, Trial *trial, double *step, double error)
     *step = propose(s, trial->wanted, error);
     s->previous_error = fmax(error, 1e-4);
     if (crossing == CROSSING_FOUND) {
-        stop_at_event(s, theta, trial->t_stop);
-        return SOLVER_EVENT;
+        return stop_at_event(s, theta, trial->t_stop) ? SOLVER_EVENT : SOLVER_FAILED;
     }
     bool whole = trial->h >= (trial->t_stop - s->t) * (1.0 - 1e-9);
     return take_step(s, whole ? trial->t_stop : s->t + s->h) ? SOLVER_STEP : SOLVER_FAILED;
