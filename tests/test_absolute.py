@@ -177,6 +177,42 @@ def test_limit_cycle_compares_the_block_with_what_is_proven(tmp_path: Path) -> N
     assert wb.LimitCycleResult.from_dict(found.to_dict()).absolute is not None
 
 
+def test_loop_tells_what_is_proven_and_the_picture_shows_it(tmp_path: Path) -> None:
+    """3.5/(s + 1)³: constant gains and Popov up to 8/3.5, the circle to 4/3.5; a sampled or delayed loop: nothing."""
+    text = (
+        '[components]\nlags = {block = "transfer_function", numerator = [3.5], denominator = [1, 3, 3, 1]}\n'
+        'limit = {block = "saturation"}\nerror = {sum = "+-"}\nLATE\n[connections]\n"error.u2" = "BACK"\n'
+        '"limit.u" = "error.y"\n"lags.u" = "limit.y"\n[inputs]\nr = "error.u1"\n'
+    )
+    file = tmp_path / "three.toml"
+    file.write_text(text.replace("LATE", "").replace("BACK", "lags.y"), encoding="utf-8")
+    with wb.load(file) as system:
+        found = wb.loop(system, "lags.y")
+        cycles = wb.limit_cycle(system, block="limit", methods=["describing function"])
+    assert found.linear is not None
+    absolute = found.linear.absolute
+    assert absolute is not None
+    assert (absolute.linear, absolute.popov, absolute.circle) == pytest.approx((8 / 3.5, 8 / 3.5, 4 / 3.5))
+    again = wb.LoopResult.from_dict(found.to_dict())
+    assert again.linear is not None
+    assert again.linear.absolute is not None
+    assert again.linear.absolute.circle == absolute.circle
+    plane = cycles.plot().axes[0]
+    labels = plane.get_legend_handles_labels()[1]
+    assert "circle criterion, slopes 0 … 1.143" in labels
+    assert "Popov, slopes 0 … 2.286" in labels
+    assert plane.get_xlim()[0] < -3.5 / 4
+    late = (
+        text.replace("LATE", 'late = {block = "delay", delay = 0.1}').replace("BACK", "late.y")
+        + '"late.u" = "lags.y"\n'
+    )
+    file.write_text(late.replace('[inputs]\nr = "error.u1"\n', "") + '[inputs]\nr = "error.u1"\n', encoding="utf-8")
+    with wb.load(file) as system:
+        delayed = wb.loop(system, "late.y").linear
+    assert delayed is not None
+    assert delayed.absolute is None
+
+
 def test_what_is_proven_follows_from_the_sector() -> None:
     for gain, proven in ((3.9, "circle"), (7.9, "Popov"), (8.1, "")):
         block = wb.standard_block("saturation", {"slope": gain})

@@ -14,7 +14,7 @@ from workbench.analysis.limit_cycle.branch import goes_on
 from workbench.plotting.figure import COLOURS, LEGEND, label, panels
 from workbench.plotting.free_run import draw_amplitude, draw_frequency, draw_signal
 from workbench.plotting.names import name_points
-from workbench.plotting.nyquist import draw_plane
+from workbench.plotting.nyquist import draw_absolute, draw_plane
 
 if TYPE_CHECKING:
     from workbench.analysis.limit_cycle.branch import BranchPoint
@@ -57,6 +57,8 @@ def plot_limit_cycle(result: LimitCycleResult) -> Figure:
     figure, grid = panels(rows, 2, title=title, width=10.0, height=3.0)
     plane, methods = grid[0]
     draw_plane(plane, result.nyquist, reach=_reach(result))
+    if result.absolute is not None:
+        draw_absolute(plane, result.absolute)
     plane.legend(**{**LEGEND, "loc": "best"})
     _methods(methods, result)
     if motions:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,14 +17,16 @@ from workbench.plotting.figure import COLOURS, LEGEND, panels, written
 from workbench.plotting.names import name_points
 
 if TYPE_CHECKING:
+    from workbench.analysis.nyquist.absolute import AbsoluteStability
     from workbench.analysis.nyquist.result import Crossing, NyquistResult
 
-__all__ = ["draw_plane", "plot_nyquist"]
+__all__ = ["draw_absolute", "draw_plane", "plot_nyquist"]
 
 _ROWS = 10  # of the table
 _COLUMNS = ("", "f [Hz]", "real part", "gain", "amplitude", "poles below / above", "stable")
 _APART = 6.0  # a crossing so much nearer to the origin than the farthest gets a picture of its own
 _BETWEEN = 6  # points drawn between two of the curve
+_FARTHER = 3.0  # times: so far the plane grows to show a bound
 _ARROWS = 2  # along the curve
 
 
@@ -100,6 +103,35 @@ def draw_plane(ax: Axes, result: NyquistResult, *, reach: float | None) -> None:
         _names(ax, shown, result.crossings)
     ax.set(xlabel="real part", ylabel="imaginary part")
     ax.xaxis.set_major_locator(MaxNLocator(6))
+
+
+def draw_absolute(ax: Axes, found: AbsoluteStability) -> None:
+    """Draw what the circle criterion keeps L(jω) away from, and where on the real axis Popov's ends.
+
+    Args:
+        ax: the complex plane; it grows a little where that shows a bound.
+        found: the sectors that are proven stable.
+    """
+    if found.refused:
+        return
+    (left_end, right_end), height = ax.get_xlim(), ax.get_ylim()
+    bounds = [-1.0 / k for k in (found.circle, found.popov) if k]
+    near = [bound for bound in bounds if bound > _FARTHER * left_end]
+    left_end = min([left_end, *(1.1 * bound for bound in near)])
+    style: dict[str, Any] = {"color": COLOURS[2], "linestyle": "--", "linewidth": 1.1, "zorder": 2}
+    if found.circle is not None:
+        name = f"circle criterion, slopes {found.low:.4g} … {found.circle:.4g}"
+        right = -1.0 / found.circle if found.circle else -math.inf
+        if found.low == 0.0 and right > left_end:
+            ax.axvline(right, label=name, **style)
+        elif found.low != 0.0 and math.isfinite(right):
+            left, turn = -1.0 / found.low, np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))
+            disc = 0.5 * (left + right) + 0.5 * (right - left) * turn
+            ax.plot(disc.real, disc.imag, label=name, **style)
+    if found.popov and -1.0 / found.popov > left_end:
+        name = f"Popov, slopes {found.low:.4g} … {found.popov:.4g}"
+        ax.plot(-1.0 / found.popov, 0.0, "|", color=COLOURS[3], markersize=22.0, markeredgewidth=2.0, label=name)
+    ax.set(xlim=(left_end, right_end), ylim=height)
 
 
 def _smooth(value: Complex) -> Complex:

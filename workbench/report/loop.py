@@ -6,6 +6,7 @@ import math
 
 from workbench.analysis.loop.measured import LoopCurve, LoopPoint
 from workbench.analysis.loop.result import LoopResult
+from workbench.analysis.nyquist.absolute import AbsoluteStability
 from workbench.core.decibels import decibels, degrees
 from workbench.core.margins import Margins
 from workbench.report.page import Page, Section, Table
@@ -80,10 +81,28 @@ def _linear(result: LoopResult) -> list[Section]:
         Section(
             "Linear loop",
             paragraphs=[f"Linearised by {result.linear.lin.method}{sampled}."],
-            tables=[*_margins(result.linear.margins)],
+            tables=[*_margins(result.linear.margins), *_sectors(result.linear.absolute)],
             parts=[Section("Closed loop", tables=[poles], folded=True)],
         )
     ]
+
+
+def _sectors(found: AbsoluteStability | None) -> list[Table]:
+    """Return what may stand in the connection in place of the gain 1."""
+    if found is None:
+        return []
+    if found.refused:
+        return [Table(("proven with a characteristic in the connection", ""), [("nothing", found.refused)])]
+
+    def row(name: str, k: float | None) -> tuple[str, str]:
+        return name, "any" if k is None else f"0 … {k:.6g}"
+
+    rows = [
+        row("constant gain", found.linear),
+        row("circle criterion: any, also one that changes with time", found.circle),
+        row("Popov's criterion: any that does not", found.popov),
+    ]
+    return [Table(("stable with, in the connection,", "slopes"), rows)]
 
 
 def _curve(curve: LoopCurve, unit: str) -> Section:

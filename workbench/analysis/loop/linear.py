@@ -14,6 +14,7 @@ from workbench.analysis.lin.task import Width
 from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop
 from workbench.analysis.loop.margins import margins_of
 from workbench.analysis.loop.stability import Stability, stability_of
+from workbench.analysis.nyquist.absolute import AbsoluteStability, absolute_stability
 from workbench.core.decibels import unwrapped
 from workbench.core.linear import Complex, LinearPart
 from workbench.core.margins import Margins
@@ -37,6 +38,8 @@ class LinearLoop(Part):
         stability: of the closed loop.
         margins: of L, exact.
         notes: one line each.
+        absolute: sectors 0 … k that circle and Popov criterion prove for a characteristic at the opened connection;
+            None: a sampled loop, or one with transport delays, of which they say nothing.
     """
 
     lin: LinResult
@@ -44,6 +47,7 @@ class LinearLoop(Part):
     stability: Stability
     margins: Margins
     notes: tuple[str, ...]
+    absolute: AbsoluteStability | None = None
 
     def derived(self) -> dict[str, Any]:
         """Return the method, and the loop with its sensitivities over frequency."""
@@ -117,6 +121,7 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
         stability=stability_of(transfer),
         margins=margins_of(transfer),
         notes=(*cut.notes, *result.notes, *_notes(cut, result)),
+        absolute=None if transfer.dt > 0.0 or result.delayed else absolute_stability(transfer, name=cut.place.label),
     )
 
 
