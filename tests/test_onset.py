@@ -173,6 +173,9 @@ def test_a_sampled_limiter_begins_where_a_sample_differs_by_the_limit(prefilter:
 
     if prefilter:  # a sine behind the lag never moves so fast
         assert p.frequency_hz is None
+        assert p.least_amplitude == pytest.approx(0.5 / p.highest_ratio)
+        assert asked_for(p.highest_hz) == pytest.approx(p.highest_ratio, rel=1e-3)
+        assert not p.rises
         assert p.highest_ratio == pytest.approx(max(map(asked_for, np.geomspace(0.01, 4.995, 20_000))), rel=1e-3)
         return
     assert p.frequency_hz is not None

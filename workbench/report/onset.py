@@ -28,6 +28,7 @@ def onset_page(result: OnsetResult) -> Page:
         facts={
             "input": bracketed(result.input, result.input_unit),
             "limited": f"{bracketed(result.limited, result.limited_unit)}, {rate}",
+            **({"reached": _least(result.points[0], result.input_unit)} if result.points else {}),
         },
         sections=[_points(result), *_attitude(result)],
         summary=[_verdict(p, result.input_unit) for p in result.points],
@@ -36,10 +37,20 @@ def onset_page(result: OnsetResult) -> Page:
     )
 
 
+def _least(p: OnsetPoint, unit: str | None) -> str:
+    """Say which amplitudes reach the limit anywhere in the band."""
+    if p.least_amplitude is None:
+        return "never: the input does not move what is limited"
+    size = f"from an amplitude of {p.least_amplitude:.4g}{behind(unit)} on, at {p.highest_hz:.4g} Hz"
+    return size + (", the end of the band: the rate still rises there, a wider band lowers it" if p.rises else "")
+
+
 def _verdict(p: OnsetPoint, unit: str | None) -> Verdict:
     size = f"amplitude {p.amplitude:g}{behind(unit)}"
     if p.frequency_hz is None:
-        return Verdict(_TONES[p.verdict], f"{size}: the rate reaches {100.0 * p.highest_ratio:.3g} % of the limit")
+        highest = f"{100.0 * p.highest_ratio:.3g} % of the limit, at {p.highest_hz:.4g} Hz"
+        end = ", the end of the band" if p.rises else ""
+        return Verdict(_TONES[p.verdict], f"{size}: the rate reaches {highest}{end}")
     if p.above_db is None:
         words = "the boundary is published from -180° to -60° only"
     else:
@@ -54,12 +65,12 @@ def _verdict(p: OnsetPoint, unit: str | None) -> Verdict:
 def _points(result: OnsetResult) -> Section:
     headings = (
         bracketed("amplitude", result.input_unit), "onset [Hz]", "phase of L [deg]", "gain of L [dB]",
-        "boundary [dB]", "above [dB]", "highest rate [% of the limit]",
+        "boundary [dB]", "above [dB]",
     )  # fmt: skip
     rows = [
         (
             f"{p.amplitude:g}", number(p.frequency_hz), number(p.phase_deg, ".2f"), number(p.gain_db, ".2f"),
-            number(p.boundary_db, ".2f"), number(p.above_db, "+.2f"), f"{100.0 * p.highest_ratio:.3g}",
+            number(p.boundary_db, ".2f"), number(p.above_db, "+.2f"),
         )
         for p in result.points
     ]  # fmt: skip

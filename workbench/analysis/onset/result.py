@@ -35,6 +35,8 @@ class OnsetPoint(Part):
     Attributes:
         amplitude: of the sine at the input.
         highest_ratio: highest rate of the linear loop over the band, in units of the limit.
+        highest_hz: where that is [Hz].
+        rises: whether that is the end of the band, where the rate still rises: it then tells how far the band goes.
         frequency_hz: onset frequency [Hz]; None: the limit is not reached in the band.
         phase_deg, gain_db: of the open loop there, the phase from -360° to 0 [deg, dB].
         boundary_db: gain of the boundary at that phase [dB]; None: it is not published there.
@@ -44,6 +46,8 @@ class OnsetPoint(Part):
 
     amplitude: float
     highest_ratio: float
+    highest_hz: float
+    rises: bool
     frequency_hz: float | None = None
     phase_deg: float | None = None
     gain_db: float | None = None
@@ -52,8 +56,13 @@ class OnsetPoint(Part):
     jumps_told: str = ""
 
     def derived(self) -> dict[str, Any]:
-        """Return how far above the boundary it lies [dB], and the verdict."""
-        return {"above_db": self.above_db, "verdict": self.verdict}
+        """Return how far above the boundary it lies [dB], the verdict, and the smallest amplitude that reaches the limit."""
+        return {"above_db": self.above_db, "verdict": self.verdict, "least_amplitude": self.least_amplitude}
+
+    @property
+    def least_amplitude(self) -> float | None:
+        """Smallest amplitude that reaches the limit in the band; None: the input does not move what is limited."""
+        return self.amplitude / self.highest_ratio if self.highest_ratio > 0.0 else None
 
     @property
     def above_db(self) -> float | None:

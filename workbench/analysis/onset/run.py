@@ -195,7 +195,13 @@ def _band(closed: LinResult, asked: tuple[float, float]) -> tuple[tuple[float, f
 def _point(amplitude: float, motion: _Motion, opened: LinResult) -> OnsetPoint:
     """Return the lowest frequency at which the limit is reached, and the open loop there."""
     ratios = amplitude * motion.ratios
-    plain = OnsetPoint(amplitude=amplitude, highest_ratio=float(ratios.max()))
+    top = int(ratios.argmax())
+    plain = OnsetPoint(
+        amplitude=amplitude,
+        highest_ratio=float(ratios[top]),
+        highest_hz=float(motion.grid[top]),
+        rises=top == len(ratios) - 1,
+    )
     reached = np.flatnonzero(ratios >= 1.0)
     if not len(reached):
         return plain
