@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from workbench.analysis.bla.result import BlaResult
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import counted, number
+from workbench.report.tables import bracketed, counted, number
 from workbench.report.tones import Verdict
 
 __all__ = ["bla_page"]
@@ -12,9 +12,14 @@ __all__ = ["bla_page"]
 
 def bla_page(result: BlaResult) -> Page:
     """Return the page of a best linear approximation: levels at each power, response with errors."""
-    heads = ("rms of the input", "output", "linear part", "distortion at excited lines", "odd", "even", "noise", "left")
+    of_output = ("output", "linear part", "distortion at excited lines", "odd", "even", "noise")
+    heads = (
+        bracketed("rms of the input", result.input_unit),
+        *(bracketed(name, result.output_unit) for name in of_output),
+        "left [%]",
+    )
     rows = [
-        (*(number(float(v), ".4g") for v in values), f"{100.0 * left:.3g} %")
+        (*(number(float(v), ".4g") for v in values), f"{100.0 * left:.3g}")
         for *values, left in zip(
             result.rms, result.output_rms, result.linear_rms, result.distortion_rms, result.odd_rms, result.even_rms,
             result.noise_rms, result.left, strict=True,

@@ -90,9 +90,14 @@ class BlaResult(Record):
         return tuple(bool(part < WORTH) for part in self.left)
 
     @property
+    def _behind(self) -> str:
+        """The unit of the input as it stands behind a number."""
+        return f" {self.input_unit}" if self.input_unit not in {None, "", "1"} else ""
+
+    @property
     def words(self) -> tuple[str, ...]:
         """What was found, one line for each power, and up to which a linear model is worth having."""
-        lines = []
+        lines, unit = [], self._behind
         for a, rms in enumerate(self.rms):
             size = max(float(self.output_rms[a]), 1e-300)
             excited, even, odd, noise = (
@@ -100,7 +105,7 @@ class BlaResult(Record):
                 for level in (self.distortion_rms, self.even_rms, self.odd_rms, self.noise_rms)
             )
             lines.append(
-                f"{self.input} {rms:.4g} rms: a linear model leaves {100.0 * self.left[a]:.3g} % of {self.output} by "
+                f"{self.input} {rms:.4g}{unit} rms: a linear model leaves {100.0 * self.left[a]:.3g} % of {self.output} by "
                 f"distortion ({excited} at excited lines, even {even} and odd {odd} at others), {noise} by noise"
             )
         return (*lines, self.verdict)
@@ -113,11 +118,12 @@ class BlaResult(Record):
             return f"a linear model leaves less than {100.0 * WORTH:g} % of the output at all powers measured"
         if not any(worth):
             return f"no linear model leaves less than {100.0 * WORTH:g} % of the output at any power measured"
+        unit = self._behind
         good = [f"{rms:.4g}" for rms, fine in zip(self.rms, worth, strict=True) if fine]
         bad = [f"{rms:.4g}" for rms, fine in zip(self.rms, worth, strict=True) if not fine]
         return (
-            f"a linear model is worth having at {', '.join(good)} rms (leaves less than {100.0 * WORTH:g} % of the "
-            f"output), not at {', '.join(bad)}"
+            f"a linear model is worth having at {', '.join(good)}{unit} rms (leaves less than {100.0 * WORTH:g} % of the "
+            f"output), not at {', '.join(bad)}{unit}"
         )
 
     def curve(self, power: int = 0) -> Response:
