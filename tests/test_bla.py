@@ -261,7 +261,7 @@ def test_the_rudder_stops_being_linear_where_its_rate_limit_is(
     command = ["bla", "fmu:Rudder", "--input", "delC", "--output", "del", "--band", "0.2:5", "--realisations", "2"]
     assert run([*command, "--rms", "0.2,20", "--json", str(path), "--plot", str(tmp_path / "bla.png")]) == 0
     told = capsys.readouterr().out
-    assert "a linear model is worth having at 0.2 rms" in told
+    assert "a linear model is worth having at 0.2 deg rms" in told
     found = json.loads(path.read_text(encoding="utf-8"))
     assert found["worth"] == [True, False]
     assert len(found["gain_db"]) == 2

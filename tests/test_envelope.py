@@ -19,6 +19,8 @@ from workbench.study.envelope.sampling import shares
 from workbench.study.envelope.search import search
 from workbench.study.envelope.spread import read_spread
 from workbench.study.envelope.surface import Surface
+from workbench.study.names import units_of
+from workbench.study.read import read_study
 
 Floats = NDArray[np.float64]
 
@@ -312,3 +314,19 @@ def test_borders_pictures_and_pages(study: Callable[[str], Path], tmp_path: Path
     with wb.load(files[4]) as model:
         assert found.worst is not None
         assert max(wb.lin(model).poles().real) == found.worst.value
+
+
+def test_parameters_have_their_units(tmp_path: Path) -> None:
+    """On the axes and in the table; what cannot be opened, and a number without a unit, has none."""
+    file = tmp_path / "lags.toml"
+    file.write_text(
+        'models.lag = "fmu:FirstOrderLag"\nanalyses.linear = {command = "lin", model = "lag"}\n'
+        'requirements = [{name = "stable", analysis = "linear", kind = "stability", max = 0.0}]\n'
+        '[envelope]\nparameters = {"lag.tau" = {range = [0.5, 2.0], steps = 2}}\n',
+        encoding="utf-8",
+    )
+    found = wb.envelope(file, keep=False)
+    assert [(p.name, p.unit) for p in found.parameters] == [("lag.tau", "s")]
+    assert found.plot().axes[0].get_xlabel() == "lag.tau [s]"
+    study = read_study(file)
+    assert units_of(study, ["lag.tau", "gone.x"]) == {"lag.tau": "s"}

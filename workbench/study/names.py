@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.core.names import check_names as refuse_names
 from workbench.core.names import split_names
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.bundled import is_bundled
 from workbench.model.described import DescribedModel
 from workbench.study.description import Change, Study
@@ -17,7 +17,7 @@ from workbench.study.place import place
 from workbench.study.plan import Run
 from workbench.system.load import load
 
-__all__ = ["check_names"]
+__all__ = ["check_names", "units_of"]
 
 # Options that name variables, whatever the command.
 _NAMES = ("input", "inputs", "output", "outputs")
@@ -49,6 +49,24 @@ def check_names(study: Study, runs: Sequence[Run]) -> None:
                 _check(run, str(model.model), opened[key])
 
 
+def units_of(study: Study, names: Sequence[str]) -> dict[str, str]:
+    """Return the units of parameters, those that are known; each model is opened once.
+
+    Args:
+        study: that they belong to.
+        names: "model.parameter".
+    """
+    found: dict[str, str] = {}
+    for model in dict.fromkeys(name.partition(".")[0] for name in names):
+        try:
+            with _opened(study, study.models[model]) as opened:
+                variables = (*opened.description.variables, *opened.parameters)
+                found |= {f"{model}.{v.name}": v.unit for v in variables if v.unit}
+        except (KeyError, WorkbenchError):
+            continue  # results that are kept may be looked at without the model
+    return {name: found[name] for name in names if name in found}
+
+
 @dataclass(frozen=True)
 class _Names:
     """The variables of a model.
@@ -64,12 +82,16 @@ class _Names:
     outputs: tuple[str, ...]
 
 
-def _open(study: Study, name: str, model: Change) -> _Names:
+def _opened(study: Study, model: Change) -> DescribedModel:
     file = str(model.model)
     path = file if is_bundled(file) else str(study.folder / Path(file).expanduser())
     values = {option: dict(model.options.get(option, {})) for option in _VALUES}
+    return load(path, start_values=values["set"], bias=values["bias"])
+
+
+def _open(study: Study, name: str, model: Change) -> _Names:
     try:
-        with load(path, start_values=values["set"], bias=values["bias"]) as opened:
+        with _opened(study, model) as opened:
             return _names(opened)
     except InputError as error:
         raise InputError(f"{_where(study, name, str(error))}: {error}") from None

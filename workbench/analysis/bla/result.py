@@ -105,8 +105,9 @@ class BlaResult(Record):
                 for level in (self.distortion_rms, self.even_rms, self.odd_rms, self.noise_rms)
             )
             lines.append(
-                f"{self.input} {rms:.4g}{unit} rms: a linear model leaves {100.0 * self.left[a]:.3g} % of {self.output} by "
-                f"distortion ({excited} at excited lines, even {even} and odd {odd} at others), {noise} by noise"
+                f"{self.input} {rms:.4g}{unit} rms: "
+                f"a linear model leaves {100.0 * self.left[a]:.3g} % of {self.output} "
+                f"by distortion ({excited} at excited lines, even {even} and odd {odd} at others), {noise} by noise"
             )
         return (*lines, self.verdict)
 
@@ -122,8 +123,8 @@ class BlaResult(Record):
         good = [f"{rms:.4g}" for rms, fine in zip(self.rms, worth, strict=True) if fine]
         bad = [f"{rms:.4g}" for rms, fine in zip(self.rms, worth, strict=True) if not fine]
         return (
-            f"a linear model is worth having at {', '.join(good)}{unit} rms (leaves less than {100.0 * WORTH:g} % of the "
-            f"output), not at {', '.join(bad)}{unit}"
+            f"a linear model is worth having at {', '.join(good)}{unit} rms (leaves less than {100.0 * WORTH:g} % of "
+            f"the output), not at {', '.join(bad)}{unit}"
         )
 
     def curve(self, power: int = 0) -> Response:

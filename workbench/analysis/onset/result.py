@@ -56,7 +56,7 @@ class OnsetPoint(Part):
     jumps_told: str = ""
 
     def derived(self) -> dict[str, Any]:
-        """Return how far above the boundary it lies [dB], the verdict, and the smallest amplitude that reaches the limit."""
+        """Return how far above the boundary it lies [dB], the verdict, the least amplitude that reaches the limit."""
         return {"above_db": self.above_db, "verdict": self.verdict, "least_amplitude": self.least_amplitude}
 
     @property

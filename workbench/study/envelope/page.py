@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.report.page import Page, Section, Table
-from workbench.report.tables import counted, sentence
+from workbench.report.tables import bracketed, counted, sentence
 from workbench.report.tones import Verdict
 from workbench.study.envelope.surface import Surface
 from workbench.study.kinds.base import number
@@ -150,7 +150,7 @@ def _probability(p: Probability) -> tuple[str, ...]:
 def _borders(result: EnvelopeResult) -> Iterator[Section]:
     if not result.borders:
         return
-    first, *second = result.axes
+    first, *second = (bracketed(name, result.parameter(name).unit) for name in result.axes)
     rows = [
         (b.failure or "–", "–" if b.line is None else f"{b.line:.6g}", f"{b.at:.6g}", b.kind, b.words)
         for b in result.borders
@@ -160,7 +160,7 @@ def _borders(result: EnvelopeResult) -> Iterator[Section]:
 
 
 def _parameters(result: EnvelopeResult) -> Section:
-    rows = [(p.name, p.spread) for p in result.parameters]
+    rows = [(bracketed(p.name, p.unit), p.spread) for p in result.parameters]
     if result.failures:
         rows.append(("failures", ", ".join(result.failures)))
     return Section("What is varied", tables=[Table(("parameter", "distribution"), rows)])
@@ -217,7 +217,7 @@ def plot_envelope(result: EnvelopeResult) -> Figure:
         p = result.parameter(name)
         values = [float(q.values[name]) for q in result.points]
         low = min([*values, *([] if p.low is None else [p.low])])
-        axes.append((name, low, max([*values, *([] if p.high is None else [p.high])])))
+        axes.append((bracketed(name, p.unit), low, max([*values, *([] if p.high is None else [p.high])])))
     return plot_maps(
         [_panel(result, failure, axes) for failure in result.failures or (None,)],
         title=f"{result.study}: {result.requirement}",
@@ -242,7 +242,7 @@ def _panel(result: EnvelopeResult, failure: str | None, axes: list[tuple[str, fl
     from workbench.plotting.envelope import EnvelopePanel  # noqa: PLC0415 - matplotlib is slow to import
 
     points = result.of(failure)
-    placed = [np.array([float(p.values[name]) for p in points]) for name, _, _ in axes]
+    placed = [np.array([float(p.values[name]) for p in points]) for name in result.axes]
     margin = np.array([np.nan if p.margin is None else p.margin for p in points])
     surface = None
     if len(axes) == 2 and len(result.parameters) == 2:
@@ -257,7 +257,7 @@ def _panel(result: EnvelopeResult, failure: str | None, axes: list[tuple[str, fl
     borders = [(b.kind, b.at, np.nan if b.line is None else b.line) for b in result.borders if b.failure == failure]
     worst = None
     if result.worst is not None and result.worst.failure == failure:
-        at = [float(result.worst.values[name]) for name, _, _ in axes]
+        at = [float(result.worst.values[name]) for name in result.axes]
         worst = (at[0], at[1] if len(axes) > 1 else result.worst.margin)
     return EnvelopePanel(
         title=failure or "",

@@ -22,6 +22,7 @@ class EnvelopeParameter(Part):
         spread: its distribution in words.
         low, high: ends of what grid, map and search cover; None: it has values, not a range.
         values: of a discrete one.
+        unit: None: it has none, or its model could not be opened.
     """
 
     name: str
@@ -29,6 +30,7 @@ class EnvelopeParameter(Part):
     low: float | None
     high: float | None
     values: tuple[Scalar, ...] = ()
+    unit: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

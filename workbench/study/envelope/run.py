@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -202,6 +203,12 @@ class _Work:
 
     # -- the record ----------------------------------------------------------------------------
 
+    @cached_property
+    def _units(self) -> dict[str, str]:
+        from workbench.study.names import units_of  # noqa: PLC0415 - only where models are opened
+
+        return units_of(self._study, [s.name for s in self._envelope.spreads])
+
     def _probabilities(self) -> tuple[Probability, ...]:
         envelope = self._envelope
         if envelope.plan == "grid":
@@ -231,6 +238,7 @@ class _Work:
                     low=None if s.discrete else s.low,
                     high=None if s.discrete else s.high,
                     values=s.values,
+                    unit=self._units.get(s.name),
                 )
                 for s in envelope.spreads
             ),
