@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import workbench as wb
 from tests.test_build_fmu import HOST
 from workbench.analysis.branches.request import branches
 from workbench.analysis.lin.request import lin
@@ -95,9 +96,31 @@ def test_the_frequency_response_has_the_phase_of_the_delay(fmus: Path) -> None:
     assert abs(found.curve().value[0] / expected - 1.0) <= found.error[0, 0] < 1e-3
 
 
+def test_a_loop_through_a_delay_has_its_jumps_and_its_rest(fmus: Path, tmp_path: Path) -> None:
+    """y(t) = r(t - T) - y(t - T)/2: 1, 1/2, 3/4, … T apart; from r = 1 on it stands at 2/3."""
+    file = tmp_path / "loop.toml"
+    file.write_text(
+        f"[components]\nlate = '{fmus / 'fmi3' / 'Delays_Chain.fmu'}'\nerror = {{sum = \"+-\"}}\nhalf = 0.5\n"
+        '[connections]\n"half.u" = "late.y"\n"error.u2" = "half.y"\n"late.u" = "error.y"\n'
+        '[inputs]\nr = "error.u1"\n[outputs]\ny = "late.y"\n',
+        encoding="utf-8",
+    )
+    with wb.load(file) as loop:
+        found = simulate(loop, stop=1.8, inputs={"r": Step(time=0.45, value=1.0)}, verify_step=False)
+        rest = simulate(loop, stop=1.8, inputs={"r": Constant(1.0)}, verify_step=False)
+    y, changes = found.signals["y"], np.flatnonzero(np.diff(found.signals["y"])) + 1
+    assert y[changes] == pytest.approx([1.0, 0.5, 0.75, 0.625], abs=1e-15)
+    assert found.time[changes] == pytest.approx([0.75, 1.05, 1.35, 1.65], abs=1e-12)
+    assert rest.signals["y"] == pytest.approx(2.0 / 3.0, abs=1e-14)
+
+
 def test_a_linear_model_says_that_it_has_no_delay(fmus: Path) -> None:
     with load(str(fmus / "fmi3" / "Delays_Lag.fmu"), interface="me") as loaded:
         assert any("delay() in an FMU" in note for note in lin(loaded).result.notes)
+    with load(str(fmus / "fmi2" / "Delays_Chain.fmu"), interface="me") as loaded:  # no states, and something discrete
+        found = lin(loaded).result
+    assert any("delay() in an FMU" in note for note in found.notes)
+    assert found.D[:2, 0].tolist() == pytest.approx([1.0, 1.0])
     with (
         load(str(fmus / "fmi3" / "Delays_Lag.fmu"), interface="me") as loaded,
         pytest.raises(WorkbenchError, match="transport delay"),

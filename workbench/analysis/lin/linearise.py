@@ -61,7 +61,7 @@ def plain(task: LinTask, method: str) -> LinResult:
     try:
         result = METHODS[name](task).because(why)
     except NoRatesError as error:
-        if method != "auto" or not _shows_states(task):
+        if method != "auto" or not (_shows_states(task) or _has_history(task.model)):
             raise
         said = str(error).partition(";")[0]
         result = METHODS["difference"](task).because(f"auto: {said}; what is discrete is held")
@@ -74,8 +74,12 @@ def plain(task: LinTask, method: str) -> LinResult:
     return result
 
 
+def _has_history(model: Model) -> bool:
+    return isinstance(model, DescribedModel) and model.description.has_history
+
+
 def _of_history(model: Model) -> list[str]:
-    if not (isinstance(model, DescribedModel) and model.description.has_history):
+    if not _has_history(model):
         return []
     note = (
         "delay() in an FMU: the linear model has none of its delays, at the start as if they were 0, later as if what "
@@ -116,7 +120,9 @@ def choose(task: LinTask) -> tuple[str, str]:
             raise
         return "response", "auto: the model provides no states"
     with point:
-        if len(point.ticks(1, np.inf)) and (point.memory or not point.states or _has_samplers(task.model)):
+        # Without states, time events mean that something is sampled, unless they are those of a delay().
+        no_states = not point.states and not _has_history(task.model)
+        if len(point.ticks(1, np.inf)) and (point.memory or no_states or _has_samplers(task.model)):
             return "kalman-bertram", "auto: the model has time events and discrete states"
         if task.dx is not None or task.du is not None:
             return "difference", "auto: widths are given"

@@ -16,6 +16,12 @@ static size_t count_of(const Delay *delay)
     return (size_t)delay->record.count;
 }
 
+/* To rounding: a loop through a delay that is closed at the start would else never come to rest. */
+static bool as_before(const DelayRecord *r, double input)
+{
+    return fabs(input - r->before) <= 4.0 * DBL_EPSILON * fmax(fabs(input), fabs(r->before));
+}
+
 static Sample *last_of(const Delay *delay)
 {
     return &delay->samples[count_of(delay) - 1];
@@ -37,7 +43,7 @@ double delayed(const Frame *f, double input, double lag, double number)
     delay->record.input = input;
     if (!has_begun(delay, time)) {
         delay->record.lag = lag;
-        return input;
+        return as_before(&delay->record, input) ? delay->record.before : input;
     }
     return history_value(delay->samples, count_of(delay), time - delay->record.lag, delay->record.passed, &slope);
 }
@@ -140,9 +146,9 @@ bool delays_unsettled(Delay *delays, size_t n, double time)
     bool unsettled = false;
     for (size_t k = 0; k < n; k++) {
         DelayRecord *r = &delays[k].record;
-        const bool same = !(r->input < r->before) && !(r->input > r->before);
+        const bool same = as_before(r, r->input);
         unsettled = unsettled || (!same && !has_begun(&delays[k], time));
-        r->before = r->input;
+        r->before = same ? r->before : r->input;
     }
     return unsettled;
 }
