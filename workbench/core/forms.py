@@ -23,6 +23,7 @@ __all__ = [
     "VARIED",
     "Band",
     "Configurations",
+    "DecimalCommaError",
     "File",
     "Form",
     "Grid",
@@ -203,6 +204,10 @@ def _named(name: str, value: Any) -> float:  # noqa: ANN401
 _QUANTITY = re.compile(r"\s*([-+0-9.eE]*[0-9.])\s*(.*?)\s*")  # a number, and what follows it
 
 
+class DecimalCommaError(ValueError):
+    """A number has a comma before its decimals: `0,5` for 0.5."""
+
+
 def quantity(value: float | str) -> tuple[float, str]:
     """Return number and unit of "25deg"; a number alone has the unit "".
 
@@ -210,11 +215,16 @@ def quantity(value: float | str) -> tuple[float, str]:
         value: as it was given.
 
     Raises:
+        DecimalCommaError: its decimals follow a comma.
         ValueError: it does not begin with a number.
     """
     if not isinstance(value, str) or value.strip().lstrip("+-").lower() in {"nan", "inf", "infinity"}:
         return number(value), ""  # what is not finite is refused as such
     found = _QUANTITY.fullmatch(value)
+    if found and re.match(r",\d", found[2]):
+        raise DecimalCommaError(
+            f"'{value}' has a comma for its decimals; write a point, as in {value.replace(',', '.', 1)}"
+        )
     try:
         return float(found[1] if found else ""), found[2] if found else ""
     except ValueError:

@@ -6,12 +6,15 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
+from workbench.core.conversion import in_other_unit
 from workbench.core.names import check_names
 from workbench.errors import InputError, suggest
+from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import Variable
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
-from workbench.model.starts import conversion_to
+from workbench.model.starts import conversion_to, in_its_unit
+from workbench.signal_numbers import Numbers
 from workbench.signal_text import signals_of
 from workbench.signals import Constant, Signal, Step, Table
 
@@ -93,34 +96,33 @@ def forced_inputs(model: Model, given: Signals, *, what: str = "inputs") -> dict
     Raises:
         InputError: no such input, not a signal, or a value that the input's enumeration does not have.
     """
+    units = model.description.units if isinstance(model, DescribedModel) else {}
 
-    def words(name: str) -> Mapping[str, int]:
+    def numbers(name: str) -> Numbers:
         check_variables(model, [name], "input", what=what)
-        return items[name]
+        return Numbers(items[name], lambda text, meaning: in_its_unit(inputs[name], text, units, meaning))
 
     inputs = {v.name: v for v in model.inputs}
     items = {name: _items(model, v) for name, v in inputs.items()}
-    found = signals_of(given, words)
+    found = signals_of(given, numbers)
     check_variables(model, found, "input", what=what)
-    own = {name: _in_its_unit(model, inputs[name], signal) for name, signal in found.items()}
+    own = {name: _converted(inputs[name], signal, units) for name, signal in found.items()}
     return {name: _stepwise(name, signal, items[name]) for name, signal in own.items()}
 
 
-def _in_its_unit(model: Model, variable: Variable, signal: Signal) -> Signal:
+def _converted(variable: Variable, signal: Signal, units: Mapping[str, UnitDefinition]) -> Signal:
     """Return a table in the unit of the input that it forces; an input without a unit takes numbers as they are."""
     if not isinstance(signal, Table) or signal.unit is None:
         return signal
     values = signal.values
     if variable.unit and signal.unit != variable.unit:
-        units = model.description.units if isinstance(model, DescribedModel) else {}
         found = conversion_to(variable, signal.unit, units)
         if found is None:
             raise InputError(
                 f"input {variable.name}: values in '{signal.unit}' do not convert to its unit, {variable.unit}; "
                 "give them in a unit that does, or without one"
             )
-        factor, offset = found
-        values = [factor * x + offset for x in values]
+        values = [in_other_unit(x, found) for x in values]
     return replace(signal, values=values, unit=None)
 
 
