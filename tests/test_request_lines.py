@@ -52,6 +52,7 @@ def named(value: Callable[[random.Random], Any]) -> Callable[[random.Random], An
 # What --help shows in place of the value → a value.
 VALUES: dict[str, Callable[[random.Random], Any]] = {
     "A,..": lambda c: [number(c) for _ in range(3)],
+    "A": lambda c: c.choice([number(c), f"{number(c)!r} rad"]),
     "LO:HI": rising,
     "NAME,..": lambda c: c.sample(NAMES, 2),
     "[NAME=]WIDTH": lambda c: c.choice([number(c), [number(c), number(c)], {"x": number(c)}]),

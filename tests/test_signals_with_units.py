@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import workbench as wb
 from tests.fmi3_fmus import build_sized
 from workbench.cli.app import run as command
 from workbench.core.conversion import in_other_unit, named_conversion
+from workbench.core.forms import Quantity, amount
 from workbench.errors import InputError
 from workbench.model.names import forced_inputs
 from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, pulse
@@ -129,6 +131,57 @@ def test_the_command_line_and_a_record_have_the_inputs_unit(capfd: pytest.Captur
     assert record["signals"]["delC"][-1] == pytest.approx(TWO)
     assert command([*words, "delC=2kg"]) == 2
     assert "input delC: 'kg' does not convert to its unit, deg" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "path", "value"),
+    [
+        ("nfr --input delC --output del --freq 1 --amplitude 20mrad,0.04rad", ["amplitude"], [TWO, 2.0 * TWO]),
+        ("branches --input delC --output del --freq 1 --band 0.9:1.1 --amplitude 20mrad",
+         ["branches", 0, "amplitude"], TWO),
+        ("trim --u0 delC=0.02rad --float p1,p2", ["operating_point", "u", "delC"], TWO),
+        ("trim --fix del=0.02rad --bound delC=-0.1rad:0.1rad --float p1,p2", ["operating_point", "y", "del"], TWO),
+        ("lin --over delC=0.02rad,0.04rad --inputs delC --outputs del", ["over", "delC"], [TWO, 2.0 * TWO]),
+    ],
+)  # fmt: skip
+def test_options_in_units_of_a_variable(
+    words: str, path: list[str | int], value: object, capfd: pytest.CaptureFixture[str]
+) -> None:
+    name, *options = words.split()
+    assert command([name, "fmu:Rudder", *options, "--json", "-"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    for key in path:
+        found = found[key]
+    assert found == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("nfr --input delC --output del --freq 1 --amplitude 2kg", "--amplitude: delC: 'kg' does not convert"),
+        ("nfr --input delX --output del --freq 1 --amplitude 2deg", "input: Rudder has no variable 'delX'"),
+        ("nfr --input delC --output del --freq 1 --amplitude 1,2deg", "--amplitude: '2deg' has a unit, and '1'"),
+        ("nfr --input delC --output del --freq 2s --amplitude 1", "--freq: '2s' is not a number [Hz]"),
+        ("trim --fix del=0,02", "--fix: del: '0,02' has a comma for its decimals; write a point, as in 0.02"),
+        ("trim --bound delC=-5:5deg", "--bound: delC: '5deg' has a unit, and '-5' beside it has none"),
+        ("lin --u0 delC=2K", "--u0: delC: 'K' does not convert to its unit, deg"),
+        ("modes --vary m=1kg:2kg", "--vary: m: '1kg' is not a number"),
+        ("branches --input delC --output del --freq 1 --vary m=1kg:2kg", "--vary: '1kg' is not a number"),
+    ],
+)  # fmt: skip
+def test_options_whose_unit_does_not_fit(words: str, told: str, capfd: pytest.CaptureFixture[str]) -> None:
+    name, *options = words.split()
+    assert command([name, "fmu:Rudder", *options]) == 2
+    assert told in capfd.readouterr().err
+
+
+def test_a_quantity_is_written_as_it_is_read() -> None:
+    quantity = amount("-5e-2 rad")
+    assert (float(quantity), str(quantity)) == (-0.05, "-0.05rad")
+    assert quantity not in (-0.05, amount("-0.05deg"))  # 1deg,1rad are two amplitudes
+    assert pickle.loads(pickle.dumps(quantity)).unit == "rad"  # noqa: S301 - our own
+    assert amount("2") == 2.0
+    assert not isinstance(amount("2"), Quantity)
 
 
 @pytest.mark.parametrize("unit", [("ms", "s", 1000), ("us", "s", 1_000_000), ("mm", "m", 1000)])

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from workbench.core.conversion import in_other_unit
+from workbench.core.forms import Quantity
 from workbench.core.names import check_names
+from workbench.core.option import EACH, Declared
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import Variable
@@ -21,7 +23,15 @@ from workbench.signals import Constant, Signal, Step, Table
 if TYPE_CHECKING:
     from workbench.signal_text import Signals
 
-__all__ = ["Kind", "check_variables", "declared_units", "forced_inputs", "found_variables", "variables_of"]
+__all__ = [
+    "Kind",
+    "check_variables",
+    "declared_units",
+    "forced_inputs",
+    "found_variables",
+    "in_own_units",
+    "variables_of",
+]
 
 Kind = Literal["input", "output", "state", "parameter", "variable"]
 
@@ -96,7 +106,7 @@ def forced_inputs(model: Model, given: Signals, *, what: str = "inputs") -> dict
     Raises:
         InputError: no such input, not a signal, or a value that the input's enumeration does not have.
     """
-    units = model.description.units if isinstance(model, DescribedModel) else {}
+    units = _units(model)
 
     def numbers(name: str) -> Numbers:
         check_variables(model, [name], "input", what=what)
@@ -124,6 +134,37 @@ def _converted(variable: Variable, signal: Signal, units: Mapping[str, UnitDefin
             )
         values = [in_other_unit(x, found) for x in values]
     return replace(signal, values=values, unit=None)
+
+
+def in_own_units(model: Model, names: str | Iterable[str], value: Any, declared: Declared) -> Any:  # noqa: ANN401
+    """Return an option's value with every `Quantity` as a number in the unit of its variable.
+
+    Args:
+        model: that has the variables.
+        names: of the variable; several: of each that the value has by name.
+        value: a number or a tuple of such; by name where there are several.
+        declared: the option.
+
+    Raises:
+        InputError: no such variable, or its unit does not fit.
+    """
+    if not isinstance(names, str):
+        return {name: in_own_units(model, name, value[name], declared) for name in names}
+    if isinstance(value, tuple):
+        return tuple(in_own_units(model, names, part, declared) for part in value)
+    if not isinstance(value, Quantity):
+        return value
+    by_name = declared.option.of == EACH
+    check_variables(model, [names], "variable", what=declared.flag if by_name else declared.option.of)
+    variable = variables_of(model)[names]
+    try:
+        return in_its_unit(variable, str(value), _units(model), "change" if declared.option.change else "level")
+    except InputError as error:
+        raise InputError(f"{declared.flag}: {names}: {error}") from None
+
+
+def _units(model: Model) -> Mapping[str, UnitDefinition]:
+    return model.description.units if isinstance(model, DescribedModel) else {}
 
 
 def _items(model: Model, variable: Variable) -> Mapping[str, int]:
