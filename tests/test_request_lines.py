@@ -174,3 +174,9 @@ def test_a_request_on_several_files_gets_them_in_order(files: list[str]) -> None
 def test_python_refuses_what_a_command_line_cannot_say(option: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         Nfr("u", "y", frequencies=1.0, amplitudes=1.0, **option)
+
+
+def test_another_request_takes_no_option_that_it_has_not() -> None:
+    with pytest.raises(TypeError, match="Workers has no option 'time_out'; did you mean timeout"):
+        recast(Workers, Workers(), time_out=3.0)
+    assert recast(Workers, Workers(), timeout=3.0).timeout == 3.0
