@@ -36,7 +36,7 @@ COMMON = {
     "core": {"errors"},
     "endings": set(),
     "signals": {"core", "errors", "shift_register"},
-    "signal_numbers": {"core", "errors"},
+    "signal_numbers": {"core", "errors", "signals"},
     "signal_file": {"core", "errors", "signal_numbers", "signals"},
     "signal_text": {"core", "errors", "gusts", "signal_file", "signal_numbers", "signals"},
     "gusts": {"errors", "signals"},

@@ -18,7 +18,8 @@ from workbench.analysis.request import Request, Subject, asked_options, command_
 from workbench.cli.derive import command
 from workbench.cli.program import program
 from workbench.core.loading import Loading
-from workbench.core.option import Declared, asked_of, put_together
+from workbench.core.option import Declared, asked_of, put_together, recast
+from workbench.core.where import Workers
 from workbench.errors import InputError
 from workbench.gusts import gust
 from workbench.signal_text import parse_signal, signal_text

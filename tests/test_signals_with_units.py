@@ -16,8 +16,9 @@ from workbench.cli.app import run as command
 from workbench.core.conversion import in_other_unit, named_conversion
 from workbench.core.forms import Quantity, amount
 from workbench.errors import InputError
+from workbench.gusts import gust, turbulence
 from workbench.model.names import forced_inputs
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, gust, pulse
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, pulse
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +56,9 @@ TWO = math.degrees(0.02)
         ("prbs:hold=50ms,amplitude=0.02rad,order=5", Prbs(hold=0.05, amplitude=TWO, order=5)),
         ("pulse:duration=100ms,value=0.02rad,time=1s", pulse(time=1.0, value=TWO, duration=0.1)),
         ("gust:duration=100ms,value=0.02rad", gust(value=TWO, duration=0.1)),
+        ("gust:gradient=0.1km,speed=360km/h,value=0.02rad", gust(value=TWO, gradient=100.0, speed=100.0)),
+        ("turbulence:intensity=20mrad,speed=360km/h,duration=200ms,length=1km,seed=3",
+         turbulence(intensity=TWO, speed=100.0, duration=0.2, length=1000.0, seed=3)),
         ("table:0=0,100ms=0.02rad,1=2", Table([0.0, 0.1, 1.0], [0.0, TWO, 2.0])),
         ("table:0=0,100ms=0.02,unit=rad", Table([0.0, 0.1], [0.0, TWO])),
     ],
@@ -65,7 +69,7 @@ def test_numbers_in_other_units(rudder: wb.Model, text: str, signal: Signal) -> 
     given, wanted = ((s.times, s.values) if isinstance(s, Table) else tuple(vars(s).values()) for s in (found, signal))
     assert len(given) == len(wanted)
     for one, other in zip(given, wanted, strict=True):
-        assert one == pytest.approx(other, rel=1e-14)
+        assert one == pytest.approx(other, rel=1e-14, abs=1e-14)
 
 
 def test_a_level_has_the_offset_an_amplitude_has_not(heated: wb.Model) -> None:

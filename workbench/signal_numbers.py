@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from numbers import Integral
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from workbench.core.conversion import in_other_unit, named_conversion
 from workbench.core.csv_file import is_number
 from workbench.core.forms import DecimalCommaError, quantity
 from workbench.errors import InputError
+from workbench.signals import exactly
 
-__all__ = ["ANYTHING", "PLAIN", "Meaning", "Numbers", "exactly"]
+__all__ = ["ANYTHING", "PLAIN", "Meaning", "Numbers"]
 
 Meaning: TypeAlias = Literal["level", "change", "height", "time", "frequency", "phase", "length", "speed", "count"]
 """What a number is: a value of the input; a difference of two, as an amplitude; a value that is counted from zero, as
-the height of a pulse; a time [s]; a frequency [Hz]; an angle [deg]; a length [m]; a speed [m/s]; a whole number without a unit."""
+the height of a pulse; a time [s]; a frequency [Hz]; an angle [deg]; a length [m]; a speed [m/s]; a
+whole number without a unit."""
 _UNITS: Mapping[Meaning, tuple[str, ...]] = {
     "time": ("s",),
     "frequency": ("Hz", "rev/s"),
@@ -91,16 +92,6 @@ class Numbers:
         """Return the word that a text is, in small letters where that is how it is known: "true" for "True"."""
         word = text.strip()
         return word.lower() if word not in self.words and word.lower() in self.words else word
-
-
-def exactly(value: Any) -> float:  # noqa: ANN401 - a real number of any class
-    """Return a number; a whole one that no float is stays whole, and the input that it is for says whether it may.
-
-    Args:
-        value: the number, not beyond all floats.
-    """
-    number = float(value)
-    return int(value) if isinstance(value, Integral) and int(value) != number else number
 
 
 def _from_text(text: str) -> float:

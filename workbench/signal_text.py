@@ -15,8 +15,8 @@ from workbench.core.names import split_names
 from workbench.errors import InputError, suggest
 from workbench.gusts import gust, turbulence
 from workbench.signal_file import is_file, named_columns, read_table
-from workbench.signal_numbers import ANYTHING, PLAIN, Meaning, Numbers, exactly
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, pulse
+from workbench.signal_numbers import ANYTHING, PLAIN, Meaning, Numbers
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, exactly, pulse
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,7 +33,8 @@ _KEYS: Mapping[str, Mapping[str, Meaning]] = {
     "pulse": {"duration": "time", "value": "height", "time": "time"},
     "gust": {"duration": "time", "gradient": "length", "speed": "speed", "value": "height", "time": "time"},
     "turbulence": {
-        "intensity": "change", "speed": "speed", "duration": "time", "length": "length", "step": "time", "seed": "count",
+        "intensity": "change", "speed": "speed", "duration": "time", "length": "length", "step": "time",
+        "seed": "count",
     },
 }  # fmt: skip
 _WORDY = ("step",)  # whose values may be words

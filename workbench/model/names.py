@@ -18,7 +18,7 @@ from workbench.model.described import DescribedModel
 from workbench.model.starts import conversion_to, in_its_unit
 from workbench.signal_numbers import Numbers
 from workbench.signal_text import signals_of
-from workbench.signals import Constant, Signal, Step, Table
+from workbench.signals import Signal, Step, Table, levels_of
 
 if TYPE_CHECKING:
     from workbench.signal_text import Signals
@@ -181,20 +181,11 @@ def _stepwise(name: str, signal: Signal, items: Mapping[str, int]) -> Signal:
         return signal
     if isinstance(signal, Table):
         signal = replace(signal, interpolate="hold")
-    if items is not _TRUTH and (wrong := [x for x in _levels(signal) if round(x) not in items.values()]):
+    if items is not _TRUTH and (wrong := [x for x in levels_of(signal) if round(x) not in items.values()]):
         where = " (initial, of the step)" if isinstance(signal, Step) and wrong[0] == signal.initial else ""
         known = suggest(f"{wrong[0]:g}", items)
         raise InputError(f"input {name}: its enumeration has no item {wrong[0]:g}{where}; {known}")
     return signal
-
-
-def _levels(signal: Signal) -> tuple[float, ...]:
-    """Return the values of a signal that has few; empty: it has others."""
-    if isinstance(signal, Constant):
-        return (signal.value,)
-    if isinstance(signal, Step):
-        return signal.initial, signal.value
-    return tuple(signal.values) if isinstance(signal, Table) else ()
 
 
 def _elements(name: str, accepted: Sequence[str]) -> list[str]:
