@@ -14,7 +14,7 @@ import workbench as wb
 from tests.fmi3_fmus import build_sized
 from workbench.cli.app import run as command
 from workbench.core.conversion import in_other_unit, named_conversion
-from workbench.core.forms import Quantity, amount
+from workbench.core.forms import Quantity, amount, quantity
 from workbench.errors import InputError
 from workbench.gusts import gust, turbulence
 from workbench.model.names import forced_inputs
@@ -169,6 +169,7 @@ def test_options_in_units_of_a_variable(
         ("trim --fix del=0,02", "--fix: del: '0,02' has a comma for its decimals; write a point, as in 0.02"),
         ("trim --bound delC=-5:5deg", "--bound: delC: '5deg' has a unit, and '-5' beside it has none"),
         ("lin --u0 delC=2K", "--u0: delC: 'K' does not convert to its unit, deg"),
+        ("lin --over mass=1:2", "--over: mass: '1:2' is not a number"),
         ("modes --vary m=1kg:2kg", "--vary: m: '1kg' is not a number"),
         ("branches --input delC --output del --freq 1 --vary m=1kg:2kg", "--vary: '1kg' is not a number"),
     ],
@@ -179,11 +180,22 @@ def test_options_whose_unit_does_not_fit(words: str, told: str, capfd: pytest.Ca
     assert told in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("text", ["5 1/s", "5%", "2µm", "-2.5e3 m/s", "20 ℃", ".5[rad]", "3°", "7kg.m2/s2"])
+def test_units_begin_like_units(text: str) -> None:
+    assert quantity(text)[1] in text
+
+
+@pytest.mark.parametrize("text", ["1:2", "5;", "2=3", "5_m", "1 / 2", "m", "5,,m"])
+def test_what_follows_a_number_may_be_no_unit(text: str) -> None:
+    with pytest.raises(ValueError, match="is not a number with a unit, as in 25deg"):
+        quantity(text)
+
+
 def test_a_quantity_is_written_as_it_is_read() -> None:
-    quantity = amount("-5e-2 rad")
-    assert (float(quantity), str(quantity)) == (-0.05, "-0.05rad")
-    assert quantity not in (-0.05, amount("-0.05deg"))  # 1deg,1rad are two amplitudes
-    assert pickle.loads(pickle.dumps(quantity)).unit == "rad"  # noqa: S301 - our own
+    found = amount("-5e-2 rad")
+    assert (float(found), str(found)) == (-0.05, "-0.05rad")
+    assert found not in (-0.05, amount("-0.05deg"))  # 1deg,1rad are two amplitudes
+    assert pickle.loads(pickle.dumps(found)).unit == "rad"  # noqa: S301 - our own
     assert amount("2") == 2.0
     assert not isinstance(amount("2"), Quantity)
 

@@ -91,7 +91,8 @@ def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOM
         raise ValueError(f"'{str(value).strip()}' is not a number") from None
 
 
-_QUANTITY = re.compile(r"\s*([-+0-9.eE]*[0-9.])\s*(.*?)\s*")  # a number, and what follows it
+# A number, and a unit behind it: a word, a sign, or 1/s. A comma is told apart for what it is.
+_QUANTITY = re.compile(r"\s*([-+0-9.eE]*[0-9.])\s*((?:[^\W\d_]|[°%℃\[(1]|,(?=\d)).*?)?\s*")
 
 
 class Quantity(float):
@@ -135,12 +136,13 @@ def quantity(value: float | str) -> tuple[float, str]:
     if not isinstance(value, str) or value.strip().lstrip("+-").lower() in {"nan", "inf", "infinity"}:
         return number(value), ""  # what is not finite is refused as such
     found = _QUANTITY.fullmatch(value)
-    if found and re.match(r",\d", found[2]):
+    text, unit = (found[1], found[2] or "") if found else ("", "")
+    if unit.startswith(","):
         raise DecimalCommaError(
             f"'{value}' has a comma for its decimals; write a point, as in {value.replace(',', '.', 1)}"
         )
     try:
-        return float(found[1] if found else ""), found[2] if found else ""
+        return float(text), unit
     except ValueError:
         raise ValueError(f"'{value}' is not a number with a unit, as in 25deg") from None
 
