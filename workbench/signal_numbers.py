@@ -78,7 +78,7 @@ class Numbers:
         """
         if not self.has(text):
             raise ValueError(f"'{text}' is not a number")
-        return _from_text(text) if is_number(text) else self.words[self._word(text)]
+        return _from_text(text) if is_number(text) else float(self.words[self._word(text)])
 
     def has(self, text: str) -> bool:
         """Return whether a text is a number without a unit, or a word.
