@@ -35,7 +35,7 @@ from workbench.errors import UNSEEN
 from workbench.fmi.archive import unpack
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.reading import read_description
-from workbench.signal_text import read_table as read_signal
+from workbench.signal_file import read_table as read_signal
 from workbench.study.read import read_study
 from workbench.system.read import read_system
 

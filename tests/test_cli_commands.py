@@ -98,7 +98,7 @@ def test_simulate_keeps_standard_output_for_the_csv(capsys: pytest.CaptureFixtur
     [
         (["--stop", "0"], "stop"),
         (["--stop", "1", "--input", "u"], "--input: 'u' is not of the form NAME=VALUE"),
-        (["--stop", "1", "--input", "u=sin:x"], "input u: 'sin:x' is not a signal"),
+        (["--stop", "1", "--input", "u=sin:x"], "input u: 'sin:' is not a signal; did you mean sine?"),
         (["--stop", "1", "--input", "u=sine:amplitude=1"], "frequency"),
         (["--stop", "1", "--input", "u=nosuch.csv"], "nosuch.csv"),
         (["--stop", "1", "--input", "y=1"], "--input: 'y' of FirstOrderLag is an output; its inputs are: u"),

@@ -18,7 +18,8 @@ from workbench.analysis.request import Request, Subject, asked_options, command_
 from workbench.cli.derive import command
 from workbench.cli.program import program
 from workbench.core.loading import Loading
-from workbench.core.option import Declared, asked_of, put_together
+from workbench.core.option import Declared, asked_of, put_together, recast
+from workbench.core.where import Workers
 from workbench.errors import InputError
 from workbench.gusts import gust
 from workbench.signal_text import parse_signal, signal_text
@@ -52,6 +53,7 @@ def named(value: Callable[[random.Random], Any]) -> Callable[[random.Random], An
 # What --help shows in place of the value → a value.
 VALUES: dict[str, Callable[[random.Random], Any]] = {
     "A,..": lambda c: [number(c) for _ in range(3)],
+    "A": lambda c: c.choice([number(c), f"{number(c)!r} rad"]),
     "LO:HI": rising,
     "NAME,..": lambda c: c.sample(NAMES, 2),
     "[NAME=]WIDTH": lambda c: c.choice([number(c), [number(c), number(c)], {"x": number(c)}]),
@@ -173,3 +175,9 @@ def test_a_request_on_several_files_gets_them_in_order(files: list[str]) -> None
 def test_python_refuses_what_a_command_line_cannot_say(option: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         Nfr("u", "y", frequencies=1.0, amplitudes=1.0, **option)
+
+
+def test_another_request_takes_no_option_that_it_has_not() -> None:
+    with pytest.raises(TypeError, match="Workers has no option 'time_out'; did you mean timeout"):
+        recast(Workers, Workers(), time_out=3.0)
+    assert recast(Workers, Workers(), timeout=3.0).timeout == 3.0

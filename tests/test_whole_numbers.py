@@ -81,3 +81,57 @@ def test_a_start_value_has_all_its_digits_in_a_system(feedthrough: Path, monkeyp
         system.open_session(),
     ):
         assert ("Int64_input", whole) in written
+
+
+_LONG = [
+    ("Int64", 2**63 - 1),
+    ("Int64", 2**53 + 1),
+    ("Int64", -(2**53) - 1),
+    ("UInt64", 2**64 - 1),
+    ("UInt64", 2**63 + 1),
+]
+
+
+@pytest.mark.parametrize(("kind", "value"), _LONG)
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_more_digits_than_a_float_has(kind: str, value: int, interface: str, feedthrough: Path) -> None:
+    """A start value arrives digit by digit; a signal, which would round it, is refused and says so."""
+    name = f"{kind}_input"
+    for given in (value, str(value)):
+        with wb.load(feedthrough, interface=interface, start_values={name: given}) as model:
+            assert wb.simulate(model, stop=1.0, outputs=[f"{kind}_output"], in_process=True).signals[f"{kind}_output"][
+                -1
+            ] == float(value)
+            with model.open_session() as session:
+                session.advance(0.5, signals={})
+                output = [v for v in model.description.variables if v.name == f"{kind}_output"]
+                assert session.instance.access(output).read() == [value]
+    with wb.load(feedthrough, interface=interface) as model:
+        words = rf"{name}: signals are exact to ±2\^53, and {value} is beyond; a start value"
+        for signal in (value, str(value), f"step:time=0.5,value={value}", f"table:0=0,1={value}"):
+            with pytest.raises(InputError, match=words):
+                wb.simulate(model, stop=1.0, inputs={name: signal}, in_process=True)
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_start_values_of_a_system_keep_their_digits(interface: str, feedthrough: Path, tmp_path: Path) -> None:
+    ends = '[inputs]\nu = "a.UInt64_input"\n[outputs]\ny = "a.UInt64_output"\n'
+    text = f'[components]\na = {{model = "{feedthrough}"}}\n{ends}'
+    (tmp_path / "one.toml").write_text(text, encoding="utf-8")
+    for name in ("u", "a.UInt64_input"):
+        with wb.load(tmp_path / "one.toml", interface=interface, start_values={name: 2**64 - 1}) as system:
+            assert wb.simulate(system, stop=1.0, in_process=True).signals["y"][-1] == 2.0**64
+
+
+@pytest.mark.parametrize("value", [10**19, 2**53 + 2])
+def test_a_connection_hands_no_rounded_numbers_on(value: int, feedthrough: Path) -> None:
+    with (
+        wb.connect(
+            dict.fromkeys("ab", feedthrough),
+            [("a.UInt64_output", "b.UInt64_input")],
+            outputs=["b.UInt64_output"],
+            start_values={"a.UInt64_input": value},
+        ) as system,
+        pytest.raises(InputError, match=rf"UInt64_input: signals are exact to ±2\^53, and {value} is beyond"),
+    ):
+        wb.simulate(system, stop=1.0, in_process=True)

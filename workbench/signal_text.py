@@ -1,152 +1,43 @@
-"""Signals as text and files have them: what command lines, studies and tables of times and values say."""
+"""Signals as text has them: what command lines and studies say."""
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
-from workbench.core.conversion import named_conversion
 from workbench.core.csv_file import is_number
-from workbench.core.files import content_of
 from workbench.core.forms import Form, pairs, table
 from workbench.core.names import split_names
 from workbench.errors import InputError, suggest
 from workbench.gusts import gust, turbulence
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, pulse
+from workbench.signal_file import is_file, named_columns, read_table
+from workbench.signal_numbers import ANYTHING, PLAIN, Meaning, Numbers
+from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, exactly, pulse
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Signals", "Words", "parse_signal", "read_table", "readable", "signal_text", "signals_of"]
+__all__ = ["Signals", "parse_signal", "readable", "signal_text", "signals_of"]
 
 
-class _AnyWord(dict[str, float]):
-    """Words that are not known before the model is open: every one, to see whether the rest can be read."""
-
-    def __contains__(self, word: object) -> bool:
-        return bool(word) and not set(":=[]") & set(str(word))
-
-    def __missing__(self, word: str) -> float:
-        return 0.0
-
-
-Words = Callable[[str], Mapping[str, float]]
-"""Input → what may stand for a number there: items of its enumeration; true and false."""
-_NO_WORDS: Mapping[str, float] = MappingProxyType({})
-_ANY_WORD = _AnyWord()
-
-
-def _word(text: str, words: Mapping[str, float]) -> str:
-    """Return the word that a text is, in small letters where that is how it is known: "true" for "True"."""
-    word = text.strip()
-    return word.lower() if word not in words and word.lower() in words else word
-
-
-def _is_level(text: str, words: Mapping[str, float]) -> bool:
-    return is_number(text) or _word(text, words) in words
-
-
-def _level(text: str, words: Mapping[str, float]) -> float:
-    """Return the value that a number or a word stands for; raises ValueError if it is neither."""
-    word = _word(text, words)
-    return float(words[word]) if word in words and not is_number(word) else float(word)
-
-
-def read_table(path: str | Path) -> Table:
-    """Read a `Table` from a CSV file: time [s] in the first column, value in the second.
-
-    One heading line is allowed, with units in brackets, as in `u [rad]`; separators are comma, semicolon, tab.
-
-    Raises:
-        InputError: no such file, not two columns of numbers, or a unit of time that is not known.
-    """
-    headings, rows = _rows(Path(path))
-    return _column(Path(path), headings, rows, 1)
-
-
-def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Return the headings of a CSV file, with their units, and its rows; no headings: empty."""
-    try:
-        text = content_of(path).decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
-    delimiter = next((d for d in ";\t" if d in text), ",")
-    try:
-        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
-    except csv.Error as error:
-        raise InputError(f"{path}: is not a table of time and value: {error}") from None
-    return [] if not rows or is_number(rows[0][0]) else [cell.strip() for cell in rows.pop(0)], rows
-
-
-def _column(
-    path: Path,
-    headings: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    number: int,
-    words: Mapping[str, float] = _NO_WORDS,
-) -> Table:
-    _, unit = _named(headings[number]) if number < len(headings) else ("", None)
-    second = _seconds(path, headings[0]) if headings else 1.0
-    try:
-        return Table([second * float(r[0]) for r in rows], [_level(r[number], words) for r in rows], unit=unit)
-    except (ValueError, IndexError):
-        what = "two columns of numbers" if number == 1 else f"numbers in its columns 1 and {number + 1}"
-        wrong = next((r[number].strip() for r in rows if number < len(r) and not _is_level(r[number], words)), "")
-        if words and wrong:
-            raise InputError(
-                f"{path}: '{wrong}' is not a value that the input can have; {suggest(wrong, words)}"
-            ) from None
-        raise InputError(f"{path}: needs {what}, time [s] and value") from None
-
-
-def _named_columns(name: str, path: Path, words: Words) -> dict[str, Signal]:
-    """Return what a CSV file holds for an input: its column, or those of an array's elements.
-
-    A file of two columns holds it whatever they are called.
-    """
-    headings, rows = _rows(path)
-    known = {_named(heading)[0]: number for number, heading in enumerate(headings) if number}
-    width = len(headings) or max((len(row) for row in rows), default=0)
-    if name in known:
-        wanted = {name: known[name]}
-    elif not (wanted := {one: number for one, number in known.items() if one.startswith(f"{name}[")}) and width <= 2:
-        wanted = {name: 1}
-    if wanted:
-        return {one: _column(path, headings, rows, number, words(one)) for one, number in wanted.items()}
-    which = suggest(name, known) if known else "give it a line of headings"
-    raise InputError(f"{path}: none of its {width} columns is called {name}; {which}")
-
-
-def _named(heading: str) -> tuple[str, str | None]:
-    """Return a column's name and unit: "u" and "m" for "u [m]"."""
-    name, bracket, unit = heading.rpartition(" [")
-    return (name, unit.rstrip("] ").strip() or None) if bracket else (heading, None)
-
-
-def _seconds(path: Path, heading: str) -> float:
-    """Return how many seconds the unit in the heading of the column of times is."""
-    _, unit = _named(heading)
-    factor, offset = named_conversion(unit or "s", "s") or (0.0, 0.0)
-    if not factor or offset:
-        raise InputError(f"{path}: the times of '{heading}' do not convert to s; give them in s")
-    return factor
-
-
-_KEYS: Mapping[str, tuple[str, ...]] = {
-    "sine": ("amplitude", "frequency", "offset", "phase", "start"),
-    "step": ("time", "value", "initial"),
-    "prbs": ("hold", "amplitude", "offset", "order", "seed", "start"),
-    "pulse": ("duration", "value", "time"),
-    "gust": ("duration", "gradient", "speed", "value", "time"),
-    "turbulence": ("intensity", "speed", "duration", "length", "step", "seed"),
-}
+_KEYS: Mapping[str, Mapping[str, Meaning]] = {
+    "sine": {"amplitude": "change", "frequency": "frequency", "offset": "level", "phase": "phase", "start": "time"},
+    "step": {"time": "time", "value": "level", "initial": "level"},
+    "prbs": {
+        "hold": "time", "amplitude": "change", "offset": "level", "order": "count", "seed": "count", "start": "time",
+    },
+    "pulse": {"duration": "time", "value": "height", "time": "time"},
+    "gust": {"duration": "time", "gradient": "length", "speed": "speed", "value": "height", "time": "time"},
+    "turbulence": {
+        "intensity": "change", "speed": "speed", "duration": "time", "length": "length", "step": "time",
+        "seed": "count",
+    },
+}  # fmt: skip
+_WORDY = ("step",)  # whose values may be words
 
 
 def _sine(k: Mapping[str, float]) -> Signal:
@@ -197,9 +88,7 @@ def _turbulence(k: Mapping[str, float]) -> Signal:
     )
 
 
-_LEVELS = {"step": ("value", "initial")}  # which of the options may be words
 _TABLE, _HOLD, _UNIT = "table", "hold", "unit"
-_FILES = (".csv", ".txt")
 _MAKERS: Mapping[str, Callable[[Mapping[str, float]], Signal]] = {
     "sine": _sine,
     "step": _step,
@@ -222,21 +111,29 @@ def _whole(kind: str, key: str, value: float) -> int:
     return int(value)
 
 
-def _key_values(kind: str, text: str, words: Mapping[str, float]) -> dict[str, float]:
+def _key_values(kind: str, text: str, numbers: Numbers) -> dict[str, float]:
+    known = _KEYS[kind]
     values: dict[str, float] = {}
+    before = ""
     for part in filter(None, (p.strip() for p in text.split(","))):
         key, equals, value = (p.strip() for p in part.partition("="))
-        if key not in _KEYS[kind]:
-            raise InputError(f"{kind}: unknown option '{key}'; {suggest(key, _KEYS[kind])}")
-        here = words if key in _LEVELS.get(kind, ()) else _NO_WORDS
-        if not equals or not _is_level(value, here):
-            other = f"; {suggest(value, here)}" if here else ""
-            raise InputError(f"{kind}: {key} needs a number, as in {key}=1.0, not '{value}'{other}")
-        values[key] = _level(value, here)
+        if before and not equals and key[:1].isdigit():
+            raise InputError(f"{kind}: '{before},{key}' has a comma for its decimals; write {before}.{key}")
+        before = part
+        if key not in known:
+            raise InputError(f"{kind}: unknown option '{key}'; {suggest(key, known)}")
+        here = numbers if kind in _WORDY else replace(numbers, words={})
+        try:
+            values[key] = here.read(value, known[key])
+        except InputError as error:
+            raise InputError(f"{kind}: {key}: {error}") from None
+        except ValueError:
+            other = f"; {suggest(value, here.words)}" if here.words and known[key] == "level" else ""
+            raise InputError(f"{kind}: {key} needs a number, as in {key}=1.0, not '{value}'{other}") from None
     return values
 
 
-def parse_signal(text: str, words: Mapping[str, float] = _NO_WORDS) -> Signal:
+def parse_signal(text: str, words: Mapping[str, float] = PLAIN.words) -> Signal:
     """Return the signal that `text` describes.
 
     Args:
@@ -245,6 +142,8 @@ def parse_signal(text: str, words: Mapping[str, float] = _NO_WORDS) -> Signal:
             `turbulence:intensity=1.5,speed=250,duration=60`,
             `table:0=0,1=2` (time [s] and value; `hold=1` makes it a staircase, `unit=rad` is that of the values), or
             the name of a CSV file with time and value, with units in its headings or in those of time [s] and input.
+            Times, frequencies and phases may have other units, as in `time=100ms`, `frequency=3rad/s`, `phase=1rad`;
+            values of the input only where the input is known, as in `simulate(model, inputs={"u": "2deg"})`.
         words: what may stand for a number besides, such as the items of an enumeration: alone, in a table, and as
             `value` and `initial` of a step.
 
@@ -257,28 +156,31 @@ def parse_signal(text: str, words: Mapping[str, float] = _NO_WORDS) -> Signal:
         >>> wb.parse_signal("step:time=1,initial=Off,value=On", {"Off": 1, "On": 2})
         Step(time=1.0, value=2.0, initial=1.0)
     """
+    return _parsed(text, Numbers(words))
+
+
+def _parsed(text: str, numbers: Numbers) -> Signal:
     text = text.strip()
-    if is_number(text):
-        return Constant(float(text))
     kind, colon, rest = text.partition(":")
     if colon and kind == _TABLE:
-        return _table(rest, words)
+        return _table(rest, numbers)
     if colon and kind in _MAKERS:
-        return _MAKERS[kind](_key_values(kind, rest, words))
-    if _is_file(text):
-        return _column(Path(text), *_rows(Path(text)), 1, words)
-    if _is_level(text, words):
-        return Constant(_level(text, words))
-    if words:
-        raise InputError(f"'{text}' is neither a signal nor a value that the input can have; {suggest(text, words)}")
+        return _MAKERS[kind](_key_values(kind, rest, numbers))
+    if is_file(text):
+        return read_table(text, numbers)
+    try:
+        return Constant(numbers.read(text))
+    except ValueError:
+        pass
+    if numbers.words:
+        known = suggest(text, numbers.words)
+        raise InputError(f"'{text}' is neither a signal nor a value that the input can have; {known}")
+    if colon:
+        raise InputError(f"'{kind}:' is not a signal; {suggest(kind, [*_MAKERS, _TABLE])}")
     raise InputError(
         f"'{text}' is not a signal; write a number, a .csv file, or one of "
-        + ", ".join([*(f"{k}:{_KEYS[k][0]}=…" for k in _MAKERS), f"{_TABLE}:TIME=VALUE,…"])
+        + ", ".join([*(f"{k}:{next(iter(_KEYS[k]))}=…" for k in _MAKERS), f"{_TABLE}:TIME=VALUE,…"])
     )
-
-
-def _is_file(text: str) -> bool:
-    return text.strip().lower().endswith(_FILES)
 
 
 # -- several of them ---------------------------------------------------------------------------
@@ -310,31 +212,38 @@ def signal_text(signal: Signal) -> str:
     return f"{kind}:{','.join(f'{key}={getattr(signal, key)!r}' for key in _KEYS[kind])}"
 
 
-def _table(text: str, words: Mapping[str, float]) -> Table:
-    """Read TIME=VALUE,.., hold=1 for a staircase, and unit=UNIT of the values."""
+def _table(text: str, numbers: Numbers) -> Table:
+    """Read TIME=VALUE,.., hold=1 for a staircase, and unit=UNIT of the values that have none."""
     items = [(key.strip(), value.strip()) for key, _, value in (part.partition("=") for part in text.split(","))]
     others = dict(item for item in items if item[0] in (_HOLD, _UNIT))
     points = [item for item in items if item[0] not in others]
-    if not all(is_number(t) and _is_level(x, words) for t, x in points):
-        wrong = next((x for t, x in points if is_number(t) and x and not _is_level(x, words)), "")
-        other = f"; '{wrong}': {suggest(wrong, words)}" if words and wrong else ""
-        raise InputError(f"{_TABLE}: '{text}' is not of the form TIME=VALUE,.., as in table:0=0,1=2{other}")
+    try:
+        times = [numbers.read(t, "time") for t, _ in points]
+        values = [numbers.read(x) for _, x in points]
+    except InputError as error:
+        raise InputError(f"{_TABLE}: {error}") from None
+    except ValueError:
+        wrong = next((x for t, x in points if is_number(t) and x and not numbers.has(x)), "")
+        other = f"; '{wrong}': {suggest(wrong, numbers.words)}" if numbers.words and wrong else ""
+        raise InputError(f"{_TABLE}: '{text}' is not of the form TIME=VALUE,.., as in table:0=0,1=2{other}") from None
+    if _UNIT in others and not all(numbers.has(x) for _, x in points):
+        raise InputError(f"{_TABLE}: give the unit once, as {_UNIT}={others[_UNIT]} or beside the values")
     if (held := others.get(_HOLD, "0")) not in ("0", "1"):
         raise InputError(f"{_TABLE}: '{_HOLD}={held}' is neither {_HOLD}=1, a staircase, nor {_HOLD}=0, straight lines")
-    times, values = [float(t) for t, _ in points], [_level(x, words) for _, x in points]
     return Table(times, values, "hold" if held == "1" else "linear", others.get(_UNIT))
 
 
+_Reading: TypeAlias = Callable[[str], Numbers]
 _Given: TypeAlias = "Signal | float | str | Sequence[Any] | NDArray[Any]"
 
 
-def signals_of(given: Mapping[str, _Given], words: Words = lambda _: _NO_WORDS) -> dict[str, Signal]:
+def signals_of(given: Mapping[str, _Given], numbers: _Reading = lambda _: PLAIN) -> dict[str, Signal]:
     """Return name → signal; those of a whole array by its elements, `u[1]`, `u[2]`.
 
     Args:
         given: name → a signal, a number, or what `parse_signal` reads; of a whole array a list of such, or a CSV file
             with a column for each element. Of a file with several columns that with the input's name is taken.
-        words: input → what may stand for a number; see `parse_signal`.
+        numbers: input → how the numbers in its text are read.
 
     Raises:
         InputError: a text that `parse_signal` refuses, or something else.
@@ -343,53 +252,48 @@ def signals_of(given: Mapping[str, _Given], words: Words = lambda _: _NO_WORDS) 
         >>> signals_of({"u": [1.0, "step:time=1,value=2"]})
         {'u[1]': Constant(value=1.0), 'u[2]': Step(time=1.0, value=2.0, initial=0.0)}
     """
-    return _every(given, words, lambda name, value: _signal(name, value, words(name)))
+    return _every(given, numbers, lambda name, value: _signal(name, value, numbers(name)))
 
 
 def readable(given: Mapping[str, _Given]) -> dict[str, Signal | str]:
-    """Return name → signal as `signals_of` does, but a text with words in it as it is: what they mean a model says.
+    """Return name → signal as `signals_of` does, but a text with words or units as it is: a model says what they mean.
 
     Args:
         given: see `signals_of`.
 
     Raises:
-        InputError: a text that is not a signal, whatever its words mean.
+        InputError: a text that is not a signal, whatever its words and units mean.
     """
     found: dict[str, Signal | str] = {}
     for name, value in given.items():
         try:
-            _merge(found, _every({name: value}, lambda _: _NO_WORDS, _left))
+            _merge(found, _every({name: value}, lambda _: PLAIN, _left))
         except InputError:
-            if not isinstance(value, str) or not _is_file(value):
+            if not isinstance(value, str) or not is_file(value):
                 raise
-            signals_of({name: value}, lambda _: _ANY_WORD)
+            signals_of({name: value}, lambda _: ANYTHING)
             _merge(found, {name: value})
     return found
 
 
 def _left(name: str, value: object) -> Signal | str:
-    """Return a signal, or the text whose words have to wait for the model."""
+    """Return a signal, or the text whose words or units have to wait for the model."""
     try:
-        return _signal(name, value, _NO_WORDS)
+        return _signal(name, value, PLAIN)
     except InputError:
-        if not isinstance(value, str) or _is_file(value):
+        if not isinstance(value, str) or is_file(value):
             raise
-        try:
-            _signal(name, value, _ANY_WORD)
-        except InputError:
-            pass
-        else:
-            return value.strip()
-        raise
+        _signal(name, value, ANYTHING)
+        return value.strip()
 
 
 _T = TypeVar("_T", Signal, "Signal | str")
 
 
-def _every(given: Mapping[str, _Given], words: Words, leaf: Callable[[str, object], _T]) -> dict[str, _T]:
+def _every(given: Mapping[str, _Given], numbers: _Reading, leaf: Callable[[str, object], _T]) -> dict[str, _T]:
     found: dict[str, _T] = {}
     for name, value in given.items():
-        _merge(found, _signals(name, value, words, leaf))
+        _merge(found, _signals(name, value, numbers, leaf))
     return found
 
 
@@ -400,20 +304,20 @@ def _merge(found: dict[str, _T], more: Mapping[str, _T]) -> None:
         found[one] = signal
 
 
-def _signals(name: str, value: _Given, words: Words, leaf: Callable[[str, object], _T]) -> Mapping[str, _T]:
+def _signals(name: str, value: _Given, numbers: _Reading, leaf: Callable[[str, object], _T]) -> Mapping[str, _T]:
     if isinstance(value, str):
         text = value.strip()
         if text.startswith("[") and text.endswith("]"):
-            return _elements(name, _items(text[1:-1]), words, leaf)
-        if _is_file(text) and ":" not in text:
+            return _elements(name, _items(text[1:-1]), numbers, leaf)
+        if is_file(text) and ":" not in text:
             try:
-                return _named_columns(name, Path(text), words)
+                return named_columns(name, Path(text), numbers)
             except InputError as error:
                 raise InputError(f"input {name}: {error}") from None
     elif isinstance(value, Sequence):
-        return _elements(name, value, words, leaf)
+        return _elements(name, value, numbers, leaf)
     elif hasattr(value, "tolist"):  # an array
-        return _elements(name, value.tolist(), words, leaf)
+        return _elements(name, value.tolist(), numbers, leaf)
     return {name: leaf(name, value)}
 
 
@@ -433,24 +337,24 @@ def _items(text: str) -> list[str]:
     return found
 
 
-def _elements(name: str, values: Sequence[Any], words: Words, leaf: Callable[[str, object], _T]) -> dict[str, _T]:
+def _elements(name: str, values: Sequence[Any], numbers: _Reading, leaf: Callable[[str, object], _T]) -> dict[str, _T]:
     """Return element → signal of a whole array, nested where it has several dimensions."""
     found: dict[str, _T] = {}
     for number, value in enumerate(values, 1):
         begin = f"{name[:-1]},{number}]" if name.endswith("]") else f"{name}[{number}]"
-        found.update(_signals(begin, value, words, leaf))
+        found.update(_signals(begin, value, numbers, leaf))
     return found
 
 
-def _signal(name: str, value: object, words: Mapping[str, float]) -> Signal:
+def _signal(name: str, value: object, numbers: Numbers) -> Signal:
     if isinstance(value, str):
         try:
-            return parse_signal(value, words)
+            return _parsed(value, numbers)
         except InputError as error:
             raise InputError(f"input {name}: {error}") from None
     if isinstance(value, Real):
         exact: Any = value
-        return Constant(float(Constant(exact).value))  # which says what is no float
+        return Constant(exactly(Constant(exact).value))  # a constant says what is not a float
     if not isinstance(value, Signal):
         raise InputError(
             f"input {name}: a {type(value).__name__} is not a signal; give a number, a text such as "
@@ -466,7 +370,7 @@ _SIGNALS = Form(
     write=lambda value: [f"{n}={s if isinstance(s, str) else signal_text(s)}" for n, s in value.items()],
     take=lambda value: readable(table(value)),
     repeated=True,
-    files=lambda texts: [value for _, _, value in (text.partition("=") for text in texts) if _is_file(value)],
+    files=lambda texts: [value for _, _, value in (text.partition("=") for text in texts) if is_file(value)],
 )
 
 if TYPE_CHECKING:

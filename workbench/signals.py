@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
-from typing import Literal
+from numbers import Integral
+from typing import Any, Literal
 
 from workbench.errors import InputError, shortened
 
@@ -27,6 +28,8 @@ __all__ = [
     "Table",
     "check_finite",
     "check_positive",
+    "exactly",
+    "levels_of",
     "pulse",
 ]
 
@@ -59,6 +62,25 @@ class Signal(ABC):
     def longest_step(self) -> float:
         """The longest step [s] that still sees the signal's shape; `math.inf`: any."""
         return math.inf
+
+
+def exactly(value: Any) -> float:  # noqa: ANN401 - a real number of any class
+    """Return a number; a whole one that no float is stays whole, and the input that it is for says whether it may.
+
+    Args:
+        value: the number, not beyond all floats.
+    """
+    number = float(value)
+    return int(value) if isinstance(value, Integral) and int(value) != number else number
+
+
+def levels_of(signal: Signal) -> tuple[float, ...]:
+    """Return the values of a signal that has few; empty: it has others."""
+    if isinstance(signal, Constant):
+        return (signal.value,)
+    if isinstance(signal, Step):
+        return signal.initial, signal.value
+    return tuple(signal.values) if isinstance(signal, Table) else ()
 
 
 def check_finite(owner: str, **values: float) -> None:
@@ -279,7 +301,7 @@ class Table(Signal):
 
     def __post_init__(self) -> None:
         times = tuple(float(t) for t in self.times)
-        values = tuple(float(v) for v in self.values)
+        values = tuple(map(exactly, self.values))
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values)
         if not times or len(times) != len(values):

@@ -184,7 +184,7 @@ class CFile:
     folders: tuple[str, ...] = ()
 
 
-# What older compilers let pass is no error here, and nobody reads the warnings of foreign code.
+# What older compilers let pass is not an error here, and nobody reads the warnings of foreign code.
 _FOREIGN = (
     "-O2", "-w", "-ffp-contract=off", "-fno-sanitize=undefined", "-Wno-error=implicit-function-declaration",
     "-Wno-error=implicit-int", "-Wno-error=int-conversion", "-Wno-error=incompatible-function-pointer-types",

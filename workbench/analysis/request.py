@@ -27,10 +27,12 @@ from typing import (
     get_args,
 )
 
+from workbench.core.forms import quantities_in
 from workbench.core.job import Job, Progress
 from workbench.core.loading import Loading
 from workbench.core.named import named
 from workbench.core.option import (
+    EACH,
     Declared,
     Options,
     asked_of,
@@ -173,9 +175,37 @@ class Request(Options, Generic[_Subject, _Record]):
 
             prepare(self.algorithm.partition(":")[0])
         with self._reached(job) as asked:
+            asked = asked.in_own_units(subject)  # noqa: PLW2901
             record: _Record = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, asked, job)
         job.ended(self.command, record)
         return record
+
+    def in_own_units(self, subject: _Subject) -> Self:
+        """Return the request with every number in the unit of the variable that it belongs to.
+
+        Args:
+            subject: the model that has the variables.
+
+        Raises:
+            InputError: the model has no such variable, or its unit does not fit.
+        """
+        found = {}
+        for declared in options_of(type(self)):
+            value = getattr(self, declared.name)
+            if next(quantities_in(value), None) is None:
+                continue
+            names = value if declared.option.of == EACH else self.variable_of(declared, subject)
+            found[declared.name] = named(_IN_OWN_UNITS)(subject, names, value, declared)
+        return replace(self, **found) if found else self
+
+    def variable_of(self, declared: Declared, subject: _Subject) -> str:
+        """Return the name of the variable in whose unit an option is.
+
+        Args:
+            declared: the option; its `of` names the option that names the variable.
+            subject: the model.
+        """
+        return str(getattr(self, declared.option.of))
 
     @contextmanager
     def _reached(self, job: Job) -> Iterator[Self]:
@@ -245,6 +275,7 @@ def _portable(subject: object) -> bool:
 
 
 _NO_MODEL = object()
+_IN_OWN_UNITS = "workbench.model.names:in_own_units"
 _BEHIND_A_WALL = "workbench.analysis.one_worker:in_worker"  # which knows requests
 _MODELS = "model_"  # begins the name of a model's option where the request has one of that name
 _MODEL: Mapping[str, Any] = {

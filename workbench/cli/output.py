@@ -189,7 +189,7 @@ class Output:
 
     @contextmanager
     def _writing(self, path: object) -> Iterator[None]:
-        """Note that a file cannot be written: that is no reason to lose the others."""
+        """Note that a file cannot be written: that is not a reason to lose the others."""
         try:
             yield
         except InputError as error:

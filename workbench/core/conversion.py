@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from workbench.core.names import plain_unit
 
-__all__ = ["BASE_UNITS", "Unit", "conversion", "is_same_unit", "known_unit", "named_conversion"]
+__all__ = ["BASE_UNITS", "Unit", "conversion", "in_other_unit", "is_same_unit", "known_unit", "named_conversion"]
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _NONE = (0,) * len(BASE_UNITS)
@@ -58,6 +58,22 @@ def named_conversion(
     left = known_unit(source, definitions)
     right = known_unit(target, definitions if target_definitions is None else target_definitions)
     return None if left is None or right is None else conversion(left, right)
+
+
+def in_other_unit(value: float, found: tuple[float, float]) -> float:
+    """Return a value after a `conversion`; 700 ms are 0.7 s, not 0.7000000000000001.
+
+    Args:
+        value: in the unit that is converted.
+        found: factor and offset.
+
+    Examples:
+        >>> in_other_unit(700.0, named_conversion("ms", "s"))
+        0.7
+    """
+    factor, offset = found
+    parts = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
+    return (value / parts if parts and math.isclose(parts * factor, 1.0, rel_tol=1e-15) else factor * value) + offset
 
 
 def is_same_unit(source: Unit, target: Unit) -> bool:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from workbench.core.names import split_names
 
@@ -21,8 +21,11 @@ __all__ = [
     "MODEL",
     "TEXTS",
     "VARIED",
+    "Amount",
+    "Amounts",
     "Band",
     "Configurations",
+    "DecimalCommaError",
     "File",
     "Form",
     "Grid",
@@ -30,13 +33,16 @@ __all__ = [
     "Names",
     "Numbers",
     "Quantities",
+    "Quantity",
     "Ranges",
     "Settings",
     "Starts",
     "Values",
     "Widths",
+    "amount",
     "number",
     "pairs",
+    "quantities_in",
     "quantity",
     "setting",
     "several",
@@ -78,11 +84,85 @@ def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOM
         ValueError: it is not a number.
     """
     try:
-        return float(value)
+        return value if isinstance(value, Quantity) else float(value)  # whose unit must not be lost
     except OverflowError:
         raise ValueError("a whole number beyond 1e308 is too large") from None
     except (TypeError, ValueError):
         raise ValueError(f"'{str(value).strip()}' is not a number") from None
+
+
+# A number, and a unit behind it: a word, a sign, or 1/s. A comma is told apart for what it is.
+_QUANTITY = re.compile(r"\s*([-+0-9.eE]*[0-9.])\s*((?:[^\W\d_]|[°%℃\[(1]|,(?=\d)).*?)?\s*")
+
+
+class Quantity(float):
+    """A number in a unit of its own, as a float, until the model tells the unit of the variable.
+
+    Attributes:
+        unit: as it was given.
+    """
+
+    unit: str
+
+    def __new__(cls, value: float, unit: str = "") -> Self:
+        made = super().__new__(cls, value)
+        made.unit = unit
+        return made
+
+    def __repr__(self) -> str:
+        return _short(self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Quantity) and (float(self), self.unit) == (float(other), other.unit)
+
+    def __hash__(self) -> int:
+        return hash((float(self), self.unit))
+
+
+class DecimalCommaError(ValueError):
+    """A number has a comma before its decimals: `0,5` for 0.5."""
+
+
+def quantity(value: float | str) -> tuple[float, str]:
+    """Return number and unit of "25deg"; a number alone has the unit "".
+
+    Args:
+        value: as it was given.
+
+    Raises:
+        DecimalCommaError: its decimals follow a comma.
+        ValueError: it does not begin with a number.
+    """
+    if not isinstance(value, str) or value.strip().lstrip("+-").lower() in {"nan", "inf", "infinity"}:
+        return number(value), ""  # what is not finite is refused as such
+    found = _QUANTITY.fullmatch(value)
+    text, unit = (found[1], found[2] or "") if found else ("", "")
+    if unit.startswith(","):
+        raise DecimalCommaError(
+            f"'{value}' has a comma for its decimals; write a point, as in {value.replace(',', '.', 1)}"
+        )
+    try:
+        return float(text), unit
+    except ValueError:
+        raise ValueError(f"'{value}' is not a number with a unit, as in 25deg") from None
+
+
+def amount(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOML file holds
+    """Return a number, or read one; a `Quantity` where it has a unit.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    try:
+        return number(value)
+    except ValueError:
+        try:
+            return Quantity(*quantity(value))
+        except DecimalCommaError:
+            raise
+        except ValueError:
+            pass
+        raise
 
 
 def two_numbers(value: Any) -> tuple[float, float]:  # noqa: ANN401 - what Python or a TOML file holds
@@ -133,7 +213,9 @@ def pairs(texts: Iterable[str], sample: str = "NAME=VALUE") -> dict[str, str]:
 
 
 def _short(value: float) -> str:
-    """Return the shortest text that gives the number again."""
+    """Return the shortest text that gives the number again, with its unit where it has one."""
+    if isinstance(value, Quantity):
+        return f"{_short(float(value))}{value.unit}"
     return f"{value:g}" if float(f"{value:g}") == value else repr(value)
 
 
@@ -141,14 +223,18 @@ def _read_numbers(texts: Sequence[str]) -> tuple[float, ...]:
     return tuple(number(item) for text in texts for item in text.split(","))
 
 
-def several(value: Numbers) -> tuple[float, ...]:
+def several(value: Amounts) -> tuple[float, ...]:
     """Return one number, or several, as a tuple.
 
     Args:
         value: as Python or a TOML file has it.
     """
-    items = [value] if isinstance(value, int | float | str | Mapping) else value
-    return tuple(number(item) for item in items)
+    return tuple(number(item) for item in _items(value))
+
+
+def _items(value: Any) -> Iterable[Any]:  # noqa: ANN401
+    items: Iterable[Any] = [value] if isinstance(value, int | float | str | Mapping) else value
+    return items
 
 
 _NUMBERS = Form(
@@ -193,34 +279,49 @@ def _read_values(texts: Sequence[str]) -> dict[str, float]:
     return {name: _named(name, text) for name, text in pairs(texts).items()}
 
 
-def _named(name: str, value: Any) -> float:  # noqa: ANN401
+def _named(name: str, value: Any, read: Callable[[Any], float] = amount) -> float:  # noqa: ANN401
     try:
-        return number(value)
+        return read(value)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
 
 
-_QUANTITY = re.compile(r"\s*([-+0-9.eE]*[0-9.])\s*(.*?)\s*")  # a number, and what follows it
+def _alike(values: Iterable[float]) -> tuple[float, ...]:
+    """Return numbers that all have a unit, or none has; what is not finite needs none."""
+    found = tuple(values)
+    bare = [x for x in found if not isinstance(x, Quantity) and math.isfinite(x)]
+    if bare and (given := next((x for x in found if isinstance(x, Quantity)), None)) is not None:
+        raise ValueError(f"'{given}' has a unit, and '{_short(bare[0])}' beside it has none; give each its unit")
+    return found
 
 
-def quantity(value: float | str) -> tuple[float, str]:
-    """Return number and unit of "25deg"; a number alone has the unit "".
+def quantities_in(value: Any) -> Iterator[Quantity]:  # noqa: ANN401 - of any option
+    """Yield the quantities among the numbers of an option's value.
 
     Args:
-        value: as it was given.
-
-    Raises:
-        ValueError: it does not begin with a number.
+        value: a number, or a tuple or mapping of such.
     """
-    if not isinstance(value, str) or value.strip().lstrip("+-").lower() in {"nan", "inf", "infinity"}:
-        return number(value), ""  # what is not finite is refused as such
-    found = _QUANTITY.fullmatch(value)
-    try:
-        return float(found[1] if found else ""), found[2] if found else ""
-    except ValueError:
-        raise ValueError(f"'{value}' is not a number with a unit, as in 25deg") from None
+    if isinstance(value, Quantity):
+        yield value
+    elif isinstance(value, tuple | Mapping):
+        for part in value.values() if isinstance(value, Mapping) else value:
+            yield from quantities_in(part)
 
 
+def _take_amounts(value: Any) -> tuple[float, ...]:  # noqa: ANN401
+    return _alike(map(amount, value.split(",") if isinstance(value, str) else _items(value)))
+
+
+_AMOUNTS = replace(
+    _NUMBERS, read=lambda texts: _alike(amount(item) for text in texts for item in text.split(",")), take=_take_amounts
+)
+_AMOUNT = Form(
+    metavar="A",
+    example="0.1",
+    read=lambda texts: amount(texts[-1]),
+    write=lambda value: [_short(value)],
+    take=amount,
+)
 _VALUES = Form(
     metavar="NAME=VALUE",
     read=_read_values,
@@ -251,14 +352,28 @@ _QUANTITIES = Form(
 
 
 def _read_grid(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    return {name: tuple(_named(name, x) for x in text.split(",")) for name, text in pairs(texts).items()}
+    return {name: _several_named(name, text.split(",")) for name, text in pairs(texts).items()}
+
+
+def _several_named(name: str, values: Iterable[Any]) -> tuple[float, ...]:
+    found = [_named(name, x) for x in values]
+    try:
+        return _alike(found)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _take_grid(value: Any) -> dict[str, tuple[float, ...]]:  # noqa: ANN401
+    return {
+        name: _several_named(name, [x] if isinstance(x, int | float | str) else x) for name, x in table(value).items()
+    }
 
 
 _GRID = Form(
     metavar="NAME=A,B,..",
     read=_read_grid,
     write=lambda value: [f"{name}={','.join(map(_short, x))}" for name, x in value.items()],
-    take=lambda value: {name: several(x) for name, x in table(value).items()},
+    take=_take_grid,
     repeated=True,
 )
 
@@ -294,14 +409,21 @@ def _span(name: str, text: str) -> tuple[float, float]:
     low, colon, high = (part.strip() for part in text.partition(":"))
     if not colon or not (low or high):
         raise ValueError(f"{name} needs LO:HI, LO: or :HI, not '{text}'")
-    return _named(name, low or "-inf"), _named(name, high or "inf")
+    return _ends(name, (low or "-inf", high or "inf"))
+
+
+def _ends(name: str, value: Any) -> tuple[float, float]:  # noqa: ANN401 - what Python or a TOML file holds
+    ends = _several_named(name, value.split(":") if isinstance(value, str) else value)
+    if len(ends) != 2:
+        raise ValueError(f"{name}: takes two numbers, not {len(ends)}")
+    return ends[0], ends[1]
 
 
 _LIMITS = Form(
     metavar="NAME=LO:HI",
     read=_read_limits,
     write=lambda value: [f"{name}={_short(low)}:{_short(high)}" for name, (low, high) in value.items()],
-    take=lambda value: {name: two_numbers(x) for name, x in table(value).items()},
+    take=lambda value: {name: _ends(name, x) for name, x in table(value).items()},
     repeated=True,
 )
 
@@ -336,7 +458,7 @@ def varied(text: str) -> tuple[str, str]:
     if "=" not in text:
         return text, ""
     ((name, limits),) = pairs([text]).items()
-    found = [_named(name, x) for x in limits.split(":" if ":" in limits else ",")]
+    found = [_named(name, x, number) for x in limits.split(":" if ":" in limits else ",")]
     if ":" in limits and (len(found) != 2 or not found[0] < found[1]):
         raise ValueError(f"'{text}' is not of the form NAME=LO:HI with LO < HI, as in airspeed=150:350")
     return name, limits
@@ -458,6 +580,8 @@ MODEL = Form(
 
 if TYPE_CHECKING:
     Numbers = Sequence[float] | NDArray[np.float64] | float
+    Amounts = Numbers | str | Sequence[float | str]
+    Amount = float | str
     Band = tuple[float, float]
     Names = Sequence[str]
     Values = Mapping[str, float]
@@ -472,6 +596,8 @@ if TYPE_CHECKING:
     File = str | Path
 else:
     Numbers = Annotated[object, _NUMBERS]
+    Amounts = Annotated[object, _AMOUNTS]
+    Amount = Annotated[object, _AMOUNT]
     Band = Annotated[object, _BAND]
     Names = Annotated[object, _NAMES]
     Values = Annotated[object, _VALUES]

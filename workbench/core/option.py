@@ -24,11 +24,12 @@ from typing import (
     get_origin,
 )
 
-from workbench.core.forms import Form, written
+from workbench.core.forms import Form, quantities_in, written
 from workbench.core.interrupts import insisting
 from workbench.errors import InputError, suggest
 
 __all__ = [
+    "EACH",
     "Declared",
     "Option",
     "Options",
@@ -44,6 +45,7 @@ __all__ = [
     "with_options",
 ]
 
+EACH = "each"
 _DECLARED = "option"
 _ARGUMENTS = "Args:"
 
@@ -61,6 +63,9 @@ class Option:
     Attributes:
         help: one sentence that stands alone, with a full stop.
         unit: unit of the value; empty: it has none, or the sentence says it.
+        of: option that names the variable in whose unit the value is, so that one may be given in another; `EACH`: its
+            own names do; empty: none.
+        change: whether it is a difference of two values of that variable, such as an amplitude, and not a value.
         flag: on the command line, "--max-periods"; empty: made from the name.
         also: another flag of the same meaning; empty: none.
         metavar: what `--help` shows in place of the value; empty: that of its form.
@@ -79,6 +84,8 @@ class Option:
 
     help: str
     unit: str = ""
+    of: str = ""
+    change: bool = False
     flag: str = ""
     also: str = ""
     metavar: str = ""
@@ -147,6 +154,8 @@ class Declared:
             raise InputError(f"{self.spoken} '{value}' is unknown; {suggest(str(value), self.option.choices)}")
         try:
             found = value if self.form is None else self.form.take(value)
+            if not self.option.of and (given := next(quantities_in(found), None)) is not None:
+                raise ValueError(f"'{given}' is not a number")
             self._check_range(found)
         except (TypeError, AttributeError):
             form = f"of the form {self.form.metavar}" if self.form is not None else "a number"
@@ -213,6 +222,8 @@ def option(
     default: Any = MISSING,  # noqa: ANN401 - of the option's type
     default_factory: Any = MISSING,  # noqa: ANN401 - it makes a default that can be changed, as a dictionary
     unit: str = "",
+    of: str = "",
+    change: bool = False,
     flag: str = "",
     also: str = "",
     metavar: str = "",
@@ -230,7 +241,8 @@ def option(
 ) -> Any:  # noqa: ANN401 - a field of whatever type is annotated
     """Declare an option of a request: a field of the dataclass. See `Option` for the arguments."""
     declared = Option(
-        help=help, unit=unit, flag=flag, also=also, metavar=metavar, group=group, python=python, hidden=hidden,
+        help=help, unit=unit, of=of, change=change, flag=flag, also=also, metavar=metavar, group=group,
+        python=python, hidden=hidden,
         least=least, positive=positive, below=below, finite=finite, choices=choices, needed=needed, form=form,
         part=part,
     )  # fmt: skip
@@ -351,10 +363,12 @@ def recast(request: type[_Kind], asked: Options, **others: Any) -> _Kind:  # noq
         others: what it has in place of them, or besides.
 
     Raises:
-        TypeError: it has no option of a name in `others`.
+        TypeError: one of the others is not an option of the other request.
     """
     known = {d.name for d in options_of(request)}
-    return request(**{**{name: value for name, value in values_of(asked).items() if name in known}, **others})
+    if wrong := next((name for name in others if name not in known), None):
+        raise TypeError(f"{request.__name__} has no option '{wrong}'; {suggest(wrong, known)}")
+    return request(**{**{name: x for name, x in values_of(asked).items() if name in known}, **others})
 
 
 @cache

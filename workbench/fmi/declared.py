@@ -78,6 +78,7 @@ class Interface:
     can_handle_variable_communication_step_size: bool | None = None
     can_interpolate_inputs: bool = False
     has_event_mode: bool = False
+    fixed_internal_step_size: float | None = None
 
 
 @dataclass(slots=True)

@@ -47,6 +47,7 @@ class Capabilities:
         needs_tool: needs its authoring tool to be installed.
         adjoint_derivatives: exact derivatives from the outputs back to the inputs (FMI 3.0).
         intermediate_update: co-simulation asks for inputs inside a step (FMI 3.0).
+        internal_step: step of the co-simulation's own solver [s] (FMI 3.0); None: it is not declared.
     """
 
     identifier: str
@@ -60,6 +61,7 @@ class Capabilities:
     needs_tool: bool = False
     adjoint_derivatives: bool = False
     intermediate_update: bool = False
+    internal_step: float | None = None
 
 
 @dataclass(frozen=True)

@@ -113,6 +113,7 @@ def _capabilities(major: int, name: str, element: said.Interface, identifier: st
         needs_tool=element.needs_execution_tool,
         adjoint_derivatives=major == 3 and element.provides_adjoint_derivatives,
         intermediate_update=major == 3 and element.provides_intermediate_update,
+        internal_step=_positive(element.fixed_internal_step_size) if cs and major == 3 else None,
     )
 
 

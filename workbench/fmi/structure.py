@@ -22,7 +22,7 @@ def structural_values(description: Description, values: Mapping[str, Value]) -> 
         values: name → value.
 
     Raises:
-        InputError: one is no whole number, or outside what the FMU allows.
+        InputError: one is not a whole number, or outside what the FMU allows.
     """
     known = {v.name: v for v in description.variables if v.causality == STRUCTURAL}
     found = {}

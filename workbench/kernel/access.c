@@ -17,10 +17,17 @@ double value_as_type(ValueType type, double value) {
 }
 
 static int64_t whole(double value) {
-    if (!(value > -9.2e18)) {
+    if (!(value > -0x1p63)) {
         return INT64_MIN;
     }
-    return value < 9.2e18 ? (int64_t)nearbyint(value) : INT64_MAX;
+    return value < 0x1p63 ? (int64_t)nearbyint(value) : INT64_MAX;
+}
+
+static uint64_t natural(double value) {
+    if (value < 0x1p63) {
+        return (uint64_t)whole(value);
+    }
+    return value < 0x1p64 ? (uint64_t)value : UINT64_MAX;
 }
 
 static double decoded(const Block *block, size_t slot) {
@@ -55,7 +62,7 @@ static void encode(const Block *block, size_t slot, double value) {
     case INT32: ((int32_t *)block->buffer)[slot] = (int32_t)whole(value); break;
     case UINT32: ((uint32_t *)block->buffer)[slot] = (uint32_t)whole(value); break;
     case INT64: ((int64_t *)block->buffer)[slot] = whole(value); break;
-    case UINT64: ((uint64_t *)block->buffer)[slot] = (uint64_t)whole(value); break;
+    case UINT64: ((uint64_t *)block->buffer)[slot] = natural(value); break;
     case BOOLEAN8: ((char *)block->buffer)[slot] = value >= 0.5; break;
     case BOOLEAN32: ((int32_t *)block->buffer)[slot] = value >= 0.5; break;
     case TICKS:

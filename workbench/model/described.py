@@ -263,6 +263,15 @@ class DescribedModel(Model):
             found = NotReachedError(f"{direct}; with the inputs of the point it does not come to rest either")
         raise found
 
+    @property
+    def shortest_step(self) -> float | None:
+        """Shortest step of a co-simulation that is known before it runs, communication or inside [s]; None: none is."""
+        if self.interface != "cs":
+            return None
+        given = self._setup.step or self.description.experiment.step
+        own = self.description.interfaces["cs"].internal_step
+        return min(filter(None, (given, own)), default=None)
+
     def _lead_steps(self, setup: Setup) -> list[float]:
         """Return communication steps to lead the model with, one after the other."""
         usual = self.description.experiment.step or STEP

@@ -4,21 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from workbench.core.conversion import in_other_unit
+from workbench.core.forms import Quantity
 from workbench.core.names import check_names
+from workbench.core.option import EACH, Declared
 from workbench.errors import InputError, suggest
+from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import Variable
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
-from workbench.model.starts import conversion_to
+from workbench.model.starts import conversion_to, in_its_unit
+from workbench.signal_numbers import Numbers
 from workbench.signal_text import signals_of
-from workbench.signals import Constant, Signal, Step, Table
+from workbench.signals import Signal, Step, Table, levels_of
 
 if TYPE_CHECKING:
     from workbench.signal_text import Signals
 
-__all__ = ["Kind", "check_variables", "declared_units", "forced_inputs", "found_variables", "variables_of"]
+__all__ = [
+    "Kind",
+    "check_variables",
+    "declared_units",
+    "forced_inputs",
+    "found_variables",
+    "in_own_units",
+    "variables_of",
+]
 
 Kind = Literal["input", "output", "state", "parameter", "variable"]
 
@@ -93,35 +106,65 @@ def forced_inputs(model: Model, given: Signals, *, what: str = "inputs") -> dict
     Raises:
         InputError: no such input, not a signal, or a value that the input's enumeration does not have.
     """
+    units = _units(model)
 
-    def words(name: str) -> Mapping[str, int]:
+    def numbers(name: str) -> Numbers:
         check_variables(model, [name], "input", what=what)
-        return items[name]
+        return Numbers(items[name], lambda text, meaning: in_its_unit(inputs[name], text, units, meaning))
 
     inputs = {v.name: v for v in model.inputs}
     items = {name: _items(model, v) for name, v in inputs.items()}
-    found = signals_of(given, words)
+    found = signals_of(given, numbers)
     check_variables(model, found, "input", what=what)
-    own = {name: _in_its_unit(model, inputs[name], signal) for name, signal in found.items()}
+    own = {name: _converted(inputs[name], signal, units) for name, signal in found.items()}
     return {name: _stepwise(name, signal, items[name]) for name, signal in own.items()}
 
 
-def _in_its_unit(model: Model, variable: Variable, signal: Signal) -> Signal:
+def _converted(variable: Variable, signal: Signal, units: Mapping[str, UnitDefinition]) -> Signal:
     """Return a table in the unit of the input that it forces; an input without a unit takes numbers as they are."""
     if not isinstance(signal, Table) or signal.unit is None:
         return signal
     values = signal.values
     if variable.unit and signal.unit != variable.unit:
-        units = model.description.units if isinstance(model, DescribedModel) else {}
         found = conversion_to(variable, signal.unit, units)
         if found is None:
             raise InputError(
                 f"input {variable.name}: values in '{signal.unit}' do not convert to its unit, {variable.unit}; "
                 "give them in a unit that does, or without one"
             )
-        factor, offset = found
-        values = [factor * x + offset for x in values]
+        values = [in_other_unit(x, found) for x in values]
     return replace(signal, values=values, unit=None)
+
+
+def in_own_units(model: Model, names: str | Iterable[str], value: Any, declared: Declared) -> Any:  # noqa: ANN401
+    """Return an option's value with every `Quantity` as a number in the unit of its variable.
+
+    Args:
+        model: that has the variables.
+        names: of the variable; several: of each that the value has by name.
+        value: a number or a tuple of such; by name where there are several.
+        declared: the option.
+
+    Raises:
+        InputError: no such variable, or its unit does not fit.
+    """
+    if not isinstance(names, str):
+        return {name: in_own_units(model, name, value[name], declared) for name in names}
+    if isinstance(value, tuple):
+        return tuple(in_own_units(model, names, part, declared) for part in value)
+    if not isinstance(value, Quantity):
+        return value
+    by_name = declared.option.of == EACH
+    check_variables(model, [names], "variable", what=declared.flag if by_name else declared.option.of)
+    variable = variables_of(model)[names]
+    try:
+        return in_its_unit(variable, str(value), _units(model), "change" if declared.option.change else "level")
+    except InputError as error:
+        raise InputError(f"{declared.flag}: {names}: {error}") from None
+
+
+def _units(model: Model) -> Mapping[str, UnitDefinition]:
+    return model.description.units if isinstance(model, DescribedModel) else {}
 
 
 def _items(model: Model, variable: Variable) -> Mapping[str, int]:
@@ -138,20 +181,11 @@ def _stepwise(name: str, signal: Signal, items: Mapping[str, int]) -> Signal:
         return signal
     if isinstance(signal, Table):
         signal = replace(signal, interpolate="hold")
-    if items is not _TRUTH and (wrong := [x for x in _levels(signal) if round(x) not in items.values()]):
+    if items is not _TRUTH and (wrong := [x for x in levels_of(signal) if round(x) not in items.values()]):
         where = " (initial, of the step)" if isinstance(signal, Step) and wrong[0] == signal.initial else ""
         known = suggest(f"{wrong[0]:g}", items)
         raise InputError(f"input {name}: its enumeration has no item {wrong[0]:g}{where}; {known}")
     return signal
-
-
-def _levels(signal: Signal) -> tuple[float, ...]:
-    """Return the values of a signal that has few; empty: it has others."""
-    if isinstance(signal, Constant):
-        return (signal.value,)
-    if isinstance(signal, Step):
-        return signal.initial, signal.value
-    return tuple(signal.values) if isinstance(signal, Table) else ()
 
 
 def _elements(name: str, accepted: Sequence[str]) -> list[str]:

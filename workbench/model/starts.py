@@ -7,14 +7,15 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TypeAlias, Union
 
-from workbench.core.conversion import named_conversion
-from workbench.core.forms import quantity
+from workbench.core.conversion import in_other_unit, named_conversion
+from workbench.core.forms import DecimalCommaError, quantity
 from workbench.core.names import check_names, plain_unit, split_names
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import FLOAT_TYPES, WHOLE_RANGES, Value, Variable
+from workbench.signal_numbers import Meaning
 
-__all__ = ["check_biases", "check_starts", "conversion_to", "elements_of"]
+__all__ = ["check_biases", "check_starts", "conversion_to", "elements_of", "in_its_unit"]
 
 _SETTABLE = ("parameter", "structuralParameter", "input", "local", "output")
 _NO_TYPES: Mapping[str, Mapping[str, int]] = MappingProxyType({})
@@ -109,11 +110,13 @@ def _start(
         return items[value]
     try:
         if isinstance(value, str) and variable.type in FLOAT_TYPES:
-            value = _converted(variable, value, units)
+            value = in_its_unit(variable, value, units)
         number = _as_type(variable, value)
         if items and number not in items.values():
             raise ValueError(value)
         return number
+    except (DecimalCommaError, InputError) as error:
+        raise InputError(f"{name}: {error}") from None
     except (OverflowError, TypeError, ValueError):  # the first of a whole number that no float can be
         if items:
             raise InputError(f"{name}: its enumeration has no item '{value}'; {suggest(str(value), items)}") from None
@@ -121,8 +124,8 @@ def _start(
         raise InputError(f"{name}: '{value}' is not a value that {article(variable.type)} can have{known}") from None
 
 
-def _converted(
-    variable: Variable, value: float | str, units: Mapping[str, UnitDefinition], *, change: bool = False
+def in_its_unit(
+    variable: Variable, value: float | str, units: Mapping[str, UnitDefinition], meaning: Meaning = "level"
 ) -> float:
     """Return a number in the variable's unit of one that may be given in another, as in "2deg".
 
@@ -130,30 +133,31 @@ def _converted(
         variable: whose value it is.
         value: a number, or a text.
         units: what the FMU defines about its units, by name.
-        change: it is added to a value: a zero that lies elsewhere would leave open what is meant.
+        meaning: level: a value; change: a difference of two, which is converted by the factor alone; height: one or
+            the other, so that a zero that lies elsewhere would leave open what is meant.
 
     Raises:
-        InputError: the unit does not fit.
+        InputError: the unit does not fit; the message does not name the variable.
         ValueError: it is not a number.
     """
     number, given = quantity(value)
     if not given or given == variable.unit:
         return number
     if variable.unit is None:
-        raise InputError(f"{variable.name}: it has no unit; give a plain number in place of '{value}'")
+        raise InputError(f"it has no unit; give a plain number in place of '{value}'")
     found = conversion_to(variable, given, units)
     if found is None:
-        raise InputError(
-            f"{variable.name}: '{given}' does not convert to its unit, {variable.unit}; give a number in that, or a "
-            "unit that does"
-        )
+        cases = (given.lower(), f"{given[:-1].lower()}{given[-1].upper()}", given.capitalize())  # rad, degC, Hz
+        near = next((unit for unit in cases if conversion_to(variable, unit, units)), None)
+        told = f"did you mean {near}?" if near else "give a number in that, or a unit that does"
+        raise InputError(f"'{given}' does not convert to its unit, {variable.unit}; {told}")
     factor, offset = found
-    if change and offset:
+    if meaning == "height" and offset:
         raise InputError(
-            f"{variable.name}: {value} may be a value or a difference, since the zeros of {given} and {variable.unit} "
-            f"differ; give it in {variable.unit}"
+            f"{value} may be a value or a difference, since the zeros of {given} and {variable.unit} differ; give it "
+            f"in {variable.unit}"
         )
-    return factor * number + offset
+    return in_other_unit(number, (factor, 0.0 if meaning == "change" else offset))
 
 
 def conversion_to(variable: Variable, given: str, units: Mapping[str, UnitDefinition]) -> tuple[float, float] | None:
@@ -221,10 +225,8 @@ def check_biases(
         if inputs[name].type not in FLOAT_TYPES:
             raise InputError(f"bias: input '{name}' is a {inputs[name].type}; only real inputs take a bias")
         try:
-            found[name] = _converted(inputs[name], value, units, change=True)
-        except InputError as error:
-            raise InputError(f"bias: {error}") from None
-        except ValueError as error:
+            found[name] = in_its_unit(inputs[name], value, units, "height")
+        except (InputError, ValueError) as error:
             raise InputError(f"bias: {name}: {error}") from None
         if not math.isfinite(found[name]):
             raise InputError(f"bias: {name} must be a finite number, not {value}")

@@ -91,7 +91,7 @@ def _branches(row: list[Axes], result: LimitCycleResult, parameter: str) -> None
                 draw_branch(ax, branch, of)
         ax.set(xlabel=label(parameter, result.units.get(parameter)), ylabel=words)
         low, high = ax.get_ylim()
-        if high - low < _CONSTANT * abs(high):  # rounding is no motion to look at
+        if high - low < _CONSTANT * abs(high):  # rounding is not a motion to look at
             ax.set_ylim(0.99 * low, 1.01 * high)
     row[0].set_title(f"cycles over {parameter}", loc="left", fontsize=9.5)
     handles, texts = row[0].get_legend_handles_labels()

@@ -105,7 +105,7 @@ def _agree(result: NfrResult) -> bool:
 def _curves(result: NfrResult) -> list[str]:
     """Return where the gain peaks or has fallen by 3 dB, a sentence each; amplitudes of which the same holds share it.
 
-    Above a resonance, and across a jump, the fall from the lowest frequency is no bandwidth.
+    Above a resonance, and across a jump, the fall from the lowest frequency is not a bandwidth.
     """
     told: dict[str, list[float]] = {}
     for i, amplitude in enumerate(result.amplitude.tolist()):

@@ -66,7 +66,7 @@ _known: deque[tuple[Description, NativeSparsity | None]] = deque(maxlen=4)
 
 
 def newton_sparsity(description: Description) -> NativeSparsity | None:
-    """Return where the Jacobian of a large model may differ from zero, as declared; None: a dense one is no slower.
+    """Return where the Jacobian of a large model may differ from zero, as declared; None: a dense one is not slower.
 
     Args:
         description: of an FMU or a system.

@@ -9,7 +9,7 @@ from workbench.core.names import check_names
 from workbench.errors import InputError, article
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import EXACT_TO, FLOAT_TYPES, WHOLE_RANGES, Value, Variable
-from workbench.signals import Constant, Signal, Table
+from workbench.signals import Constant, Signal, Table, levels_of
 
 __all__ = ["Forcing", "convert"]
 
@@ -17,13 +17,13 @@ _JUMPS = 100  # of a signal that are looked at before the run
 
 
 def convert(variable: Variable, value: float) -> Value:
-    """Return `value` as the variable's type: integers are rounded, Booleans are value ≥ 0.5.
+    """Return `value` as the variable's type: numbers with a point are rounded for integers, Booleans are value ≥ 0.5.
 
     Raises:
         InputError: an integer that its type cannot hold (it would wrap around), or with more digits than a signal.
     """
     if variable.type in FLOAT_TYPES:
-        return value
+        return float(value)
     if variable.type == "Boolean":
         return value >= 0.5
     whole = round(value)
@@ -32,18 +32,27 @@ def convert(variable: Variable, value: float) -> Value:
         raise InputError(
             f"input {variable.name}: {whole} is beyond what {article(variable.type)} can hold, {least} … {largest}"
         )
-    if abs(whole) > EXACT_TO and not isinstance(value, int):
-        raise InputError(
-            f"input {variable.name}: signals are exact to ±2^53, and {whole} is beyond; a start value (--set) is exact"
-        )
+    if not isinstance(value, int):
+        _check_exact(variable, whole)
     return whole
+
+
+def _check_exact(variable: Variable, level: float) -> None:
+    if abs(level) > EXACT_TO:
+        raise InputError(
+            f"input {variable.name}: signals are exact to ±2^53, and {round(level)} is beyond; a start value "
+            "(--set) is exact"
+        )
 
 
 def _check_held(variable: Variable, signal: Signal, bias: float) -> None:
     """Refuse a signal that jumps to what its input cannot hold, as far as its first jumps tell.
 
-    A constant must be a value of the input's type; of other signals numbers between those are rounded.
+    A constant must be a value of the input's type; of other signals numbers between those are rounded. What a signal
+    may round although the type has it is refused.
     """
+    for level in levels_of(signal) if variable.type in WHOLE_RANGES else ():
+        _check_exact(variable, level)
     if isinstance(signal, Constant) and convert(variable, held := signal.value + bias) != held:
         raise InputError(f"input {variable.name}: {held:g} is not a value that {article(variable.type)} can have")
     t = 0.0

@@ -89,10 +89,14 @@ def misses(
         return []
     found = instance.access(variables).read()
     return [
-        Miss(v.name, asked[v.name] if isinstance(value, str) else convert(v, float(asked[v.name])), value)
+        Miss(v.name, _in_type(v, asked[v.name]), value)
         for v, value in zip(variables, found, strict=True)
         if not _took(v, asked[v.name], value, near * (known.get(v.name) or v.nominal or 1.0))
     ]
+
+
+def _in_type(variable: Variable, asked: Value) -> Value:
+    return asked if isinstance(asked, str) or not variable.is_number else convert(variable, asked)
 
 
 def _took(variable: Variable, asked: Value, found: Value, near: float) -> bool:

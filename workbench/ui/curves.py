@@ -143,7 +143,7 @@ def stored_curves(folder: Path) -> list[dict[str, Any]]:
         folder: of the store.
 
     Raises:
-        InputError: it is no store, or damaged.
+        InputError: it is not a store, or damaged.
     """
     from workbench.analysis.nfr.point import NfrPoint  # noqa: PLC0415 - as above
 

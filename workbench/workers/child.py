@@ -99,7 +99,7 @@ class _Worker:
     """The state of this process.
 
     Attributes:
-        channel: to the parent; None: this is no worker process.
+        channel: to the parent; None: this is not a worker process.
         limits: of the task in work.
         opened: recipe, pickled → the model that stays open.
         state: of the process, as it was when the task began, see `workers.state`.
@@ -128,7 +128,7 @@ def inside(limits: Limits) -> bool:
     """Return whether this is a worker process under limits as strict as these, so that no other one is needed.
 
     Args:
-        limits: that are wanted; the time limit that everything has by default is no wish.
+        limits: that are wanted; the time limit that everything has by default was not asked for.
     """
     if _Worker.channel is None or (limits.confine and not confined()):
         return False

@@ -278,6 +278,9 @@ static bool may_set(const Model *model, fmi3ValueReference reference)
     return is_size == (model->mode == CONFIGURING);
 }
 
+/* Whole numbers of 64 bits lie there bit by bit, since a double has 53; the sizes of SPACE are small. */
+#define BITS(model, kind) ((model)->which == FEEDTHROUGH && sizeof(fmi3##kind) == 8 && (fmi3##kind)0.5 == 0)
+
 #define VALUES(kind)                                                                                                   \
     fmi3Status fmi3Get##kind(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
                              fmi3##kind values[], size_t n_values)                                                     \
@@ -287,7 +290,12 @@ static bool may_set(const Model *model, fmi3ValueReference reference)
         evaluate(model);                                                                                               \
         for (size_t i = 0; i < n; i++) {                                                                               \
             for (size_t j = 0; j < size_of(model, references[i]) && k < n_values; j++) {                               \
-                values[k++] = (fmi3##kind)place(model, references[i])[j];                                              \
+                const double *held = &place(model, references[i])[j];                                                  \
+                values[k] = (fmi3##kind)*held;                                                                         \
+                if (BITS(model, kind)) {                                                                               \
+                    memcpy(&values[k], held, sizeof *held);                                                            \
+                }                                                                                                      \
+                k++;                                                                                                   \
             }                                                                                                          \
         }                                                                                                              \
         return said(k == n_values);                                                                                    \
@@ -301,7 +309,12 @@ static bool may_set(const Model *model, fmi3ValueReference reference)
         for (size_t i = 0; i < n; i++) {                                                                               \
             allowed = allowed && may_set(model, references[i]);                                                        \
             for (size_t j = 0; allowed && j < size_of(model, references[i]) && k < n_values; j++) {                    \
-                place(model, references[i])[j] = (double)values[k++];                                                  \
+                double *held = &place(model, references[i])[j];                                                        \
+                *held = (double)values[k];                                                                             \
+                if (BITS(model, kind)) {                                                                               \
+                    memcpy(held, &values[k], sizeof *held);                                                            \
+                }                                                                                                      \
+                k++;                                                                                                   \
             }                                                                                                          \
         }                                                                                                              \
         return said(allowed && k == n_values);                                                                         \

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from workbench.analysis.nfr.frequency_grid import positive_values
 from workbench.analysis.request import Analysis, Request, Subject, function
-from workbench.core.forms import FILES, Band, File, Numbers
+from workbench.core.forms import FILES, Amounts, Band, File
 from workbench.core.loading import Loading
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import Options, option, options_of, recast
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 else:
     _Files = Annotated[object, FILES]
 
+_RMS = "Root mean squares of the multisine, each measured; in the unit of the input or in one of their own, as 0.05rad."
 _RECORDED = "Recorded data"
 _NOT_DATA = (".fmu", ".toml", ".ssp")
 
@@ -157,7 +158,7 @@ class Bla(_Multisine, AtPoint, _Ends, Analysis["BlaResult"]):
     counts = "realisations"
 
     _: KW_ONLY
-    rms: Numbers = option("Root mean squares of the multisine, each measured.", metavar="R,..")
+    rms: Amounts = option(_RMS, of="input", change=True, metavar="R,..")
     band: Band = option("Lowest and highest frequency; lines are as far apart as the lowest.", unit="Hz")
 
     def __post_init__(self) -> None:
@@ -192,7 +193,7 @@ class BlaCommand(_Multisine, AtPoint, _Ends, Analysis["BlaResult"]):
     needs = ("rms", "band")
 
     _: KW_ONLY
-    rms: Numbers | None = option("Root mean squares of the multisine, each measured.", metavar="R,..", default=None)
+    rms: Amounts | None = option(_RMS, of="input", change=True, metavar="R,..", default=None)
     band: Band | None = option(
         "Lowest and highest frequency; lines are as far apart as the lowest.", unit="Hz", default=None
     )

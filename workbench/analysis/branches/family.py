@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -64,9 +64,23 @@ class Forced(Family):
         self._open.close()
         self._map = None
 
-    def again(self, **others: Any) -> Forced:  # noqa: ANN401 - of the fields
-        """Return the same family with other values of some attributes, such as the order, the amplitude or the band."""
-        return replace(self, **others, count=0, _open=ExitStack(), _map=None, _value=None)
+    def again(
+        self,
+        *,
+        order: int | None = None,
+        amplitude: float | None = None,
+        low: float | None = None,
+        high: float | None = None,
+    ) -> Forced:
+        """Return the same family with another order, amplitude or band; None: the same."""
+        return replace(
+            self,
+            order=self.order if order is None else order,
+            amplitude=self.amplitude if amplitude is None else amplitude,
+            low=self.low if low is None else low,
+            high=self.high if high is None else high,
+            count=0, _open=ExitStack(), _map=None, _value=None,
+        )  # fmt: skip
 
     @property
     def is_logarithmic(self) -> bool:

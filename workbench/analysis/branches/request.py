@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING
 
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import Band, Numbers, Ranges, several
+from workbench.core.forms import Amounts, Band, Numbers, Ranges, several
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.errors import InputError
@@ -59,8 +59,11 @@ class Branches(AtPoint, Analysis["BranchesResult"]):
 
     input: str = option("Input to force.", metavar="U")
     output: str = option("Output or state to measure.", metavar="Y")
-    amplitudes: Numbers | None = option(
-        "Amplitudes of the sine, in the unit of the input; a branch over frequency for each.",
+    amplitudes: Amounts | None = option(
+        "Amplitudes of the sine, in the unit of the input or in one of their own, as 0.05rad; a branch over frequency "
+        "for each.",
+        of="input",
+        change=True,
         flag="--amplitude",
         metavar="A,..",
         positive=True,

@@ -54,9 +54,9 @@ class Delays(AtPoint, Analysis["DelayReport | NoDelays"]):
         default=None,
     )
     inputs: Signals = option(
-        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; of an enumeration or "
-        "a Boolean the name of a value, as Off or true. Other inputs keep their start value or that of the operating "
-        "point.",
+        "Force an input: a number, with a unit or without (2deg), sine:amplitude=1,frequency=2, step:time=1,value=2, "
+        "file.csv; of an enumeration or a Boolean the name of a value, as Off or true. Other inputs keep their start "
+        "value or that of the operating point.",
         flag="--input",
         default_factory=dict,
     )

@@ -143,7 +143,8 @@ def run_all(model: Model, asked: Compare, _job: Job) -> LinComparison:
     given = asked.frequencies
     grid = _frequencies(list(results.values())) if given is None else np.asarray(several(given), dtype=np.float64)
     point = next(iter(results.values())).operating_point
-    measured, words = _measure(task, point, grid, asked.amplitude) if asked.measure else (None, [])
+    amplitude = None if asked.amplitude is None else float(asked.amplitude)
+    measured, words = _measure(task, point, grid, amplitude) if asked.measure else (None, [])
     verdicts = tuple(v for name, result in results.items() for v in _verdicts(name, result, grid, measured))
     interfaces = _interfaces(task, results, grid)
     spoken = [*([interfaces.words] if interfaces else []), *words, *_summary(results, verdicts), *_remarks(results)]

@@ -6,10 +6,10 @@ from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Any
 
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import File, Grid, Names, Numbers, Values, Widths
+from workbench.core.forms import Amount, File, Grid, Names, Numbers, Values, Widths
 from workbench.core.job import Job
 from workbench.core.operating_point import AtPoint
-from workbench.core.option import Options, option, recast, with_options
+from workbench.core.option import EACH, Options, option, recast, with_options
 from workbench.core.where import InParts
 from workbench.errors import InputError
 from workbench.origin import with_origin
@@ -51,9 +51,9 @@ class PointOptions(AtPoint):
 
     _: KW_ONLY
     x0: Values | None = option(
-        "Value of a state or discrete state, instead of that of the operating point.", default=None
+        "Value of a state or discrete state, instead of that of the operating point.", of=EACH, default=None
     )
-    u0: Values | None = option("Value of an input, instead of that of the operating point.", default=None)
+    u0: Values | None = option("Value of an input, instead of that of the operating point.", of=EACH, default=None)
     time: float | None = option(
         "Time of the point; by default that of the operating point, or the model's start time.",
         unit="s",
@@ -190,7 +190,7 @@ class LinOver(PointOptions, _Perturbed, _Chosen, InParts, Analysis["LinGrid"]):
     algorithm = "workbench.analysis.lin.sweep:over"
     example = "workbench lin fmu:Rudder --over mH=0,100 --inputs delC"
 
-    over: Grid = option("Parameters, inputs or states to vary, with their values.")
+    over: Grid = option("Parameters, inputs or states to vary, with their values.", of=EACH)
     _: KW_ONLY
     store: File | None = option(
         "Folder in which finished models are kept; the same call continues from there.", default=None
@@ -262,9 +262,11 @@ class Compare(PointOptions, _Perturbed, _Sampled, Analysis["LinComparison"]):
         positive=True,
         default=None,
     )
-    amplitude: float | None = option(
+    amplitude: Amount | None = option(
         "Amplitude of the sine; by default 0.001 of the input's value or nominal value (1 if not declared), whichever "
         "is larger.",
+        of="input",
+        change=True,
         positive=True,
         default=None,
     )
@@ -284,6 +286,7 @@ class LinCommand(_Single, InParts, Analysis["LinResult | LinGrid | LinComparison
     _: KW_ONLY
     over: Grid = option(
         "Values of a parameter, input or state; gives one linear model for each combination.",
+        of=EACH,
         default_factory=dict,
         group=_SEVERAL,
     )
@@ -316,8 +319,8 @@ class LinCommand(_Single, InParts, Analysis["LinResult | LinGrid | LinComparison
         default=None,
         group=_MEASURED,
     )
-    amplitude: float | None = option(
-        "Amplitude of the sine for --compare.", positive=True, default=None, group=_MEASURED
+    amplitude: Amount | None = option(
+        "Amplitude of the sine for --compare.", of="inputs", change=True, positive=True, default=None, group=_MEASURED
     )
 
     def __post_init__(self) -> None:

@@ -25,7 +25,7 @@ from workbench.system.model import SystemModel
 from workbench.system.parts import open_parts
 from workbench.system.terminals import members_connected
 
-__all__ = ["INJECTED", "PASSED", "RETURNED", "CutLoop", "cut_loop"]
+__all__ = ["INJECTED", "PASSED", "RETURNED", "CutLoop", "cut_loop", "source_of"]
 
 RETURNED = "loop.returned"
 PASSED = "loop.passed"
@@ -102,6 +102,20 @@ def cut_loop(model: Model, where: Open, *, point: OperatingPoint | None = None) 
     with system.open_at(time=time, values={} if point is None else point.values) as session:
         value = session.values([place.source])[place.source]
     return CutLoop(system, place, point, value, time, _notes(plain, place, time), plain)
+
+
+def source_of(model: Model, where: Open) -> str:
+    """Return the variable whose connections are opened.
+
+    Args:
+        model: the system.
+        where: see `find_place`.
+
+    Raises:
+        InputError: see `cut_loop`.
+    """
+    system = _checked(model)
+    return find_place(system.system, _resolved(system), where).source
 
 
 def _checked(model: Model) -> SystemModel:

@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING
 from workbench.analysis.lin.request import METHOD_NAMES
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import FILE, Band, Form, Numbers, several
+from workbench.core.forms import FILE, Amounts, Band, Form, Numbers, several
+from workbench.core.named import named
 from workbench.core.operating_point import At
-from workbench.core.option import option
+from workbench.core.option import Declared, option
 from workbench.core.where import InWorkers
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from workbench.analysis.lin.task import Width
     from workbench.analysis.loop.result import LoopResult
+    from workbench.model import Model
 
 __all__ = ["Loop", "Open", "loop"]
 
@@ -94,9 +96,11 @@ class Loop(InWorkers, Analysis["LoopResult"]):
         form=_CONNECTION,
         default=None,
     )
-    amplitudes: Numbers | None = option(
-        "Also measure the loop at these amplitudes of the signal at the opened connection, in its unit; by default "
-        "only the linear loop is analysed.",
+    amplitudes: Amounts | None = option(
+        "Also measure the loop at these amplitudes of the signal at the opened connection, in the unit of its source "
+        "or in one of their own, as 0.05rad; by default only the linear loop is analysed.",
+        of="open",
+        change=True,
         flag="--amplitude",
         default=None,
         positive=True,
@@ -199,6 +203,19 @@ class Loop(InWorkers, Analysis["LoopResult"]):
         if at is not None and self.point is not None:
             raise InputError("--at and --point: only one of them")
         return opened, self.point if at is None else at, tuple(notes)
+
+    def variable_of(self, declared: Declared, subject: Model) -> str:
+        """Return the name of the source of the connection that is opened.
+
+        Args:
+            declared: the option.
+            subject: the system.
+
+        Raises:
+            InputError: there is no such connection.
+        """
+        found: str = named("workbench.analysis.loop.cut:source_of")(subject, self.place_and_point()[0])
+        return found
 
     def went_well(self, record: LoopResult) -> bool:
         """Return whether no point failed.

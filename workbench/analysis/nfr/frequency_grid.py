@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from workbench.core.forms import Numbers, several
+from workbench.core.forms import Amounts, Numbers, several
 from workbench.errors import InputError
 
 __all__ = ["frequency_grid", "geometric_band", "positive_values"]
@@ -59,7 +59,7 @@ def geometric_band(low: float, high: float, ratio: float, *, falling: bool = Fal
     return (*(low * factor**i for i in range(steps)), high)
 
 
-def positive_values(name: str, values: Numbers, *, unit: str, distinct: bool = True) -> tuple[float, ...]:
+def positive_values(name: str, values: Amounts, *, unit: str, distinct: bool = True) -> tuple[float, ...]:
     """Return `values` as floats after checking that there are some, all positive, none twice.
 
     Raises:

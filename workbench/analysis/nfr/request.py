@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from workbench.analysis.nfr.frequency_grid import frequency_grid, positive_values
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import Band, File, Names, Numbers
+from workbench.core.forms import Amounts, Band, File, Names, Numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.core.where import InWorkers
@@ -79,8 +79,10 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
         metavar="F,..",
         default=None,
     )
-    amplitudes: Numbers | None = option(
-        "Amplitudes of the sine, in the unit of the input.",
+    amplitudes: Amounts | None = option(
+        "Amplitudes of the sine, in the unit of the input or in one of their own, as 0.05rad.",
+        of="input",
+        change=True,
         flag="--amplitude",
         metavar="A,..",
         default=None,

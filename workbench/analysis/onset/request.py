@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING
 
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import Band, Numbers
+from workbench.core.forms import Amounts, Band
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
 from workbench.errors import InputError
@@ -82,7 +82,13 @@ class RateOnset(AtPoint, Analysis["OnsetResult"]):
     input: str = option("Input by which the command enters.", metavar="U")
     _: KW_ONLY
     limiter: str = option("Rate limiter: the name of its component.", metavar="COMPONENT")
-    amplitudes: Numbers = option("Amplitudes of a sine at the input, in its unit.", flag="--amplitude", positive=True)
+    amplitudes: Amounts = option(
+        "Amplitudes of a sine at the input, in its unit or in one of their own, as 0.05rad.",
+        of="input",
+        change=True,
+        flag="--amplitude",
+        positive=True,
+    )
     rate: float | None = option(
         "Limit of the rate of the limiter's output, in its unit per second; a block rate_limiter tells its own.",
         metavar="R",

@@ -12,9 +12,13 @@ from workbench.core.option import option
 from workbench.signal_text import Signals
 
 if TYPE_CHECKING:
-    from workbench.analysis.simulate.result import SimulationResult  # noqa: F401 - the record's type, below
+    from workbench.analysis.simulate.result import SimulationResult
+    from workbench.core.job import Job
+    from workbench.model import Model
 
 __all__ = ["Simulate", "simulate"]
+
+_VERY_MANY = 1e7  # steps: from seconds to hours, by the FMU
 
 
 class Simulate(AtPoint, Analysis["SimulationResult"]):
@@ -54,9 +58,9 @@ class Simulate(AtPoint, Analysis["SimulationResult"]):
         "End of the run; by default that of the FMU's default experiment.", unit="s", metavar="T", default=None
     )
     inputs: Signals = option(
-        "Force an input: a number, sine:amplitude=1,frequency=2, step:time=1,value=2, file.csv; of an enumeration or "
-        "a Boolean the name of a value, as Off or true. Other inputs keep their start value or that of the operating "
-        "point.",
+        "Force an input: a number, with a unit or without (2deg), sine:amplitude=1,frequency=2, step:time=1,value=2, "
+        "file.csv; of an enumeration or a Boolean the name of a value, as Off or true. Other inputs keep their start "
+        "value or that of the operating point.",
         flag="--input",
         default_factory=dict,
     )
@@ -87,6 +91,30 @@ class Simulate(AtPoint, Analysis["SimulationResult"]):
         "1 %.",
         default=True,
     )
+
+    def run(self, subject: Model, job: Job) -> SimulationResult:
+        """Simulate, after a word where that takes very many steps.
+
+        Args:
+            subject: the model; it stays open.
+            job: is told what is finished.
+        """
+        if words := self._very_long(subject):
+            job.say(words)
+        return super().run(subject, job)
+
+    def _very_long(self, model: Model) -> str:
+        """Return how many steps there are to be made where they are very many, and known; empty: they are not."""
+        from workbench.model.described import DescribedModel  # noqa: PLC0415 - it is loaded, as the model is open
+
+        stop = model.stop_time if self.stop is None else self.stop
+        if stop is None or not isinstance(model, DescribedModel) or (step := model.shortest_step) is None:
+            return ""
+        start = model.start_time if self.start_time is None else self.start_time
+        if not (count := (stop - start) / step) > _VERY_MANY:
+            return ""
+        other = ", or --interface me, which chooses its steps" if "me" in model.description.interfaces else ""
+        return f"{count:.1g} steps of {step:g} s to stop {stop:g} s may take very long; give --stop{other}"
 
 
 simulate = function(Simulate)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from workbench.analysis.request import Analysis, function
 from workbench.core.forms import Limits, Names, Values
 from workbench.core.operating_point import AtPoint
-from workbench.core.option import option
+from workbench.core.option import EACH, option
 
 if TYPE_CHECKING:
     from workbench.analysis.trim.result import TrimResult
@@ -65,16 +65,17 @@ class Trim(AtPoint, Analysis["TrimResult"]):
 
     _: KW_ONLY
     free: Names = option("Inputs to find.", metavar="U,..", default=())
-    fix: Values | None = option("Value that a state, input or output must have.", default=None)
+    fix: Values | None = option("Value that a state, input or output must have.", of=EACH, default=None)
     bound: Limits | None = option(
-        "Lowest and highest value of a state, input or output; an input with bounds is free.", default=None
+        "Lowest and highest value of a state, input or output; an input with bounds is free.", of=EACH, default=None
     )
     floating: Names = option("States whose derivative need not vanish.", flag="--float", metavar="X,..", default=())
     x0: Values | None = option(
-        "Value of a state at which the search begins, instead of that of the operating point.", default=None
+        "Value of a state at which the search begins, instead of that of the operating point.", of=EACH, default=None
     )
     u0: Values | None = option(
         "Value at which an input is held, or at which the search begins if the input is free.",
+        of=EACH,
         default=None,
     )
     time: float | None = option(
