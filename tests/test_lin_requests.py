@@ -20,14 +20,35 @@ from workbench.core.option import options_of
 SLOW = ("control", "matplotlib", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats")
 
 
-@pytest.mark.parametrize("command", ["trim", "lin"])
-def test_a_small_command_imports_nothing_slow(command: str) -> None:
+# What python-control brings along, which takes a second in each worker process.
+SLOWEST = ("control", "matplotlib", "scipy.signal", "scipy.stats")
+
+LOOP = """
+[components]
+block = {block = "saturation", lower = -1, upper = 1}
+plant = {block = "transfer_function", numerator = [-10], denominator = [1, 3, 3, 1]}
+[connections]
+"plant.u" = "block.y"
+"block.u" = "plant.y"
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "slow"),
+    [
+        ("trim fmu:FirstOrderLag", SLOW),
+        ("lin fmu:FirstOrderLag", SLOW),
+        ("limit-cycle loop.toml --block block --in-process", SLOWEST),
+    ],
+)
+def test_a_small_command_imports_nothing_slow(command: str, slow: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "loop.toml").write_text(LOOP, encoding="utf-8")
     program = (
         "import sys; from workbench.cli.app import run; "
-        f"code = run(['{command}', 'fmu:FirstOrderLag']); "
-        f"print('slow:', *(m for m in {SLOW} if m in sys.modules)); sys.exit(code)"
+        f"code = run({command.split()}); "
+        f"print('slow:', *(m for m in {slow} if m in sys.modules)); sys.exit(code)"
     )
-    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert found.stdout.splitlines()[-1].split() == ["slow:"]
 
 

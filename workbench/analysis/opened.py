@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.analysis.lin.request import lin
+from workbench.analysis.lin.request import lin_result
 from workbench.analysis.lin.result import LinResult
 from workbench.errors import InputError, suggest
 from workbench.model.base import Model
@@ -165,7 +165,7 @@ def linear_between(
     """
     variables = {v.name for v in (*model.states, *model.description.variables)}
     given = {**{v.name: u[v.name] for v in model.inputs if v.name in u}, **inputs}
-    return lin(
+    return lin_result(
         model,
         x0={n: value for n, value in x.items() if n in variables},
         u0={n: value for n, value in given.items() if value is not None},
@@ -173,4 +173,4 @@ def linear_between(
         outputs=list(outputs),
         time=time,
         method=method,
-    ).result
+    )

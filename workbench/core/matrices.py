@@ -138,18 +138,20 @@ def _by_schur(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
 
     balanced, scale = balance(A)
     t, z = schur(balanced.astype(np.complex128), output="complex")
-    over = right / scale[:, None]
+    # All points are columns of one matrix; with a stack of small matrices each step is slow.
+    k, m = len(points), right.shape[1]
+    over, p = np.tile(right / scale[:, None], k), np.repeat(points, m)
 
     def solved(r: NDArray[Any]) -> Complex:
         r = z.conj().T @ r
-        x = np.zeros((len(points), *r.shape[-2:]), dtype=np.complex128)
+        x = np.zeros((len(A), k * m), dtype=np.complex128)
         for i in range(len(A) - 1, -1, -1):
-            x[:, i] = (r[..., i, :] + t[i, i + 1 :] @ x[:, i + 1 :]) / (points - t[i, i])[:, None]
+            x[i] = (r[i] + t[i, i + 1 :] @ x[i + 1 :]) / (p - t[i, i])
         return np.asarray(z @ x, dtype=np.complex128)
 
     x = solved(over)
-    x = x + solved(over - points[:, None, None] * x + balanced @ x)
-    return np.asarray(scale[:, None] * x, dtype=np.complex128)
+    x = scale[:, None] * (x + solved(over - p * x + balanced @ x))
+    return np.ascontiguousarray(x.reshape(-1, k, m).transpose(1, 0, 2))
 
 
 def balance(A: Floats) -> tuple[Floats, Floats]:

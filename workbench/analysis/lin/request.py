@@ -34,6 +34,7 @@ __all__ = [
     "lin",
     "lin_along",
     "lin_over",
+    "lin_result",
 ]
 
 METHOD_NAMES = ("auto", "exact", "difference", "kalman-bertram", "response")
@@ -378,6 +379,12 @@ def _state_space(model: Model, asked: Lin) -> LinearModel:
     return asked.run(model, Job(asked.progress)).to_state_space()
 
 
+def _result(model: Model, asked: Lin) -> LinResult:
+    return asked.run(model, Job(asked.progress))
+
+
+# What analyses call that need no model of python-control, which takes a second to load.
+lin_result = with_origin()(with_options(Lin, _result, name="lin", first=Lin.subject.first))
 lin = with_origin("result")(with_options(Lin, _state_space, name="lin", first=Lin.subject.first))
 lin_over = function(LinOver)
 lin_along = function(LinAlong)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.analysis.lin.request import lin
+from workbench.analysis.lin.request import lin_result
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import Width
 from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop
@@ -103,7 +103,7 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
     """
     point = cut.point
     with cut.opened() as model:
-        result = lin(
+        result = lin_result(
             model,
             x0=None if point is None else {**point.x, **point.discrete},
             u0={**({} if point is None else point.u), PASSED: cut.value},
@@ -113,7 +113,7 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
             dx=dx,
             du=du,
             time=cut.time,
-        ).result
+        )
     transfer = LinearPart(result.A, result.B, -result.C, -result.D, dt=result.dt)
     return LinearLoop(
         lin=result,

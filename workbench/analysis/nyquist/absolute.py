@@ -5,19 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from control import StateSpace, TransferFunction
 from scipy.optimize import minimize_scalar
 
 from workbench.analysis.describing.base import Block, Complex, Floats
 from workbench.analysis.describing.sector import Sector, sector_of
-from workbench.analysis.lin.state_space import LinearModel
 from workbench.analysis.loop.crossings import level_frequencies, real_crossings, scan
-from workbench.core.linear import Linear, LinearPart
+from workbench.analysis.nyquist.part import part_of
+from workbench.core.linear import LinearPart
 from workbench.core.record import Record
 from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from control import StateSpace, TransferFunction
+
+    from workbench.analysis.lin.state_space import LinearModel
 
 __all__ = ["AbsoluteStability", "absolute_stability", "lowest_real_part"]
 
@@ -118,7 +122,7 @@ def absolute_stability(
         >>> print(f"{found.linear:.4f} {found.popov:.4f} {found.circle:.4f}")
         8.0000 8.0000 4.0000
     """
-    part = _part(loop)
+    part = part_of(loop)
     try:
         sector = sector_of(block, reach) if isinstance(block, Block) else block
     except NotImplementedError:
@@ -143,12 +147,6 @@ def absolute_stability(
         circle_hz=hz if circle is not None and math.isfinite(hz) else None,
         popov_s=q if popov is not None else None,
     )
-
-
-def _part(loop: LinearPart | LinearModel | StateSpace | TransferFunction) -> LinearPart:
-    if isinstance(loop, LinearPart):
-        return loop
-    return LinearPart.from_lin(loop.result if isinstance(loop, LinearModel) else Linear.from_state_space(loop))
 
 
 def _refused(part: LinearPart, low: float) -> str:

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from scipy.optimize import brentq
 
 from workbench.analysis.describing.base import HARMONICS, Block, Floats
 from workbench.analysis.describing.measured import MeasuredBlock
-from workbench.analysis.lin.state_space import LinearModel
 from workbench.analysis.nyquist.crossings import AxisCrossing, axis_crossings, intersections
 from workbench.analysis.nyquist.grid import adaptive_grid
+from workbench.analysis.nyquist.part import part_of
 from workbench.analysis.nyquist.result import Crossing, NyquistResult
 from workbench.core.blas import one_thread
-from workbench.core.linear import Linear, LinearPart
+from workbench.core.linear import LinearPart
 from workbench.errors import InputError
 from workbench.origin import with_origin
+
+if TYPE_CHECKING:
+    import control
+
+    from workbench.analysis.lin.state_space import LinearModel
 
 __all__ = ["AMPLITUDES", "BAND", "nyquist"]
 
@@ -68,7 +73,7 @@ def nyquist(
         1.4142 rad/s, 0.2122
     """
     with one_thread():
-        return _nyquist(_part(loop), block, _checked(band), _grid(amplitudes), name)
+        return _nyquist(part_of(loop), block, _checked(band), _grid(amplitudes), name)
 
 
 def _nyquist(part: LinearPart, block: Block | None, band: tuple[float, float], a: Floats, name: str) -> NyquistResult:
@@ -98,12 +103,6 @@ def _nyquist(part: LinearPart, block: Block | None, band: tuple[float, float], a
         minus_inverse=inverse.astype(np.complex128),
         unstable_open=part.unstable(0j),
     )
-
-
-def _part(loop: LinearPart | LinearModel | control.StateSpace | control.TransferFunction) -> LinearPart:
-    if isinstance(loop, LinearPart):
-        return loop
-    return LinearPart.from_lin(loop.result if isinstance(loop, LinearModel) else Linear.from_state_space(loop))
 
 
 def _checked(band: tuple[float, float]) -> tuple[float, float]:
