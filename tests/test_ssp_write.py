@@ -37,8 +37,10 @@ from workbench.system.description import (
 )
 from workbench.system.fmu_facts import fmu_facts
 from workbench.system.health import resolve
+from workbench.system.load import load
 from workbench.system.read import read_system
 from workbench.system.ssp_write import write_ssp
+from workbench.system.toml_write import write_toml
 
 
 def loop() -> SystemDescription:
@@ -281,3 +283,11 @@ def test_what_the_master_is_told_is_not_written_and_said(tmp_path: Path) -> None
     notes = write_ssp(given, tmp_path / "loop.ssp")
     assert "of the master nothing is written: order, extrapolation" in notes
     assert read_system(tmp_path / "loop.ssp").master == MasterOptions()
+
+
+def test_an_open_system_is_not_what_is_written(tmp_path: Path) -> None:
+    with load("system:rudder_loop") as system:
+        for write, name in ((write_ssp, "a.ssp"), (write_toml, "a.toml")):
+            with pytest.raises(InputError, match=r"a SystemModel is not a system's description: give wb.read_system"):
+                write(system, tmp_path / name)  # type: ignore[arg-type]
+            write(system.recipe.system, tmp_path / name)  # type: ignore[attr-defined]

@@ -107,6 +107,8 @@ def test_a_column_is_converted_to_the_unit_of_the_input_it_forces(tmp_path: Path
     assert plain == pytest.approx([0.0, 0.5, 1.0, 1.5, 2.0])
     assert forced(file, "time [s],delC [deg]", ["0,0", "0.4,2"]) == plain
     assert forced(file, "time [ms],delC [rad]", ["0,0", f"400,{math.radians(2.0)!r}"]) == pytest.approx(plain)
+    for time, column in (("time[ms]", "delC[rad]"), ("time (ms)", "delC (rad)")):
+        assert forced(file, f"{time},{column}", ["0,0", f"400,{math.radians(2.0)!r}"]) == pytest.approx(plain)
     found = forced(file, "t [min],gust [m],delC [mrad]", ["0,9,0", f"{0.4 / 60},9,{math.radians(2e3)!r}"])
     assert found == pytest.approx(plain)
 

@@ -135,3 +135,22 @@ def test_a_connection_hands_no_rounded_numbers_on(value: int, feedthrough: Path)
         pytest.raises(InputError, match=rf"UInt64_input: signals are exact to ±2\^53, and {value} is beyond"),
     ):
         wb.simulate(system, stop=1.0, in_process=True)
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_a_table_into_a_whole_number_is_a_staircase(interface: str, feedthrough: Path) -> None:
+    """Nothing lies between two whole numbers; straight lines would force values that the table does not hold."""
+    with wb.load(feedthrough, interface=interface) as model:
+        given = {"Int32_input": wb.Table([0.0, 1.0], [0.0, 3.0])}
+        found = wb.simulate(model, stop=1.5, inputs=given, outputs=["Int32_output"], in_process=True)
+    assert set(found["Int32_output"].tolist()) == {0.0, 3.0}
+    assert found["Int32_output"][found.time < 0.99].max() == 0.0
+
+
+def test_a_sine_into_a_whole_number_tells_that_it_is_sampled(feedthrough: Path) -> None:
+    sine = wb.Sine(frequency=1.0, amplitude=3.0)
+    with wb.load(feedthrough, interface="me") as model:
+        found = wb.simulate(model, stop=0.5, inputs={"Int32_input": sine}, in_process=True)
+        assert any(note.startswith("Int32_input: may change at events only") for note in found.notes)
+        found = wb.simulate(model, stop=0.5, inputs={"Float64_continuous_input": sine}, in_process=True)
+        assert not any("events only" in note for note in found.notes)

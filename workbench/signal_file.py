@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from workbench.signals import Signal, Table
 __all__ = ["is_file", "named_columns", "read_table"]
 
 _FILES = (".csv", ".txt")
+# A name and its unit; without a space between them numbers in brackets are indices.
+_HEADING = re.compile(r"(?P<name>.*\S)(?:\s+[\[(]|\[(?!\s*\d+(?:\s*,\s*\d+)*\s*\]))(?P<unit>[^\[\]]*)[\])]")
 
 
 def is_file(text: str) -> bool:
@@ -116,9 +119,9 @@ def named_columns(name: str, path: Path, numbers: Callable[[str], Numbers]) -> d
 
 
 def _named(heading: str) -> tuple[str, str | None]:
-    """Return a column's name and unit: "u" and "m" for "u [m]"."""
-    name, bracket, unit = heading.rpartition(" [")
-    return (name, unit.rstrip("] ").strip() or None) if bracket else (heading, None)
+    """Return a column's name and unit: "u" and "m" for "u [m]", "u[m]" and "u (m)"; "u[2]" is an element."""
+    found = _HEADING.fullmatch(heading)
+    return (found["name"], found["unit"].strip() or None) if found else (heading, None)
 
 
 def _seconds(path: Path, heading: str) -> float:

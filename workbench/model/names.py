@@ -117,7 +117,7 @@ def forced_inputs(model: Model, given: Signals, *, what: str = "inputs") -> dict
     found = signals_of(given, numbers)
     check_variables(model, found, "input", what=what)
     own = {name: _converted(inputs[name], signal, units) for name, signal in found.items()}
-    return {name: _stepwise(name, signal, items[name]) for name, signal in own.items()}
+    return {name: _stepwise(inputs[name], signal, items[name]) for name, signal in own.items()}
 
 
 def _converted(variable: Variable, signal: Signal, units: Mapping[str, UnitDefinition]) -> Signal:
@@ -176,11 +176,13 @@ def _items(model: Model, variable: Variable) -> Mapping[str, int]:
     return model.description.enumerations.get(variable.declared_type or "", {})
 
 
-def _stepwise(name: str, signal: Signal, items: Mapping[str, int]) -> Signal:
+def _stepwise(variable: Variable, signal: Signal, items: Mapping[str, int]) -> Signal:
+    """Return a table as a staircase where its input has nothing between two values, or changes at events only."""
+    if isinstance(signal, Table) and not variable.is_continuous_input:
+        signal = replace(signal, interpolate="hold")
     if not items:
         return signal
-    if isinstance(signal, Table):
-        signal = replace(signal, interpolate="hold")
+    name = variable.name
     if items is not _TRUTH and (wrong := [x for x in levels_of(signal) if round(x) not in items.values()]):
         where = " (initial, of the step)" if isinstance(signal, Step) and wrong[0] == signal.initial else ""
         known = suggest(f"{wrong[0]:g}", items)

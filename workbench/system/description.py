@@ -34,6 +34,7 @@ __all__ = [
     "Resolved",
     "SumComponent",
     "SystemDescription",
+    "to_write",
 ]
 
 Floats = NDArray[np.float64]
@@ -283,3 +284,17 @@ class Resolved:
     inputs: Mapping[str, tuple[Port, ...]]
     outputs: Mapping[str, Port]
     notes: tuple[str, ...] = ()
+
+
+def to_write(given: object) -> SystemDescription:
+    """Return a description that was given to be written; an open system is not one, since it was opened with values.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if isinstance(given, SystemDescription):
+        return given
+    what = type(given).__name__
+    raise InputError(
+        f"a {what} is not a system's description: give wb.read_system(path), or recipe.system of an open system"
+    )

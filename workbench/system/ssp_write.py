@@ -18,6 +18,7 @@ from workbench.system.description import (
     Port,
     Resolved,
     SystemDescription,
+    to_write,
 )
 from workbench.system.fmu_facts import FmuFacts, fmu_facts
 from workbench.system.health import resolve
@@ -67,6 +68,7 @@ def write_ssp(description: SystemDescription, path: str | Path) -> tuple[str, ..
         ...     print([v.name for v in system.outputs])
         ['del']
     """
+    description = to_write(description)
     target = Path(path)
     if target.suffix.lower() != ".ssp":
         raise InputError(f"'{path}' must end in .ssp: it is the file to write")

@@ -20,6 +20,7 @@ from workbench.system.description import (
     GainComponent,
     LinearComponent,
     SystemDescription,
+    to_write,
 )
 
 __all__ = ["write_toml"]
@@ -43,6 +44,7 @@ def write_toml(description: SystemDescription, path: str | Path) -> None:
         >>> print([component.name for component in wb.read_system("rudder_loop.toml").components])
         ['plant', 'error', 'gain']
     """
+    description = to_write(description)
     target = file_to_write(path, ".toml")
     if description.folder is not None:
         raise InputError(f"{target}: the FMUs of {description.name} are inside an .ssp; write an .ssp instead")

@@ -24,7 +24,7 @@ from workbench.model.names import declared_units, forced_inputs, found_variables
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats, Recorded, Session
 from workbench.session.pauses import at_pauses
-from workbench.signals import Signal
+from workbench.signals import Signal, Sine
 
 __all__ = ["run"]
 
@@ -150,6 +150,16 @@ def _inexact(model: Model, columns: Mapping[str, Floats]) -> tuple[str, ...]:
     return (f"{', '.join(names)}: may be rounded, since results are exact below 2^53",) if names else ()
 
 
+def _sampled(model: Model, inputs: Mapping[str, Signal]) -> tuple[str, ...]:
+    """Return a note on inputs that may change at events only under a signal that never stands still."""
+    known = variables_of(model)
+    names = [name for name, s in inputs.items() if isinstance(s, Sine) and not known[name].is_continuous_input]
+    if not names or model.interface != "me":
+        return ()
+    how = "may change at events only, so the sine is sampled where a value is recorded; --step sets how often"
+    return (f"{', '.join(names)}: {how}",)
+
+
 def _has_rows(before: object) -> TypeGuard[Recorded]:
     """Return whether there are rows of a run that ended early: without any there is no time history."""
     return isinstance(before, Recorded) and len(before.time) > 0
@@ -210,7 +220,7 @@ class _Run:
         columns = {**record.values, **record.inputs}
         if found.ended is not None:
             notes += (f"{found.ended}, before {self.stop:g} s",)
-        notes += (*_growth(record, units), *_inexact(model, columns), *model.remarks())
+        notes += (*_growth(record, units), *_inexact(model, columns), *_sampled(model, self.inputs), *model.remarks())
         return SimulationResult(
             model.name,
             model.interface,
