@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.fakes import EulerOscillator, FakeModel, Rows
 from workbench.analysis.nfr.certificate import Certificate
 from workbench.analysis.nfr.point import NfrPoint, PointTask
@@ -138,3 +140,29 @@ def test_a_carried_sweep_is_verified_too() -> None:
     result = nfr(euler(), "u", "y", [20.0, 10.0], 1.0, carry=True)
     s = 2j * math.pi * result.frequency_hz
     assert np.max(np.abs(np.abs(result.response[0] * (s * s + 10.0 * s + 1e4)) - 1.0)) < 0.005
+
+
+@pytest.mark.parametrize("first", ["cs", "me"])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8])
+def test_what_a_controlled_step_costs_is_in_the_error(first: str, tolerance: float, tmp_path: Path) -> None:
+    """Two lags and the gain 3 in a loop: T = 3/((0.5 s + 1)(0.3 s + 1) + 3)."""
+    file = tmp_path / "loop.toml"
+    file.write_text(
+        f"""
+        components.a = {{model = "fmu:FirstOrderLag", interface = "{first}", set = {{tau = 0.5}}}}
+        components.b = {{model = "fmu:FirstOrderLag", interface = "cs", set = {{tau = 0.3}}}}
+        components.e = {{sum = "+-"}}
+        components.k = {{gain = 3.0}}
+        connections = {{"e.u2" = "b.y", "k.u" = "e.y", "a.u" = "k.y", "b.u" = "a.y"}}
+        inputs = {{r = "e.u1"}}
+        outputs = {{y = "b.y"}}
+        """
+    )
+    frequencies = [0.2, 1.0, 3.0]
+    with wb.load(file, tolerance=tolerance) as system:
+        result = wb.nfr(system, "r", "y", frequencies, 1.0, in_process=True)
+    s = 2j * math.pi * np.array(frequencies)
+    truth = 3.0 / ((0.5 * s + 1.0) * (0.3 * s + 1.0) + 3.0)
+    off = np.abs(result.response[0] / truth - 1.0)
+    assert (off <= result.error[0]).all()
+    assert (result.error[0] <= 1e-3).all()

@@ -172,6 +172,10 @@ class Model(Closable):
         """
         raise InputError(f"{self.name}: this kind of model can only start at its start values")
 
+    def controls_step(self) -> bool:
+        """Whether its communication step is controlled by a tolerance; what the step costs then follows from that."""
+        return False
+
     def way_out(self, *others: str) -> str:
         """Return what to do where co-simulation does not do, for a message.
 

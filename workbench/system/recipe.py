@@ -54,6 +54,14 @@ class SystemRecipe(LoadRecipe):
     def portable(self) -> bool:
         return not any(isinstance(c, FunctionComponent) for c in self.system.components)
 
+    def tighter(self, factor: float) -> Self:
+        """Return the recipe with `factor` times the tolerances of integration and, where it is given, of the steps."""
+        found, master = super().tighter(factor), self.system.master
+        if master.step_tolerance is None:
+            return found
+        master = replace(master, step_tolerance=factor * master.step_tolerance)
+        return replace(found, system=replace(self.system, master=master))
+
     def open(self) -> DescribedModel:
         """Return the model.
 

@@ -30,6 +30,9 @@ __all__ = ["BranchesJob", "PointsJob", "StartJob", "SurroundingsJob"]
 # The integration may take so much of the error that was asked for.
 _SHARE = 0.2
 
+# A tolerance of a step is this power of its length, with extrapolation of order 1; of order 0 they become shorter.
+_OF_STEP = 3
+
 # A check by the tolerance takes so much of the one that the model has.
 _TIGHTER = 0.01
 
@@ -94,8 +97,14 @@ class PointsJob(Job):
         if model.interface != "cs":
             return self._verified(model) if self.verify else self._pass(*self._exact_enough(model))
 
+        controlled = self.step is None and model.recipe is not None and model.controls_step()
+
         def measured(tasks: Sequence[PointTask]) -> list[NfrPoint]:
-            return list(self._pass(nullcontext(model), tasks))
+            part = self.tasks[0].rows / tasks[0].rows  # of the step of the first run
+            if part == 1.0 or not controlled or model.recipe is None:
+                return list(self._pass(nullcontext(model), tasks))
+            # Its steps are shorter than the rows, and their halves are those of a tighter tolerance.
+            return list(self._pass(model.recipe.tighter(part**_OF_STEP).open(), tasks))
 
         if self.step is None:
             return iter(refine(self.tasks, measured, model.way_out(SHORTER)))

@@ -159,6 +159,9 @@ class MasterModel(DescribedModel):
             return f"a constant step is needed by {', '.join(constant)}"
         return self.why_replay()
 
+    def controls_step(self) -> bool:
+        return not self.why_fixed_step()
+
     def why_replay(self) -> str:
         claims = ((p.name, p.description.interfaces[p.interface].state) for p in self._opened.parts)
         without = [name for name, claimed in claims if not claimed]
