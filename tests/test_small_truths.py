@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.test_validate_overlay import measured
+from workbench.analysis.check.nominals import _judge
 from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.experiment.missing import regular
 from workbench.analysis.feedback.locus import shown_gains
@@ -15,14 +18,17 @@ from workbench.analysis.fit.run import _sampled
 from workbench.analysis.limit_cycle.centre import _meeting
 from workbench.analysis.lin.interfaces import _shift
 from workbench.analysis.lin.task import width_for
+from workbench.analysis.nfr.beats import Beat
 from workbench.analysis.periodic.monodromy import _rows
 from workbench.analysis.subspace.delivered import _weight
+from workbench.analysis.trim.family import null_space
 from workbench.core.conversion import known_unit
 from workbench.core.forms import _read_widths
 from workbench.core.matrices import exponentials
 from workbench.core.where import _take_scheduler
 from workbench.errors import InputError
 from workbench.session.fmu import _plus
+from workbench.session.me import MeSession
 from workbench.system.block_table.base import _short
 
 INF = math.inf
@@ -168,3 +174,37 @@ def test_a_bilinear_model_has_the_response_of_the_continuous_one() -> None:
         s = 2.0 / dt * (z - 1.0) / (z + 1.0)
         continuous = C @ np.linalg.solve(s * np.eye(3) - A, B) + D
         assert Cd @ np.linalg.solve(z * np.eye(3) - Ad, Bd) + Dd == pytest.approx(continuous, rel=1e-10)
+
+
+def test_only_a_nominal_value_that_is_declared_bounds_the_scale_of_a_state() -> None:
+    """FMI's default is 1, too: where the file does not say it, a state that lives at 1e-4 would drown in it."""
+    states = [SimpleNamespace(nominal=n) for n in (1.0, None, None, 0.0)]
+    instance = SimpleNamespace(
+        description=SimpleNamespace(states=states), nx=4, get_nominals=lambda: np.array([1.0, 1.0, -50.0, 0.0])
+    )
+    smallest, largest = MeSession.scales(SimpleNamespace(instance=instance))  # type: ignore[arg-type]
+    assert largest == pytest.approx(np.array([1.0, INF, 50.0, INF]))
+    assert smallest == pytest.approx(np.array([1e-3, 1e-6, 0.05, 1e-6]))
+
+
+@pytest.mark.parametrize(("largest", "others"), [([2e3, 3.0, 1.0], ""), ([2e3, 3.0, 1e9], " (and 1 more)")])
+def test_states_far_from_their_nominal_values_are_counted(largest: list[float], others: str) -> None:
+    subject: Any = SimpleNamespace(model=SimpleNamespace(recipe=SimpleNamespace(tolerance=1e-6)))
+    size, nominal = np.array(largest), np.array([1e-3, 2.0, 2.0])
+    answer = _judge(subject, ["a", "b", "c"], nominal, size, size)
+    assert answer.verdict == "watch"
+    worst = "c reaches 1e+09, its nominal value is 2" if others else "a reaches 2e+03, its nominal value is 0.001"
+    assert answer.evidence == worst + others
+
+
+@pytest.mark.parametrize(("small", "left"), [(0.7e-7, 1), (1.4e-7, 0)])
+def test_a_singular_value_below_1e_7_of_the_largest_is_zero(small: float, left: int) -> None:
+    assert null_space(np.diag([3.0, 3.0 * small])).shape == (2, left)
+    assert null_space(np.diag([1.0, 2.0 * small]), size=2.0).shape == (2, left)
+
+
+@pytest.mark.parametrize(("turns", "slowest"), [(3.3, 0.1), (3.01, 0.01), (7.9, 0.1)])
+def test_the_slowest_harmonic_of_a_beat_is_the_one_that_nearly_stands_still(turns: float, slowest: float) -> None:
+    """Of 0.3, 0.6, 0.9 and 1.2 turns in a period of the forcing the third lacks 0.1 to a whole one."""
+    assert Beat(1.0 / turns, 1.0).slowness == pytest.approx(1.0 / abs(1.0 - np.exp(2j * np.pi * slowest)))
+    assert Beat(1.0 / 2.5, 1.0).slowness == 1.0
