@@ -13,6 +13,7 @@ from tests.test_validate_overlay import measured
 from workbench.analysis.check.nominals import _judge
 from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.experiment.missing import regular
+from workbench.analysis.feedback.gains import crossings
 from workbench.analysis.feedback.locus import shown_gains
 from workbench.analysis.fit.run import _sampled
 from workbench.analysis.limit_cycle.centre import _meeting
@@ -24,6 +25,7 @@ from workbench.analysis.subspace.delivered import _weight
 from workbench.analysis.trim.family import null_space
 from workbench.core.conversion import known_unit
 from workbench.core.forms import _read_widths
+from workbench.core.linear import LinearPart
 from workbench.core.matrices import exponentials
 from workbench.core.where import _take_scheduler
 from workbench.errors import InputError
@@ -208,3 +210,12 @@ def test_the_slowest_harmonic_of_a_beat_is_the_one_that_nearly_stands_still(turn
     """Of 0.3, 0.6, 0.9 and 1.2 turns in a period of the forcing the third lacks 0.1 to a whole one."""
     assert Beat(1.0 / turns, 1.0).slowness == pytest.approx(1.0 / abs(1.0 - np.exp(2j * np.pi * slowest)))
     assert Beat(1.0 / 2.5, 1.0).slowness == 1.0
+
+
+def test_an_integrator_that_the_feedback_does_not_move_hides_no_crossing_at_rest() -> None:
+    """Beside it stands 1/(s − 1), whose pole the gain g moves to 1 + g: through 0 at g = −1."""
+    B = np.array([[0.0], [1.0]])
+    found = crossings(LinearPart(np.diag([0.0, 1.0]), B, B.T, np.zeros((1, 1))))
+    (through,) = (c for c in found if c.gain != 0.0)
+    assert through.gain == pytest.approx(-1.0, rel=1e-8)
+    assert (through.frequency_hz, through.unstable_below, through.unstable_above) == (0.0, 0, 1)
