@@ -12,6 +12,7 @@ import pytest
 from tests.test_validate_overlay import measured
 from workbench.analysis.check.nominals import _judge
 from workbench.analysis.describing.measured import MeasuredBlock
+from workbench.analysis.describing.sector import sector_of
 from workbench.analysis.experiment.missing import regular
 from workbench.analysis.feedback.gains import crossings
 from workbench.analysis.feedback.locus import shown_gains
@@ -219,3 +220,10 @@ def test_an_integrator_that_the_feedback_does_not_move_hides_no_crossing_at_rest
     (through,) = (c for c in found if c.gain != 0.0)
     assert through.gain == pytest.approx(-1.0, rel=1e-8)
     assert (through.frequency_hz, through.unstable_below, through.unstable_above) == (0.0, 0, 1)
+
+
+@pytest.mark.parametrize("jump", [0.9966, 0.5, 1e-3, 1.02e-10])
+def test_the_sector_of_a_relay_with_a_dead_zone_ends_at_its_jump_wherever_that_is(jump: float) -> None:
+    """Also between the last or the first two of the inputs that are looked at, 200 a decade."""
+    block: Any = SimpleNamespace(static=lambda v: np.where(np.abs(v) >= jump, np.sign(v), 0.0))
+    assert sector_of(block, 1.0).high == pytest.approx(1.0 / jump, rel=1e-6)
