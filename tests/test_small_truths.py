@@ -21,6 +21,7 @@ from workbench.analysis.limit_cycle.centre import _meeting
 from workbench.analysis.lin.interfaces import _shift
 from workbench.analysis.lin.task import width_for
 from workbench.analysis.nfr.beats import Beat
+from workbench.analysis.nfr.settling import Settling
 from workbench.analysis.periodic.monodromy import _rows
 from workbench.analysis.subspace.delivered import _weight
 from workbench.analysis.trim.family import null_space
@@ -227,3 +228,12 @@ def test_the_sector_of_a_relay_with_a_dead_zone_ends_at_its_jump_wherever_that_i
     """Also between the last or the first two of the inputs that are looked at, 200 a decade."""
     block: Any = SimpleNamespace(static=lambda v: np.where(np.abs(v) >= jump, np.sign(v), 0.0))
     assert sector_of(block, 1.0).high == pytest.approx(1.0 / jump, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("factor", "count", "grows"), [(2.0, 4, True), (2.0, 6, True), (0.5, 6, False), (2.0, 3, False)]
+)
+def test_three_changes_that_double_are_growth(factor: float, count: int, grows: bool) -> None:
+    periods = [SimpleNamespace(compared=np.array([1.0, factor**k])) for k in range(count)]
+    point: Any = SimpleNamespace(periods=periods, most=100)
+    assert Settling._grows(point) == grows
