@@ -3,26 +3,36 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.test_validate_overlay import measured
+from workbench.analysis.check.nominals import _judge
 from workbench.analysis.describing.measured import MeasuredBlock
+from workbench.analysis.describing.sector import sector_of
 from workbench.analysis.experiment.missing import regular
+from workbench.analysis.feedback.gains import crossings
 from workbench.analysis.feedback.locus import shown_gains
 from workbench.analysis.fit.run import _sampled
 from workbench.analysis.limit_cycle.centre import _meeting
 from workbench.analysis.lin.interfaces import _shift
 from workbench.analysis.lin.task import width_for
+from workbench.analysis.nfr.beats import Beat
+from workbench.analysis.nfr.settling import Settling
 from workbench.analysis.periodic.monodromy import _rows
 from workbench.analysis.subspace.delivered import _weight
+from workbench.analysis.trim.family import null_space
 from workbench.core.conversion import known_unit
 from workbench.core.forms import _read_widths
+from workbench.core.linear import LinearPart
 from workbench.core.matrices import exponentials
 from workbench.core.where import _take_scheduler
 from workbench.errors import InputError
 from workbench.session.fmu import _plus
+from workbench.session.me import MeSession
 from workbench.system.block_table.base import _short
 
 INF = math.inf
@@ -168,3 +178,62 @@ def test_a_bilinear_model_has_the_response_of_the_continuous_one() -> None:
         s = 2.0 / dt * (z - 1.0) / (z + 1.0)
         continuous = C @ np.linalg.solve(s * np.eye(3) - A, B) + D
         assert Cd @ np.linalg.solve(z * np.eye(3) - Ad, Bd) + Dd == pytest.approx(continuous, rel=1e-10)
+
+
+def test_only_a_nominal_value_that_is_declared_bounds_the_scale_of_a_state() -> None:
+    """FMI's default is 1, too: where the file does not say it, a state that lives at 1e-4 would drown in it."""
+    states = [SimpleNamespace(nominal=n) for n in (1.0, None, None, 0.0)]
+    instance = SimpleNamespace(
+        description=SimpleNamespace(states=states), nx=4, get_nominals=lambda: np.array([1.0, 1.0, -50.0, 0.0])
+    )
+    smallest, largest = MeSession.scales(SimpleNamespace(instance=instance))  # type: ignore[arg-type]
+    assert largest == pytest.approx(np.array([1.0, INF, 50.0, INF]))
+    assert smallest == pytest.approx(np.array([1e-3, 1e-6, 0.05, 1e-6]))
+
+
+@pytest.mark.parametrize(("largest", "others"), [([2e3, 3.0, 1.0], ""), ([2e3, 3.0, 1e9], " (and 1 more)")])
+def test_states_far_from_their_nominal_values_are_counted(largest: list[float], others: str) -> None:
+    subject: Any = SimpleNamespace(model=SimpleNamespace(recipe=SimpleNamespace(tolerance=1e-6)))
+    size, nominal = np.array(largest), np.array([1e-3, 2.0, 2.0])
+    answer = _judge(subject, ["a", "b", "c"], nominal, size, size)
+    assert answer.verdict == "watch"
+    worst = "c reaches 1e+09, its nominal value is 2" if others else "a reaches 2e+03, its nominal value is 0.001"
+    assert answer.evidence == worst + others
+
+
+@pytest.mark.parametrize(("small", "left"), [(0.7e-7, 1), (1.4e-7, 0)])
+def test_a_singular_value_below_1e_7_of_the_largest_is_zero(small: float, left: int) -> None:
+    assert null_space(np.diag([3.0, 3.0 * small])).shape == (2, left)
+    assert null_space(np.diag([1.0, 2.0 * small]), size=2.0).shape == (2, left)
+
+
+@pytest.mark.parametrize(("turns", "slowest"), [(3.3, 0.1), (3.01, 0.01), (7.9, 0.1)])
+def test_the_slowest_harmonic_of_a_beat_is_the_one_that_nearly_stands_still(turns: float, slowest: float) -> None:
+    """Of 0.3, 0.6, 0.9 and 1.2 turns in a period of the forcing the third lacks 0.1 to a whole one."""
+    assert Beat(1.0 / turns, 1.0).slowness == pytest.approx(1.0 / abs(1.0 - np.exp(2j * np.pi * slowest)))
+    assert Beat(1.0 / 2.5, 1.0).slowness == 1.0
+
+
+def test_an_integrator_that_the_feedback_does_not_move_hides_no_crossing_at_rest() -> None:
+    """Beside it stands 1/(s − 1), whose pole the gain g moves to 1 + g: through 0 at g = −1."""
+    B = np.array([[0.0], [1.0]])
+    found = crossings(LinearPart(np.diag([0.0, 1.0]), B, B.T, np.zeros((1, 1))))
+    (through,) = (c for c in found if c.gain != 0.0)
+    assert through.gain == pytest.approx(-1.0, rel=1e-8)
+    assert (through.frequency_hz, through.unstable_below, through.unstable_above) == (0.0, 0, 1)
+
+
+@pytest.mark.parametrize("jump", [0.9966, 0.5, 1e-3, 1.02e-10])
+def test_the_sector_of_a_relay_with_a_dead_zone_ends_at_its_jump_wherever_that_is(jump: float) -> None:
+    """Also between the last or the first two of the inputs that are looked at, 200 a decade."""
+    block: Any = SimpleNamespace(static=lambda v: np.where(np.abs(v) >= jump, np.sign(v), 0.0))
+    assert sector_of(block, 1.0).high == pytest.approx(1.0 / jump, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("factor", "count", "grows"), [(2.0, 4, True), (2.0, 6, True), (0.5, 6, False), (2.0, 3, False)]
+)
+def test_three_changes_that_double_are_growth(factor: float, count: int, grows: bool) -> None:
+    periods = [SimpleNamespace(compared=np.array([1.0, factor**k])) for k in range(count)]
+    point: Any = SimpleNamespace(periods=periods, most=100)
+    assert Settling._grows(point) == grows

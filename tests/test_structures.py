@@ -62,6 +62,19 @@ def test_known_systems_are_followed_to_their_noise(kind: str) -> None:
     assert (found.before is None, found.behind is None) == (kind == "wiener", kind == "hammerstein")
 
 
+def test_without_noise_a_system_that_the_model_can_be_is_followed_exactly() -> None:
+    """Its block is straight between the model's knots, and neither its input nor its output has the mean 0."""
+    u = np.random.default_rng(5).normal(size=600)
+    knots = u.mean() + u.std() * knots_for((u - u.mean()) / u.std(), 6)
+    v = weights(u, knots) @ np.array([-0.8, -0.7, -0.4, 0.5, 1.1, 1.2])
+    found = wb.identify_structure(
+        wb.make_experiment(1.0, u + 3.0, signal.lfilter(B, A, v) + 5.0),
+        structure="hammerstein", order=2, feedthrough=False, knots=6,
+    )  # fmt: skip
+    assert found.fit_percent > 99.99
+    assert found.linear.poles == pytest.approx(np.array([POLE, POLE.conjugate()]), abs=1e-4)
+
+
 def test_errors_of_a_hammerstein_model_hold_the_truth() -> None:
     """The block is straight between the knots that the estimate has, so that noise is all that errs."""
     inside, poles, response = [], [], []

@@ -163,3 +163,16 @@ def test_how_a_worker_ended_is_told_rightly(way: str, kind: str, words: str, tmp
     ):
         wb.simulate(model, stop=1.0)
     assert caught.value.kind == kind
+
+
+def test_what_is_to_run_in_this_process_begins_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a worker process is begun")
+
+    with wb.load("fmu:FirstOrderLag") as model:
+        monkeypatch.setattr("workbench.workers.process.WorkerProcess.__init__", refuse)
+        monkeypatch.setattr("workbench.workers.process._idle", [])
+        assert wb.trim(model, u0={"u": 2.0}, in_process=True).point.x["x"] == pytest.approx(2.0)
+        assert wb.simulate(model, stop=1.0, in_process=True).signals["y"][-1] == pytest.approx(0.0)
+        with pytest.raises(AssertionError, match="is begun"):
+            wb.trim(model, u0={"u": 2.0})
