@@ -375,7 +375,7 @@ def test_no_system_no_loop() -> None:
         limit_cycle(system, block="block")
 
 
-@pytest.mark.parametrize(("mu", "period"), [(0.1, 6.287111), (10.0, 19.078370)])
+@pytest.mark.parametrize(("mu", "period"), [(0.1, 6.287111), (3.0, 8.859096), (10.0, 19.078370)])
 def test_van_der_pol_from_a_sine_to_a_relaxation(mu: float, period: float) -> None:
     """Periods computed by others; at 10 harmonic balance finds nothing, and the cycle is taken from a run."""
     with around(lambda u: u**3 / 3.0 - u, control.tf([mu, 0.0], [1.0, 0.0, 1.0])) as system:

@@ -440,7 +440,8 @@ def test_axe_finds_nothing_serious(page: Page, ui: Ui, theme: str) -> None:
         assert not serious, (where, [(v["id"], v["nodes"][0]["html"][:200]) for v in serious])
 
 
-@pytest.mark.parametrize(("width", "theme"), [(1200, "light"), (800, "dark")])  # colours have no width
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1200, 800])
 def test_every_page_fits_and_can_be_read(page: Page, ui: Ui, theme: str, width: int) -> None:
     page.evaluate("theme => localStorage.setItem('theme', theme)", theme)
     page.set_viewport_size({"width": width, "height": 900})

@@ -24,9 +24,6 @@ LIMITS = oracle.Limits(seconds=120.0)
 # Those that misbehave, or break a promise, have tests of their own, and take their time.
 QUICK = [e for e in CORPUS if not e.name.startswith(("hostile-", "lying-"))]
 
-# Co-simulation that never rests; each is run for so many steps before that is known that it takes ten seconds.
-RESTLESS = {"FMU3Model", "CoupledClutches_CS_linux64"}
-
 # A folder of further FMUs, where the environment names one.
 ELSEWHERE = os.environ.get("WORKBENCH_ZOO", "")
 
@@ -40,8 +37,7 @@ def _bad(rows: Iterator[Row]) -> list[Row]:
 @pytest.mark.parametrize("exhibit", QUICK, ids=lambda e: e.name)
 def test_the_corpus(exhibit: Exhibit, tmp_path: Path) -> None:
     (name,) = build_corpus(tmp_path, [exhibit])
-    commands = ("simulate",) if exhibit.name in RESTLESS else ("simulate", "trim")
-    assert _bad(zoo([tmp_path / name], commands, LIMITS)) == []
+    assert _bad(zoo([tmp_path / name], ("simulate", "trim"), LIMITS)) == []
 
 
 @pytest.mark.skipif(not ELSEWHERE, reason="WORKBENCH_ZOO names no folder of further FMUs")
