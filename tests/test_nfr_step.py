@@ -11,6 +11,7 @@ import pytest
 
 import workbench as wb
 from tests.fakes import EulerOscillator, FakeModel, Rows
+from tests.reference_fmus import build_reference
 from workbench.analysis.nfr.certificate import Certificate
 from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.analysis.nfr.request import nfr
@@ -166,3 +167,23 @@ def test_what_a_controlled_step_costs_is_in_the_error(first: str, tolerance: flo
     off = np.abs(result.response[0] / truth - 1.0)
     assert (off <= result.error[0]).all()
     assert (result.error[0] <= 1e-3).all()
+
+
+def test_an_input_that_changes_at_events_only_follows_in_steps_and_the_error_counts_them(tmp_path: Path) -> None:
+    """What passes through it drives 1/(0.05 s + 1): a staircase of 200 steps a period was 1e-3 off, and 4e-5 stated."""
+    parts = {"pass": build_reference(tmp_path, "feedthrough", 3), "lag": "fmu:FirstOrderLag"}
+    wires, frequencies = [("pass.Float64_discrete_output", "lag.u")], [0.2, 2.0, 20.0]
+    with wb.connect(
+        parts,
+        wires,
+        inputs={"k": "pass.Float64_discrete_input"},
+        outputs={"y": "lag.y"},
+        start_values={"lag.tau": 0.05},
+    ) as system:
+        assert system.interface == "me"
+        result = wb.nfr(system, "k", "y", frequencies, 1.0, in_process=True)
+    truth = 1.0 / (0.05 * 2j * math.pi * np.array(frequencies) + 1.0)
+    off = np.abs(result.response[0] / truth - 1.0)
+    assert result.status == (("settled",) * 3,)
+    assert (off <= result.error[0]).all()
+    assert (result.error[0] <= 3e-3).all()

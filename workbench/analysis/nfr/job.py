@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult
@@ -29,6 +30,8 @@ __all__ = ["BranchesJob", "PointsJob", "StartJob", "SurroundingsJob"]
 
 # The integration may take so much of the error that was asked for.
 _SHARE = 0.2
+
+_EVENTS_ONLY = "the input may change at events only, and follows the sine in steps"
 
 # A tolerance of a step is this power of its length, with extrapolation of order 1; of order 0 they become shorter.
 _OF_STEP = 3
@@ -95,6 +98,8 @@ class PointsJob(Job):
 
     def run(self, model: Model) -> Iterator[NfrPoint]:
         if model.interface != "cs":
+            if any(v.name == self.tasks[0].input and not v.is_continuous_input for v in model.inputs):
+                return iter(refine(self.tasks, partial(self._held, model), _EVENTS_ONLY))
             return self._verified(model) if self.verify else self._pass(*self._exact_enough(model))
 
         controlled = self.step is None and model.recipe is not None and model.controls_step()
@@ -109,6 +114,10 @@ class PointsJob(Job):
         if self.step is None:
             return iter(refine(self.tasks, measured, model.way_out(SHORTER)))
         return iter(at_step(self.tasks, self.step, measured, model.way_out(SHORTER)))
+
+    def _held(self, model: Model, tasks: Sequence[PointTask]) -> list[NfrPoint]:
+        """Measure model exchange whose input changes at events only: at each row, so that rows are as steps are."""
+        return list(self._pass(nullcontext(model), [replace(t, rtol=model.rtol) for t in tasks]))
 
     def _exact_enough(self, model: Model) -> tuple[AbstractContextManager[Model], list[PointTask]]:
         """Return what to measure model exchange with, near a resonance or a zero with a tighter tolerance."""
