@@ -14,7 +14,7 @@ import workbench as wb
 from tests.fmi3_fmus import build_sized
 from workbench.cli.app import run as command
 from workbench.core.conversion import in_other_unit, named_conversion
-from workbench.core.forms import Quantity, amount, quantity
+from workbench.core.quantity import Quantity, amount, quantity
 from workbench.errors import InputError
 from workbench.gusts import gust, turbulence
 from workbench.model.names import forced_inputs

@@ -10,7 +10,7 @@ from pathlib import Path
 from workbench.core.conversion import in_other_unit, named_conversion
 from workbench.core.csv_file import is_number
 from workbench.core.files import content_of
-from workbench.core.forms import DecimalCommaError, quantity
+from workbench.core.quantity import DecimalCommaError, quantity
 from workbench.errors import InputError, suggest
 from workbench.signal_numbers import PLAIN, Numbers
 from workbench.signals import Signal, Table

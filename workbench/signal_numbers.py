@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from workbench.core.conversion import in_other_unit, named_conversion
 from workbench.core.csv_file import is_number
-from workbench.core.forms import DecimalCommaError, quantity
+from workbench.core.quantity import DecimalCommaError, quantity
 from workbench.errors import InputError
 from workbench.signals import exactly
 

@@ -1,8 +1,8 @@
 /* driver.c: calls every function of the runtime, also wrongly and without memory, under sanitizers.
  *
  * Ends with 0 when every check held; address and undefined-behaviour sanitizers report by themselves.
- * Linked with -Wl,--wrap=calloc,--wrap=realloc where the linker can: then each allocation fails once.
  */
+#include "checked.h"
 #include "fmi2Functions.h"
 #include "fmi3Functions.h"
 
@@ -16,39 +16,7 @@
 
 enum { H = 1, U = 11, Y = 12, GAIN = 13, E = 15, COUNT = 16, ABOVE = 18, ENABLE = 19, MODE = 20, LAST = 22 };
 
-static int failures;
-static long allowed = -1; /* allocations left before one fails, -1: all succeed */
-
-static void check(int condition, const char *text, int line)
-{
-    if (!condition) {
-        fprintf(stderr, "line %d: %s\n", line, text);
-        failures++;
-    }
-}
-
-static int granted(void)
-{
-    if (allowed == 0) {
-        return 0;
-    }
-    allowed -= allowed > 0 ? 1 : 0;
-    return 1;
-}
-
 #ifdef WRAP_CALLOC
-void *__real_calloc(size_t count, size_t size);
-void *__wrap_calloc(size_t count, size_t size);
-void *__wrap_calloc(size_t count, size_t size)
-{
-    return granted() ? __real_calloc(count, size) : NULL;
-}
-void *__real_realloc(void *block, size_t size);
-void *__wrap_realloc(void *block, size_t size);
-void *__wrap_realloc(void *block, size_t size)
-{
-    return granted() ? __real_realloc(block, size) : NULL;
-}
 static void *allocate(size_t count, size_t size)
 {
     return calloc(count, size);

@@ -27,7 +27,6 @@ from typing import (
     get_args,
 )
 
-from workbench.core.forms import quantities_in
 from workbench.core.job import Job, Progress
 from workbench.core.loading import Loading
 from workbench.core.named import named
@@ -44,6 +43,7 @@ from workbench.core.option import (
     recast,
     with_options,
 )
+from workbench.core.quantity import quantities_in
 from workbench.core.where import InWorker, Worker, Workers
 from workbench.errors import InputError, SimulationError, StoppedError, WorkbenchError
 from workbench.origin import origin_of, remember, with_origin

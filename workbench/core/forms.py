@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any
 
 from workbench.core.names import split_names
+from workbench.core.quantity import alike, amount, number, quantity, shortest
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,7 +25,6 @@ __all__ = [
     "Amounts",
     "Band",
     "Configurations",
-    "DecimalCommaError",
     "File",
     "Form",
     "Grid",
@@ -33,17 +32,12 @@ __all__ = [
     "Names",
     "Numbers",
     "Quantities",
-    "Quantity",
     "Ranges",
     "Settings",
     "Starts",
     "Values",
     "Widths",
-    "amount",
-    "number",
     "pairs",
-    "quantities_in",
-    "quantity",
     "setting",
     "several",
     "table",
@@ -75,94 +69,6 @@ class Form:
     repeated: bool = False
     example: str = ""
     files: Callable[[Sequence[str]], Sequence[str]] = lambda _: ()
-
-
-def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOML file holds
-    """Return a number, or read one.
-
-    Raises:
-        ValueError: it is not a number.
-    """
-    try:
-        return value if isinstance(value, Quantity) else float(value)  # whose unit must not be lost
-    except OverflowError:
-        raise ValueError("a whole number beyond 1e308 is too large") from None
-    except (TypeError, ValueError):
-        raise ValueError(f"'{str(value).strip()}' is not a number") from None
-
-
-# A number, and a unit behind it: a word, a sign, or 1/s. A comma is told apart for what it is.
-_QUANTITY = re.compile(r"\s*([-+0-9.eE]*[0-9.])\s*((?:[^\W\d_]|[°%℃\[(1]|,(?=\d)).*?)?\s*")
-
-
-class Quantity(float):
-    """A number in a unit of its own, as a float, until the model tells the unit of the variable.
-
-    Attributes:
-        unit: as it was given.
-    """
-
-    unit: str
-
-    def __new__(cls, value: float, unit: str = "") -> Self:
-        made = super().__new__(cls, value)
-        made.unit = unit
-        return made
-
-    def __repr__(self) -> str:
-        return _short(self)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Quantity) and (float(self), self.unit) == (float(other), other.unit)
-
-    def __hash__(self) -> int:
-        return hash((float(self), self.unit))
-
-
-class DecimalCommaError(ValueError):
-    """A number has a comma before its decimals: `0,5` for 0.5."""
-
-
-def quantity(value: float | str) -> tuple[float, str]:
-    """Return number and unit of "25deg"; a number alone has the unit "".
-
-    Args:
-        value: as it was given.
-
-    Raises:
-        DecimalCommaError: its decimals follow a comma.
-        ValueError: it does not begin with a number.
-    """
-    if not isinstance(value, str) or value.strip().lstrip("+-").lower() in {"nan", "inf", "infinity"}:
-        return number(value), ""  # what is not finite is refused as such
-    found = _QUANTITY.fullmatch(value)
-    text, unit = (found[1], found[2] or "") if found else ("", "")
-    if unit.startswith(","):
-        raise DecimalCommaError(
-            f"'{value}' has a comma for its decimals; write a point, as in {value.replace(',', '.', 1)}"
-        )
-    try:
-        return float(text), unit
-    except ValueError:
-        raise ValueError(f"'{value}' is not a number with a unit, as in 25deg") from None
-
-
-def amount(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOML file holds
-    """Return a number, or read one; a `Quantity` where it has a unit.
-
-    Raises:
-        ValueError: it is neither.
-    """
-    try:
-        return number(value)
-    except ValueError:
-        try:
-            return Quantity(*quantity(value))
-        except DecimalCommaError:
-            raise
-        except ValueError:
-            pass
-        raise
 
 
 def two_numbers(value: Any) -> tuple[float, float]:  # noqa: ANN401 - what Python or a TOML file holds
@@ -212,13 +118,6 @@ def pairs(texts: Iterable[str], sample: str = "NAME=VALUE") -> dict[str, str]:
 # -- the forms ---------------------------------------------------------------------------------
 
 
-def _short(value: float) -> str:
-    """Return the shortest text that gives the number again, with its unit where it has one."""
-    if isinstance(value, Quantity):
-        return f"{_short(float(value))}{value.unit}"
-    return f"{value:g}" if float(f"{value:g}") == value else repr(value)
-
-
 def _read_numbers(texts: Sequence[str]) -> tuple[float, ...]:
     return tuple(number(item) for text in texts for item in text.split(","))
 
@@ -241,7 +140,7 @@ _NUMBERS = Form(
     metavar="A,..",
     example="1,2,5",
     read=_read_numbers,
-    write=lambda value: [",".join(map(_short, value))],
+    write=lambda value: [",".join(map(shortest, value))],
     take=several,
 )
 
@@ -257,7 +156,7 @@ _BAND = Form(
     metavar="LO:HI",
     example="0.1:10",
     read=_read_band,
-    write=lambda value: [":".join(map(_short, value))],
+    write=lambda value: [":".join(map(shortest, value))],
     take=two_numbers,
 )
 
@@ -286,46 +185,24 @@ def _named(name: str, value: Any, read: Callable[[Any], float] = amount) -> floa
         raise ValueError(f"{name}: {error}") from None
 
 
-def _alike(values: Iterable[float]) -> tuple[float, ...]:
-    """Return numbers that all have a unit, or none has; what is not finite needs none."""
-    found = tuple(values)
-    bare = [x for x in found if not isinstance(x, Quantity) and math.isfinite(x)]
-    if bare and (given := next((x for x in found if isinstance(x, Quantity)), None)) is not None:
-        raise ValueError(f"'{given}' has a unit, and '{_short(bare[0])}' beside it has none; give each its unit")
-    return found
-
-
-def quantities_in(value: Any) -> Iterator[Quantity]:  # noqa: ANN401 - of any option
-    """Yield the quantities among the numbers of an option's value.
-
-    Args:
-        value: a number, or a tuple or mapping of such.
-    """
-    if isinstance(value, Quantity):
-        yield value
-    elif isinstance(value, tuple | Mapping):
-        for part in value.values() if isinstance(value, Mapping) else value:
-            yield from quantities_in(part)
-
-
 def _take_amounts(value: Any) -> tuple[float, ...]:  # noqa: ANN401
-    return _alike(map(amount, value.split(",") if isinstance(value, str) else _items(value)))
+    return alike(map(amount, value.split(",") if isinstance(value, str) else _items(value)))
 
 
 _AMOUNTS = replace(
-    _NUMBERS, read=lambda texts: _alike(amount(item) for text in texts for item in text.split(",")), take=_take_amounts
+    _NUMBERS, read=lambda texts: alike(amount(item) for text in texts for item in text.split(",")), take=_take_amounts
 )
 _AMOUNT = Form(
     metavar="A",
     example="0.1",
     read=lambda texts: amount(texts[-1]),
-    write=lambda value: [_short(value)],
+    write=lambda value: [shortest(value)],
     take=amount,
 )
 _VALUES = Form(
     metavar="NAME=VALUE",
     read=_read_values,
-    write=lambda value: [f"{name}={_short(x)}" for name, x in value.items()],
+    write=lambda value: [f"{name}={shortest(x)}" for name, x in value.items()],
     take=lambda value: {name: _named(name, x) for name, x in table(value).items()},
     repeated=True,
 )
@@ -358,7 +235,7 @@ def _read_grid(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
 def _several_named(name: str, values: Iterable[Any]) -> tuple[float, ...]:
     found = [_named(name, x) for x in values]
     try:
-        return _alike(found)
+        return alike(found)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
 
@@ -372,7 +249,7 @@ def _take_grid(value: Any) -> dict[str, tuple[float, ...]]:  # noqa: ANN401
 _GRID = Form(
     metavar="NAME=A,B,..",
     read=_read_grid,
-    write=lambda value: [f"{name}={','.join(map(_short, x))}" for name, x in value.items()],
+    write=lambda value: [f"{name}={','.join(map(shortest, x))}" for name, x in value.items()],
     take=_take_grid,
     repeated=True,
 )
@@ -422,7 +299,7 @@ def _ends(name: str, value: Any) -> tuple[float, float]:  # noqa: ANN401 - what 
 _LIMITS = Form(
     metavar="NAME=LO:HI",
     read=_read_limits,
-    write=lambda value: [f"{name}={_short(low)}:{_short(high)}" for name, (low, high) in value.items()],
+    write=lambda value: [f"{name}={shortest(low)}:{shortest(high)}" for name, (low, high) in value.items()],
     take=lambda value: {name: _ends(name, x) for name, x in table(value).items()},
     repeated=True,
 )
@@ -497,7 +374,7 @@ def written(value: object) -> str:
     """Return the text of a number, a switch or a text, as `setting` reads it."""
     if isinstance(value, bool):
         return str(value).lower()
-    return _short(value) if isinstance(value, float) else str(value)
+    return shortest(value) if isinstance(value, float) else str(value)
 
 
 def whole(value: Any) -> str:  # noqa: ANN401 - what Python or a TOML file holds

@@ -24,8 +24,9 @@ from typing import (
     get_origin,
 )
 
-from workbench.core.forms import Form, quantities_in, written
+from workbench.core.forms import Form, written
 from workbench.core.interrupts import insisting
+from workbench.core.quantity import quantities_in
 from workbench.errors import InputError, suggest
 
 __all__ = [

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from workbench.core.conversion import in_other_unit
-from workbench.core.forms import Quantity
 from workbench.core.names import check_names
 from workbench.core.option import EACH, Declared
+from workbench.core.quantity import Quantity
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import Variable

@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import TypeAlias, Union
 
 from workbench.core.conversion import in_other_unit, named_conversion
-from workbench.core.forms import DecimalCommaError, quantity
 from workbench.core.names import check_names, plain_unit, split_names
+from workbench.core.quantity import DecimalCommaError, quantity
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import FLOAT_TYPES, WHOLE_RANGES, Value, Variable

@@ -8,9 +8,10 @@ from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated
 
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import MODEL, Band, Form, Names, number, two_numbers
+from workbench.core.forms import MODEL, Band, Form, Names, two_numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
+from workbench.core.quantity import number
 from workbench.errors import InputError
 from workbench.signal_text import Signals
 

@@ -25,11 +25,12 @@ from workbench.analysis.nyquist.grid import adaptive_grid
 from workbench.analysis.nyquist.nyquist import AMPLITUDES, BAND
 from workbench.core.blas import one_thread
 from workbench.core.conversion import named_conversion
-from workbench.core.forms import quantity, several
+from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.linear import Complex, LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import natural_frequency_hz
+from workbench.core.quantity import quantity
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import placing
 from workbench.model.described import DescribedModel

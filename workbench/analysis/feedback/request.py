@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from workbench.analysis.lin.request import METHOD_NAMES
 from workbench.analysis.request import Analysis, function
-from workbench.core.forms import MODEL, Form, Names, Numbers, quantity, two_numbers
+from workbench.core.forms import MODEL, Form, Names, Numbers, two_numbers
 from workbench.core.operating_point import AtPoint
 from workbench.core.option import option
+from workbench.core.quantity import quantity
 from workbench.core.where import InParts
 from workbench.errors import InputError
 from workbench.signal_text import Signals

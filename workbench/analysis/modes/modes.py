@@ -15,10 +15,11 @@ from workbench.analysis.modes.request import Modes
 from workbench.analysis.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
 from workbench.analysis.modes.source import ModelSource, check_parameter
 from workbench.analysis.modes.track import Frame, Track, track
-from workbench.core.forms import number, several, varied
+from workbench.core.forms import several, varied
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.poles import damped_frequency_hz
+from workbench.core.quantity import number
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Value
 from workbench.model.base import Model

@@ -8,9 +8,10 @@ from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Any
 
 from workbench.analysis.request import Request, Subject, function
-from workbench.core.forms import TEXTS, Form, Names, number, two_numbers, written
+from workbench.core.forms import TEXTS, Form, Names, two_numbers, written
 from workbench.core.operating_point import At
 from workbench.core.option import option
+from workbench.core.quantity import number
 from workbench.core.where import InWorker
 from workbench.signal_text import Signals
 
