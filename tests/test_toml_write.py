@@ -51,7 +51,9 @@ def every_component(folder: Path) -> SystemDescription:
     return SystemDescription(
         name='a "name"',
         components=(
-            FmuComponent(name="plant", file=str(folder / "a b.fmu"), set={"J": 2.0, "on": True}, step=0.1),
+            FmuComponent(
+                name="plant", file=str(folder / "a b.fmu"), set={"J": 2.0, "on": True}, step=0.1, dependencies="all"
+            ),
             linear,
             constant,
             GainComponent(name="gain", gain=-1.0 / 3.0, units={"u": "deg"}),

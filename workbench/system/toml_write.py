@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -79,9 +80,13 @@ def _connection(connection: Connection) -> object:
     usual = Connection(source=connection.source, destination=connection.destination)
     if connection == usual:
         return connection.source
-    names = ("gain", "offset", "unit", "convert", "closes_at")
-    given = {k: getattr(connection, k) for k in names if getattr(connection, k) != getattr(usual, k)}
-    return {"from": connection.source, **given}
+    return {"from": connection.source, **_beside(connection, usual)}
+
+
+def _beside(part: FmuComponent | Connection, usual: FmuComponent | Connection) -> dict[str, Any]:
+    """Return those fields that differ from what they usually are; the keys of a file are named as they are."""
+    values = ((f.name, getattr(part, f.name), getattr(usual, f.name)) for f in fields(part))
+    return {name: value for name, value, other in values if value != other}
 
 
 def _component(component: Component, folder: Path) -> Mapping[str, Any]:
@@ -118,10 +123,7 @@ def _fmu(component: FmuComponent, folder: Path) -> Iterator[tuple[str, Any]]:
         )
     file = component.file
     yield "model", file if is_bundled(file) else _relative(Path(file), folder)
-    usual = FmuComponent(name=component.name, file=component.file)
-    for key in ("set", "interface", "solver", "step"):
-        if getattr(component, key) != getattr(usual, key):
-            yield key, getattr(component, key)
+    yield from _beside(component, FmuComponent(name=component.name, file=component.file)).items()
 
 
 def _relative(file: Path, folder: Path) -> str:
