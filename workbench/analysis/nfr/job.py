@@ -98,7 +98,7 @@ class PointsJob(Job):
 
     def run(self, model: Model) -> Iterator[NfrPoint]:
         if model.interface != "cs":
-            if any(v.name == self.tasks[0].input and not v.is_continuous_input for v in model.inputs):
+            if any(v.name == self.tasks[0].input and v.variability == "discrete" for v in model.inputs):
                 return iter(refine(self.tasks, partial(self._held, model), _EVENTS_ONLY))
             return self._verified(model) if self.verify else self._pass(*self._exact_enough(model))
 
