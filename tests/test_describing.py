@@ -139,5 +139,5 @@ def test_mistakes_are_one_line() -> None:
 
 
 def test_parameters_of_standard_blocks_are_named() -> None:
-    with pytest.raises(InputError, match="block relay: no parameter 'output'; known: level"):
+    with pytest.raises(InputError, match="block relay: no parameter 'output'; known: dead_zone, level"):
         standard_block("relay", {"output": 2.0})

@@ -65,8 +65,8 @@ class ElementInstance(Instance2):
                 inside = grid[0] - near <= value <= grid[-1] + near
                 leaves = "at the end of the table" if inside else "beyond the table"
                 raise SimulationError(
-                    f"{self.description.model_name}: {port} = {value:.10g} is {leaves}, {grid[0]:g} … {grid[-1]:g}, and "
-                    "goes on from there; widen the table, or let extrapolation be 'hold' or 'linear'",
+                    f"{self.description.model_name}: {port} = {value:.10g} is {leaves}, {grid[0]:g} … {grid[-1]:g}, "
+                    "and goes on from there; widen the table, or let extrapolation be 'hold' or 'linear'",
                     time=self.time,
                 )
         super().fail(name, status)
