@@ -66,7 +66,7 @@ def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: Wish) -> R
 def instrumented_model(
     start: IdentifiedModel, u: Floats, driven: Floats, y: Floats, wish: Wish
 ) -> IdentifiedModel | None:
-    """Return the model whose errors know nothing of a reference; None where there is none near, or it is not determined.
+    """Return the model whose errors know nothing of a reference; None where there is none near, or it is open.
 
     Args:
         start: a stable plant near it, and its disturbance.
