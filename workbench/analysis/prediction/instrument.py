@@ -31,9 +31,10 @@ from workbench.session.base import Floats
 
 __all__ = ["instrumented"]
 
-_MOST = 40  # steps
-_HALVINGS = 12  # of a step that leads away
-_NEAR = 1e-6  # χ² of the equations: from here on a step changes nothing
+_MOST = 100  # steps
+_TRIES = 12  # dampings tried for a step
+_FIRST, _LEAST = 1e-3, 1e-9  # of the damping
+_NEAR = 1e-4  # χ² of the equations: from here on a step changes nothing
 _STEADY = 0.99999  # largest pole of the predictor
 
 
@@ -60,13 +61,19 @@ class _Equations:
     samples: int
 
     @property
+    def whitened(self) -> tuple[Floats, Floats]:
+        """The left and the right side, of which the latter has the covariance one."""
+        root = np.linalg.cholesky(self.own)
+        return np.linalg.solve(root, self.cross), np.linalg.solve(root, self.right)
+
+    @property
     def distance(self) -> float:
         """How far from being met they are, as χ² of as many numbers as there are equations."""
-        return float(self.right @ np.linalg.solve(self.own, self.right))
+        return float(np.sum(self.whitened[1] ** 2))
 
 
 def instrumented(start: Innovations, record: Record, driven: Floats, *, most: int = _MOST) -> Refined | None:
-    """Return the model whose errors know nothing of the reference, by Newton's method from near it.
+    """Return the model whose errors know nothing of the reference, by damped Newton steps from near it.
 
     Args:
         start: with a stable plant and a disturbance of its own.
@@ -78,36 +85,41 @@ def instrumented(start: Innovations, record: Record, driven: Floats, *, most: in
         The model with the inverse of its covariance as information; None where the equations have no solution near, or
         the reference leaves a direction open.
     """
-    entries = start.free()
+    entries, damping = start.free(), _FIRST
     try:
         now = _equations(start.held().balanced(), record, driven, entries)
         for steps in range(most + 1):
             if now.distance < _NEAR:
-                information = now.cross.T @ np.linalg.solve(now.own, now.cross)
+                left = now.whitened[0]
                 return Refined(
-                    now.model, now.covariance, float(np.linalg.slogdet(now.covariance)[1]), information, now.directions,
+                    now.model, now.covariance, cost(errors_of(now.model, record)), left.T @ left, now.directions,
                     entries, now.samples, steps, settled=True,
                 )  # fmt: skip
-            nearer = _stepped(now, record, driven, entries)
+            nearer = _stepped(now, record, driven, entries, damping)
             if nearer is None:
                 return None
-            now = nearer
+            now, damping = nearer
     except np.linalg.LinAlgError:
         return None
     return None
 
 
-def _stepped(now: _Equations, record: Record, driven: Floats, entries: Entries) -> _Equations | None:
-    """Return the equations where they are nearer to being met; None: no step leads there."""
-    step = now.directions @ np.linalg.solve(now.cross, now.right)
-    for _ in range(_HALVINGS):
-        tried = now.model.moved(entries, step)
+def _stepped(
+    now: _Equations, record: Record, driven: Floats, entries: Entries, damping: float
+) -> tuple[_Equations, float] | None:
+    """Return the equations where they are nearer to being met, and the next damping; None: no step leads there."""
+    left, right = now.whitened
+    size = np.maximum(np.linalg.norm(left, axis=0), 1e-300)
+    turned, values, other = np.linalg.svd(left / size, full_matrices=False)
+    for _ in range(_TRIES):
+        step = other.T @ (values / (values**2 + damping) * (turned.T @ right)) / size
+        tried = now.model.moved(entries, now.directions @ step)
         n = tried.plant
         if tried.holds and radius(tried.predictor) < _STEADY and radius(tried.A[:n, :n]) < 1.0:
             found = _equations(tried.balanced(), record, driven, entries)
             if found.distance < now.distance:
-                return found
-        step = 0.5 * step
+                return found, max(0.1 * damping, _LEAST)
+        damping *= 4.0
     return None
 
 

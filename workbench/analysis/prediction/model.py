@@ -84,9 +84,15 @@ def instrumented_model(
     with one_thread():
         pair = advance(record.u, record.y, delays)
         plant = core.A, core.B * su, core.C / sy[:, None], core.D * su / sy[:, None]
-        begun = with_own(started(pair, plant), noise, feedthrough=wish.feedthrough)
-        gains = None if wish.gains is None else wish.gains * su / sy[:, None]
-        found = instrumented(replace(begun, gains=gains), pair, advance(driven / su, record.y, delays)[0])
+        begun = replace(
+            with_own(started(pair, plant), noise, feedthrough=wish.feedthrough),
+            gains=None if wish.gains is None else wish.gains * su / sy[:, None],
+        )
+        known = advance(driven / su, record.y, delays)[0]
+        # The least prediction error under the inputs as they are is mostly near, too, and free of the first stage's.
+        near = refine(begun, pair, stable=True)
+        starts = [*(() if near is None else (near.model,)), begun]
+        found = next((one for one in (instrumented(start, pair, known) for start in starts) if one is not None), None)
     model = None if found is None else _in_units(found, record, delays, start.dt)
     return None if model is None or model.spread is None else model
 
