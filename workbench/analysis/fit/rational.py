@@ -232,7 +232,7 @@ class Channel:
             poles: in pairs.
             direct: a constant is fitted, too.
         """
-        basis = _real_basis(self.s, poles)[0]
+        basis = _partial_fractions(self.s, poles)
         columns = [*basis, *([np.ones(len(self.s))] if direct else [])]
         if not basis:
             return np.zeros(0, dtype=np.complex128)
@@ -281,12 +281,11 @@ def common_poles(channels: Sequence[Channel], order: int, *, direct: bool, stabl
     poles = np.array([p for x in at[: order // 2] for p in (x * (-_DAMPED + 1j), x * (-_DAMPED - 1j))])
     poles = np.append(poles, [-1.0 + 0j] * (order % 2))
     for _ in range(_ROUNDS if order else 0):
-        bases = [_real_basis(channel.s, poles) for channel in channels]
-        parts = [channel.equations(basis[0], direct=direct) for channel, basis in zip(channels, bases, strict=True)]
+        parts = [channel.equations(_partial_fractions(channel.s, poles), direct=direct) for channel in channels]
         matrix, right = np.vstack([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
         size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
         numbers = np.linalg.lstsq(matrix / size, right, rcond=1e-13)[0] / size
-        _, A, b = bases[0]
+        A, b = _states_of(poles)
         new = np.linalg.eigvals(A - np.outer(b, numbers)).astype(np.complex128)
         if stable:
             new = np.where(new.real > 0.0, -new.real, new.real) + 1j * new.imag
@@ -298,19 +297,24 @@ def common_poles(channels: Sequence[Channel], order: int, *, direct: bool, stabl
     return poles
 
 
-def _real_basis(z: Complex, poles: Complex) -> tuple[list[Complex], Floats, Floats]:
-    """Return the partial fractions with real coefficients, and the A and b whose states they are."""
+def _partial_fractions(z: Complex, poles: Complex) -> list[Complex]:
+    """Return the partial fractions with real coefficients, of each pole of a pair one after the other."""
     basis: list[Complex] = []
-    blocks: list[Floats] = []
-    b: list[float] = []
     for p in poles:
         if p.imag == 0.0:
             basis.append(1.0 / (z - p))
-            blocks.append(np.array([[p.real]]))
-            b.append(1.0)
         elif p.imag > 0.0:
             one, other = 1.0 / (z - p), 1.0 / (z - p.conjugate())
             basis += [one + other, 1j * one - 1j * other]
-            blocks.append(np.array([[p.real, p.imag], [-p.imag, p.real]]))
-            b += [2.0, 0.0]
-    return basis, np.asarray(scipy.linalg.block_diag(*blocks)), np.array(b)
+    return basis
+
+
+def _states_of(poles: Complex) -> tuple[Floats, Floats]:
+    """Return the A and b whose states the partial fractions are."""
+    A, b, k = np.zeros((len(poles), len(poles))), np.zeros(len(poles)), 0
+    for p in poles:
+        if p.imag == 0.0:
+            A[k, k], b[k], k = p.real, 1.0, k + 1
+        elif p.imag > 0.0:
+            A[k : k + 2, k : k + 2], b[k], k = [[p.real, p.imag], [-p.imag, p.real]], 2.0, k + 2
+    return A, b
