@@ -4,7 +4,6 @@
     python scripts/coverage_identify.py                      200 random systems: errors, coverage, orders
     python scripts/coverage_identify.py --systems 40 --first 100
     python scripts/coverage_identify.py --closed-loop        bias, orders and coverage in closed loops
-    python scripts/coverage_identify.py --rudder 12          the rudder behind the elevator law: noise, friction, feedback
     python scripts/coverage_identify.py --large              1e6 samples of 2 channels, order 10: seconds and memory
 
 Each system has order 1 to 8, one to three inputs and outputs, white or AR(1) noise (pole 0.95) at each output, 10 or
@@ -20,7 +19,6 @@ from __future__ import annotations
 import argparse
 import resource
 import sys
-import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -41,7 +39,6 @@ from tests.random_systems import Plant, random_plant  # noqa: E402
 from workbench.analysis.identified.model import IdentifiedModel  # noqa: E402
 from workbench.analysis.prediction.innovations import Innovations  # noqa: E402
 from workbench.analysis.prediction.model import truth_spread  # noqa: E402
-from workbench.analysis.validate.overlay import sine_response  # noqa: E402
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -361,95 +358,6 @@ def _looped(seed: int, samples: int = 4000) -> wb.Experiment:
     return wb.make_experiment(1.0, np.column_stack([r, u]), y, input_names=["r", "u"], output_names=["y"])
 
 
-# The law of `system:law_and_rudder` through a noisy sensor; the rudder's surface has friction [N.m].
-_FRICTION = """
-rate = {block = "transfer_function", numerator = [1.0, 0.0], denominator = [0.002, 1.0]}
-friction = {block = "friction", coulomb = 100.0, stuck_speed = 0.2}
-[connections]
-"rate.u" = "rudder.del"
-"friction.u1" = "rate.y"
-"rudder.mH" = {from = "friction.y", gain = -1.0}
-"""
-_ALONE = f'''[components]
-rudder = "fmu:Rudder"{_FRICTION}
-[inputs]
-delC = "rudder.delC"
-[outputs]
-del = "rudder.del"
-'''
-_DRIVEN = f"""[components]
-error = {{sum = "+-", unit = "deg"}}
-sensor = {{sum = "++", unit = "deg"}}
-stick = {{gain = 0.2, units = {{u = "deg", y = "1"}}}}
-rudder = "fmu:Rudder"
-law = {{model = "fmu:ElevatorLaw", set = {{deflection = 0.0, positiveByFlap = [7.0, 7.8, 8.6, 9.4, 10.5], \
-negativeByFlap = [7.0, 6.5, 7.2, 8.0, 9.0], stickOut = [-1.0, -0.5, 0.0, 0.5, 1.0], \
-offsetByFlap = [0.0, 3.0, 4.2, 5.8, 7.0]}}}}{_FRICTION}"sensor.u1" = "rudder.del"
-"error.u2" = "sensor.y"
-"stick.u" = "error.y"
-"law.side_stick" = "stick.y"
-"rudder.delC" = "law.elevator"
-[inputs]
-r = "error.u1"
-noise = "sensor.u2"
-[outputs]
-delC = "law.elevator"
-del = "sensor.y"
-""".replace("\\\n", "")
-_PERIOD = 0.022  # of the law [s]
-
-
-def rudder(count: int, samples: int = 2000) -> None:
-    """Print the error of the rudder's response, found behind the elevator law, and what the regions say of it.
-
-    Args:
-        count: records.
-        samples: of each.
-    """
-    f = np.array([0.2, 0.5, 1.0, 2.0, 4.0])
-    ways = {"as from an open loop": None, "direct": "direct", "by the reference": "r"}
-    ratios = {name: np.zeros((count, len(f)), dtype=np.complex128) for name in ways}
-    said = {name: np.full((count, len(f)), np.nan) for name in ways}
-    with tempfile.TemporaryDirectory() as folder:
-        files = Path(folder, "alone.toml"), Path(folder, "driven.toml")
-        for file, text in zip(files, (_ALONE, _DRIVEN), strict=True):
-            file.write_text(text, encoding="utf-8")
-        with wb.load(files[0]) as model:
-            truth = wb.nfr(model, "delC", "del", f.tolist(), [1.8]).response[0]
-        for seed in range(count):
-            data = _driven(files[1], seed, samples)
-            for name, how in ways.items():
-                found = wb.identify(
-                    data, inputs=["delC"], outputs=["del"], order=4, feedthrough=False, settle=1.0,
-                    **({} if how is None else {"closed_loop": how}),
-                ).model  # fmt: skip
-                ratios[name][seed] = sine_response(found, "continuous", "delC", "del")[0](f) / truth
-                if found.spread is not None:
-                    said[name][seed] = wb.model_spread(found, frequencies=f).gain_error[:, 0, 0]
-    print(f"at {', '.join(f'{x:g}' for x in f)} Hz, {count} records of {samples} samples [%]:")
-    for name, ratio in ratios.items():
-        bias, error = np.abs(ratio.mean(axis=0) - 1.0), np.sqrt(np.mean(np.abs(ratio - 1.0) ** 2, axis=0))
-        columns = (bias, error, np.nanmedian(said[name], axis=0))
-        words = ("bias", "error (root mean square)", "95 % region, longer half axis")
-        print(
-            f"{name}: "
-            + "; ".join(f"{w} {np.round(100.0 * c, 1).tolist()}" for w, c in zip(words, columns, strict=True))
-        )
-
-
-def _driven(file: Path, seed: int, samples: int) -> wb.Experiment:
-    """A record of the law and the rudder: reference ±2 deg, AR(1) 0.95 noise of 0.39 deg at the sensor."""
-    random, t = np.random.default_rng(seed), _PERIOD * np.arange(samples + 1)
-    r = np.repeat(random.choice([-2.0, 2.0], samples // 5 + 1), 5)[: samples + 1]
-    v = signal.lfilter([1.0], [1.0, -AR], 0.12 * random.standard_normal(samples + 1))
-    with wb.load(file) as model:
-        run = wb.simulate(model, stop=t[-1], points=t[1:], inputs={"r": wb.Table(t, r), "noise": wb.Table(t, v)})
-    command, deflection = (np.interp(t, run.time, run.signals[name]) for name in ("delC", "del"))
-    return wb.make_experiment(
-        _PERIOD, np.column_stack([r, command]), deflection, input_names=["r", "delC"], output_names=["del"]
-    )
-
-
 def large(samples: int = 1_000_000) -> None:
     """Print seconds of processor time and memory of a large record.
 
@@ -478,14 +386,10 @@ def main() -> int:
     parser.add_argument("--samples", type=int, default=2000)
     parser.add_argument("--closed-loop", action="store_true")
     parser.add_argument("--large", action="store_true")
-    parser.add_argument("--rudder", type=int, default=0, metavar="RECORDS")
     arguments = parser.parse_args()
     if arguments.closed_loop:
         closed_loops(arguments.systems)
         random_loops(arguments.systems)
-        return 0
-    if arguments.rudder:
-        rudder(arguments.rudder)
         return 0
     if arguments.large:
         large()

@@ -147,7 +147,7 @@ class IdentifyResult(Record):
                 f"{by} (two stages); no regions are given: the instrument's equations have no solution near, and the "
                 "covariance of the second stage lacks the error of the first"
                 if self.uncertainty is None
-                else f"{by} (two stages, then as an instrument, whose covariance the regions come from)"
+                else f"{by} (two stages), then with it as an instrument, whose covariance the regions come from"
             )
         if len(self.experiments) > 1:
             told.append(f"fitted together: {'; '.join(self.experiments)}; judged and drawn: the first")
