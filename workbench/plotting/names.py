@@ -192,7 +192,8 @@ def _between(at: Floats, ends: Floats) -> Floats:
 
 def _inside(points: Floats, middles: Floats, size: Floats) -> Floats:
     """Return for each place how many points a name would cover there."""
-    found: Floats = (np.abs(points[None, :, :] - middles[:, None, :]) < 0.5 * size).all(axis=2).sum(axis=1)
+    (x, y), (at_x, at_y), (wide, high) = points.T, middles.T[:, :, None], 0.5 * size
+    found: Floats = np.count_nonzero((np.abs(x - at_x) < wide) & (np.abs(y - at_y) < high), axis=1)
     return found
 
 
@@ -204,12 +205,21 @@ def _curves(ax: Axes, unit: float) -> Floats:
         inside = (np.maximum(path[1:], path[:-1]) >= low).all(axis=1) & (np.minimum(path[1:], path[:-1]) <= high).all(
             axis=1
         )
-        for begin, end in zip(path[:-1][inside], path[1:][inside], strict=True):
-            ends = np.clip(np.array([begin, end]), low - (high - low), high + (high - low))
-            count = int(np.hypot(*(ends[1] - ends[0])) / (_STEP * unit)) + 2
-            found.append(np.linspace(ends[0], ends[1], count))
+        begins, ends = np.clip([path[:-1][inside], path[1:][inside]], low - (high - low), high + (high - low))
+        found.append(_along(begins, ends, _STEP * unit))
     points = np.concatenate(found)
     return points[:: len(points) // _MOST + 1]
+
+
+def _along(begins: Floats, ends: Floats, step: float) -> Floats:
+    """Return points on straight lines, (k, 2) their begins and ends, which are among them; at most `step` apart."""
+    count = (np.hypot(*(ends - begins).T) / step).astype(int) + 2
+    last = np.cumsum(count)
+    number = np.arange(count.sum()) - np.repeat(last - count, count)
+    points: Floats = np.repeat(begins, count, axis=0)
+    points += number[:, None] * np.repeat((ends - begins) / (count - 1)[:, None], count, axis=0)
+    points[last - 1] = ends
+    return points
 
 
 def _paths(ax: Axes) -> Iterator[Floats]:
