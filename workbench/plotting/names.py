@@ -13,6 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox, IdentityTransform
+from numpy.typing import NDArray
 
 from workbench.plotting.figure import QUIET, SMALL
 from workbench.session.base import Floats
@@ -200,14 +201,13 @@ def _inside(points: Floats, middles: Floats, size: Floats) -> Floats:
 def _curves(ax: Axes, unit: float) -> Floats:
     """Return points along all curves of the axes, on the picture [pixels]."""
     low, high = ax.transAxes.transform([(0.0, 0.0), (1.0, 1.0)])
-    found = [np.zeros((0, 2))]
-    for path in _paths(ax):
-        inside = (np.maximum(path[1:], path[:-1]) >= low).all(axis=1) & (np.minimum(path[1:], path[:-1]) <= high).all(
-            axis=1
-        )
-        begins, ends = np.clip([path[:-1][inside], path[1:][inside]], low - (high - low), high + (high - low))
-        found.append(_along(begins, ends, _STEP * unit))
-    points = np.concatenate(found)
+    every = list(_lines(ax))
+    if not every:
+        return np.zeros((0, 2))
+    begins, ends = (np.concatenate(side) for side in zip(*every, strict=True))
+    inside = (np.maximum(ends, begins) >= low).all(axis=1) & (np.minimum(ends, begins) <= high).all(axis=1)
+    begins, ends = np.clip([begins[inside], ends[inside]], low - (high - low), high + (high - low))
+    points = _along(begins, ends, _STEP * unit)
     return points[:: len(points) // _MOST + 1]
 
 
@@ -222,23 +222,23 @@ def _along(begins: Floats, ends: Floats, step: float) -> Floats:
     return points
 
 
-def _paths(ax: Axes) -> Iterator[Floats]:
-    """Yield the corners of every line that is drawn [pixels]; pieces end where there is nothing."""
+def _lines(ax: Axes) -> Iterator[tuple[Floats, Floats]]:
+    """Yield begins and ends, (k, 2) each, of the straight lines between the corners of what is drawn [pixels]."""
     for line in ax.lines:
         if line.get_visible() and line.get_linestyle() not in {"None", "", " "}:
-            yield from _pieces(line.get_transform().transform(line.get_xydata()))
+            corners = line.get_transform().transform(line.get_xydata())
+            yield _between_corners(corners, np.zeros(len(corners), dtype=int))
     for group in ax.collections:
-        if isinstance(group, LineCollection):
-            for segment in group.get_segments():
-                yield from _pieces(group.get_transform().transform(segment))
+        if isinstance(group, LineCollection) and (paths := [np.asarray(p.vertices) for p in group.get_paths()]):
+            corners = group.get_transform().transform(np.concatenate(paths))
+            yield _between_corners(corners, np.repeat(np.arange(len(paths)), [len(p) for p in paths]))
 
 
-def _pieces(corners: Floats) -> Iterator[Floats]:
-    known = np.isfinite(corners).all(axis=1)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    for begin, end in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True):
-        if end - begin > 1:
-            yield corners[begin:end]
+def _between_corners(corners: Floats, curve: NDArray[np.int_]) -> tuple[Floats, Floats]:
+    """Return begins and ends of the lines from corner to corner of the same curve; a gap is where one is unknown."""
+    known = np.asarray(np.isfinite(corners).all(axis=1))
+    joined = known[1:] & known[:-1] & (curve[1:] == curve[:-1])
+    return corners[:-1][joined], corners[1:][joined]
 
 
 def _taken(ax: Axes, own: Names, renderer: RendererBase) -> Iterator[Bbox]:
