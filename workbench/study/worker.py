@@ -14,6 +14,7 @@ from typing import Any
 
 from workbench import __version__
 from workbench.analysis.request import function
+from workbench.core.blas import one_thread
 from workbench.core.files import file_to_write
 from workbench.core.job import Job as RequestJob
 from workbench.core.option import asked_in_json, recast, values_of
@@ -71,7 +72,8 @@ def perform(_model: None, job: Job) -> Iterator[Outcome]:
     known = command(job.command)
     begin = time.monotonic()
     try:
-        outcome = _by_request(known, job)
+        with one_thread():  # others of this study have the other cores
+            outcome = _by_request(known, job)
     except WorkbenchError as error:
         outcome = Outcome(reason=error.args[0], kind=error.kind)
     except Exception as error:  # noqa: BLE001 - one analysis must not end the others, whatever is wrong with it
