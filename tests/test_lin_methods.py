@@ -88,6 +88,34 @@ def test_seventy_one_states_take_few_calls() -> None:
     assert exact.calls["derivatives"] + exact.calls["directional"] <= 2 * 73 + 10
 
 
+@pytest.mark.parametrize("hidden", [[], [0], [31], [7, 8], [3, 17, 18, 30]])
+def test_zeros_that_move_far_away_are_found_among_many_by_few_calls(hidden: list[int]) -> None:
+    n = 32
+    dead = "\n".join(f"  y[{k + 1}] = if x[{i + 1}] > 0.5 then x[{i + 1}] - 0.5 else 0;" for k, i in enumerate(hidden))
+    source = f"""
+    model Bands
+      input Real u(start = 0);
+      output Real sum;
+      output Real y[{len(hidden) or 1}];
+      Real x[{n}](each start = 0, each fixed = true, each nominal = 1);
+    equation
+      for i in 1:{n} loop
+        der(x[i]) = -i * x[i] + u;
+      end for;
+      sum = u{"".join(f" + x[{i + 1}]" for i in range(n))};
+      {dead or "y[1] = 0;"}
+    end Bands;
+    """
+    with load(built(source, "Bands"), "me") as model:
+        result = lin(model, method="exact").result
+    expected = {(f"y[{k + 1}]", f"x[{i + 1}]") for k, i in enumerate(hidden)}
+    assert {(d.row, d.column) for d in result.doubts} == expected
+    assert all("rises by up to 10" in d.reason for d in result.doubts)
+    # Each halving costs four at most, a column of its own six; one by one all columns would take 6·33.
+    assert result.calls["derivatives"] <= 12 + len(hidden) * (4 * 2 * 3 + 4 * 6)
+    assert np.array_equal(result.A, -np.diag(np.arange(1.0, n + 1.0)))
+
+
 @pytest.mark.parametrize("method", ["difference", "exact"])
 def test_scales_are_found_and_zeros_explained(method: str) -> None:
     a, b, u = 1e-4, 3e6, 2.0

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
+import os
 import pickle
+import subprocess
+import sys
 from fractions import Fraction
 
 import control
@@ -269,3 +273,22 @@ def test_python_control_has_the_names_without_dots() -> None:
     ).to_state_space(name="my.model")
     assert (model.name, model.dt) == ("my_model", 0.5)
     assert (model.state_labels, model.input_labels, model.output_labels) == (["a_x"], ["a_u"], ["a_y"])
+
+
+# -- threads -------------------------------------------------------------------------------------
+
+
+def test_one_thread_is_one_of_libraries_loaded_since_the_last_time_too() -> None:
+    code = (
+        "import numpy, sys; from workbench.core.blas import one_thread\n"
+        "with one_thread(): assert 'scipy.linalg' not in sys.modules\n"
+        "import scipy.linalg, threadpoolctl\n"
+        "with one_thread():\n"
+        "    found = [a['num_threads'] for a in threadpoolctl.threadpool_info() if a['user_api'] == 'blas']\n"
+        "print(found)"
+    )
+    environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    told = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    found = json.loads(told.stdout)
+    assert found
+    assert set(found) == {1}

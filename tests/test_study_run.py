@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+from collections.abc import Iterator
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
 
+from tests.fmi3_fmus import build_sized
 from tests.hostile_fmus import build_hostile
 from workbench.cli.app import run
 from workbench.core.where import Workers
 from workbench.fmi.bundled import bundled_path
+from workbench.study import worker
 from workbench.study.plan import Outcome
 from workbench.study.run import StudyRun
+from workbench.study.worker import Job, perform
 
 GRID = """
 name = "lags"
@@ -353,3 +359,85 @@ def test_a_signal_before_the_store_is_open_ends_the_study(tmp_path: Path) -> Non
     prepared.stop()
     result = prepared.run(lambda: Workers(jobs=1))
     assert (result.measured, result.missing) == (0, prepared.total)
+
+
+# -- models that stay open ------------------------------------------------------------------------
+
+LOOP = """
+[components]
+plant = "plant.fmu"
+gain = {gain = -1.0, units = {u = "1", y = "1"}}
+limit = {block = "saturation", upper = 2.0, lower = -2.0}
+[connections]
+"gain.u" = "plant.y"
+"limit.u" = "gain.y"
+"plant.u" = "limit.y"
+[outputs]
+y = "plant.y"
+"""
+
+
+def answered(folder: Path, subject: str, given: dict[str, Any], files: dict[str, str]) -> dict[str, Any]:
+    job = Job(
+        number=0, command="simulate", subject=[subject], options={"stop": 1.0, "set": given, "output": ["y"]},
+        command_line="", folder=folder, workplace=folder, csv="", files=files,
+    )  # fmt: skip
+    (outcome,) = perform(None, job)
+    found = asdict(replace(outcome, seconds=0.0))
+    (found["result"] or {}).pop("seconds", None)
+    return found
+
+
+@pytest.fixture
+def models(tmp_path: Path) -> Iterator[Path]:
+    shutil.copy(bundled_path("fmu:FirstOrderLag"), tmp_path / "plant.fmu")
+    build_sized(tmp_path)
+    (tmp_path / "loop.toml").write_text(LOOP, encoding="utf-8")
+    (tmp_path / "out").mkdir()
+    before = Path.cwd()
+    yield tmp_path
+    while worker._open:
+        worker._open.pop()[1].close()
+    os.chdir(before)
+
+
+def test_a_model_that_stays_open_answers_as_one_opened_anew(models: Path) -> None:
+    """Parameters of FMUs and blocks, arrays, items, units, sizes and what is wrong, in any order, twice."""
+    sized = next(f.name for f in models.glob("*.fmu") if f.name != "plant.fmu")
+    asked: list[tuple[str, dict[str, Any]]] = [
+        ("loop.toml", {"plant.tau": 0.5, "plant.x": 1}),
+        ("loop.toml", {}),
+        ("loop.toml", {"plant.tau": 2, "gain.gain": -3.0, "plant.x": 1.0}),
+        ("loop.toml", {"limit.upper": 0.1, "gain.gain": 3.0, "plant.x": 1.0}),
+        ("loop.toml", {"plant.tua": 0.5}),
+        ("loop.toml", {"plant.tau": "fast"}),
+        ("plant.fmu", {"tau": 0.5, "x": 2.0}),
+        ("plant.fmu", {"tau": "500ms", "x": 2.0}),
+        ("plant.fmu", {}),
+        (sized, {"a": [1.0, 2.0], "mode": "sport"}),
+        (sized, {"n": 3}),
+        (sized, {"n": 99}),
+        (sized, {"mode": "flying"}),
+        (sized, {}),
+    ]
+    anew = [answered(models, subject, given, {}) for subject, given in asked]
+    assert not worker._open
+    for _ in range(2):
+        assert [answered(models, subject, given, {"a": "1"}) for subject, given in asked] == anew
+    assert len(worker._open) == 3
+    good = [json.dumps(a["result"]["signals"], sort_keys=True) for a in anew if a["result"]]
+    assert len(set(good)) == 7  # those without inputs that move them are alike
+
+
+def test_a_model_whose_file_has_changed_is_opened_anew(models: Path) -> None:
+    first = answered(models, "plant.fmu", {"x": 1.0}, {"plant.fmu": "1"})
+    shutil.copy(bundled_path("fmu:FirstOrderLag@3"), models / "plant.fmu")
+    second = answered(models, "plant.fmu", {"x": 1.0}, {"plant.fmu": "2"})
+    paths = [found["result"]["operating_point"]["model_sha256"] for found in (first, second)]
+    assert paths[0] != paths[1]
+
+
+def test_no_more_than_a_few_models_stay_open(models: Path) -> None:
+    for k in range(7):
+        assert answered(models, "plant.fmu", {"x": 1.0}, {"plant.fmu": str(k)})["result"] is not None
+    assert len(worker._open) == worker._MOST_OPEN

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.blas import one_thread
 from workbench.errors import InputError
 
 __all__ = [
@@ -137,7 +138,6 @@ def _by_schur(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
     from scipy.linalg import schur  # noqa: PLC0415  slow to import
 
     balanced, scale = balance(A)
-    t, z = schur(balanced.astype(np.complex128), output="complex")
     # All points are columns of one matrix; with a stack of small matrices each step is slow.
     k, m = len(points), right.shape[1]
     over, p = np.tile(right / scale[:, None], k), np.repeat(points, m)
@@ -149,8 +149,10 @@ def _by_schur(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
             x[i] = (r[i] + t[i, i + 1 :] @ x[i + 1 :]) / (p - t[i, i])
         return np.asarray(z @ x, dtype=np.complex128)
 
-    x = solved(over)
-    x = scale[:, None] * (x + solved(over - p * x + balanced @ x))
+    with one_thread():
+        t, z = schur(balanced.astype(np.complex128), output="complex")
+        x = solved(over)
+        x = scale[:, None] * (x + solved(over - p * x + balanced @ x))
     return np.ascontiguousarray(x.reshape(-1, k, m).transpose(1, 0, 2))
 
 

@@ -15,6 +15,7 @@ from workbench.core.operating_point import At
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
+from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
 from workbench.kernel.library import kernel
 from workbench.model.base import Model
@@ -34,7 +35,7 @@ __all__ = ["SESSIONS", "DescribedModel"]
 
 # Interface → session. Tests put their oracle here.
 SESSIONS: Mapping[str, Callable[[Setup], FmuSession]] = {"me": CompiledMeSession, "cs": CompiledCsSession}
-_PARAMETERS = ("parameter", "structuralParameter")
+_PARAMETERS = ("parameter", STRUCTURAL)
 _REST = 1e-12  # relative: what moves less is at rest
 _NO_SLOPES = (
     "the FMU claims to interpolate its inputs, but a probe sees no effect of their slopes: inputs are held over a "
@@ -163,7 +164,28 @@ class DescribedModel(Model):
         Raises:
             InputError: no such variable, it cannot be set, or the value is not of its type.
         """
-        return self.starting_with(check_starts(values, {v.name: v for v in self.description.variables}))
+        described = self.description
+        variables = {v.name: v for v in described.variables}
+        return self.starting_with(check_starts(values, variables, described.enumerations, described.units))
+
+    def reopened(self, values: Mapping[str, Value]) -> DescribedModel:
+        """Return what `load` returns with other start values, its files as they are open; it is closed with this one.
+
+        Args:
+            values: name → value, as `load` takes them.
+
+        Raises:
+            InputError: see `with_values`; or it has to be opened anew for them.
+        """
+        if self.description.interfaces[self.interface].once_per_process:
+            raise InputError(f"{self.source}: the FMU allows one instance per process, so it is opened anew each time")
+        if sizes := [v.name for v in self.parameters if v.causality == STRUCTURAL and v.name in values]:
+            raise InputError(f"{sizes[0]}: a structural parameter, for which the FMU is opened anew")
+        twin = self.with_values(values)
+        same = getattr(twin.recipe, "system", None) is getattr(self.recipe, "system", None)
+        if same:  # else they are partly in the system
+            twin.recipe = dataclasses.replace(twin.recipe, start_values=dict(values))
+        return twin
 
     def starting_with(self, values: Mapping[str, Value]) -> Self:
         """Return the model with other start values, here and in every worker; it is closed with this one.
@@ -390,7 +412,11 @@ class DescribedModel(Model):
         manners = self._setup.manners
         return tuple(filter(None, (manners.note, manners.guessed, self.start_note, slopes, self.replay_note())))
 
-    def close(self) -> None:
-        self._closed = True
+    def end_sessions(self) -> None:
+        """Close all sessions, also of models made of this one."""
         for session in list(self._sessions):
             session.close()
+
+    def close(self) -> None:
+        self._closed = True
+        self.end_sessions()

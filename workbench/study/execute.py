@@ -182,6 +182,7 @@ class Execution:
             workplace=workplace,
             csv=run.analysis.name if run.wants else "",
             confine=self._confine,
+            files=run.subject["files"],
         )
 
     def _own(self, run: Run, workplace: Path) -> dict[str, Any]:

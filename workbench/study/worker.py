@@ -8,27 +8,33 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from workbench import __version__
-from workbench.analysis.request import function
+from workbench.analysis.request import Request, function
+from workbench.core.blas import one_thread
 from workbench.core.files import file_to_write
 from workbench.core.job import Job as RequestJob
+from workbench.core.loading import Loading
 from workbench.core.option import asked_in_json, recast, values_of
 from workbench.core.record import plain
 from workbench.core.where import InWorker
 from workbench.errors import WorkbenchError
+from workbench.model.described import DescribedModel
 from workbench.origin.call import origin_of_call
 from workbench.report.extras import Written
 from workbench.report.results import page_of, write_report
 from workbench.study.commands import Command, command
 from workbench.study.plan import Outcome
+from workbench.system.load import open_file
 
 __all__ = ["Job", "perform"]
 
 _NOT_WELL = 1  # exit code of a record that says so
+_MOST_OPEN = 4  # models
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +51,7 @@ class Job:
         workplace: where its result is written.
         csv: name of the CSV file without suffix, where other analyses take it; empty: none is wanted.
         confine: whether its FMU is confined, whatever its own options say.
+        files: that it depends on → SHA-256.
     """
 
     number: int
@@ -56,6 +63,7 @@ class Job:
     workplace: Path
     csv: str
     confine: bool = False
+    files: Mapping[str, str] = field(default_factory=dict)
 
 
 def perform(_model: None, job: Job) -> Iterator[Outcome]:
@@ -71,7 +79,8 @@ def perform(_model: None, job: Job) -> Iterator[Outcome]:
     known = command(job.command)
     begin = time.monotonic()
     try:
-        outcome = _by_request(known, job)
+        with one_thread():  # others of this study have the other cores
+            outcome = _by_request(known, job)
     except WorkbenchError as error:
         outcome = Outcome(reason=error.args[0], kind=error.kind)
     except Exception as error:  # noqa: BLE001 - one analysis must not end the others, whatever is wrong with it
@@ -100,7 +109,7 @@ def _by_request(known: Command, job: Job) -> Outcome:
         given = [given] if isinstance(given, str) else list(given)
     elif job.subject:
         given = job.subject[0]
-    with asked.opened(given, loading) as (subject, model_notes):
+    with _opened(asked, given, loading, job) as (subject, model_notes):
         record = asked.run(subject, work)
         page = page_of(record, **written.told(written.drawn))
         seconds = round(time.monotonic() - begin, 3)
@@ -116,6 +125,41 @@ def _by_request(known: Command, job: Job) -> Outcome:
             known_of = replace(origin, command=job.command, call=job.command_line, notes=notes, data=data)
             write_report(page, written.report, known_of)
     return Outcome(result=data, code=0 if asked.went_well(record) else _NOT_WELL, notes=notes)
+
+
+# Models of analyses before, without any values set: what they were opened as. Nothing is ever run on these themselves.
+_open: list[tuple[object, DescribedModel]] = []
+
+
+@contextmanager
+def _opened(asked: Request[Any, Any], given: Any, loading: Loading, job: Job) -> Iterator[tuple[Any, tuple[str, ...]]]:  # noqa: ANN401
+    """Yield as `Request.opened`; where only values of the same model are others, its files stay open and loaded."""
+    known = asked.subject.opened and isinstance(given, str) and job.files
+    model = _again(given, loading, job) if known else None
+    if model is None:
+        with asked.opened(given, loading) as found:
+            yield found
+        return
+    try:
+        yield model, model.notes
+    finally:
+        model.end_sessions()
+
+
+def _again(given: str, loading: Loading, job: Job) -> DescribedModel | None:
+    """Return a model that is open, with the values asked for; None: it is to be opened anew, which tells errors."""
+    plain = recast(Loading, loading, start_values={})
+    key = (given, job.folder, job.files, values_of(plain))
+    try:
+        if all(key != known for known, _ in _open):
+            _open.append((key, open_file(given, plain)))
+        number = next(k for k, (known, _) in enumerate(_open) if known == key)
+        _open.append(_open.pop(number))  # the newest is the last
+        while len(_open) > _MOST_OPEN:
+            _open.pop(0)[1].close()
+        return _open[-1][1].reopened(values_of(loading)["start_values"])
+    except WorkbenchError:
+        return None
 
 
 def _check_writable(written: Written) -> None:

@@ -34,6 +34,7 @@ UNDECLARED = 1e-2  # least scale of a variable whose nominal value is not declar
 FAR = (0.1, 1.0, 10.0)  # of a variable's own size: how far one looks behind a zero
 MOVING = 1e-4  # of the scales of states and inputs: derivatives that so small a move would make count as 0
 STANDS = 1e-12  # of a state's scale [1/s]: the limit where no state and no input changes a derivative
+FEW = 4  # columns that are looked at one by one, not in halves
 ROUNDING = 64.0 * float(np.finfo(float).eps)
 
 
@@ -320,9 +321,8 @@ class Columns:
         dead = {self.names[j]: self._why_dead(int(j)) for j in np.flatnonzero(~jacobian.any(axis=0))}
         reach = replace(Reach.none(self.rows, self.names), dead=dead)
         suspects = [j for j in range(len(self.names)) if self.chosen[j] and not jacobian[:, j].all()]
-        if not suspects or all(self._linear_far(jacobian, suspects, far) for far in FAR[1:]):
-            return reach
-        for members, rows, by in self._groups or self._alone(suspects):
+        left = self._curved(jacobian, suspects)
+        for members, rows, by in (self._groups or self._alone(left)) if left else ():
             for far in FAR:
                 for direction, moved in ((1.0, reach.above), (-1.0, reach.below)):
                     shift = np.zeros(len(self.names))
@@ -330,6 +330,18 @@ class Columns:
                     found = self._moves(shift)
                     moved[rows, by] |= found[rows] & (jacobian[rows, by] == 0.0)
         return reach
+
+    def _curved(self, jacobian: Floats, suspects: list[int]) -> list[int]:
+        """Return the columns whose zeros may hide something: of the others, the rows go as the matrix says.
+
+        Where all together do not, each half is asked, so that a few among n take a multiple of log n evaluations.
+        """
+        if not suspects or all(self._linear_far(jacobian, suspects, far) for far in FAR[1:]):
+            return []
+        if self._groups or len(suspects) <= FEW:
+            return suspects
+        middle = len(suspects) // 2
+        return [j for half in (suspects[:middle], suspects[middle:]) for j in self._curved(jacobian, half)]
 
     def _alone(self, columns: list[int]) -> list[tuple[Indices, Indices, Indices]]:
         """Return columns as groups of one, each of which may move all rows."""
