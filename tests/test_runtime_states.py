@@ -127,17 +127,28 @@ def test_every_function_under_sanitizers(tmp_path: Path, defines: tuple[str, ...
     assert done.returncode == 0
 
 
-def test_delays_under_sanitizers(tmp_path: Path) -> None:
-    """A generated model: the past of its delays is saved, read back to the last bit, and freed."""
+@pytest.fixture(scope="module")
+def delay_driver(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("delays")
     sources = generate(MODELICA / "Delays.mo", "Delays.Chain")
-    (tmp_path / "model.c").write_bytes(sources.c_files["model.c"])
+    (folder / "model.c").write_bytes(sources.c_files["model.c"])
     root = ET.fromstring(sources.descriptions[2])  # noqa: S314 - written just now
     numbers = {v.get("name"): v.get("valueReference") for v in root.iter("ScalarVariable")}
     defines = (f'GUID="{root.get("guid")}"', f"U={numbers['u']}", f"Y={numbers['y']}")
-    program, watch = build_driver(
-        tmp_path, defines=defines, driver="delay_driver.c", model=[RUNTIME / "core.c", tmp_path / "model.c"]
+    model = [RUNTIME / "core.c", folder / "model.c"]
+    return build_driver(folder, defines=defines, driver="delay_driver.c", model=model)
+
+
+@pytest.mark.parametrize("what", [[], ["fuzz"]])
+def test_delays_under_sanitizers(delay_driver: tuple[Path, str], what: list[str]) -> None:
+    """A generated model: the past of its delays is saved, read back to the last bit, and freed.
+
+    fuzz: serialised states with each number and each byte changed are refused, or harmless.
+    """
+    program, watch = delay_driver
+    done = subprocess.run(
+        [str(program), *what], capture_output=True, text=True, check=False, env=_sanitizer_environment(), timeout=600
     )
-    done = subprocess.run([str(program)], capture_output=True, text=True, check=False, env=_sanitizer_environment())
     if watch == "address" and "LeakSanitizer has encountered a fatal error" in done.stderr:
         pytest.skip("the leak sanitizer cannot look at processes here (ptrace is forbidden)")
     assert done.stderr == ""

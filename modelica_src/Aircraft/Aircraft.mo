@@ -44,7 +44,7 @@ model Aircraft "Half model of an aeroelastic transport aircraft: 3 rigid and 30 
   output Real elevator_rate(unit = "rad/s") "elevator rate";
   output Real inner_aileron_rate(unit = "rad/s") "inner aileron rate";
   output Real outer_aileron_rate(unit = "rad/s") "outer aileron rate";
-  parameter Real airspeed(unit = "m/s", min = 1, max = 400, nominal = 100) = 250.0 "True airspeed";
+  parameter Real airspeed(unit = "m/s", min = 1, max = 425, nominal = 100) = 250.0 "True airspeed";
   parameter Real air_density(unit = "kg/m3", min = 0.001, max = 2) = 0.41 "Density of the air";
   parameter Boolean outer_aileron_failed = false "Outer aileron free: its actuator gives neither stiffness nor damping";
   parameter Real modal_frequency[30] = {0, 0, 0, 0.9477224, 2.428153, 2.659741, 2.887923, 3.82391, 3.955038, 5.592711, 6.555507, 7.168656, 8.375519, 10.76345, 11.26844, 12.4012, 12.42847, 12.75279, 15.5184, 16.68901, 17.66483, 18.00985, 20.63361, 21.79988, 22.98206, 24.31876, 25.07898, 25.48763, 27.7386, 29.52973} "Structural frequencies of the modes, surge, heave and pitch first [Hz]";

@@ -14,7 +14,9 @@
 /* What an allocation that fails leaves undone is not checked. */
 #define CHECK(condition) check((condition) || allowed >= 0, #condition, __LINE__)
 
-enum { STEPS = 200, HALFWAY = 130 };
+enum { STEPS = 200, HALFWAY = 130, FUZZED = 80, HEAD = 2048, EARLY = 3 };
+
+static long accepted, refused; /* states with changed bytes */
 
 static void message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
                     fmi2String text, ...)
@@ -123,6 +125,78 @@ static void spoilt(fmi2Component c)
     free(bytes);
 }
 
+/* What may be done with an instance that was told a state: nothing of it may read or write what is not its own. From
+ * an early state the first of these times is a delay after the first samples. */
+static void use(fmi2Component c, int from, int co_simulation)
+{
+    static const double ahead[] = {0.271, 0.4, 0.8};
+    const fmi2ValueReference input_reference = U;
+    const double u = 0.5;
+    fmi2EventInfo info = {.newDiscreteStatesNeeded = fmi2True};
+    fmi2Boolean wanted, end;
+    (void)output(c);
+    if (co_simulation) {
+        (void)fmi2SetReal(c, &input_reference, 1, &u);
+        (void)fmi2DoStep(c, 0.01 * from, 0.01, fmi2True);
+    }
+    for (int k = 0; k < 3 && !co_simulation; k++) {
+        (void)move(c, 0.01 * from + ahead[k]);
+        (void)fmi2CompletedIntegratorStep(c, fmi2True, &wanted, &end);
+        (void)output(c);
+        (void)fmi2EnterEventMode(c);
+        for (int i = 0; i < 4; i++) {
+            (void)fmi2NewDiscreteStates(c, &info);
+        }
+        (void)fmi2EnterContinuousTimeMode(c);
+    }
+    (void)output(c);
+}
+
+/* An instance whose serialised state has these bytes: an error, or a state to go on from. */
+static void told(fmi2Component c, const char *bytes, size_t size, int from, int co_simulation)
+{
+    fmi2FMUstate state = NULL;
+    if (fmi2DeSerializeFMUstate(c, bytes, size, &state) == fmi2OK && fmi2SetFMUstate(c, state) == fmi2OK) {
+        use(c, from, co_simulation);
+        accepted++;
+    } else {
+        refused++;
+    }
+    fmi2FreeFMUstate(c, &state);
+    (void)fmi2Reset(c);
+}
+
+/* Each number of a serialised state, and each byte, changed in turn; the size stays right. Of the samples, which are
+ * many, only some where each try is a step of Co-Simulation. */
+static void fuzzed(fmi2Component c, int from, int co_simulation)
+{
+    static const double numbers[] = {0.0, -1.0, 0.5, 1.0, 2.0, 3.0, 5.5, 1e9, -1e300, 1e300, NAN, HUGE_VAL, -HUGE_VAL};
+    static const unsigned char masks[] = {0x01, 0x02, 0x80, 0xff};
+    fmi2FMUstate saved = NULL;
+    size_t size = 0;
+    CHECK(fmi2GetFMUstate(c, &saved) == fmi2OK && fmi2SerializedFMUstateSize(c, saved, &size) == fmi2OK);
+    char *right = malloc(size);
+    char *wrong = malloc(size);
+    CHECK(right != NULL && wrong != NULL && fmi2SerializeFMUstate(c, saved, right, size) == fmi2OK);
+    fmi2FreeFMUstate(c, &saved);
+    for (size_t at = 0; at < size; at += co_simulation && at > HEAD ? 61 : 1) {
+        for (size_t i = 0; i < sizeof masks; i++) {
+            memcpy(wrong, right, size);
+            wrong[at] = (char)(wrong[at] ^ masks[i]);
+            told(c, wrong, size, from, co_simulation);
+        }
+        /* Doubles stand at multiples of 4 where an int and flags stand between them. */
+        for (size_t i = 0; at % 2 == 0 && at + sizeof(double) <= size && i < sizeof numbers / sizeof *numbers; i++) {
+            memcpy(wrong, right, size);
+            memcpy(wrong + at, &numbers[i], sizeof(double));
+            told(c, wrong, size, from, co_simulation);
+        }
+    }
+    told(c, right, size, from, co_simulation);
+    free(right);
+    free(wrong);
+}
+
 static void exchange(void)
 {
     double next = HUGE_VAL;
@@ -169,8 +243,37 @@ static void slave(void)
     fmi2FreeInstance(c);
 }
 
-int main(void)
+/* A past that has just begun, and one with jumps some of which have come out, in both kinds. */
+static void fuzz(void)
 {
+    static const int from[] = {EARLY, HALFWAY};
+    const fmi2ValueReference input_reference = U;
+    fmi2Component c = NULL;
+    for (int i = 0; i < 2; i++) {
+        double next = HUGE_VAL;
+        c = born(fmi2ModelExchange);
+        CHECK(c != NULL && event(c, &next) && run(c, 0, from[i], &next));
+        fuzzed(c, from[i], 0);
+        fmi2FreeInstance(c);
+    }
+    c = born(fmi2CoSimulation);
+    for (int k = 0; k < FUZZED; k++) {
+        const double u = k < 45 ? 0.0 : k < 70 ? 1.0 : 2.0;
+        CHECK(fmi2SetReal(c, &input_reference, 1, &u) == fmi2OK && fmi2DoStep(c, 0.01 * k, 0.01, fmi2True) == fmi2OK);
+    }
+    fuzzed(c, FUZZED, 1);
+    fmi2FreeInstance(c);
+    CHECK(accepted > 0 && refused > 0);
+    printf("%ld states with changed bytes were taken, %ld refused\n", accepted, refused);
+}
+
+int main(int argc, char **argv)
+{
+    (void)argv;
+    if (argc > 1) {
+        fuzz();
+        return failures != 0;
+    }
     exchange();
     slave();
 #ifdef WRAP_CALLOC

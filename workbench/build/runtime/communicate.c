@@ -79,6 +79,10 @@ static Status check_arguments(Instance *instance, double point, double size)
         return instance_fail(instance, "the current communication point is %.17g, not %.17g",
                              record->communication_point, point);
     }
+    if (!(fabs(core_time(instance->core) - point) <= size + rounding(point, size))) { /* a saved state that says so */
+        return instance_fail(instance, "the model stands at %.17g, not at the communication point %.17g",
+                             core_time(instance->core), point);
+    }
     if (point + size > record->stop_time + rounding(point, size)) {
         return instance_fail(instance, "the step to %.17g goes beyond the stop time %.17g", point + size,
                              record->stop_time);

@@ -2,6 +2,7 @@
 #include "core.h"
 
 #include <stdarg.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -537,12 +538,39 @@ void core_save(const Core *core, void *saved)
     delays_save(core->frame.delays, model_layout.n_delays, to + sizeof(Status) + sizeof flags);
 }
 
-bool core_load(Core *core, const void *saved, size_t size)
+/* Whether bytes are of a mode and of flags: any others read as such are undefined. */
+static bool status_holds(const char *from)
+{
+    int mode;
+    memcpy(&mode, from + offsetof(Status, mode), sizeof mode);
+    if (mode < CORE_INSTANTIATED || mode > CORE_CONTINUOUS) {
+        return false;
+    }
+    for (size_t i = offsetof(Status, due); i < offsetof(Status, stirred) + sizeof(bool); i++) {
+        if (from[i] != 0 && from[i] != 1) {
+            return false;
+        }
+    }
+    for (size_t i = sizeof(Status); i < sizeof(Status) + 2 * sizeof(bool); i++) {
+        if (from[i] != 0 && from[i] != 1) {
+            return false;
+        }
+    }
+    return true;
+}
+
+bool core_holds(const void *saved, size_t size)
+{
+    const char *from = saved;
+    return size >= fixed_size() && status_holds(from + n_doubles() * sizeof(double))
+        && delays_hold(model_layout.n_delays, from + fixed_size(), size - fixed_size());
+}
+
+bool core_load(Core *core, const void *saved)
 {
     const char *from = saved;
     bool flags[2];
-    if (size < fixed_size()
-        || !delays_load(core->frame.delays, model_layout.n_delays, from + fixed_size(), size - fixed_size())) {
+    if (!delays_load(core->frame.delays, model_layout.n_delays, from + fixed_size())) {
         return false;
     }
     memcpy(core->image, from, n_doubles() * sizeof(double));

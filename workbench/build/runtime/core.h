@@ -120,7 +120,8 @@ bool core_directional(Core *core, const unsigned *unknowns, size_t n_unknowns, c
 /* Snapshots hold everything above; their size changes where the model has delays. */
 size_t core_saved_size(const Core *core);
 void core_save(const Core *core, void *saved);
-bool core_load(Core *core, const void *saved, size_t size); /* false: no memory, or not what core_save wrote */
+bool core_holds(const void *saved, size_t size); /* whether bytes from anywhere can be what core_save wrote */
+bool core_load(Core *core, const void *saved);   /* of what holds; false: no memory */
 
 /* printf-like logging through the environment. */
 void core_log(Core *core, bool is_error, const char *format, ...)

@@ -309,7 +309,35 @@ void delays_save(const Delay *delays, size_t n, char *to)
     }
 }
 
-bool delays_load(Delay *delays, size_t n, const char *from, size_t size)
+static bool may_begin(double begins)
+{
+    return begins >= HISTORY_PLAIN && begins <= HISTORY_JUMP && floor(begins) >= begins;
+}
+
+/* Whether they are what was noted: one after the other. */
+static bool samples_hold(const char *from, size_t n)
+{
+    double before = -HUGE_VAL;
+    for (size_t i = 0; i < n; i++) {
+        Sample sample;
+        memcpy(&sample, from + i * sizeof sample, sizeof sample);
+        if (!(isfinite(sample.t) && sample.t >= before && may_begin(sample.begins))) {
+            return false;
+        }
+        before = sample.t;
+    }
+    return true;
+}
+
+/* Whether a record may have that many samples at most, and its times are some. */
+static bool record_holds(const DelayRecord *r, size_t most)
+{
+    const bool counts = r->count >= 0.0 && r->count <= (double)most && floor(r->count) >= r->count;
+    const bool lasts = !(r->count > 0.0) || (r->lag > 0.0 && isfinite(r->lag));
+    return counts && lasts && !isnan(r->passed) && r->longest > 0.0 && !isnan(r->due) && r->allowed > 0.0;
+}
+
+bool delays_hold(size_t n, const char *from, size_t size)
 {
     for (size_t k = 0; k < n; k++) {
         DelayRecord record;
@@ -319,17 +347,30 @@ bool delays_load(Delay *delays, size_t n, const char *from, size_t size)
         memcpy(&record, from, sizeof record);
         from += sizeof record;
         size -= sizeof record;
-        const double most = (double)(size / sizeof(Sample));
-        if (!(record.count >= 0.0 && record.count <= most) || !reserve(&delays[k], (size_t)record.count)) {
+        if (!record_holds(&record, size / sizeof(Sample)) || !samples_hold(from, (size_t)record.count)) {
+            return false;
+        }
+        from += (size_t)record.count * sizeof(Sample);
+        size -= (size_t)record.count * sizeof(Sample);
+    }
+    return size == 0;
+}
+
+bool delays_load(Delay *delays, size_t n, const char *from)
+{
+    for (size_t k = 0; k < n; k++) {
+        DelayRecord record;
+        memcpy(&record, from, sizeof record);
+        from += sizeof record;
+        const size_t count = (size_t)record.count;
+        if (!reserve(&delays[k], count)) {
             return false;
         }
         delays[k].record = record;
-        const size_t samples = count_of(&delays[k]) * sizeof(Sample);
-        if (samples > 0) {
-            memcpy(delays[k].samples, from, samples);
+        if (count > 0) {
+            memcpy(delays[k].samples, from, count * sizeof(Sample));
         }
-        from += samples;
-        size -= samples;
+        from += count * sizeof(Sample);
     }
-    return size == 0;
+    return true;
 }

@@ -53,7 +53,9 @@ bool delays_note_event(Delay *delays, size_t n, double time, bool quiet);
 
 size_t delays_size(const Delay *delays, size_t n); /* of what is saved [bytes] */
 void delays_save(const Delay *delays, size_t n, char *to);
-/* From `size` bytes, which may come from anywhere. False: no memory, or nothing that delays_save wrote. */
-bool delays_load(Delay *delays, size_t n, const char *from, size_t size);
+/* Whether `size` bytes, which may come from anywhere, can be what delays_save wrote. */
+bool delays_hold(size_t n, const char *from, size_t size);
+/* From bytes that hold. False: no memory. */
+bool delays_load(Delay *delays, size_t n, const char *from);
 
 #endif

@@ -96,7 +96,7 @@ static inline double history_value(const Sample *samples, size_t n, double s, do
         return samples[0].u; /* the past */
     }
     i--;
-    while (history_begins(&samples[i], HISTORY_JUMP) && samples[i].t > passed) {
+    while (i > 0 && history_begins(&samples[i], HISTORY_JUMP) && samples[i].t > passed) {
         i--; /* it has not come out yet */
     }
     while (i + 1 < n && samples[i + 1].t <= passed) {

@@ -43,6 +43,21 @@ State instance_state(const Instance *instance)
     return (State)(int)instance->record.state;
 }
 
+bool instance_can_be(const Instance *instance, double state)
+{
+    unsigned states = STATE_INSTANTIATED | STATE_INITIALISATION | STATE_TERMINATED;
+    states |= instance->fmi == 2 ? STATE_ERROR : 0;
+    states |= instance->kind == KIND_ME ? STATE_EVENT | STATE_CONTINUOUS : STATE_STEP;
+    states |= instance->kind == KIND_CS && instance->fmi == 2 ? STATE_STEP_FAILED : 0;
+    states |= instance->event_mode_used ? STATE_EVENT : 0;
+    for (unsigned bit = STATE_INSTANTIATED; bit <= STATE_ERROR; bit *= 2) {
+        if ((states & bit) != 0U && state >= (double)bit && state <= (double)bit) {
+            return true;
+        }
+    }
+    return false;
+}
+
 void instance_set_state(Instance *instance, State state)
 {
     instance->record.state = (double)state;

@@ -117,6 +117,7 @@ void instance_free(Instance *instance);
 void instance_reset(Instance *instance);
 State instance_state(const Instance *instance);
 void instance_set_state(Instance *instance, State state);
+bool instance_can_be(const Instance *instance, double state); /* whether a number from anywhere is a state of it */
 const char *instance_state_name(const Instance *instance);
 
 /* First thing in every function: the instance, or NULL after logging that the call is not allowed. */

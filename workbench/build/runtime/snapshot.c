@@ -75,6 +75,17 @@ static bool is_ours(const Instance *instance, const void *bytes)
         && header.fingerprint == fingerprint(instance);
 }
 
+/* Whether bytes of the right size, which may come from anywhere, can be a state: what is used as a number of things, as
+ * a state or as a flag is one. Other values are as good as those that an environment may set. */
+static bool holds(const Instance *instance, const void *bytes)
+{
+    Record record;
+    const size_t before = size_before_core(instance);
+    const unsigned char *block = bytes;
+    memcpy(&record, block + sizeof(Header), sizeof record);
+    return instance_can_be(instance, record.state) && core_holds(block + before, size_of(bytes) - before);
+}
+
 static Status check(Instance *instance, const void *saved)
 {
     if (instance_missing(instance, saved, "FMUstate")) {
@@ -136,9 +147,11 @@ Status snapshot_restore(Instance *instance, const void *saved)
         return status;
     }
     const unsigned char *block = saved;
-    const size_t before = size_before_core(instance);
-    if (!core_load(instance->core, block + before, size_of(saved) - before)) {
-        return instance_fail(instance, "the saved state is damaged, or there is no memory for it");
+    if (!holds(instance, saved)) {
+        return instance_fail(instance, "the saved state is damaged");
+    }
+    if (!core_load(instance->core, block + size_before_core(instance))) {
+        return instance_fail(instance, "out of memory");
     }
     block += sizeof(Header);
     memcpy(&instance->record, block, sizeof(Record));
@@ -203,6 +216,9 @@ Status snapshot_read(Instance *instance, const void *bytes, size_t size, void **
     }
     Status status = check(instance, bytes);
     status = status == STATUS_OK ? check_size(instance, bytes, size, size_of(bytes)) : status;
+    if (status == STATUS_OK && !holds(instance, bytes)) {
+        return instance_fail(instance, "the serialised state is damaged");
+    }
     status = status == STATUS_OK ? new_block(instance, saved, size) : status;
     if (status == STATUS_OK) {
         memcpy(*saved, bytes, size);
