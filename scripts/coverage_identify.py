@@ -3,7 +3,7 @@
 
     python scripts/coverage_identify.py                      200 random systems: errors, coverage, orders
     python scripts/coverage_identify.py --systems 40 --first 100
-    python scripts/coverage_identify.py --closed-loop        bias and orders in closed loops
+    python scripts/coverage_identify.py --closed-loop        bias, orders and coverage in closed loops
     python scripts/coverage_identify.py --large              1e6 samples of 2 channels, order 10: seconds and memory
 
 Each system has order 1 to 8, one to three inputs and outputs, white or AR(1) noise (pole 0.95) at each output, 10 or
@@ -194,13 +194,23 @@ def measure(case: Case, others: Mapping[str, Callable[[Case], Complex]]) -> Row:
         return Row(ratios, (0, 0), (0, 0), case.colour, case.decibel, (auto.order, n))
     own = wb.model_spread(given.model, frequencies=FREQUENCIES)
     inside = own.holds_response(truth)
-    rows, columns = scipy.optimize.linear_sum_assignment(
-        np.abs(np.array([r.pole for r in own.regions])[:, None] - case.plant.poles[None])
-    )
-    held = [own.regions[i].contains(complex(case.plant.poles[j])) for i, j in zip(rows, columns, strict=True)]
+    held = held_poles(own, case.plant)
     return Row(
         ratios, (sum(held), len(held)), (int(inside.sum()), inside.size), case.colour, case.decibel, (auto.order, n)
     )
+
+
+def held_poles(own: wb.ModelSpread, plant: Plant) -> list[bool]:
+    """Return which poles of a plant lie in the regions of those nearest to them.
+
+    Args:
+        own: the regions.
+        plant: the truth.
+    """
+    rows, columns = scipy.optimize.linear_sum_assignment(
+        np.abs(np.array([r.pole for r in own.regions])[:, None] - plant.poles[None])
+    )
+    return [own.regions[i].contains(complex(plant.poles[j])) for i, j in zip(rows, columns, strict=True)]
 
 
 def _as_identified(case: Case, spread: Floats) -> IdentifiedModel:
@@ -250,7 +260,7 @@ def closed_loops(count: int) -> None:
     """
     found: dict[str, list[float]] = {}
     orders = []
-    held = np.zeros((count, 2))
+    held: dict[str, list[tuple[bool, float]]] = {}
     truth = signal.freqz([0.0, 0.1, 0.05], [1.0, -1.6, 0.8], 2.0 * np.pi * FREQUENCIES)[1].reshape(-1, 1, 1)
     for seed in range(count):
         data = _looped(seed)
@@ -260,16 +270,75 @@ def closed_loops(count: int) -> None:
             found.setdefault(how or "as from an open loop", []).append(
                 float(result.model.response([0.0])[0, 0, 0].real)
             )
-            if how == "direct":
+            if how is not None and result.model.spread is not None:
                 own = wb.model_spread(result.model, frequencies=FREQUENCIES)
-                held[seed] = own.holds(0.8 + 0.4j, 0.8 + 0.4j), own.holds_response(truth).mean()
+                inside = float(own.holds_response(truth).mean())
+                held.setdefault(how, []).append((own.holds(0.8 + 0.4j, 0.8 + 0.4j), inside))
         orders.append(wb.identify(data, inputs=["u"], outputs=["y"], feedthrough=False, closed_loop="direct").order)
     for how, gains in found.items():
         low, middle, high = np.quantile(np.array(gains) / _GAIN, [0.05, 0.5, 0.95])
         print(f"{how}: gain at rest over the true one, median {middle:.2f}, 5 % … 95 % {low:.2f} … {high:.2f}")
-    poles, response = held.mean(axis=0)
-    print(f"direct, right order: 95 % regions hold the pole in {poles:.1%}, the response in {response:.1%}")
-    print(f"direct, automatic order right (2) in {sum(n == 2 for n in orders)} of {count}")
+    for how, each in held.items():
+        poles, response = np.mean(np.array(each, dtype=np.float64), axis=0)
+        print(
+            f"{how}, right order: 95 % regions, known in {len(each)} of {count}, hold the pole in {poles:.1%}, the "
+            f"response in {response:.1%}"
+        )
+    print(f"direct, automatic order right (2) in {sum(n == 2 for n in orders)} of {count}", flush=True)
+
+
+def random_loops(count: int) -> None:
+    """Print how often the regions by a reference hold the truth, over random plants with random feedback.
+
+    Args:
+        count: plants, of orders 1 to 4 with one input and one or two outputs.
+    """
+    held, known = np.zeros((count, 3)), np.zeros(count, dtype=bool)
+    for seed in range(count):
+        plant, data = _random_loop(seed)
+        n, truth = len(plant.A), wb.Linear(plant.A, plant.B, plant.C, 0.0 * plant.D, dt=1.0).response(FREQUENCIES)
+        found = wb.identify(
+            data, inputs=["u"], outputs=list(data.output_names), order=n, feedthrough=False, closed_loop="r",
+            detrend="none",
+        )  # fmt: skip
+        if found.model.spread is not None:
+            own = wb.model_spread(found.model, frequencies=FREQUENCIES)
+            poles = held_poles(own, plant)
+            known[seed], held[seed] = True, (sum(poles), len(poles), own.holds_response(truth).mean())
+        if (seed + 1) % 20 == 0 or seed + 1 == count:
+            poles, each, response = held[: seed + 1][known[: seed + 1]].sum(axis=0)
+            print(
+                f"by a reference, {seed + 1} random loops: 95 % regions, known in {known[: seed + 1].sum()}, hold "
+                f"{poles / each:.1%} of {each:.0f} poles, {response / known[: seed + 1].sum():.1%} of the responses",
+                flush=True,
+            )
+
+
+def _random_loop(seed: int, samples: int = 3000) -> tuple[Plant, wb.Experiment]:
+    """A random plant without feedthrough, white or AR(1) 0.9 noise, u = r − L y(k − 1), L 0.6 of what it stands."""
+    random = np.random.default_rng(1000 + seed)
+    n, p = 1 + seed % 4, 1 + seed // 4 % 2
+    plant = random_plant(random, n, 1, p)
+    L, size = random.standard_normal((1, p)), 1e-3
+    while size < 1e3 and _radius(plant, size * L) < 0.97:
+        size *= 1.1
+    L *= 0.6 * size
+    r, colour = random.standard_normal(samples), (0.0, 0.9)[seed // 8 % 2]
+    v = signal.lfilter([1.0], [1.0, -colour], random.standard_normal((samples, p)), axis=0)
+    y = plant.output(r[:, None]) - np.outer(r, plant.D)
+    v *= y.std(axis=0) * 10.0 ** (-(10.0, 20.0)[seed // 16 % 2] / 20.0) / v.std(axis=0)
+    x, u = np.zeros(n), r.copy()
+    for k in range(samples):
+        y[k] = plant.C @ x + v[k]
+        u[k] -= (L @ y[k - 1]).item() if k else 0.0
+        x = plant.A @ x + plant.B[:, 0] * u[k]
+    return plant, wb.make_experiment(1.0, np.column_stack([r, u]), y, input_names=["r", "u"])
+
+
+def _radius(plant: Plant, L: Floats) -> float:
+    p = len(plant.C)
+    loop = np.block([[plant.A, -plant.B @ L], [plant.C, np.zeros((p, p))]])
+    return float(np.max(np.abs(np.linalg.eigvals(loop))))
 
 
 _GAIN = (0.1 + 0.05) / (1.0 - 1.6 + 0.8)
@@ -320,6 +389,7 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.closed_loop:
         closed_loops(arguments.systems)
+        random_loops(arguments.systems)
         return 0
     if arguments.large:
         large()

@@ -21,9 +21,10 @@ import pytest
 
 from scripts.planting import PLANTED, ROOT
 
-__all__ = ["Covered", "Test", "read", "record"]
+__all__ = ["Covered", "Test", "is_recorded", "read", "record"]
 
 FOLDER = ROOT / "build-cache" / "covered"
+EVERY = 100_000  # lines: more than any module has
 SLOW = 30  # a test that takes longer is of no use here [s]
 
 # What looks at text, pictures, pages, builds and platforms: slow, and others run the same numerical lines.
@@ -105,14 +106,26 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(_Record(Path(folder)))
 
 
-def record(files: Sequence[str] = ()) -> int:
-    """Run the tests, and write which lines each of them runs; return pytest's exit code.
+def is_recorded(places: Iterable[tuple[Path, int]]) -> bool:
+    """Whether the last record looked for all that a test must run to notice changes in some lines.
 
     Args:
+        places: modules, and lines in them.
+    """
+    wanted = FOLDER / "wanted"
+    return wanted.exists() and _rows(places) <= set(wanted.read_text(encoding="utf-8").splitlines())
+
+
+def record(places: Iterable[tuple[Path, int]], files: Sequence[str] = ()) -> int:
+    """Run the tests, and write which of them run some lines; return pytest's exit code.
+
+    Args:
+        places: modules, and lines in them that will be changed.
         files: of tests; by default those of the numerical parts.
     """
     FOLDER.mkdir(parents=True, exist_ok=True)
-    for name, content in {"now": f"{0:8d}", "tests": "", "hits": ""}.items():
+    rows = "".join(f"{row}\n" for row in sorted(_rows(places)))
+    for name, content in {"now": f"{0:8d}", "tests": "", "hits": "", "wanted": rows}.items():
         (FOLDER / name).write_text(content, encoding="utf-8")
     every = sorted((ROOT / "tests").glob("test_*.py"))
     wanted = [str(f) for f in every if not f.stem.removeprefix("test_").startswith(ELSEWHERE)]
@@ -128,6 +141,16 @@ def record(files: Sequence[str] = ()) -> int:
     ]
     command = [sys.executable, "-m", "pytest", "-q", "--tb=line", *plugins, f"--timeout={SLOW}", *(files or wanted)]
     return subprocess.call(command, cwd=ROOT, env=environment)
+
+
+def _rows(places: Iterable[tuple[Path, int]]) -> set[str]:
+    """Return rows of line and module: what a test must run to notice a change."""
+    found = (place for file, line in places for place in _lines_of(file, line))
+    return {
+        f"{i}\t{file.relative_to(ROOT).as_posix()}"
+        for file, lines in found
+        for i in (lines if len(lines) < EVERY else range(1, len(file.read_text(encoding="utf-8").splitlines()) + 1))
+    }
 
 
 # -- what was recorded -----------------------------------------------------------------------------
@@ -213,7 +236,7 @@ def _lines_of(file: Path, line: int) -> Iterator[tuple[Path, Sequence[int]]]:
     else:
         assigned = {n.id for n in ast.walk(innermost) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
         assigned |= {n.name for n in around if isinstance(n, ast.ClassDef)}
-        yield from _uses(file, assigned) if assigned else [(file, range(1, 100_000))]
+        yield from _uses(file, assigned) if assigned else [(file, range(1, EVERY + 1))]
 
 
 def _uses(file: Path, names: set[str]) -> Iterator[tuple[Path, Sequence[int]]]:
@@ -223,7 +246,3 @@ def _uses(file: Path, names: set[str]) -> Iterator[tuple[Path, Sequence[int]]]:
     for where in [file] if private else [file, *sorted(file.parent.parent.rglob("*.py"))]:
         rows = where.read_text(encoding="utf-8").splitlines()
         yield where, [i for i, row in enumerate(rows, start=1) if pattern.search(row)]
-
-
-if __name__ == "__main__":
-    sys.exit(record(sys.argv[1:]))

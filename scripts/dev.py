@@ -26,6 +26,7 @@ import sys
 import tempfile
 import venv
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -58,6 +59,8 @@ NEVER_RUN = ("cmake", "setuptools")
 
 # Two test processes at most: many tests have worker processes of their own.
 PYTEST = ("pytest", "-q", "--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile")
+
+PAGES = ("mkdocs", "build", "--strict", "--quiet")
 
 # Compiles the inner loop where its C sources have changed since; an installation compiles it, too. And the modules:
 # many processes that start at once would all do it.
@@ -142,12 +145,29 @@ def demo() -> int:
 def test() -> int:
     """Check lint, format and types, run the tests, build the documentation."""
     _ensure_installed()
-    pages = ("mkdocs", "build", "--strict", "--quiet")
     _lint_javascript()
-    for module in (("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",), PYTEST, pages):
-        print(f"$ {shlex.join(module)}", flush=True)
-        _run([PYTHON, "-m", *module])
+    for module in (("ruff", "check", "."), ("ruff", "format", "--check", ".")):
+        _module(module)
+    # Types and pages have one process each: by themselves they would leave a core idle for a minute.
+    with ThreadPoolExecutor(max_workers=1) as aside:
+        others = [aside.submit(_module, module, show=False, check=False) for module in (("mypy",), PAGES)]
+        results = [_module(PYTEST, check=False), *(other.result() for other in others)]
+    for result in results:
+        print(result.stdout or "", end="", flush=True)
+    for result in results:
+        result.check_returncode()
     return 0
+
+
+def _module(module: Sequence[str], *, show: bool = True, check: bool = True) -> subprocess.CompletedProcess[str]:
+    """Run a module of the environment, or have its words in the result, which says whether it failed."""
+    words = f"$ {shlex.join(module)}\n"
+    if show:
+        print(words, end="", flush=True)
+    result = _run([PYTHON, "-m", *module], show=show, check=check)
+    if not show:
+        result.stdout = words + result.stdout
+    return result
 
 
 def _lint_javascript() -> None:
@@ -264,14 +284,18 @@ def _fingerprint() -> str:
     return digest.hexdigest()
 
 
-def _run(command: Sequence[str | Path], **settings: str) -> None:
+def _run(
+    command: Sequence[str | Path], *, show: bool = True, check: bool = True, **settings: str
+) -> subprocess.CompletedProcess[str]:
     # Small matrices gain nothing from several BLAS threads, which wait for each other on a busy machine.
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": os.environ.get("OPENBLAS_NUM_THREADS", "1")}
     environment |= settings
     # What is compiled is kept, tests as pytest rewrites them, too: each of the many processes would do it anew.
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     environment["NO_MKDOCS_2_WARNING"] = "1"  # the theme's advertisement; what we use is pinned below version 2
-    subprocess.run([str(part) for part in command], cwd=ROOT, check=True, env=environment)
+    words = [str(part) for part in command]
+    out, err = (None, None) if show else (subprocess.PIPE, subprocess.STDOUT)
+    return subprocess.run(words, cwd=ROOT, check=check, env=environment, text=True, stdout=out, stderr=err)
 
 
 def _complain(message: str) -> int:

@@ -30,8 +30,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from scripts.covered import FOLDER as RECORDED
-from scripts.covered import Test, read, record
+from scripts.covered import Test, is_recorded, read, record
 from scripts.planting import ROOT, run_planted
 
 FOLDERS = ("analysis", "core", "system", "session", "kernel")
@@ -294,16 +293,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("paths", nargs="*", type=Path, help="files or folders; by default the numerical ones")
     parser.add_argument("--count", type=int, default=COUNT, help=f"how many are tried; by default {COUNT}")
     parser.add_argument("--seed", type=int, default=SEED, help="of the choice")
-    parser.add_argument("--record", action="store_true", help="first find out again which tests run which lines")
+    parser.add_argument("--record", action="store_true", help="first find out again which tests run their lines")
     parser.add_argument("--list", action="store_true", help="show the mutants, run nothing")
     asked = parser.parse_args(arguments)
     paths = [p.resolve() for p in asked.paths] or [ROOT / "workbench" / name for name in FOLDERS]
     if missing := [p for p in paths if not p.exists()]:
         parser.error(f"there is no {missing[0]}")
     mutants = chosen(paths, asked.count, asked.seed)
-    if asked.record or not (RECORDED / "tests").exists():
-        print("recording which tests run which lines ...", flush=True)
-        record()
+    places = [(m.file, m.line) for m in mutants]
+    if asked.record or not is_recorded(places):
+        print("recording which tests run their lines ...", flush=True)
+        record(places)
     if asked.list:
         for mutant in mutants:
             print(f"{mutant.words}    by {len(read().running(mutant.file, mutant.line))} tests")

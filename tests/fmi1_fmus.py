@@ -11,7 +11,7 @@ from pathlib import Path
 
 import fmpy
 
-from workbench.build.fmu import Sources, generate
+from workbench.build.fmu import Sources, _kept, generate
 from workbench.core.files import pack
 from workbench.toolchain import compile_all, host_only
 
@@ -31,11 +31,14 @@ def build_fmi1(folder: Path, model: str, interface: str) -> Path:
     sources = generate(MODELS.get(model, HERE / "modelica" / f"{model}.mo"), model)
     (host,) = host_only()
     target = folder / f"{model}_{interface}.fmu"
+    # The runtime where the builder keeps it: the compiler knows by the path that it has compiled these files before.
+    runtime = _kept({name: data for name, data in sources.c_files.items() if name != "model.c"})
     with tempfile.TemporaryDirectory() as temporary:
         code = Path(temporary) / "sources"
         code.mkdir()
-        compiled = write_sources(code, sources, interface)
-        library = compile_all(code, compiled, [host], Path(temporary) / "lib", model)[host.name].read_bytes()
+        own = {"model.c", "fmi1_values.c", f"fmi1_{interface}.c"}
+        compiled = [str(code / name) if name in own else name for name in write_sources(code, sources, interface)]
+        library = compile_all(runtime, compiled, [host], Path(temporary) / "lib", model)[host.name].read_bytes()
     binary = f"binaries/{host.name_2}/{sources.identifier}{host.suffix}"
     pack(target, {"modelDescription.xml": describe(sources.descriptions[2], model, interface), binary: library})
     return target

@@ -51,7 +51,7 @@ GIVEN: dict[str, dict[str, Any]] = {
     "Drawing": {"svg": ""},
     "FeedbackResult": {"target_unit": "deg"},
     "Finding": {"topic": "feedback", "verdict": "good"},
-    "FitResult": linear("whole"),
+    "FitResult": {**linear("whole"), "of_output": np.array([0, 1]), "of_input": np.array([0, 0])},
     "GainRun": {"settled": {0.5: 1.0, 0.01: None}},
     "HealthLine": {"verdict": "good"},
     "IdentifiedModel": {**linear("whole"), "input_units": ("A", None), "output_units": ("m", "m")},

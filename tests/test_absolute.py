@@ -219,3 +219,5 @@ def test_what_is_proven_follows_from_the_sector() -> None:
         assert wb.absolute_stability(CUBE, block).proven_by == proven
     with pytest.raises(wb.InputError, match="has a memory"):
         wb.absolute_stability(CUBE, wb.standard_block("backlash"))
+    with pytest.raises(wb.InputError, match="reach: -1 is not positive"):
+        wb.absolute_stability(CUBE, wb.standard_block("saturation"), reach=-1.0)

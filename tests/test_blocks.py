@@ -121,6 +121,13 @@ def test_a_table_that_ends_says_where() -> None:
     table = {"x": [-1.0, 1.0], "y": [0.0, 1.0], "extrapolation": "error"}
     with pytest.raises(SimulationError, match=r"b: u = 1\S* is at the end of the table, -1 … 1"):
         response("lookup", table, {"u": SINE})
+    with pytest.raises(SimulationError, match=r"b: u = 3 is beyond the table, -1 … 1"):
+        response("lookup", table, {"u": wb.Constant(3.0)})
+
+
+def test_a_transfer_function_without_a_numerator_is_refused() -> None:
+    with pytest.raises(wb.InputError, match="numerator holds no coefficient"):
+        response("transfer_function", {"numerator": [], "denominator": [1.0, 1.0]}, {"u": SINE})
 
 
 def test_blocks_of_several_inputs() -> None:

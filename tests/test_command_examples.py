@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -48,33 +49,40 @@ def quick(text: str) -> list[str]:
     return [line for line in lines(text) if line.split()[1] not in SLOW | SERVE and not NOT_RUN.search(line)]
 
 
-EXAMPLES = [
-    line
-    for name in command_names()
-    for block in re.findall(
-        r"^```bash\n(.*?)^```$", command_page(name).partition("**Example")[2], re.MULTILINE | re.DOTALL
-    )
-    for line in lines(block)
-    if "[OPTIONS]" not in line  # how it is used
-]
+@cache
+def examples_of(name: str) -> list[str]:
+    """The examples of `--help` of a command; not while tests are collected, as commands take a second to make."""
+    blocks = re.findall(r"^```bash\n(.*?)^```$", command_page(name).partition("**Example")[2], re.MULTILINE | re.DOTALL)
+    return [line for block in blocks for line in lines(block) if "[OPTIONS]" not in line]  # that is how it is used
+
+
 LINES = [line for block in blocks_of(README) if block.language == "sh" for line in lines(block.text)]
 
 
-def test_every_command_has_an_example() -> None:
-    assert {line.split()[1] for line in EXAMPLES} == set(command_names())
-
-
-@pytest.mark.parametrize("line", [*EXAMPLES, *LINES])
-def test_what_is_copied_is_a_command_line(line: str) -> None:
+def check(line: str) -> None:
     _, name, *words = shlex.split(line, comments=True)
     command = command_of(name)
     with command.make_context(name, words) as context:
         sources = [context.get_parameter_source(p.name) for p in command.params]
-    assert any(s is not None and s.name == "COMMANDLINE" for s in sources)
+    assert any(s is not None and s.name == "COMMANDLINE" for s in sources), line
+
+
+@pytest.mark.parametrize("name", command_names())
+def test_the_examples_of_a_command_are_command_lines_of_it(name: str) -> None:
+    found = examples_of(name)
+    assert {line.split()[1] for line in found} == {name}
+    for line in found:
+        check(line)
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_what_is_copied_from_the_readme_is_a_command_line(line: str) -> None:
+    check(line)
 
 
 def test_quick_examples_of_help_run(tmp_path: Path) -> None:
-    found = sorted(quick("\n".join(EXAMPLES)), key=lambda line: "workbench trim" not in line)  # it writes trim.json
+    every = [line for name in command_names() for line in examples_of(name)]
+    found = sorted(quick("\n".join(every)), key=lambda line: "workbench trim" not in line)  # it writes trim.json
     assert len(found) > 5
     run_page("\n".join(["```sh", *found, "```", ""]), tmp_path)
 

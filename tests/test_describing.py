@@ -136,3 +136,8 @@ def test_mistakes_are_one_line() -> None:
     with pytest.raises(InputError, match="positive"):
         describing_function(standard_block("relay"), [0.0])
     assert set(STANDARD) >= {"saturation", "dead_band", "quantiser", "relay", "preload", "rate_limiter"}
+
+
+def test_parameters_of_standard_blocks_are_named() -> None:
+    with pytest.raises(InputError, match="block relay: no parameter 'output'; known: dead_zone, level"):
+        standard_block("relay", {"output": 2.0})

@@ -209,6 +209,22 @@ def test_a_grid_its_worst_case_and_its_continuation(study: Callable[[str], Path]
     assert "--set=tau=2" in found.worst.commands[0]
 
 
+def test_a_worst_case_that_only_the_search_met_is_not_passed(
+    study: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = ENVELOPE.replace("[envelope]\n", '[envelope]\nplan = "random"\npoints = 1\nseed = 3\n', 1)
+    path, out = study(text), tmp_path / "e.json"
+    words = ["envelope", str(path), "--no-keep", "--jobs", "1", "--json", str(out)]
+    assert run_command([*words, "--search", "0"]) == 0
+    assert run_command([*words, "--search", "12"]) == 1
+    told = json.loads(out.read_text(encoding="utf-8"))
+    assert (told["met"], told["violated"], told["passed"]) == (1, 0, False)
+    assert told["worst"]["value"] == pytest.approx(-0.5, abs=1e-3)  # at tau = 2
+    said = capsys.readouterr().out
+    assert "but not at one that the search found" in said
+    assert "failed: not met at the worst case, margin -0.1" in said
+
+
 def test_a_probability_and_how_many_more_points(study: Callable[[str], Path]) -> None:
     text = ENVELOPE + "[envelope.failures]\nfresh = 0.75\nworn = 0.25\n"
     text = text.replace("[envelope]\n", '[envelope]\nplan = "random"\npoints = 12\nwidth = 0.1\n', 1)

@@ -133,9 +133,12 @@ def test_responses_of_python_control_and_matlab_are_read(tmp_path: Path, capsys:
     expected = np.sort_complex(POLES)
     found = wb.fit(control.frd(response(), 2.0 * np.pi * F), order=4)
     assert np.sort_complex(found.poles) == pytest.approx(expected, rel=1e-9)
-    both = control.frd(np.broadcast_to(response(), (2, 1, len(F))), F)
-    with pytest.raises(InputError, match="1 inputs and 2 outputs; take one"):
-        wb.fit(both)
+    both = wb.fit(control.frd(np.multiply.outer([[1.0], [2.0]], response()), 2.0 * np.pi * F), order=4)
+    assert np.sort_complex(both.poles) == pytest.approx(expected, rel=1e-9)
+    assert both.output_names == ("y[0]", "y[1]")
+    sampled = control.frd(response(), F, dt=True)
+    with pytest.raises(InputError, match="does not say how often"):
+        wb.fit(sampled)
     as_frd = {"ResponseData": response().reshape(1, 1, -1), "Frequency": 2.0 * np.pi * F[:, None]}
     for name, held in (
         ("frd", as_frd),
@@ -148,7 +151,7 @@ def test_responses_of_python_control_and_matlab_are_read(tmp_path: Path, capsys:
         poles = wb.fit(tmp_path / f"{name}.mat", order=4).poles
         assert np.sort_complex(poles) == pytest.approx(expected, rel=1e-9), name
     savemat(tmp_path / "empty.mat", {"x": F})
-    savemat(tmp_path / "many.mat", {"H": np.ones((2, 3, len(F)), dtype=np.complex128), "f": F})
+    savemat(tmp_path / "many.mat", {"H": np.ones((2, len(F)), dtype=np.complex128), "f": F})
     for name, said in (("empty", "holds no response"), ("many", "one response is needed"), ("none", "no such file")):
         assert run(["fit", str(tmp_path / f"{name}.mat")]) == 2
         assert said in capsys.readouterr().err

@@ -74,6 +74,44 @@ def test_the_prediction_after_two_stages_uses_the_inputs_as_they_were() -> None:
     assert residual.std() == pytest.approx(0.5, rel=0.05)
 
 
+def test_regions_by_a_reference_hold_the_truth() -> None:
+    """95 % of 16 records: 12 or more but with a probability of 1e-3. Their size is what the poles scatter by."""
+    found = [
+        wb.identify(looped(s, samples=1500), inputs=["u"], outputs=["y"], order=1, feedthrough=False, closed_loop="r")
+        for s in range(16)
+    ]
+    poles = np.array([f.model.poles[0].real for f in found])
+    regions = [f.uncertainty.regions[0] for f in found if f.uncertainty is not None]
+    assert len(regions) == 16
+    assert sum(region.contains(0.9) for region in regions) >= 12
+    # Of 16 the standard deviation is known to 18 %.
+    assert np.median([region.spread for region in regions]) == pytest.approx(poles.std(ddof=1), rel=0.6)
+    assert any("as an instrument" in note for note in found[0].notes)
+
+
+def test_the_instrument_meets_its_equations() -> None:
+    """The errors of the model know nothing of what the reference makes, by sums over the record alone."""
+    data = looped(3)
+    found = wb.identify(data, inputs=["u"], outputs=["y"], order=1, feedthrough=False, closed_loop="r").model
+    assert found.noise is not None
+    u, y = data.u[:, 1:] - found.u0, data.y - found.y0
+    r = data.u[:, 0]
+    left = y - found.simulate(u + found.u0, found.x0) + found.y0
+    # The disturbance's model is inverted by its own recursion.
+    z, e = np.zeros(len(found.noise.A)), np.zeros(len(left))
+    for k, v in enumerate(left[:, 0]):
+        e[k] = v - (found.noise.C @ z).item()
+        z = found.noise.A @ z + found.noise.K[:, 0] * e[k]
+    far = [np.corrcoef(e[20 + lag :], r[20 : len(r) - lag])[0, 1] * np.sqrt(len(r)) for lag in range(12)]
+    # The reference's correlations with white errors are standard normal numbers.
+    assert np.sqrt(np.mean(np.square(far))) < 1.8
+
+
+def test_a_bootstrap_by_a_reference_is_refused() -> None:
+    with pytest.raises(InputError, match="bootstrap: its records have the inputs as they are"):
+        wb.identify(looped(0, samples=500), inputs=["u"], outputs=["y"], order=1, closed_loop="r", bootstrap=20)
+
+
 def test_the_command_takes_the_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     looped(0, samples=1500).to_csv(tmp_path / "data.csv")
     command = ["identify", str(tmp_path / "data.csv"), "--input", "u", "--output", "y", "--order", "1"]

@@ -136,6 +136,7 @@ def test_any_component_is_a_limiter_whose_rate_is_given(tmp_path: Path) -> None:
     assert run([*line, "--amplitude", "0.55", "--in-process", "--json", str(out)]) == 0
     told = wb.OnsetResult.from_dict(json.loads(out.read_text(encoding="utf-8")))
     assert told.points[0].frequency_hz == pytest.approx(0.7534, abs=1e-3)  # half the limit, half the amplitude
+    assert any("itself limits at -60 and 60" in note for note in told.notes)
 
 
 # -- samples and delays -----------------------------------------------------------------------------

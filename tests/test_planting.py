@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.covered import Covered, read, record
+from scripts.covered import Covered, is_recorded, read, record
 from scripts.covered import Test as CoveredTest
 from scripts.mutants import FOLDERS, chosen, mutants_of
 from scripts.plant_faults import Fault, main, read_faults
@@ -115,14 +115,17 @@ def test_tests_are_known_by_the_lines_that_they_run(tmp_path: Path, monkeypatch:
     file = tmp_path / "test_decibels.py"
     file.write_text(TESTS, encoding="utf-8")
     monkeypatch.setattr("scripts.covered.FOLDER", tmp_path)
-    assert record([str(file)]) == 1
+    module = PACKAGE / "core" / "decibels.py"
+    (line,) = (i for i, row in enumerate(module.read_text(encoding="utf-8").splitlines(), 1) if "np.log10" in row)
+    assert not is_recorded([(module, line)])
+    assert record([(module, line)], [str(file)]) == 1
+    assert is_recorded([(module, line)])
+    assert not is_recorded([(PACKAGE / "core" / "modal.py", 137)])
     read.cache_clear()
     try:
         known = read()
     finally:
         read.cache_clear()
-    module = PACKAGE / "core" / "decibels.py"
-    (line,) = (i for i, row in enumerate(module.read_text(encoding="utf-8").splitlines(), 1) if "np.log10" in row)
     running = known.running(module, line)
     assert {t.name.partition("::")[2] for t in running} == {"test_here", "test_in_a_child"}
     assert [t.name.partition("::")[2] for t in known.beside(running)] == ["test_other"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -193,3 +194,23 @@ def test_picture_of_the_order() -> None:
     assert axes[1].get_ylabel() == "principal angle [deg]"
     assert axes[-1].get_xlabel() == "order"
     assert len(axes) == (3 if len(found.order_criterion) else 2)
+
+
+def test_curves_in_other_units_are_converted_and_told() -> None:
+    """A record in degrees beside a linear model in radians, of which the response in deg/deg is the same."""
+    model = replace(identified(), input_units=("rad",))  # deg/rad: larger by 180/π than the plant in deg/deg
+    turned = replace(model, B=model.B * 180.0 / np.pi)
+    radians = replace(linear(), units={"u": "rad", "y": "rad"})
+    sines = replace(measured(FREQUENCY, {1.0: plant(FREQUENCY)}), input_unit="deg", output_unit="deg")
+    found = overlay(turned, lin=radians, nfr=sines)
+    for curve in ("identified", "linearised"):
+        assert found.difference(curve).worst()[0] == pytest.approx(0.0, abs=1e-6), curve
+    assert "identified: the input is converted from rad to deg" in found.notes
+    assert "linearised: the output is converted from rad to deg" in found.notes
+    without = overlay(turned, lin=radians)  # in the units of the identified model
+    assert without.difference().worst()[0] == pytest.approx(0.0, abs=1e-6)
+    assert overlay(identified(), lin=replace(radians, units={"y": "deg"})).notes == ()
+    with pytest.raises(InputError, match=r"output of the linearised model is in 'V'.*do not measure the same"):
+        overlay(identified(), lin=replace(radians, units={"y": "V"}))
+    with pytest.raises(InputError, match="the unit 'furlong' is not known"):
+        overlay(identified(), lin=replace(radians, units={"y": "furlong"}))

@@ -15,7 +15,7 @@ import mmap
 import os
 import sys
 import threading
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -58,13 +58,18 @@ class Traced:
     """Writes which lines of the package's functions run in which test, each once a test and process.
 
     Args:
-        folder: its file `now` holds the number of the test, 8 bytes; 0: none. To `hits` rows of number, line and module
-            are appended. Both stay open, so that a process that may not open files later writes, too.
+        folder: its file `now` holds the number of the test, 8 bytes; 0: none. `wanted` has rows of line and module:
+            what is looked for. To `hits` rows of number, line and module are appended. The files stay open, so that
+            a process that may not open files later writes, too.
     """
 
     def __init__(self, folder: Path) -> None:
         self._root = f"{Path(__file__).resolve().parents[2]}{os.sep}"
-        self._package = f"{self._root}workbench{os.sep}"
+        self._wanted: dict[str, set[int]] = defaultdict(set)
+        for row in (folder / "wanted").read_text(encoding="utf-8").splitlines():
+            line, name = row.split("\t")
+            self._wanted[f"{self._root}{name}"].add(int(line))
+        self._has: dict[CodeType, bool] = {}  # of a function: whether it has such a line
         with (folder / "now").open("rb") as now:
             self._now = mmap.mmap(now.fileno(), 8, access=mmap.ACCESS_READ)
         self._hits = os.open(folder / "hits", os.O_WRONLY | os.O_APPEND)
@@ -76,14 +81,22 @@ class Traced:
         self._calls: Counter[CodeType] = Counter()
 
     def call(self, frame: FrameType, event: str, argument: Any) -> Any:
-        """Look at a function that begins, if it is one of the package's."""
+        """Look at a function that begins, if it has a line that is looked for."""
         code = frame.f_code
-        if not code.co_filename.startswith(self._package) or not code.co_flags & 1:  # 1: of a function
+        if (has := self._has.get(code)) is None:
+            has = self._has[code] = self._has_wanted(code)
+        if not has:
             return None
         if self._now[:8] != self._test:
             self._begin()
         self._calls[code] += 1
         return self._line if self._calls[code] <= _OFTEN and int(self._test) else None
+
+    def _has_wanted(self, code: CodeType) -> bool:
+        wanted = self._wanted.get(code.co_filename)
+        if not wanted or not code.co_flags & 1:  # 1: of a function
+            return False
+        return any(line in wanted for _, _, line in code.co_lines())
 
     def _line(self, frame: FrameType, event: str, argument: Any) -> Any:
         code, line = frame.f_code, frame.f_lineno

@@ -12,14 +12,14 @@ import zipfile
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path, PurePosixPath
-
-import lief
+from typing import TYPE_CHECKING
 
 from workbench.toolchain import KERNEL, PLATFORMS, Platform
 
-__all__ = ["faults", "library_faults"]
+if TYPE_CHECKING:
+    import lief
 
-lief.logging.disable()  # it tells on stderr what it meets in our libraries for Windows, and reads on
+__all__ = ["faults", "library_faults"]
 
 # What each system always has; for Windows the universal C runtime, part of it since Windows 10.
 SYSTEM_LIBRARIES = {
@@ -69,6 +69,9 @@ def library_faults(data: bytes, platform: Platform) -> list[str]:
         data: the library.
         platform: what it is for.
     """
+    import lief  # noqa: PLC0415 - slow to import, and all test processes import this module
+
+    lief.logging.disable()  # it tells on stderr what it meets in our libraries for Windows, and reads on
     machine, _, system = platform.name.partition("-")
     library = lief.parse(BytesIO(data))
     newest = _version(platform.wheel)

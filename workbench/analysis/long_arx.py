@@ -91,7 +91,7 @@ def lagged(x: Floats, first: int, last: int, start: int) -> Floats:
     return np.hstack([x[start - lag : n - lag] for lag in range(first, last + 1)])
 
 
-def fit_long_arx(u: Floats, y: Floats, *, truncate: float = _ROUNDING) -> LongArx:
+def fit_long_arx(u: Floats, y: Floats, *, truncate: float = _ROUNDING, lags: int | None = None) -> LongArx:
     """Fit by least squares (QR with column pivoting, as exact data make columns dependent).
 
     Args:
@@ -99,9 +99,11 @@ def fit_long_arx(u: Floats, y: Floats, *, truncate: float = _ROUNDING) -> LongAr
         y: shape (n, p).
         truncate: directions that the data hold less of, relative to the largest, are left at 0. Larger values keep
             the equation tame at frequencies without excitation and cost accuracy.
+        lags: so many past outputs and inputs; None: as many as are ever needed, if the record is long enough.
     """
     n, m, p = len(u), u.shape[1], y.shape[1]
-    lags = max(1, min(_MOST_LAGS, n // (8 * (m + p))))
+    most = max(1, min(_MOST_LAGS, n // (8 * (m + p))))
+    lags = most if lags is None else min(lags, most)
     clock = np.linspace(-1.0, 1.0, n - lags)
     columns = np.hstack([lagged(y, 1, lags, lags), lagged(u, 0, lags, lags), np.ones((n - lags, 1)), clock[:, None]])
     scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)

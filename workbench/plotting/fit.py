@@ -26,17 +26,28 @@ def plot_fit_response(result: FitResult) -> Figure:
     """
     title = f"{result.model}: model of order {result.order}"
     figure, (gain, phase, misfit) = rows(3, title=title)
-    f, fine = result.frequency_hz, np.geomspace(result.frequency_hz[0], result.frequency_hz[-1], _FINE)
-    curve = result.response(fine)[:, 0, 0] * np.exp(-2j * np.pi * fine * result.delay)
-    angles = np.degrees(np.unwrap(np.angle(result.measured))), np.degrees(np.unwrap(np.angle(curve)))
-    # Both along the same turn.
-    shift = 360.0 * np.round((angles[0][0] - angles[1][0]) / 360.0)
-    gain.semilogx(f, 20.0 * np.log10(np.abs(result.measured)), ".", color=COLOURS[1], label="measured")
-    gain.semilogx(fine, 20.0 * np.log10(np.maximum(np.abs(curve), 1e-300)), color=COLOURS[0], label="model")
-    phase.semilogx(f, angles[0], ".", color=COLOURS[1])
-    phase.semilogx(fine, angles[1] + shift, color=COLOURS[0])
-    misfit.loglog(f, np.maximum(result.misfit, 1e-12), ".", color=COLOURS[0], label="misfit")
-    misfit.loglog(f, result.sigma / np.abs(result.measured), "-", color=COLOURS[5], label="error it was weighted with")
+    f = result.frequency_hz
+    fine = np.geomspace(f.min(), f.max(), _FINE)
+    model = result.response(fine) * np.exp(-2j * np.pi * fine * result.delay)[:, None, None]
+    several = len(result.channels) > 1
+    for number, ((i, j), at) in enumerate(result.channels.items()):
+        measured, curve = result.measured[at], model[:, i, j]
+        name = f" {result.channel_name(i, j)}" if several else ""
+        points, line = (COLOURS[number % len(COLOURS)],) * 2 if several else (COLOURS[1], COLOURS[0])
+        angles = np.degrees(np.unwrap(np.angle(measured))), np.degrees(np.unwrap(np.angle(curve)))
+        # Both along the same turn.
+        shift = 360.0 * np.round((angles[0][0] - angles[1][np.searchsorted(fine, f[at][0]) % _FINE]) / 360.0)
+        gain.semilogx(f[at], 20.0 * np.log10(np.abs(measured)), ".", color=points, label=f"measured{name}")
+        gain.semilogx(
+            fine, 20.0 * np.log10(np.maximum(np.abs(curve), 1e-300)), color=line, label="" if several else "model"
+        )
+        phase.semilogx(f[at], angles[0], ".", color=points)
+        phase.semilogx(fine, angles[1] + shift, color=line)
+        misfit.loglog(f[at], np.maximum(result.misfit[at], 1e-12), ".", color=line, label=f"misfit{name}")
+        misfit.loglog(
+            f[at], (result.sigma / np.abs(result.measured))[at], "-", color=line if several else COLOURS[5],
+            label="" if several else "error it was weighted with",
+        )  # fmt: skip
     gain.legend(loc="lower left", **LEGEND)
     misfit.legend(loc="lower left", **LEGEND)
     gain.set_ylabel("gain [dB]")
@@ -44,5 +55,5 @@ def plot_fit_response(result: FitResult) -> Figure:
     misfit.set_ylabel("misfit / gain [1]")
     misfit.set_xlabel("frequency [Hz]")
     phase.yaxis.set_major_locator(Degrees())
-    log_axis(misfit, float(f[0]), float(f[-1]))
+    log_axis(misfit, float(f.min()), float(f.max()))
     return figure

@@ -13,6 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox, IdentityTransform
+from numpy.typing import NDArray
 
 from workbench.plotting.figure import QUIET, SMALL
 from workbench.session.base import Floats
@@ -192,43 +193,52 @@ def _between(at: Floats, ends: Floats) -> Floats:
 
 def _inside(points: Floats, middles: Floats, size: Floats) -> Floats:
     """Return for each place how many points a name would cover there."""
-    found: Floats = (np.abs(points[None, :, :] - middles[:, None, :]) < 0.5 * size).all(axis=2).sum(axis=1)
+    (x, y), (at_x, at_y), (wide, high) = points.T, middles.T[:, :, None], 0.5 * size
+    found: Floats = np.count_nonzero((np.abs(x - at_x) < wide) & (np.abs(y - at_y) < high), axis=1)
     return found
 
 
 def _curves(ax: Axes, unit: float) -> Floats:
     """Return points along all curves of the axes, on the picture [pixels]."""
     low, high = ax.transAxes.transform([(0.0, 0.0), (1.0, 1.0)])
-    found = [np.zeros((0, 2))]
-    for path in _paths(ax):
-        inside = (np.maximum(path[1:], path[:-1]) >= low).all(axis=1) & (np.minimum(path[1:], path[:-1]) <= high).all(
-            axis=1
-        )
-        for begin, end in zip(path[:-1][inside], path[1:][inside], strict=True):
-            ends = np.clip(np.array([begin, end]), low - (high - low), high + (high - low))
-            count = int(np.hypot(*(ends[1] - ends[0])) / (_STEP * unit)) + 2
-            found.append(np.linspace(ends[0], ends[1], count))
-    points = np.concatenate(found)
+    every = list(_lines(ax))
+    if not every:
+        return np.zeros((0, 2))
+    begins, ends = (np.concatenate(side) for side in zip(*every, strict=True))
+    inside = (np.maximum(ends, begins) >= low).all(axis=1) & (np.minimum(ends, begins) <= high).all(axis=1)
+    begins, ends = np.clip([begins[inside], ends[inside]], low - (high - low), high + (high - low))
+    points = _along(begins, ends, _STEP * unit)
     return points[:: len(points) // _MOST + 1]
 
 
-def _paths(ax: Axes) -> Iterator[Floats]:
-    """Yield the corners of every line that is drawn [pixels]; pieces end where there is nothing."""
+def _along(begins: Floats, ends: Floats, step: float) -> Floats:
+    """Return points on straight lines, (k, 2) their begins and ends, which are among them; at most `step` apart."""
+    count = (np.hypot(*(ends - begins).T) / step).astype(int) + 2
+    last = np.cumsum(count)
+    number = np.arange(count.sum()) - np.repeat(last - count, count)
+    points: Floats = np.repeat(begins, count, axis=0)
+    points += number[:, None] * np.repeat((ends - begins) / (count - 1)[:, None], count, axis=0)
+    points[last - 1] = ends
+    return points
+
+
+def _lines(ax: Axes) -> Iterator[tuple[Floats, Floats]]:
+    """Yield begins and ends, (k, 2) each, of the straight lines between the corners of what is drawn [pixels]."""
     for line in ax.lines:
         if line.get_visible() and line.get_linestyle() not in {"None", "", " "}:
-            yield from _pieces(line.get_transform().transform(line.get_xydata()))
+            corners = line.get_transform().transform(line.get_xydata())
+            yield _between_corners(corners, np.zeros(len(corners), dtype=int))
     for group in ax.collections:
-        if isinstance(group, LineCollection):
-            for segment in group.get_segments():
-                yield from _pieces(group.get_transform().transform(segment))
+        if isinstance(group, LineCollection) and (paths := [np.asarray(p.vertices) for p in group.get_paths()]):
+            corners = group.get_transform().transform(np.concatenate(paths))
+            yield _between_corners(corners, np.repeat(np.arange(len(paths)), [len(p) for p in paths]))
 
 
-def _pieces(corners: Floats) -> Iterator[Floats]:
-    known = np.isfinite(corners).all(axis=1)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
-    for begin, end in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True):
-        if end - begin > 1:
-            yield corners[begin:end]
+def _between_corners(corners: Floats, curve: NDArray[np.int_]) -> tuple[Floats, Floats]:
+    """Return begins and ends of the lines from corner to corner of the same curve; a gap is where one is unknown."""
+    known = np.asarray(np.isfinite(corners).all(axis=1))
+    joined = known[1:] & known[:-1] & (curve[1:] == curve[:-1])
+    return corners[:-1][joined], corners[1:][joined]
 
 
 def _taken(ax: Axes, own: Names, renderer: RendererBase) -> Iterator[Bbox]:

@@ -18,8 +18,8 @@ def fit_page(result: FitResult) -> Page:
         title=f"Linear model of the response of {result.model}",
         lead=f"Order {result.order}: {result.order_reason}. {result.words[0][0].upper()}{result.words[0][1:]}.",
         facts={
-            "response": f"{len(result.frequency_hz)} points, {result.frequency_hz[0]:.4g} to "
-            f"{result.frequency_hz[-1]:.4g} Hz",
+            "response": f"{len(result.frequency_hz)} points, {result.frequency_hz.min():.4g} to "
+            f"{result.frequency_hz.max():.4g} Hz{_channels(result)}",
             "model": "continuous" if result.dt == 0.0 else f"sampled every {result.dt:g} s",
         },
         sections=[
@@ -31,3 +31,8 @@ def fit_page(result: FitResult) -> Page:
         notes=result.notes,
         kind="fit",
     )  # fmt: skip
+
+
+def _channels(result: FitResult) -> str:
+    names = [result.channel_name(*place) for place in result.channels]
+    return f", of {', '.join(names)}" if len(names) > 1 else ""

@@ -48,11 +48,18 @@ def study_page(result: StudyResult) -> Page:
         title=result.study.name,
         lead=f"{sentence(result.words)} {result.study.description}".strip(),
         facts=_facts(result),
-        summary=[Verdict(c.finding.verdict, f"{c.name}: {c.finding.words}") for c in result.shown],
+        summary=_verdicts(result),
         notes=result.notes,
         sections=sections,
         data=result.to_dict(),
     )
+
+
+def _verdicts(result: StudyResult) -> list[Verdict]:
+    """Return what is not met, and how much is; the table says the rest."""
+    met = [c for c in result.checked if c.finding.passed]
+    found = [Verdict(c.finding.verdict, f"{c.name}: {c.finding.words}") for c in result.violated]
+    return [*found, *([Verdict(met[0].finding.verdict, f"{len(met)} of {len(result.checked)}")] if met else [])]
 
 
 def _facts(result: StudyResult) -> dict[str, str]:

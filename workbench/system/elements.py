@@ -61,9 +61,12 @@ class ElementInstance(Instance2):
         """Raise for a bad status: a table that ends where its input goes on."""
         for port, grid, value in zip(self._block.inputs, self._block.grids(), self.memory.tolist(), strict=False):
             if not grid[0] < value < grid[-1]:
+                near = 1e-6 * (grid[-1] - grid[0])
+                inside = grid[0] - near <= value <= grid[-1] + near
+                leaves = "at the end of the table" if inside else "beyond the table"
                 raise SimulationError(
-                    f"{self.description.model_name}: {port} = {value:.10g} is at the end of the table, {grid[0]:g} … "
-                    f"{grid[-1]:g}, and goes beyond it; widen the table, or let extrapolation be 'hold' or 'linear'",
+                    f"{self.description.model_name}: {port} = {value:.10g} is {leaves}, {grid[0]:g} … {grid[-1]:g}, "
+                    "and goes on from there; widen the table, or let extrapolation be 'hold' or 'linear'",
                     time=self.time,
                 )
         super().fail(name, status)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -109,10 +110,13 @@ def standard_block(kind: str, parameters: Mapping[str, float] | None = None) -> 
     """
     if kind not in STANDARD:
         raise InputError(f"block '{kind}' is unknown; {suggest(kind, STANDARD)}")
-    try:
-        return STANDARD[kind](**(parameters or {}))
-    except TypeError as error:
-        raise InputError(f"block {kind}: {error}") from None
+    given, taken = dict(parameters or {}), inspect.signature(STANDARD[kind]).parameters
+    for name in given:
+        if name not in taken:
+            raise InputError(f"block {kind}: no parameter '{name}'; {suggest(name, taken)}")
+    if missing := [n for n, p in taken.items() if p.default is p.empty and n not in given]:
+        raise InputError(f"block {kind}: parameter {missing[0]} is missing")
+    return STANDARD[kind](**given)
 
 
 @with_origin()

@@ -104,7 +104,7 @@ def _predicted(place: FeedbackPath, two: TwoPorts) -> tuple[dict[str, float], fl
     x = states_of(two.part(0.0), cycle, np.zeros(1))[0]
     known = {v.name for v in place.model.states}
     rest = two.lin.operating_point.x
-    named = {place.outer(n): rest[n] + v for n, v in zip(two.lin.state_names, x.tolist(), strict=True)}
+    named = {place.outer(n): rest[n] + float(x[i]) for n, i in two.lin.states.items()}
     return {n: v for n, v in named.items() if n in known}, cycle.frequency
 
 

@@ -6,6 +6,7 @@ coefficients are real and a pair of poles becomes two real ones without a jump. 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from workbench.session.base import Floats
 
-__all__ = ["Rational", "fitted"]
+__all__ = ["Channel", "Rational", "common_poles", "fitted", "paired", "pole_spread"]
 
 Complex = NDArray[np.complex128]
 
@@ -61,17 +62,35 @@ class Rational:
     def pole_spread(self) -> Floats:
         """Return the standard deviation of each pole [1/s], shape (n,), in the order of the eigenvalues of A."""
         A = self.matrices[0]
-        values, left, right = scipy.linalg.eig(A, left=True, right=True) if self.order else (np.zeros(0), A, A)
-        size = np.einsum("ik,ik->k", left.conj(), right)
-        root = np.linalg.cholesky(self.covariance + 1e-300 * np.eye(len(self.covariance)))
-        moves = np.zeros((len(values), len(self.theta)), dtype=np.complex128)
+        moves = np.zeros((len(self.theta), *A.shape))
         for j in range(len(self.theta)):
             step = np.zeros(len(self.theta))
             step[j] = 1.0
             # A is linear in the coefficients.
-            change = _matrices(self.theta + step, self.order, self.scale, direct=self.direct)[0] - A
-            moves[:, j] = np.einsum("ik,ij,jk->k", left.conj(), change, right) / size
-        return np.asarray(np.linalg.norm(moves @ root, axis=1))
+            moves[j] = _matrices(self.theta + step, self.order, self.scale, direct=self.direct)[0] - A
+        return pole_spread(A, moves, self.covariance)
+
+    @property
+    def freedom(self) -> int:
+        """How many numbers were fitted."""
+        return len(self.theta)
+
+
+def pole_spread(A: Floats, moves: Floats, covariance: Floats) -> Floats:
+    """Return the standard deviation of each eigenvalue, shape (n,).
+
+    Args:
+        A: shape (n, n).
+        moves: shape (t, n, n), its derivatives by the parameters.
+        covariance: shape (t, t), of these.
+    """
+    if not len(A):
+        return np.zeros(0)
+    _, left, right = scipy.linalg.eig(A, left=True, right=True)
+    size = np.einsum("ik,ik->k", left.conj(), right)
+    slopes = np.einsum("ik,tij,jk->kt", left.conj(), moves, right) / size[:, None]
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(np.linalg.norm(slopes @ (vectors * np.sqrt(np.maximum(values, 0.0))), axis=1))
 
 
 def fitted(
@@ -90,7 +109,11 @@ def fitted(
     """
     scale = float(np.sqrt(np.abs(s).min() * np.abs(s).max()))
     z, weight = s / scale, 1.0 / sigma
-    poles = _vector_fit(z, value, weight, order, direct=direct, stable=stable) if start is None else start / scale
+    poles = (
+        common_poles([Channel(z, value, weight)], order, direct=direct, stable=stable)
+        if start is None
+        else start / scale
+    )
     theta = _from_poles(z, value, weight, poles, direct=direct)
     low = np.full(len(theta), -np.inf)
     if stable:
@@ -161,7 +184,7 @@ def _matrices(theta: Floats, order: int, scale: float, *, direct: bool) -> tuple
 
 def _from_poles(z: Complex, value: Complex, weight: Floats, poles: Complex, *, direct: bool) -> Floats:
     """Return coefficients for given poles, numerators by least squares."""
-    pairs, single = _paired(poles)
+    pairs, single = paired(poles)
     columns = [column for a1, a0 in pairs for column in (z / (z * z + a1 * z + a0), 1.0 / (z * z + a1 * z + a0))]
     columns += [] if single is None else [1.0 / (z + single)]
     columns += [np.ones(len(z), dtype=np.complex128)] if direct else []
@@ -175,8 +198,12 @@ def _from_poles(z: Complex, value: Complex, weight: Floats, poles: Complex, *, d
     return np.array([*theta, *(numbers[-1:] if direct else ())])
 
 
-def _paired(poles: Complex) -> tuple[list[tuple[float, float]], float | None]:
-    """Return a1 and a0 of pairs of poles, and minus a single real one if their number is odd."""
+def paired(poles: Complex) -> tuple[list[tuple[float, float]], float | None]:
+    """Return a1 and a0 of pairs of poles, and minus a single real one if their number is odd.
+
+    Args:
+        poles: complex ones in pairs; their pairs come first, then those of real ones, rising.
+    """
     upper = [p for p in poles if p.imag > 1e-12 * abs(p)]
     real = sorted(p.real for p in poles if abs(p.imag) <= 1e-12 * abs(p))
     pairs = [(-2.0 * p.real, abs(p) ** 2) for p in upper]
@@ -184,22 +211,82 @@ def _paired(poles: Complex) -> tuple[list[tuple[float, float]], float | None]:
     return pairs, -real[-1] if len(real) % 2 else None
 
 
-def _vector_fit(z: Complex, value: Complex, weight: Floats, order: int, *, direct: bool, stable: bool) -> Complex:
-    """Return poles near those of a rational function through the values.
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Values of one input and output.
 
-    Σ r/(z − p) + d = (1 + Σ c/(z − p)) value is linear in r, d and c; the zeros of the bracket are better poles.
+    Attributes:
+        s: shape (k,).
+        value: shape (k,).
+        weight: shape (k,), of each value.
     """
-    w = np.abs(z.imag)
+
+    s: Complex
+    value: Complex
+    weight: Floats
+
+    def residues(self, poles: Complex, *, direct: bool) -> Complex:
+        """Return the residues at given poles that follow best, shape (n,), conjugate at conjugate poles.
+
+        Args:
+            poles: in pairs.
+            direct: a constant is fitted, too.
+        """
+        basis = _partial_fractions(self.s, poles)
+        columns = [*basis, *([np.ones(len(self.s))] if direct else [])]
+        if not basis:
+            return np.zeros(0, dtype=np.complex128)
+        matrix = np.array([_apart(c * self.weight) for c in columns]).T
+        size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+        c = (np.linalg.lstsq(matrix / size, _apart(self.value * self.weight), rcond=1e-12)[0] / size)[: len(poles)]
+        found = np.zeros(len(poles), dtype=np.complex128)
+        k = 0
+        for j, pole in enumerate(poles):
+            if pole.imag == 0.0:
+                found[j], k = c[k], k + 1
+            elif pole.imag > 0.0:  # c r + d i: (c + i d) at the upper pole
+                found[j], found[j + 1], k = c[k] + 1j * c[k + 1], c[k] - 1j * c[k + 1], k + 2
+        return found
+
+    def equations(self, basis: list[Complex], *, direct: bool) -> tuple[Floats, Floats]:
+        """Return the equations of the coefficients c in common, the channel's own being eliminated.
+
+        Σ r/(z − p) + d = (1 + Σ c/(z − p)) value is linear in r, d and c.
+
+        Args:
+            basis: partial fractions of real coefficients.
+            direct: a constant is fitted.
+        """
+        own = [*basis, *([np.ones(len(self.s))] if direct else [])]
+        matrix = np.array([_apart(c * self.weight) for c in [*own, *(-self.value * c for c in basis), self.value]]).T
+        size = np.maximum(np.linalg.norm(matrix[:, : len(own)], axis=0), 1e-300)
+        matrix[:, : len(own)] /= size
+        R = np.asarray(np.linalg.qr(matrix, mode="r"))[len(own) :, len(own) :]
+        return R[:, :-1], R[:, -1]
+
+
+def common_poles(channels: Sequence[Channel], order: int, *, direct: bool, stable: bool) -> Complex:
+    """Return poles near those of rational functions with one denominator through the values: vector fitting.
+
+    The zeros of the bracket in Σ r/(z − p) + d = (1 + Σ c/(z − p)) value are better poles.
+
+    Args:
+        channels: values.
+        order: how many.
+        direct: constants are fitted.
+        stable: poles are mirrored to the left of the imaginary axis.
+    """
+    w = np.abs(np.concatenate([channel.s.imag for channel in channels]))
     at = np.geomspace(max(w.min(), 1e-6), w.max(), max(order // 2, 1))
     poles = np.array([p for x in at[: order // 2] for p in (x * (-_DAMPED + 1j), x * (-_DAMPED - 1j))])
     poles = np.append(poles, [-1.0 + 0j] * (order % 2))
     for _ in range(_ROUNDS if order else 0):
-        basis, A, b = _real_basis(z, poles)
-        columns = [*basis, *([np.ones(len(z))] if direct else []), *(-value * c for c in basis)]
-        matrix = np.array([_apart(c * weight) for c in columns]).T
+        parts = [channel.equations(_partial_fractions(channel.s, poles), direct=direct) for channel in channels]
+        matrix, right = np.vstack([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
         size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-        numbers = np.linalg.lstsq(matrix / size, _apart(value * weight), rcond=1e-13)[0] / size
-        new = np.linalg.eigvals(A - np.outer(b, numbers[-order:])).astype(np.complex128)
+        numbers = np.linalg.lstsq(matrix / size, right, rcond=1e-13)[0] / size
+        A, b = _states_of(poles)
+        new = np.linalg.eigvals(A - np.outer(b, numbers)).astype(np.complex128)
         if stable:
             new = np.where(new.real > 0.0, -new.real, new.real) + 1j * new.imag
         new[np.abs(new.imag) <= 1e-12 * np.abs(new)] = new[np.abs(new.imag) <= 1e-12 * np.abs(new)].real
@@ -210,19 +297,24 @@ def _vector_fit(z: Complex, value: Complex, weight: Floats, order: int, *, direc
     return poles
 
 
-def _real_basis(z: Complex, poles: Complex) -> tuple[list[Complex], Floats, Floats]:
-    """Return the partial fractions with real coefficients, and the A and b whose states they are."""
+def _partial_fractions(z: Complex, poles: Complex) -> list[Complex]:
+    """Return the partial fractions with real coefficients, of each pole of a pair one after the other."""
     basis: list[Complex] = []
-    blocks: list[Floats] = []
-    b: list[float] = []
     for p in poles:
         if p.imag == 0.0:
             basis.append(1.0 / (z - p))
-            blocks.append(np.array([[p.real]]))
-            b.append(1.0)
         elif p.imag > 0.0:
             one, other = 1.0 / (z - p), 1.0 / (z - p.conjugate())
             basis += [one + other, 1j * one - 1j * other]
-            blocks.append(np.array([[p.real, p.imag], [-p.imag, p.real]]))
-            b += [2.0, 0.0]
-    return basis, np.asarray(scipy.linalg.block_diag(*blocks)), np.array(b)
+    return basis
+
+
+def _states_of(poles: Complex) -> tuple[Floats, Floats]:
+    """Return the A and b whose states the partial fractions are."""
+    A, b, k = np.zeros((len(poles), len(poles))), np.zeros(len(poles)), 0
+    for p in poles:
+        if p.imag == 0.0:
+            A[k, k], b[k], k = p.real, 1.0, k + 1
+        elif p.imag > 0.0:
+            A[k : k + 2, k : k + 2], b[k], k = [[p.real, p.imag], [-p.imag, p.real]], 2.0, k + 2
+    return A, b

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,8 +11,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from workbench.analysis.bla.result import BlaResult
+from workbench.analysis.fit.matrix import Points, StateSpaceFit, fitted_matrix
 from workbench.analysis.fit.rational import Rational, fitted
-from workbench.analysis.fit.reading import measured
+from workbench.analysis.fit.reading import Measured, measured
 from workbench.analysis.fit.request import Fit
 from workbench.analysis.fit.result import FitResult
 from workbench.analysis.nfr.result import NfrResult
@@ -36,39 +38,73 @@ def run(
 ) -> FitResult:
     """Fit a model; see `Fit`."""
     source = measured(response, asked)
-    curve = source.curve
-    good = np.isfinite(curve.value) & (np.abs(curve.value) > 0.0) & (curve.frequency_hz > 0.0)
-    if source.dt > 0.0:
-        good &= curve.frequency_hz < 0.4999 / source.dt
-    f, value = curve.frequency_hz[good], curve.value[good]
-    error = np.zeros(len(f)) if curve.error is None else np.nan_to_num(curve.error[good], nan=0.0)
-    sigma = np.abs(value) * np.hypot(error / _CIRCLE, asked.accuracy)
-    sigma = np.maximum(sigma, _LEAST * np.abs(value).max(initial=0.0))
-    plain = value * np.exp(2j * np.pi * f * asked.delay)
-    s = _laplace(f, source.dt)
-    most = (2 * len(f) - 1) // 2 - 1
+    data = _data(source, asked)
+    p, m = len(source.outputs), len(source.inputs)
+    most = (2 * len(data.f) - p * m) // (p + m) - 1
     if most < 0:
-        raise InputError(f"{source.model}: the response has {len(f)} points with a value, too few to fit")
+        raise InputError(f"{source.model}: the response has {len(data.f)} points with a value, too few to fit")
     if asked.order != "auto" and asked.order > most:
-        raise InputError(f"order {asked.order} is too high: {len(f)} points allow {most}")
+        raise InputError(f"order {asked.order} is too high: {len(data.f)} points allow {most}")
     orders = range(min(asked.max_order, most) + 1) if asked.order == "auto" else (asked.order,)
-    tried: list[Rational] = []
+    tried: list[Rational | StateSpaceFit] = []
     for n in orders:
-        tried.append(fitted(s, plain, sigma, n, direct=asked.feedthrough, stable=asked.stable))
+        tried.append(_fitted(data.points, n, asked))
         job.done(f"order {n}", len(tried), len(orders))
     # The misfits of real and imaginary parts over their σ/√2 have χ² of 2 k numbers.
-    criterion = np.array([2.0 * r.cost + len(r.theta) * np.log(2.0 * len(f)) for r in tried])
+    criterion = np.array([2.0 * r.cost + r.freedom * np.log(2.0 * len(data.f)) for r in tried])
     best = tried[int(np.argmin(criterion))]
     A, B, C, D = best.matrices if source.dt == 0.0 else _sampled(best.matrices, source.dt)
+    amplitudes = {curve.amplitude for curve in source.curves}
     return FitResult(
         A=A, B=B, C=C, D=D, dt=source.dt, state_names=tuple(f"x{k + 1}" for k in range(best.order)),
-        input_names=(curve.input or "u",), output_names=(curve.output or "y",),
-        units={curve.input or "u": curve.input_unit, curve.output or "y": curve.output_unit},
+        input_names=source.inputs, output_names=source.outputs, units=source.units,
         model=source.model, order=best.order, order_reason=_reason(criterion, best.order, asked),
         order_criterion=criterion if asked.order == "auto" else np.zeros(0), delay=asked.delay,
-        amplitude=curve.amplitude, frequency_hz=f, measured=value, sigma=sigma, pole_spread=best.pole_spread(),
-        notes=_notes(curve, best, criterion, asked),
+        amplitude=amplitudes.pop() if len(amplitudes) == 1 else None, frequency_hz=data.f, measured=data.value,
+        sigma=data.points.sigma, pole_spread=best.pole_spread(), of_output=data.points.row,
+        of_input=data.points.column, notes=_notes(source, best, criterion, asked),
     )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """What is fitted.
+
+    Attributes:
+        f: shape (k,) [Hz].
+        value: shape (k,), as measured.
+        points: the same without the known delay.
+    """
+
+    f: Floats
+    value: Complex
+    points: Points
+
+
+def _data(source: Measured, asked: Fit) -> _Data:
+    """Return the points with a value of all channels, one channel after the other."""
+    parts = []
+    for curve in source.curves:
+        good = np.isfinite(curve.value) & (np.abs(curve.value) > 0.0) & (curve.frequency_hz > 0.0)
+        if source.dt > 0.0:
+            good &= curve.frequency_hz < 0.4999 / source.dt
+        f, value = curve.frequency_hz[good], curve.value[good]
+        error = np.zeros(len(f)) if curve.error is None else np.nan_to_num(curve.error[good], nan=0.0)
+        sigma = np.abs(value) * np.hypot(error / _CIRCLE, asked.accuracy)
+        sigma = np.maximum(sigma, _LEAST * np.abs(value).max(initial=0.0))
+        if len(source.curves) > 1 and not len(f):
+            raise InputError(f"{source.model}: no point from {curve.input} to {curve.output} has a value")
+        place = source.outputs.index(curve.output or "y"), source.inputs.index(curve.input or "u")
+        parts.append((f, value, sigma, *(np.full(len(f), number) for number in place)))
+    f, value, sigma, row, column = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    plain = value * np.exp(2j * np.pi * f * asked.delay)
+    return _Data(f, value, Points(_laplace(f, source.dt), row, column, plain, sigma))
+
+
+def _fitted(points: Points, order: int, asked: Fit) -> Rational | StateSpaceFit:
+    if points.shape == (1, 1):
+        return fitted(points.s, points.value, points.sigma, order, direct=asked.feedthrough, stable=asked.stable)
+    return fitted_matrix(points, order, direct=asked.feedthrough, stable=asked.stable)
 
 
 def _reason(criterion: Floats, order: int, asked: Fit) -> str:
@@ -81,11 +117,13 @@ def _reason(criterion: Floats, order: int, asked: Fit) -> str:
     return why
 
 
-def _notes(curve: Response, best: Rational, criterion: Floats, asked: Fit) -> tuple[str, ...]:
+def _notes(source: Measured, best: Rational | StateSpaceFit, criterion: Floats, asked: Fit) -> tuple[str, ...]:
     notes = []
-    if curve.amplitude is not None:
-        unit = f" {curve.input_unit}" if curve.input_unit else ""
-        notes.append(f"measured at {curve.amplitude:.4g}{unit}: a linear model at this amplitude")
+    # At several powers of the same input, there is one word for each.
+    at = {(c.input, c.amplitude, c.input_unit) for c in source.curves if c.amplitude is not None}
+    for name, amplitude, unit in sorted(at, key=str):
+        of = f" of {name}" if len(source.curves) > 1 else ""
+        notes.append(f"measured at {amplitude:.4g}{f' {unit}' if unit else ''}{of}: a linear model at this amplitude")
     if asked.order == "auto" and best.order == len(criterion) - 1 > 0:
         notes.append(f"order {best.order} is the largest considered: allow more, or a larger misfit (accuracy)")
     if asked.delay:

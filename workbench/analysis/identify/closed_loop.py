@@ -1,9 +1,10 @@
-"""Identify a plant that runs in a closed loop by its recorded reference, in two stages.
+"""Identify a plant that runs in a closed loop by its recorded reference.
 
 First what the reference makes of the inputs is found by a long equation: the reference knows nothing of the
 disturbance, so neither does this part of the inputs. Then the plant is identified from it as in an open loop
-(P. M. J. Van den Hof and R. J. P. Schrama, Automatica 29, 1993). At last the disturbance is what the plant leaves of
-the output under the inputs as they were.
+(P. M. J. Van den Hof and R. J. P. Schrama, Automatica 29, 1993), and the disturbance is what the plant leaves of the
+output under the inputs as they were. From there both are refined under the inputs as they were, with the first part as
+an instrument; that has a covariance (`prediction/instrument.py`).
 """
 
 from __future__ import annotations
@@ -16,16 +17,20 @@ import numpy as np
 from workbench.analysis.experiment.experiment import Experiment
 from workbench.analysis.identified.model import NoiseModel
 from workbench.analysis.identify.preparing import Prepared, chosen, prepare
+from workbench.analysis.identify.refined import wished
 from workbench.analysis.identify.request import Identify
 from workbench.analysis.identify.several import gathered
-from workbench.analysis.long_arx import fit_long_arx
+from workbench.analysis.long_arx import LongArx, fit_long_arx
 from workbench.analysis.prediction.choose import noise_alone
+from workbench.analysis.prediction.model import instrumented_model
 from workbench.analysis.subspace import SubspaceEstimate
 from workbench.core.blas import one_thread
 from workbench.errors import InputError
+from workbench.session.base import Floats
 
 __all__ = ["driven_by", "with_disturbance", "with_reference"]
 
+_LAGS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 25)  # of the long equation
 _LEAST = 0.005  # of an input's variance that the reference must explain
 
 
@@ -68,7 +73,7 @@ def driven_by(reference: Experiment, prepared: Prepared, asked: Identify) -> Pre
     other = prepare(reference, how=asked.detrend, settle=asked.settle)
     m = prepared.u.shape[1]
     with one_thread():
-        arx = fit_long_arx(other.u, other.y[:, :m])
+        arx = _long_enough(other.u, other.y[:, :m])
         made = arx.simulate(other.u)
         shown = 1.0 - np.var(prepared.u - made, axis=0) / np.var(prepared.u, axis=0)
     # A reference that does nothing explains as many samples as there are coefficients, by chance.
@@ -80,15 +85,37 @@ def driven_by(reference: Experiment, prepared: Prepared, asked: Identify) -> Pre
     return replace(prepared, u=made)
 
 
-def with_disturbance(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> SubspaceEstimate:
+def _long_enough(r: Floats, u: Floats) -> LongArx:
+    """Return the equation of the length that Akaike's criterion chooses.
+
+    A longer one would put the disturbance into the inputs that it makes: each of its coefficients takes a bit of it.
+    """
+    tried = [fit_long_arx(r, u, lags=lags) for lags in _LAGS]
+    rows = len(u) - max(arx.lags for arx in tried)
+    cost = [
+        rows
+        * np.linalg.slogdet(arx.residual[-rows:].T @ arx.residual[-rows:] / rows + np.diag(arx.floor**2 + 1e-300))[1]
+        + 2 * (arx.a.size + arx.b.size)
+        for arx in tried
+    ]
+    return tried[int(np.argmin(cost))]
+
+
+def with_disturbance(
+    found: SubspaceEstimate, prepared: Prepared, driving: Prepared, asked: Identify
+) -> SubspaceEstimate:
     """Return the estimate with a model of what its plant leaves of the output under the inputs as they were.
 
     Args:
         found: from what the reference makes of the inputs.
         prepared: the data.
+        driving: the same with what the reference makes of the inputs.
         asked: with the order of the disturbance.
+
+    Raises:
+        InputError: the plant is unstable.
     """
-    # What the first stage errs by is not in the covariance of the second: there are no regions.
+    # The covariance of the second stage lacks the error of the first; that of the instrument does not.
     model = replace(found.model, K=np.zeros_like(found.model.K), noise=None, spread=None)
     if not model.is_stable:
         raise InputError(
@@ -100,10 +127,11 @@ def with_disturbance(found: SubspaceEstimate, prepared: Prepared, asked: Identif
     with one_thread():
         alone = noise_alone((left - left.mean(axis=0)) / scale, asked.noise if isinstance(asked.noise, int) else None)
     if alone is None:
-        return found
+        return found.with_model(replace(model, x0=x0))
     noise = alone.model
     own = NoiseModel(A=noise.A, K=noise.K / scale, C=scale[:, None] * noise.C) if len(noise.A) else None
     covariance = scale[:, None] * alone.covariance * scale
-    return replace(
-        found, model=replace(model, x0=x0, y0=model.y0 + left.mean(axis=0), covariance=covariance, noise=own)
-    )
+    near = replace(model, x0=x0, y0=model.y0 + left.mean(axis=0), covariance=covariance, noise=own)
+    wish = wished(found, prepared, asked)
+    better = instrumented_model(near, prepared.u, driving.u, prepared.y, wish)
+    return found.with_model(near if better is None else better)

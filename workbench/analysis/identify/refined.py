@@ -22,7 +22,7 @@ from workbench.analysis.validate.validate import suited
 from workbench.errors import InputError, suggest
 from workbench.session.base import Floats
 
-__all__ = ["refined"]
+__all__ = ["refined", "wished"]
 
 _DOUBT = 0.01  # probability below which the data are said to disagree with a gain
 _NOTHING_LEFT = 1e-6  # of the output: prediction errors below are rounding, not noise
@@ -52,16 +52,7 @@ def refined(
             raise InputError(f"{prepared.data.name}: the data are free of noise: there is nothing to refine")
         return found, Refinement(taken=False, reason="the data are free of noise"), same[1]
     direct = asked.closed_loop == "direct"
-    wish = Wish(
-        order=found.order if asked.order != "auto" or asked.biased else None,
-        noise=None if asked.noise == "auto" else asked.noise,
-        most=asked.max_order,
-        feedthrough=asked.feedthrough,
-        stable=asked.stable,
-        closed_loop=direct,
-        gains=gains,
-    )
-    best = refined_model(found.model, prepared.u, prepared.y, wish)
+    best = refined_model(found.model, prepared.u, prepared.y, wished(found, prepared, asked))
     if best is None and gains is not None:
         raise InputError(f"{prepared.data.name}: no model of this order has the gains {_told(asked)}; leave gains out")
     if best is None:
@@ -74,6 +65,28 @@ def refined(
     if not taken:
         return found, words, same[1]
     return _in_place(found, best), words, refining(best, prepared.u, prepared.y)
+
+
+def wished(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> Wish:
+    """Return what the refined model is to be.
+
+    Args:
+        found: of the subspaces.
+        prepared: the data of the fit.
+        asked: with the options.
+
+    Raises:
+        InputError: a gain between channels that the data do not have.
+    """
+    return Wish(
+        order=found.order if asked.order != "auto" or asked.biased else None,
+        noise=None if asked.noise == "auto" else asked.noise,
+        most=asked.max_order,
+        feedthrough=asked.feedthrough,
+        stable=asked.stable,
+        closed_loop=asked.closed_loop == "direct",
+        gains=_gains(asked, prepared),
+    )
 
 
 def _gains(asked: Identify, prepared: Prepared) -> Floats | None:

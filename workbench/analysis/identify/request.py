@@ -276,6 +276,11 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
             raise InputError("gains: they are held by the refinement, which refine=never rules out")
         if self.closed_loop is not None and self.refine == "never":
             raise InputError("closed_loop: refine=never leaves the subspace model, which is biased in a closed loop")
+        if self.bootstrap and self.closed_loop not in (None, "direct"):
+            raise InputError(
+                "bootstrap: its records have the inputs as they are, of which a model by a reference uses a part only; "
+                "uncertainty has the regions"
+            )
         if self.bootstrap and self.also:
             raise InputError("bootstrap: of one experiment only; uncertainty has the regions of several")
         if self.noise != "auto" and self.refine == "never":

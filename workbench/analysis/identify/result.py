@@ -142,9 +142,12 @@ class IdentifyResult(Record):
                 "feedthrough of plant and controller closes it within the sample"
             )
         elif self.closed_loop_method is not None:
+            by = f"identified in a closed loop by what {self.closed_loop_method} makes of the inputs"
             told.append(
-                f"identified in a closed loop by what {self.closed_loop_method} makes of the inputs (two stages); "
-                "no regions are given: the first stage's error is not in the covariance of the second"
+                f"{by} (two stages); no regions are given: the instrument's equations have no solution near, and the "
+                "covariance of the second stage lacks the error of the first"
+                if self.uncertainty is None
+                else f"{by} (two stages), then with it as an instrument, whose covariance the regions come from"
             )
         if len(self.experiments) > 1:
             told.append(f"fitted together: {'; '.join(self.experiments)}; judged and drawn: the first")

@@ -57,7 +57,7 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
     other = _other(asked, prepared.data)
     better, refinement, again = refined(found, driving, other, asked)
     if reference is not None:
-        better = with_disturbance(better, prepared, asked)
+        better = with_disturbance(better, prepared, driving, asked)
     better = better.with_model(without_joints(better.model, prepared.u.shape[1]))
     advice.refuse(better.order)
     job.done("model estimated", 2, 3)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,8 +123,13 @@ def _meeting(distance: Callable[[Floats], Floats], near: float, size: float) -> 
 
 
 def _rates(rest: LinResult) -> Floats:
-    return np.array([rest.operating_point.dx[n] for n in rest.state_names])
+    return _filled(rest, rest.operating_point.dx)
 
 
 def _states(rest: LinResult) -> Floats:
-    return np.array([rest.operating_point.x[n] for n in rest.state_names])
+    return _filled(rest, rest.operating_point.x)
+
+
+def _filled(rest: LinResult, values: Mapping[str, float]) -> Floats:
+    """Return values of all states; those of a Padé approximation count from where the delay is at rest."""
+    return np.array([values.get(n, 0.0) for n in rest.state_names])

@@ -83,6 +83,7 @@ def confirm(
     end = list(dict.fromkeys(end))
     steady, run, last, f = False, 0, 0.0, frequency
     at, values = np.zeros(0), dict.fromkeys([*names, *end], np.zeros(0))
+    rows: Mapping[str, Floats] = values
     with model.open_at(time=time, values={**inputs, **states}, tolerance=_TOLERANCE) as session:
         while run < periods and not steady:
             count = min(_CHUNK, periods - run)
@@ -95,7 +96,7 @@ def confirm(
             except SimulationError as error:
                 return f"the simulation failed: {error}"
             run += count
-            last_rows = record.right_limits(points)
+            rows, last_rows = record.values, record.right_limits(points)
             at, values = last_rows.time, last_rows.values
             f = _frequency(at, values[watch], f)
             size = _fundamental(at, values[watch], f)
@@ -106,7 +107,8 @@ def confirm(
     shown = {n: values[n] for n in names}
     return Simulated(
         frequency=f,
-        amplitude={n: half_range(v) for n, v in shown.items()},
+        # Corners are at events, between the even rows.
+        amplitude={n: max(half_range(v), 0.5 * float(np.ptp(rows[n]))) for n, v in shown.items()},
         fundamental={n: _fundamental(at, v, f) for n, v in shown.items()},
         mean={n: float(np.mean(v)) for n, v in shown.items()},
         steady=steady,

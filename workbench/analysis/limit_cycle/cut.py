@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from workbench.analysis.limit_cycle.centre import Centre, centre_of, is_moving
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.opened import Ports, find_ports, linear_between, recipe_of, without_block
 from workbench.analysis.rest import rest_of
-from workbench.core.linear import Linear, LinearPart
+from workbench.core.linear import LinearPart
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model.described import DescribedModel
@@ -46,8 +47,8 @@ class SplitLoop:
 
     Attributes:
         every: where it was cut, for each block.
-        whole: L, from the outputs of the blocks to their inputs; that of one block is a `LinearPart`, its sign chosen
-            so that N is positive where the block's gain has one sign throughout.
+        whole: L, from the outputs of the blocks to their inputs, its sign for one block chosen so that N is positive
+            where the block's gain has one sign throughout; its responses have transport delays as they are.
         blocks: static blocks about the operating point; None: it has a memory of its own.
         turned: whether L and the one block have another sign than in the system.
         rest: the linear part as it was linearised.
@@ -59,7 +60,7 @@ class SplitLoop:
     """
 
     every: tuple[Ports, ...]
-    whole: Linear
+    whole: LinResult
     blocks: tuple[Block | None, ...]
     turned: bool
     rest: LinResult
@@ -84,10 +85,10 @@ class SplitLoop:
         """Input of the first block at the operating point."""
         return self.centres[0]
 
-    @property
+    @cached_property
     def part(self) -> LinearPart:
-        """L of a loop with one block."""
-        return self.whole if isinstance(self.whole, LinearPart) else self.whole.part()
+        """L of a loop with one block; of transport delays it has Padé approximations."""
+        return LinearPart.from_lin(self.whole)
 
 
 def cut(
@@ -119,6 +120,11 @@ def cut(
     with model.open_at(time=time, values={**point.x, **point.u}) as session:
         here = session.values([name for p in every for name in (p.v, p.w)])
     rest = _linear_rest(model, every, point, time, [here[p.w] for p in every])
+    if rest.dt > 0.0:
+        raise InputError(
+            f"{model.name}: the rest of the loop is sampled ({rest.dt:g} s), and cycles are predicted for continuous "
+            "loops alone; simulate it from a disturbed state, or measure it with loop or nfr"
+        )
     functions = [_static(model, p, time, keep) for p in every]
     centres, outputs, moving = [here[p.v] for p in every], [here[p.w] for p in every], is_moving(rest)
     if moving and not further:
@@ -137,14 +143,12 @@ def cut(
     blocks = tuple(
         None if f is None else _block(f, p, v, w) for f, p, v, w in zip(functions, every, centres, outputs, strict=True)
     )
-    whole: Linear = Linear(rest.A, -rest.B, rest.C, -rest.D, state_names=rest.state_names)
-    turned = False
+    whole, turned = rest.negated(), False
     if not further:
-        whole = part = LinearPart.from_lin(rest, sign=-1.0)
         block = blocks[0]
         turned = block is not None and all(block.gain(a).real <= 0.0 for a in _PROBES)
         if turned and block is not None:
-            whole, blocks = part.negated(), (block.negated(),)
+            whole, blocks = rest, (block.negated(),)
     notes += [f"linear part: {note}" for note in rest.notes]
     notes += [f"linear part, d({d.row})/d({d.column}): {d.reason}" for d in rest.doubts]
     return SplitLoop(every, whole, blocks, turned, rest, point, tuple(centres), tuple(outputs), moving, tuple(notes))
@@ -183,7 +187,7 @@ def _middle(  # noqa: PLR0917
         middle = centre_of(moved, function, v, w)
         if middle is None:
             return None, rest
-        x = dict(zip(moved.state_names, middle.x.tolist(), strict=True))
+        x = {n: float(middle.x[i]) for n, i in moved.states.items()}
         moved = _linear_rest(model, [ports], replace(point, x={**point.x, **x}), time, [middle.w])
         found, v, w = middle, float(moved.operating_point.y[_RETURNED]), middle.w
         if not is_moving(moved, rest):
@@ -310,8 +314,10 @@ def _middle_line(
     None: the block has states of its own or samples.
     """
     alone = keep.enter_context(only_block(model, ports))
+    # What a standard block without samples keeps besides states is on which side of a hysteresis it is.
+    ours = isinstance(_component(recipe_of(model).system, ports.component), BlockComponent)
     with alone.open_point(time=time) as point:
-        if point.memory or len(point.ticks(1, 1e300)) or _sees_states(point):
+        if (point.memory and not ours) or len(point.ticks(1, 1e300)) or _sees_states(point):
             return None
     function = _swept(alone, time, keep)
 

@@ -200,8 +200,8 @@ class _Work:
             self.notes = [n for n in self.notes if n not in failed]
 
     def _is_shootable(self, states: Mapping[str, float]) -> bool:
-        """Whether the states of every block with a memory are among those that are known."""
-        return not self._unknown_memories(states)
+        """Whether the states of every block with a memory are among those that are known, and nothing is delayed."""
+        return not self._unknown_memories(states) and self.loop.rest.delayed is None
 
     def _unknown_memories(self, states: Iterable[str]) -> list[Ports]:
         """Return the blocks with a memory of which no state is among those that are known."""
@@ -224,7 +224,7 @@ class _Work:
             values = {**self.loop.point.u, **rest.operating_point.x, **moved}
             try:
                 seen = observe(
-                    self.system, values=values, states=list(rest.state_names), watch=self.loop.ports.v, push=push,
+                    self.system, values=values, states=list(rest.states), watch=self.loop.ports.v, push=push,
                     seconds=seconds, time=self.time,
                 )  # fmt: skip
             except (InputError, SimulationError) as error:
@@ -237,12 +237,13 @@ class _Work:
 
     def _pushed(self, push: float) -> dict[str, float]:
         """Return states of the linear part that move the block's input by `push`, each by the same part of its size."""
-        names, c = self.loop.rest.state_names, self.loop.rest.C[0]
+        rest = self.loop.rest
+        names, c = list(rest.states), rest.C[0, list(rest.states.values())]
         nominal = {v.name: v.nominal for v in self.system.states}
         sizes = np.array([abs(nominal.get(n) or 1.0) for n in names])
         square = float(((sizes * c) ** 2).sum())
         moved = sizes**2 * c * push / square if square > 0.0 else np.zeros(len(names))
-        return {n: self.loop.rest.operating_point.x[n] + d for n, d in zip(names, moved.tolist(), strict=True)}
+        return {n: rest.operating_point.x[n] + d for n, d in zip(names, moved.tolist(), strict=True)}
 
     def _unpredicted(self, seen: Observation, frequency: float) -> None:
         run = self._confirmed(None, seen.states, frequency=frequency, amplitude=seen.swing)
@@ -284,6 +285,7 @@ class _Work:
         cycles = [c for c in self.found if c.method == SHOOTING]
         if not cycles:
             kept = [p.component for p in self._unknown_memories([v.name for v in self.system.states])]
+            kept += ["a delay"] if self.loop.rest.delayed is not None else []
             why = f"; shooting cannot set what {', '.join(kept)} keeps besides continuous states" if kept else ""
             self.notes.append(f"{name}: shooting found no cycle that could be followed{why}")
         done, total = self.stage
@@ -355,9 +357,10 @@ class _Work:
 
     def _predicted(self, cycle: Cycle) -> tuple[dict[str, float], dict[str, float]]:
         """Return the states of the linear part at phase 0, and how far each moves."""
-        names = self.loop.rest.state_names
+        names = list(self.loop.rest.states)
         with np.errstate(all="ignore"):
             along = states_of(self.loop.whole, cycle, np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False))
+        along = along[:, list(self.loop.rest.states.values())]
         rest = self.loop.rest.operating_point.x
         if not np.isfinite(along).all():  # the linear part has a pole at that very frequency
             pushed = self._pushed(cycle.amplitude)

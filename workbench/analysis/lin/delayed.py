@@ -14,6 +14,7 @@ from workbench.core.matrices import Floats
 from workbench.errors import InputError
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
+from workbench.model.placing import named
 from workbench.system.block_table.linear import Delayed as DelayedBlock
 from workbench.system.block_table.linear import VariableDelay
 from workbench.system.description import BlockComponent, LinearComponent, SystemDescription
@@ -167,7 +168,7 @@ def _closed(task: LinTask, found: LinResult, cuts: Sequence[_Cut]) -> LinResult:
     names = [f"{cut.component.name}.pade{k + 1}" for cut, p in zip(cuts, parts, strict=True) for k in range(len(p[0]))]
     delayed = Delayed(found.A, found.B, found.C, found.D, np.array([cut.time for cut in cuts]))
     where = found.operating_point
-    point = replace(
+    opened = replace(
         where,
         u={n: v for n, v in where.u.items() if not n.startswith(_INTO)},
         y={n: v for n, v in where.y.items() if n in task.outputs},
@@ -183,7 +184,7 @@ def _closed(task: LinTask, found: LinResult, cuts: Sequence[_Cut]) -> LinResult:
         input_names=task.inputs,
         output_names=task.outputs,
         units={**{n: u for n, u in found.units.items() if "lin_delay" not in n}, **dict.fromkeys(names)},
-        operating_point=point,
+        operating_point=named(task.model, opened),
         zeros=tuple(z for z in found.zeros if "lin_delay" not in z.name),
         doubts=tuple(x for x in found.doubts if "lin_delay" not in x.row + x.column),
         delayed=delayed if found.dt == 0.0 else None,

@@ -123,6 +123,12 @@ class Delayed(Part):
         closed = found[:, :-k, :-k] + found[:, :-k, -k:] @ np.linalg.solve(inside, turned * found[:, -k:, :-k])
         return np.asarray(closed, dtype=np.complex128)
 
+    def negated(self) -> Delayed:
+        """Return the model with its inputs turned over, those from the delays as they are."""
+        turned = np.ones(self.D.shape[1])
+        turned[: -len(self.times)] = -1.0
+        return replace(self, B=self.B * turned, D=self.D * turned)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinResult(Linear, Record):
@@ -174,6 +180,16 @@ class LinResult(Linear, Record):
             frequency_hz: shape (k,), or one [Hz].
         """
         return super().response(frequency_hz) if self.delayed is None else self.delayed.response(frequency_hz)
+
+    def negated(self) -> LinResult:
+        """Return the model with its inputs turned over."""
+        delayed = None if self.delayed is None else self.delayed.negated()
+        return replace(self, B=-self.B, D=-self.D, delayed=delayed)
+
+    @property
+    def states(self) -> dict[str, int]:
+        """State of the model → its row in A; those of Padé approximations are left out."""
+        return {n: i for i, n in enumerate(self.state_names) if n in self.operating_point.x}
 
     @property
     def point(self) -> OperatingPoint:

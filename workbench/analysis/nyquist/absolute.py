@@ -123,6 +123,8 @@ def absolute_stability(
         8.0000 8.0000 4.0000
     """
     part = part_of(loop)
+    if not reach > 0.0:
+        raise InputError(f"reach: {reach:g} is not positive")
     try:
         sector = sector_of(block, reach) if isinstance(block, Block) else block
     except NotImplementedError:

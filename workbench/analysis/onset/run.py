@@ -136,13 +136,22 @@ class _Motion:
 def _rate(model: Model, asked: RateOnset) -> tuple[float, list[str]]:
     """Return the limit of the rate, and what to know of it."""
     component = next(c for c in system_of(model, _NEEDS).components if c.name == asked.limiter)
+    own = None
+    if isinstance(component, BlockComponent) and component.kind == "rate_limiter":
+        own = component.block.packed()[:2]
     if asked.rate is not None:
-        return asked.rate, []
-    if not isinstance(component, BlockComponent) or component.kind != "rate_limiter":
+        if own is None or asked.rate == min(own[1], -own[0]):
+            return asked.rate, []
+        words = (
+            f"the limit is {asked.rate:g} as given, though {asked.limiter} itself limits at {own[0]:g} and {own[1]:g}, "
+            f"which act wherever the system is simulated (--set {asked.limiter}.rising=… changes them)"
+        )
+        return asked.rate, [words]
+    if own is None:
         raise InputError(
             f"limiter: the limit of {asked.limiter} is not known, as it is not a block rate_limiter; give it (--rate R)"
         )
-    falling, rising = component.block.packed()[:2]
+    falling, rising = own
     if -falling == rising:
         return rising, []
     return min(rising, -falling), [f"{asked.limiter}: the limits differ, {falling:g} and {rising:g}; the lower counts"]

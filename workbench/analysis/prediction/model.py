@@ -12,7 +12,9 @@ from workbench.analysis.identified.model import IdentifiedModel, NoiseModel
 from workbench.analysis.prediction.choose import Chosen, Wish, choose
 from workbench.analysis.prediction.gradient import normal_equations
 from workbench.analysis.prediction.innovations import Innovations
+from workbench.analysis.prediction.instrument import instrumented
 from workbench.analysis.prediction.refine import Refined, refine
+from workbench.analysis.prediction.start import started, with_own
 from workbench.analysis.subspace.data import ScaledData, prepare
 from workbench.analysis.subspace.delays import advance, as_tuple
 from workbench.analysis.subspace.estimate import model_of
@@ -22,7 +24,7 @@ from workbench.core.blas import one_thread
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["RefinedModel", "refined_model", "refining", "truth_spread"]
+__all__ = ["RefinedModel", "instrumented_model", "refined_model", "refining", "truth_spread"]
 
 Complex = NDArray[np.complex128]
 
@@ -59,6 +61,40 @@ def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: Wish) -> R
     if chosen is None:
         return None
     return RefinedModel(_in_units(chosen.refined, record, delays, start.dt), chosen)
+
+
+def instrumented_model(
+    start: IdentifiedModel, u: Floats, driven: Floats, y: Floats, wish: Wish
+) -> IdentifiedModel | None:
+    """Return the model whose errors know nothing of a reference; None where there is none near, or it is open.
+
+    Args:
+        start: a stable plant near it, and its disturbance.
+        u: shape (N, m), the operating point taken off.
+        driven: shape (N, m), that part of u which the reference makes.
+        y: shape (N, p), the operating point taken off.
+        wish: with feedthrough and gains.
+    """
+    record, delays = prepare(u, y), as_tuple(start.delay or 0, u.shape[1])
+    core, (su, sy) = start.undelayed(), (record.u_scale, record.y_scale)
+    p = len(sy)
+    noise = (np.zeros((0, 0)), np.zeros((0, p)), np.zeros((p, 0)))
+    if start.noise is not None:
+        noise = start.noise.A, start.noise.K * sy, start.noise.C / sy[:, None]
+    with one_thread():
+        pair = advance(record.u, record.y, delays)
+        plant = core.A, core.B * su, core.C / sy[:, None], core.D * su / sy[:, None]
+        begun = replace(
+            with_own(started(pair, plant), noise, feedthrough=wish.feedthrough),
+            gains=None if wish.gains is None else wish.gains * su / sy[:, None],
+        )
+        known = advance(driven / su, record.y, delays)[0]
+        # The least prediction error under the inputs as they are is mostly near, too, and free of the first stage's.
+        near = refine(begun, pair, stable=True)
+        starts = [*(() if near is None else (near.model,)), begun]
+        found = next((one for one in (instrumented(start, pair, known) for start in starts) if one is not None), None)
+    model = None if found is None else _in_units(found, record, delays, start.dt)
+    return None if model is None or model.spread is None else model
 
 
 def _in_units(found: Refined, record: ScaledData, delays: tuple[int, ...], dt: float) -> IdentifiedModel:

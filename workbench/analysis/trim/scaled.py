@@ -15,6 +15,7 @@ _BENT = 0.01  # second difference over first: over the usual width it is 1e-5 of
 _NARROWER = 0.1  # of the width before
 _FALLS = 0.9  # slope over the one before: closer together, both serve
 _NARROWINGS = 12  # of ten each: from the usual width, 1e-5, to rounding
+_KEPT = 4  # Jacobians: a search asks for that of a point again when it steps from there, and when it judges it
 
 
 class Scaled:
@@ -40,6 +41,7 @@ class Scaled:
         self.nominals = np.array([e.nominal for e in self._equations])
         self._rows = [e.row for e in self._equations]
         self._exact = exact
+        self._jacobians: dict[bytes, Floats] = {}  # of the points that were asked for last
 
     def residuals(self, w: Floats) -> Floats:
         """Return all residuals in their units, shape (e,); NaN where the model cannot be evaluated."""
@@ -48,6 +50,14 @@ class Scaled:
 
     def jacobian(self, w: Floats) -> Floats:
         """Return ∂residuals/∂w, shape (e, k); zero for an interval that is kept."""
+        key = w.tobytes()
+        found = self._jacobians.pop(key, None)
+        self._jacobians[key] = self._slopes_at(w) if found is None else found
+        if len(self._jacobians) > _KEPT:
+            del self._jacobians[next(iter(self._jacobians))]
+        return self._jacobians[key].copy()
+
+    def _slopes_at(self, w: Floats) -> Floats:
         full = self._given(w) if self._exact else None
         jacobian = (self._differences(w) if full is None else full)[self._rows]
         jacobian[~np.isfinite(jacobian)] = 0.0

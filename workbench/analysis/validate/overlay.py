@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.result import NfrResult
+from workbench.core.conversion import known_unit, named_conversion
 from workbench.core.decibels import decibels, degrees, difference
 from workbench.core.record import Record, entry
 from workbench.errors import InputError, suggest
@@ -156,9 +157,10 @@ def overlay(
 ) -> Overlay:
     """Lay an identified model over the linearisation and the measured frequency response.
 
-    All are shown as sines would show them. The identified model maps held inputs to samples; at 60 % of the Nyquist
-    frequency the hold alone turns the phase by 54°. What a sine shows of the same plant depends on where the hold is:
-    see `plant`. The measured response is the reference where there is one, else the linearisation.
+    All are shown as sines would show them, in the units of the measured response, else of the identified model; those
+    in other units are converted, which a note says. The identified model maps held inputs to samples; at 60 % of the
+    Nyquist frequency the hold alone turns the phase by 54°. What a sine shows of the same plant depends on where the
+    hold is: see `plant`. The measured response is the reference where there is one, else the linearisation.
 
     Args:
         model: discrete, identified.
@@ -173,7 +175,7 @@ def overlay(
             discrete response as it is. None: "sampled" where `lin` says that the plant is, else "continuous".
 
     Raises:
-        InputError: unknown name, amplitude or plant; nothing to compare with.
+        InputError: unknown name, amplitude or plant; units that do not measure the same; nothing to compare with.
 
     Examples:
         The model identified from data without noise has the frequency response of the linearised one.
@@ -191,9 +193,16 @@ def overlay(
         raise InputError("overlay: give a linearisation, a measured frequency response or both")
     kind = plant or ("sampled" if _is_sampled(linear) else "continuous")
     identified, notes = sine_response(model, kind, source, target)
-    shapes: dict[str, Callable[[Floats], Complex]] = {IDENTIFIED: identified}
+    own = _Units(IDENTIFIED, model.units.get(source), model.units.get(target))
+    wanted = own if nfr is None else _Units("measured", nfr.input_unit, nfr.output_unit)
+    factor, told = own.factor(wanted)
+    shapes: dict[str, Callable[[Floats], Complex]] = {IDENTIFIED: _times(identified, factor)}
     if linear is not None:
-        shapes[LINEAR] = _linear(linear, source, target)
+        i, j = _places(linear, source, target)
+        factor, more = _Units(
+            LINEAR, linear.units.get(linear.input_names[j]), linear.units.get(linear.output_names[i])
+        ).factor(wanted)
+        shapes[LINEAR], told = _times(_linear(linear, i, j), factor), (*told, *more)
     grid = _grid(model, nfr, frequencies)
     level = float("nan") if nfr is None else _amplitude(nfr, amplitude)
     reference = LINEAR if nfr is None else f"the response measured at amplitude {level:g}{_of(nfr.input_unit)}"
@@ -201,8 +210,50 @@ def overlay(
         name=model.name, input=source, output=target, frequency_hz=grid,
         curves={name: shape(grid) for name, shape in shapes.items()}, measured=nfr, amplitude=level,
         reference=reference, differences=_differences(shapes, reference, _truth(shapes, nfr, level, grid)),
-        nyquist_hz=0.5 / model.dt, notes=notes,
+        nyquist_hz=0.5 / model.dt, notes=(*notes, *told),
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Units:
+    """Units of a curve's input and output, None where not known."""
+
+    curve: str
+    input: str | None
+    output: str | None
+
+    def factor(self, wanted: _Units) -> tuple[float, tuple[str, ...]]:
+        """Return what a response is multiplied by to be in other units, and a note where it is not one.
+
+        Args:
+            wanted: units of the curve that it is compared with.
+
+        Raises:
+            InputError: a unit that is not known, or not comparable.
+        """
+        (above, up), (below, down) = (
+            _scale(self.curve, side, getattr(self, side), getattr(wanted, side)) for side in ("output", "input")
+        )
+        return above / below, tuple(told for told in (up, down) if told)
+
+
+def _scale(curve: str, side: str, own: str | None, wanted: str | None) -> tuple[float, str]:
+    if own is None or wanted is None or own == wanted:
+        missing = own is None and wanted is not None
+        return 1.0, f"{curve}: the {side} has no unit; it is taken to be in {wanted}" if missing else ""
+    found = named_conversion(own, wanted)
+    if found is None:
+        unknown = [unit for unit in (own, wanted) if known_unit(unit) is None]
+        why = f"the unit '{unknown[0]}' is not known" if unknown else "they do not measure the same"
+        raise InputError(
+            f"overlay: the {side} of the {curve} model is in '{own}', and what it is compared with in '{wanted}': {why}"
+            "; convert the data"
+        )
+    return found[0], f"{curve}: the {side} is converted from {own} to {wanted}"
+
+
+def _times(shape: Callable[[Floats], Complex], factor: float) -> Callable[[Floats], Complex]:
+    return shape if factor == 1.0 else lambda frequency: np.asarray(factor * shape(frequency))
 
 
 def _of(unit: str | None) -> str:
@@ -288,13 +339,16 @@ def _channel(kind: str, names: Sequence[str], chosen: str | None) -> str:
     return str(chosen)
 
 
-def _linear(linear: LinResult, source: str, target: str) -> Callable[[Floats], Complex]:
-    """Return the response of the linearisation; it has these names, or one input and one output."""
+def _places(linear: LinResult, source: str, target: str) -> tuple[int, int]:
+    """Return the row and column of these names in the linearisation, or those of its one output and input."""
     i, j = (
         names.index(name) if name in names else _only(kind, names, name)
         for kind, names, name in (("output", linear.output_names, target), ("input", linear.input_names, source))
     )
+    return i, j
 
+
+def _linear(linear: LinResult, i: int, j: int) -> Callable[[Floats], Complex]:
     def response(frequency: Floats) -> Complex:
         found = linear.fundamental(frequency)[:, i, j].copy()
         if linear.dt > 0.0:

@@ -35,6 +35,8 @@ def envelope_page(result: EnvelopeResult) -> Page:
     """
     met = sum(p.passed is True for p in result.points)
     lead = f"{result.requirement} is met at {met} of {counted(len(result.points), 'point')}"
+    if result.found_violated is not None:
+        lead += " of the plan, but not at one that the search found"
     if result.failed:
         lead += f"; at {len(result.failed)} nothing was measured"
     if len(result.points) < result.planned:
@@ -69,6 +71,7 @@ def _limit(result: EnvelopeResult) -> str:
 
 
 def _verdicts(result: EnvelopeResult) -> Iterator[Verdict]:
+    found = result.found_violated
     for failure in result.failures or (None,):
         points = result.of(failure)
         bad = sum(p.passed is False for p in points)
@@ -77,7 +80,10 @@ def _verdicts(result: EnvelopeResult) -> Iterator[Verdict]:
         if bad:
             yield Verdict("failed", f"{words}not met at {bad} of {counted(len(points), 'point')}")
         elif points and not unknown:
-            yield Verdict("passed", f"{words}met at every one of {counted(len(points), 'point')}")
+            word, of = ("passed", "") if found is None or found.failure != failure else ("watch", " of the plan")
+            yield Verdict(word, f"{words}met at every one of {counted(len(points), 'point')}{of}")
+        if found is not None and found.failure == failure:
+            yield Verdict("failed", f"{words}not met at the worst case, margin {found.margin:+.4g}")
         if unknown:
             yield Verdict("watch", f"{words}nothing was measured at {counted(unknown, 'point')}: see the reasons")
     if result.worst is not None and result.worst.failed:

@@ -160,6 +160,17 @@ class EnvelopeResult(Record):
         """Points at which the requirement is not met."""
         return tuple(p for p in self.points if p.passed is False)
 
+    @property
+    def found_violated(self) -> WorstCase | None:
+        """The worst case where the search found it, and the requirement is not met there; None: there is none."""
+        worst = self.worst
+        return worst if worst is not None and worst.found == "search" and worst.margin < 0.0 else None
+
+    @property
+    def passed(self) -> bool:
+        """Whether every point was measured and meets the requirement, and so does the worst case."""
+        return not self.violated and not self.failed and self.found_violated is None
+
     def of(self, failure: str | None) -> tuple[EnvelopePoint, ...]:
         """Return the points of one failure.
 
@@ -177,9 +188,9 @@ class EnvelopeResult(Record):
         return next(p for p in self.parameters if p.name == name)
 
     def derived(self) -> dict[str, Any]:
-        """Return how many points meet the requirement, do not, or failed."""
+        """Return how many points meet the requirement, do not, or failed, and whether all is met."""
         met = sum(p.passed is True for p in self.points)
-        return {"met": met, "violated": len(self.violated), "failed": len(self.failed)}
+        return {"met": met, "violated": len(self.violated), "failed": len(self.failed), "passed": self.passed}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each point."""

@@ -44,6 +44,8 @@ def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float
     Raises:
         InputError: it has no realisation.
     """
+    if not len(numerator):
+        raise InputError("numerator holds no coefficient")
     above, below = np.trim_zeros(np.array(numerator), "f"), np.trim_zeros(np.array(denominator), "f")
     if not len(below):
         raise InputError("denominator holds no coefficient but 0")

@@ -123,8 +123,13 @@ export class Plot {
     this.curves = curves;
     this.lines = lines;
     if (!keep) this.view = null;
-    if (this.here) this.show(this.here.index < (curves[this.here.curve]?.x.length ?? 0) ? this.here : null);
+    if (this.here) this.show(this.there(this.here) ? this.here : null);
     this.later();
+  }
+
+  /** Whether there is such a point (still). */
+  there(where) {
+    return where && where.index < (this.curves[where.curve]?.x.length ?? 0);
   }
 
   later() {
@@ -391,7 +396,7 @@ export class Plot {
       } else if (!moved) this.pick(this.near(event.offsetX, event.offsetY, TOUCH));
       this.later();
     });
-    canvas.addEventListener("pointerleave", () => !held && this.show(null));
+    canvas.addEventListener("pointerleave", () => !held && this.show(this.there(this.picked) ? this.picked : null));
     canvas.addEventListener("dblclick", () => this.whole());
     canvas.addEventListener("wheel", (event) => {
       if (!event.ctrlKey && document.activeElement !== canvas) return; // the page scrolls, until the picture is chosen
