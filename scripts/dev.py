@@ -57,8 +57,10 @@ FOREIGN = VENV / "foreign"
 # writes the bytecode of what is imported; pip would write that of all there is, another 100 MB.
 NEVER_RUN = ("cmake", "setuptools")
 
-# Two test processes at most: many tests have worker processes of their own.
-PYTEST = ("pytest", "-q", "--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile")
+# Two test processes at most: many tests have worker processes of their own. One that crashes ends the run, with the
+# name of the test: pytest-xdist may otherwise wait for ever for the process that it starts in its place.
+PROCESSES = ("--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile", "--max-worker-restart", "0")
+PYTEST = ("pytest", "-q", *PROCESSES)
 
 PAGES = ("mkdocs", "build", "--strict", "--quiet")
 

@@ -36,6 +36,16 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.fixture(autouse=True)
+def _the_program_is_not_ended_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`workbench.cli.main` takes over the signals of its process, and may end it: tests run `workbench.cli.app.run`."""
+
+    def refused() -> None:
+        pytest.fail("workbench.cli.main was called in the process of the tests; they call workbench.cli.app.run")
+
+    monkeypatch.setattr("workbench.cli.interrupt.listen_for_endings", refused)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call() -> Generator[None, object, object]:
     """Leave the environment as it is from test to test: where it changes, all worker processes are started anew."""
