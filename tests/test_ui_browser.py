@@ -24,6 +24,7 @@ pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
 
 ROOT = Path(__file__).resolve().parents[1]
 LONG = 120_000.0  # nothing takes so long that works, however busy the machine is [ms]
+api.expect.set_options(timeout=LONG)
 # Pictures of the pages go here, for whoever wants to look at them.
 PICTURES = os.environ.get("WORKBENCH_SCREENSHOTS")
 
@@ -42,7 +43,6 @@ class Told(list[str]):
 def page(browser: Browser, ui: Ui) -> Iterator[Page]:
     context = browser.new_context(viewport={"width": 1200, "height": 900})
     context.set_default_timeout(LONG)
-    api.expect.set_options(timeout=LONG)
     opened = context.new_page()
     wrong = Told()
     opened.on("pageerror", lambda error: wrong.append(str(error)))
@@ -335,7 +335,17 @@ def test_a_session_is_kept_as_a_study(page: Page, ui: Ui) -> None:
     assert (ui.folder / "session.toml").exists()
 
 
-def test_a_refresh_in_the_middle_and_another_tab_see_the_same(page: Page, ui: Ui) -> None:
+def test_a_refresh_in_the_middle_and_another_tab_see_the_same(browser: Browser, tmp_path: Path) -> None:
+    # The server keeps what was asked last: so long a run has a server of its own.
+    with browser_workbench(tmp_path) as server, browser.new_context() as context:
+        context.set_default_timeout(LONG)
+        page = context.new_page()
+        page.goto(server.address)
+        api.expect(page.locator("h1")).to_be_visible()
+        see_the_same(page, server)
+
+
+def see_the_same(page: Page, ui: Ui) -> None:
     look(page, ui, "open/fmu:Rudder/measure/nfr")
     for name, value in {
         "amplitudes": "0.1,0.5,1,2,4,8",
