@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -38,11 +39,12 @@ from workbench.session.base import Floats
 __all__ = ["run", "run_command"]
 
 _KNOTS = (4, 6, 8, 11, 15, 20)  # that auto tries
-_FEW = 8  # knots with which orders are compared
+_EACH = 20  # samples a knot at least, where orders are compared
 _IN_A_ROW = 2  # without an improvement that end a search; two, as a pair of poles may be worth what one pole is not
 
 # Share of the innovations' variance that a further state must explain, beside its price in the Bayesian criterion: with
-# little noise what is left is the difference of a table and a curve, and any state explains some of that.
+# little noise what is left is the difference of a table and a curve, and any state explains some of that. So orders are
+# compared with many knots, too.
 _WORTH = 0.02
 
 
@@ -54,7 +56,7 @@ def run(data: Experiment | str | Path, asked: IdentifyStructure, job: Job) -> St
     linear = _linear(record, asked, asked.order)
     scaled = _Scaled.of(record, asked.delay)
     counts = _KNOTS if asked.knots == "auto" else (int(asked.knots),)
-    few = _FEW if asked.knots == "auto" else counts[0]
+    many = max((n for n in counts if n * _EACH <= len(scaled.u)), default=counts[0])
     search = _Search(scaled, linear.model, asked)
     orders = range(1, min(search.order + _IN_A_ROW, asked.max_order) + 1) if asked.order == "auto" else ()
     steps = 1 + len(orders) + len(counts)
@@ -62,18 +64,34 @@ def run(data: Experiment | str | Path, asked: IdentifyStructure, job: Job) -> St
     with one_thread():
         alone = Tried(order=search.order, knots=0, criterion=search.alone())
         of_orders, best = _searched(
-            (_Search(scaled, _linear(record, asked, n).model, asked).trial(few, job, k, steps)
-             for k, n in enumerate(orders, 2)), _WORTH * len(scaled.u),
-        )  # fmt: skip
+            (
+                None if s is None else s.trial(many, job, k, steps)
+                for k, s in enumerate(_of_orders(orders, scaled, record, asked), 2)
+            ),
+            _WORTH * len(scaled.u),
+        )
         search = search if best is None else best.search
-        of_knots, best = _searched(search.trial(n, job, k, steps) for k, n in enumerate(counts, 2 + len(orders)))
-    if best is None:
+        of_knots, _ = _searched(search.trial(n, job, k, steps) for k, n in enumerate(counts, 2 + len(orders)))
+    trials = list(dict.fromkeys([*of_orders, *of_knots]))
+    found = [t.fit for t in trials if t.search is search]
+    if not found:
         raise InputError(f"{record.name}: no model of this structure has a finite output on these data")
-    tried = list(dict.fromkeys([alone, *(t.tried for t in (*of_orders, *of_knots))]))
-    return _result(best.fit, tried, scaled, linear, asked)
+    tried = sorted((t.tried for t in trials), key=lambda t: (t.order, t.knots))
+    return _result(min(found, key=lambda fit: fit.criterion), [alone, *tried], scaled, linear, asked)
 
 
-def _linear(record: Experiment, asked: IdentifyStructure, order: str | int) -> IdentifyResult:
+def _of_orders(
+    orders: Iterable[int], scaled: _Scaled, record: Experiment, asked: IdentifyStructure
+) -> Iterator[_Search | None]:
+    """Yield a search for each order; None: the input does not excite enough for a linear model of this order."""
+    for n in orders:
+        try:
+            yield _Search(scaled, _linear(record, asked, n).model, asked)
+        except InputError:
+            yield None
+
+
+def _linear(record: Experiment, asked: IdentifyStructure, order: int | Literal["auto"]) -> IdentifyResult:
     """Return the linear model of the data that have no static block."""
     return Identify(
         order=order, validation=asked.validation, max_order=asked.max_order, feedthrough=asked.feedthrough,
