@@ -83,7 +83,8 @@ class Bench:
             raise RefusedError(self.message)
 
     def restart(self, t: float, *x: float) -> None:
-        self.check(self.library.bench_restart(self.bench, t, np.array(x, dtype=float).ctypes.data))
+        begin = np.array(x, dtype=float)  # an address alone keeps no array: another thread may take its place
+        self.check(self.library.bench_restart(self.bench, t, begin.ctypes.data))
 
     def step(self, stop: float, longest: float = math.inf) -> bool:
         event = _B()

@@ -57,6 +57,7 @@ def _again(table: Mapping[str, Any]) -> dict[str, Any]:
         ("transfer_function", {"numerator": [1, 0], "denominator": [1]}, "the numerator's degree exceeds"),
         ("pi", {"integral": 0.0, "upper": 1.0}, "tracking must be given"),
         ("relay", {"off_below": 1.0}, "off_below = 1 must not be above on_above = 0"),
+        ("relay", {"lower": 1.0}, "lower and upper are both 1: a relay has two outputs"),
     ],
 )
 def test_wrong_parameters_are_refused_in_one_line(kind: str, parameters: Parameters, words: str) -> None:

@@ -19,7 +19,7 @@ from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.build import build_all
 from workbench.build.fmu import generate
-from workbench.errors import WorkbenchError
+from workbench.errors import BuildError, WorkbenchError
 from workbench.model.load import load
 from workbench.signals import Constant, Signal, Sine, Step
 
@@ -134,6 +134,31 @@ def test_a_wrong_delay_is_one_line(fmus: Path) -> None:
         pytest.raises(WorkbenchError, match=r"delay\(\) of -2 s: it must be above 0"),
     ):
         simulate(loaded, stop=1.0)
+
+
+@pytest.mark.parametrize(
+    ("equation", "said"),
+    [
+        ("y = delay(x, 0.0);", r"Wrong.mo:7: a delay\(\) of 0 s is none"),
+        ("y = delay(x, 1.0 + x);", r"Wrong.mo:7: the time of a delay\(\) must be a constant or parameter"),
+        ("for i in 1:2 loop z[i] = delay(x, 0.1 * i); end for; y = z[2];", r"Wrong.mo:7: .*in a loop write the equ"),
+        ("y = delay(x, 1.0) + delay(x, 1.0 + x);", r"Wrong.mo: the time of a delay"),
+    ],
+)
+def test_a_delay_that_cannot_be_built_is_told_with_its_line(equation: str, said: str, tmp_path: Path) -> None:
+    lines = [
+        *("model Wrong", "  output Real y;", "  Real x(start = 1.0, fixed = true);", "  Real z[2];"),
+        *(
+            "equation",
+            "  der(x) = -x;",
+            f"  {equation}",
+            *(() if "z[i]" in equation else ("  z = {y, y};",)),
+            "end Wrong;",
+        ),
+    ]
+    (tmp_path / "Wrong.mo").write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(BuildError, match=said):
+        generate(tmp_path / "Wrong.mo", "Wrong")
 
 
 def test_what_is_delayed_does_not_feed_through(fmus: Path) -> None:

@@ -80,6 +80,11 @@ def test_files_and_pictures(tmp_path: Path) -> None:
     assert (tmp_path / "out.png").stat().st_size > 1000
 
 
+@pytest.mark.parametrize("points", [[0.0, 0.2, 0.4], [0.2, 0.4]])
+def test_the_start_may_be_one_of_the_points(points: list[float]) -> None:
+    assert simulate(IntegratorModel(), stop=0.4, points=points).time.tolist() == [0.0, 0.2, 0.4]
+
+
 @pytest.mark.parametrize("points", [None, [0.1, 0.4]])
 def test_points_or_interval(points: list[float] | None) -> None:
     result = simulate(IntegratorModel(), stop=0.4, interval=0.3, points=points)

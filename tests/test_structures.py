@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,12 @@ from scipy import signal
 
 import workbench as wb
 from workbench.analysis.structures.refine import Chain, Table, line_of
+from workbench.analysis.structures.request import IdentifyCommand
 from workbench.analysis.structures.start import block_of, placed, rescaled
 from workbench.analysis.structures.table import StaticTable, free_directions, knots_for, weights
 from workbench.cli.app import run
 from workbench.errors import InputError
+from workbench.report.structures import structure_page
 from workbench.session.base import Floats
 
 B, A = [0.0, 0.1, 0.05], [1.0, -1.6, 0.8]
@@ -131,6 +134,38 @@ def test_a_linear_system_is_told_to_need_no_block() -> None:
     found = wb.identify_structure(wb.make_experiment(0.1, u, y), structure="hammerstein", order=2)
     assert not found.pays
     assert any("show no static block" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("kind", ["hammerstein", "wiener"])
+def test_the_order_is_found_with_the_blocks(kind: str) -> None:
+    found = wb.identify_structure(recorded(kind, 3, samples=1000), structure=kind)
+    assert found.order == 2
+    assert {t.order for t in found.tried if t.knots} >= {1, 2, 3, 4}
+
+
+def test_without_noise_no_states_are_added_for_the_corners_of_the_block() -> None:
+    random = np.random.default_rng(5)
+    t = 0.05 * np.arange(1500)
+    phases = random.uniform(0.0, 2.0 * np.pi, 40)
+    u = sum(np.cos(2.0 * np.pi * k * t / 75.0 + p) for k, p in enumerate(phases, 4)) / 4.0
+    slow = signal.cont2discrete(([0.21], [1.0, 0.51, 0.21]), 0.05)
+    y = np.clip(signal.lfilter(np.ravel(slow[0]), slow[1], u), -0.4, 0.4)
+    found = wb.identify_structure(wb.make_experiment(0.05, u, y), structure="wiener")
+    assert found.order == 2
+    assert found.fit_percent > 99.0
+    assert np.abs(found.linear.poles[0]) == pytest.approx(np.abs(np.roots(slow[1])[0]), abs=2e-3)
+
+
+def test_blocks_that_follow_worse_than_the_linear_model_alone_are_of_no_use() -> None:
+    data = recorded("hammerstein", 0, samples=400)
+    found = wb.identify_structure(data, structure="hammerstein", order=2, knots=6)
+    assert found.pays
+    assert not found.failed
+    worse = replace(found, linear_fit_percent=found.fit_percent + 1.0)
+    assert not worse.pays
+    assert "the linear model alone follows better" in worse.failed["y"]
+    assert not IdentifyCommand(structure="hammerstein").went_well(worse)
+    assert [v.word for v in structure_page(worse).summary] == ["failed"]
 
 
 def test_delays_and_units_stay() -> None:

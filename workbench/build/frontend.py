@@ -117,6 +117,14 @@ _MEANINGS = (
         r"\breinit\s*\(\s*{}\s*\[",
     ),
 )
+# What it says of delays, without a line.
+_DELAYS = (
+    ("`delay`: delayTime must evaluate to a finite positive", "a delay() of 0 s is none: write its variable alone"),
+    (
+        "delay() time argument must be a parameter expression",
+        "the time of a delay() must be a constant or parameter; in a loop write the equations out",
+    ),
+)
 _STAGE = re.compile(r"^\w+ failed: \S+ failed in \w+: ")  # of the front end, before its reason
 
 
@@ -130,6 +138,11 @@ def _meant(file: Path, text: str, message: str) -> str | None:
             at = (m.start() + inner.start() for m in whens if (inner := re.search(place.format(name), m[0])))
             line = next((f":{bare[:begin].count(chr(10)) + 1}" for begin in at), "")
             return f"{file.name}{line}: {words.format(found[1])}"
+    calls = [m.start() for m in re.finditer(r"\bdelay\s*\(", bare)]
+    for said, words in _DELAYS:
+        if said in message:
+            line = f":{bare[: calls[0]].count(chr(10)) + 1}" if len(calls) == 1 else ""  # which of several is not told
+            return f"{file.name}{line}: {words}"
     return None
 
 

@@ -24,7 +24,7 @@ def structure_page(result: StructureResult) -> Page:
     ends = ((result.before, data.input_names[0], data.input_units[0]), (result.behind, *_output(result)))
     tables = [_values(table, name, unit) for table, name, unit in ends if table is not None]
     words = "Static blocks with 95 % errors; below, measured and simulated output."
-    tried = [("linear" if t.knots == 0 else str(t.knots), number(t.criterion, ".6g")) for t in result.tried]
+    tried = [(str(t.order), str(t.knots or "none"), number(t.criterion, ".6g")) for t in result.tried]
     regions = model_spread(result.linear).words if result.order else ()
     return Page(
         title=f"{result.structure.capitalize()} model of {data.name}",
@@ -41,11 +41,11 @@ def structure_page(result: StructureResult) -> Page:
                 items=regions,
                 tables=[pole_table(result.linear.poles.tolist(), result.linear.dt, "Poles")],
             ),
-            Section("Numbers of knots", tables=[Table(("knots", "Bayesian criterion"), tried)]),
+            Section("Orders and numbers of knots", tables=[Table(("order", "knots", "Bayesian criterion"), tried)]),
         ],
         summary=[
-            Verdict("good" if result.pays else "watch", _verdict(result)),
-            *(Verdict("failed", f"no fit: {why}") for why in result.failed.values()),
+            *(Verdict("failed", why) for why in result.failed.values()),
+            *([] if result.failed else [_verdict(result)]),
         ],
         notes=result.notes,
         kind="structure",
@@ -56,8 +56,10 @@ def _output(result: StructureResult) -> tuple[str, str | None]:
     return result.data.output_names[0], result.data.output_units[0]
 
 
-def _verdict(result: StructureResult) -> str:
-    return "the data show static blocks" if result.pays else "the data show no static block of this kind"
+def _verdict(result: StructureResult) -> Verdict:
+    if result.pays:
+        return Verdict("good", "the data show static blocks")
+    return Verdict("watch", "the data show no static block of this kind")
 
 
 def _values(table: StaticTable, name: str, unit: str | None) -> Table:

@@ -84,7 +84,7 @@ class Simulate(AtPoint, Analysis["SimulationResult"]):
         default=None,
     )
     points: Numbers | None = option(
-        "Times to record, rising, instead of an interval.", unit="s", python=True, default=None
+        "Times to record beside the start, rising, instead of an interval.", unit="s", python=True, default=None
     )
     verify_step: bool = option(
         "Co-simulation: repeat the run with half the communication step, and report outputs that change by more than "

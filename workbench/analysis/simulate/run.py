@@ -302,7 +302,8 @@ def _points(
     if not (math.isfinite(start) and math.isfinite(stop) and stop > start):
         raise InputError(f"stop: must be after the start at {start:g} s, not {stop:g} s")
     if points is not None:
-        return np.asarray(points, dtype=np.float64)
+        asked: Floats = np.asarray(points, dtype=np.float64)
+        return asked[1:] if len(asked) and asked[0] == start else asked  # the start has a row in any case
     span = stop - start
     if interval is None:
         interval = span / DEFAULT_POINTS

@@ -93,7 +93,7 @@ class IdentifyStructure(_Blocks, Request["Experiment | File", "StructureResult"]
     input: str | None = option("Column with the input; by default the one that the data name.", default=None)
     output: str | None = option("Column with the output; by default the one that the data name.", default=None)
     order: _Number = option(
-        "Number of states of the linear block; auto takes that of the linear model.", default="auto"
+        "Number of states of the linear block; auto takes the least that is enough.", default="auto"
     )
     validation: _Data | None = option("Other data from the same system.", flag="--validate", default=None)
     max_order: int = option("Largest order that auto considers.", least=1, default=20)
@@ -156,7 +156,7 @@ class IdentifyCommand(_Blocks, Identify):
         return name
 
     def went_well(self, record: IdentifyResult | StructureResult) -> bool:
-        """Return whether the model has a simulation on all data.
+        """Return whether the model has a simulation on all data, and static blocks are of use.
 
         Args:
             record: of this request.

@@ -25,18 +25,21 @@ from workbench.system.description import (
 
 __all__ = ["StructureResult", "Tried"]
 
+_AS_WELL = 0.5  # by which fits that are as good may differ [%]
 _STEPS = 10  # of the search for an initial state
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tried(Part):
-    """One number of knots that was tried.
+    """One order and number of knots that were tried.
 
     Attributes:
+        order: of the linear block.
         knots: of each static block; 0: the linear model alone.
         criterion: Bayesian, smallest is best.
     """
 
+    order: int
     knots: int
     criterion: float
 
@@ -51,7 +54,7 @@ class StructureResult(Record):
         linear: G, from the input's unit to the output's, with the covariance of its parameters.
         behind: g, from the output's unit to the same; None: there is none.
         knots: of each static block.
-        tried: numbers of knots, and 0 for the linear model alone.
+        tried: orders and numbers of knots, and 0 knots for the linear model alone.
         order_reason: why the linear block has its order.
         noise_order: coefficients of the equation of the disturbance.
         noise_rms: standard deviation of its innovations [unit of the output].
@@ -108,12 +111,20 @@ class StructureResult(Record):
 
     @property
     def failed(self) -> dict[str, str]:
-        """Output → why the simulation has no fit."""
-        return {self.fit.output: self.fit.reason} if self.fit.reason else {}
+        """Output → why the simulation has no fit, or is of no use."""
+        why = self.fit.reason
+        if not why and self.fit_percent < self.linear_fit_percent - _AS_WELL:
+            why = (
+                f"the linear model alone follows better, with {self.linear_fit_percent:.4g} % for "
+                f"{self.fit_percent:.4g} %: the blocks are of no use; try another order or structure"
+            )
+        return {self.fit.output: why} if why else {}
 
     @property
     def pays(self) -> bool:
-        """Whether the Bayesian criterion is lower than that of the linear model alone."""
+        """Whether the Bayesian criterion is lower than that of the linear model alone, and the simulation is of use."""
+        if self.failed:
+            return False
         alone = min((t.criterion for t in self.tried if not t.knots), default=math.inf)
         return min((t.criterion for t in self.tried if t.knots), default=math.inf) < alone
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -38,7 +39,13 @@ from workbench.session.base import Floats
 __all__ = ["run", "run_command"]
 
 _KNOTS = (4, 6, 8, 11, 15, 20)  # that auto tries
-_IN_A_ROW = 2  # without an improvement that end the search
+_EACH = 20  # samples a knot at least, where orders are compared
+_IN_A_ROW = 2  # without an improvement that end a search; two, as a pair of poles may be worth what one pole is not
+
+# Share of the innovations' variance that a further state must explain, beside its price in the Bayesian criterion: with
+# little noise what is left is the difference of a table and a curve, and any state explains some of that. So orders are
+# compared with many knots, too.
+_WORTH = 0.02
 
 
 def run(data: Experiment | str | Path, asked: IdentifyStructure, job: Job) -> StructureResult:
@@ -46,30 +53,50 @@ def run(data: Experiment | str | Path, asked: IdentifyStructure, job: Job) -> St
     names = [None if name is None else [name] for name in (asked.input, asked.output)]
     record = cut(chosen(data, names[0], names[1], asked.dt), asked.settle)
     _check(record, asked)
-    linear = Identify(
-        order=asked.order, validation=asked.validation, max_order=asked.max_order, feedthrough=asked.feedthrough,
-        delay=asked.delay, dt=asked.dt,
-    ).run(record, Job())  # fmt: skip
+    linear = _linear(record, asked, asked.order)
     scaled = _Scaled.of(record, asked.delay)
     counts = _KNOTS if asked.knots == "auto" else (int(asked.knots),)
-    job.done("linear model", 1, len(counts) + 1)
+    many = max((n for n in counts if n * _EACH <= len(scaled.u)), default=counts[0])
+    search = _Search(scaled, linear.model, asked)
+    orders = range(1, min(search.order + _IN_A_ROW, asked.max_order) + 1) if asked.order == "auto" else ()
+    steps = 1 + len(orders) + len(counts)
+    job.done("linear model", 1, steps)
     with one_thread():
-        search = _Search(scaled, linear.model, asked)
-        best: Fitted | None = None
-        tried, worse = [Tried(knots=0, criterion=search.alone())], 0
-        for k, count in enumerate(counts, 2):
-            found = search.best(count)
-            job.done(f"{count} knots", k, len(counts) + 1)
-            if found is None:
-                continue
-            tried.append(Tried(knots=count, criterion=found.criterion))
-            better = best is None or found.criterion < best.criterion
-            best, worse = (found, 0) if better else (best, worse + 1)
-            if worse >= _IN_A_ROW:
-                break
-    if best is None:
+        alone = Tried(order=search.order, knots=0, criterion=search.alone())
+        of_orders, best = _searched(
+            (
+                None if s is None else s.trial(many, job, k, steps)
+                for k, s in enumerate(_of_orders(orders, scaled, record, asked), 2)
+            ),
+            _WORTH * len(scaled.u),
+        )
+        search = search if best is None else best.search
+        of_knots, _ = _searched(search.trial(n, job, k, steps) for k, n in enumerate(counts, 2 + len(orders)))
+    trials = list(dict.fromkeys([*of_orders, *of_knots]))
+    found = [t.fit for t in trials if t.search is search]
+    if not found:
         raise InputError(f"{record.name}: no model of this structure has a finite output on these data")
-    return _result(best, tried, scaled, linear, asked)
+    tried = sorted((t.tried for t in trials), key=lambda t: (t.order, t.knots))
+    return _result(min(found, key=lambda fit: fit.criterion), [alone, *tried], scaled, linear, asked)
+
+
+def _of_orders(
+    orders: Iterable[int], scaled: _Scaled, record: Experiment, asked: IdentifyStructure
+) -> Iterator[_Search | None]:
+    """Yield a search for each order; None: the input does not excite enough for a linear model of this order."""
+    for n in orders:
+        try:
+            yield _Search(scaled, _linear(record, asked, n).model, asked)
+        except InputError:
+            yield None
+
+
+def _linear(record: Experiment, asked: IdentifyStructure, order: int | Literal["auto"]) -> IdentifyResult:
+    """Return the linear model of the data that have no static block."""
+    return Identify(
+        order=order, validation=asked.validation, max_order=asked.max_order, feedthrough=asked.feedthrough,
+        delay=asked.delay, dt=asked.dt,
+    ).run(record, Job())  # fmt: skip
 
 
 def run_command(data: Experiment | str | Path, asked: IdentifyCommand, job: Job) -> IdentifyResult | StructureResult:
@@ -114,12 +141,53 @@ class _Scaled:
         return cls(u[:, 0], y[:, 0], means, sizes)
 
 
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """What was found with one order and number of knots.
+
+    Attributes:
+        search: of this order.
+        knots: how many.
+        fit: the best one.
+    """
+
+    search: _Search
+    knots: int
+    fit: Fitted
+
+    @property
+    def tried(self) -> Tried:
+        """What the result tells of it."""
+        return Tried(order=self.search.order, knots=self.knots, criterion=self.fit.criterion)
+
+
+def _searched(trials: Iterable[_Trial | None], worth: float = 0.0) -> tuple[list[_Trial], _Trial | None]:
+    """Return the trials, made until so many in a row gain nothing, and the best of them.
+
+    Args:
+        trials: from simple to rich; None: there is no fit.
+        worth: what one must gain in its criterion to be better than a simpler one.
+    """
+    made: list[_Trial] = []
+    best, worse = None, 0
+    for trial in trials:
+        if trial is not None:
+            made.append(trial)
+            better = best is None or trial.fit.criterion < best.fit.criterion - worth
+            best, worse = (trial, 0) if better else (best, worse + 1)
+        if worse >= _IN_A_ROW:
+            break
+    return made, best
+
+
 class _Search:
-    """Fits of one structure with different numbers of knots."""
+    """Fits of one structure with a linear block of one order."""
 
     def __init__(self, scaled: _Scaled, model: IdentifiedModel, asked: IdentifyStructure) -> None:
         self.u, self.y, self.asked = scaled.u, scaled.y, asked
         core, (su, sy) = model.undelayed(), scaled.sizes
+        self.order = len(core.A)
+        self._made: dict[int, _Trial | None] = {}
         free = asked.feedthrough
         self.linear = block_of(core.A, core.B * su, core.C / sy, core.D * su / sy, feedthrough=free)
         powers = starts_before(len(core.A), self.u, self.y, feedthrough=free)
@@ -130,14 +198,21 @@ class _Search:
         found = fitted(Chain(None, self.linear, None), self.u, self.y)
         return float("inf") if found is None else found.criterion
 
-    def best(self, count: int) -> Fitted | None:
-        """Return the best fit with so many knots.
+    def trial(self, count: int, job: Job, done: int, steps: int) -> _Trial | None:
+        """Return the best fit with so many knots; None: there is none.
 
         Args:
             count: of knots.
+            job: is told.
+            done: steps that are then done.
+            steps: of all.
         """
-        found = [fit for fit in _FITS[self.asked.structure](self, count) if fit is not None]
-        return min(found, key=lambda fit: fit.criterion, default=None)
+        if count not in self._made:
+            found = [fit for fit in _FITS[self.asked.structure](self, count) if fit is not None]
+            best = min(found, key=lambda fit: fit.criterion, default=None)
+            self._made[count] = None if best is None else _Trial(self, count, best)
+        job.done(f"order {self.order}, {count} knots", done, steps)
+        return self._made[count]
 
     def hammerstein(self, count: int) -> Iterator[Fitted | None]:
         """Yield fits with a block before the linear one, from each start."""
@@ -166,6 +241,7 @@ class _Search:
         return None if found is None else fitted(rescaled(found.chain, self.u), self.u, self.y)
 
 
+_ENOUGH = f"a further state would explain less than {_WORTH:.0%} of what the blocks leave"
 _FITS: Mapping[str, Callable[[_Search, int], Iterator[Fitted | None]]] = {
     "hammerstein": _Search.hammerstein,
     "wiener": _Search.wiener,
@@ -191,7 +267,7 @@ def _result(
         behind=_table(behind, root[last:], scaled.means[1], scaled.sizes[1]),
         knots=max(len(t.knots) for t in (before, behind) if t is not None),
         tried=tuple(tried),
-        order_reason="given" if asked.order != "auto" else f"that of the linear model: {linear.estimate.order_reason}",
+        order_reason="given" if asked.order != "auto" else _ENOUGH,
         noise_order=len(best.colour),
         noise_rms=scaled.sizes[1] * float(np.sqrt(best.variance)),
         settled=best.settled,
@@ -234,9 +310,9 @@ def _model(best: Fitted, root: Floats, scaled: _Scaled, record: Experiment, dela
 
 def _notes(found: StructureResult, tried: list[Tried], linear: IdentifyResult) -> Iterator[str]:
     """Yield what a user should know."""
-    if not found.pays:
+    if not found.pays and not found.failed:
         yield "the linear model alone has the lower Bayesian criterion: these data show no static block of this kind"
-    counts = [t.knots for t in tried if t.knots]
+    counts = {t.knots for t in tried if t.knots}
     if len(counts) > 1 and found.knots >= max(counts):
         yield f"{found.knots} knots are the most that were tried: the block may bend more than it can"
     if not found.settled:

@@ -135,6 +135,8 @@ class Relay(Block):
     def check(self) -> None:
         if self.off_below > self.on_above:
             raise InputError(f"off_below = {self.off_below:g} must not be above on_above = {self.on_above:g}")
+        if self.lower == self.upper:
+            raise InputError(f"lower and upper are both {self.upper:g}: a relay has two outputs")
 
     @property
     def remembers(self) -> Mapping[str, float]:
