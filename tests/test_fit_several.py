@@ -152,8 +152,8 @@ def test_equal_poles_of_two_channels_are_two_states() -> None:
     given = [wb.Response(F, v, input=f"u{j}", output=f"y{i}") for (i, j), v in values.items()]
     found = wb.fit(given[0], also=given[1:], max_order=4)
     assert found.order == 2
-    assert found.poles == pytest.approx([-1.0, -1.0], abs=1e-3)
-    assert found.misfit.max() < 1e-6
+    assert found.poles == pytest.approx([-1.0, -1.0], abs=1e-9)
+    assert found.misfit.max() < 1e-12  # companion blocks come to 1e-7 to 3e-4, by the processor
 
 
 def test_channels_may_have_their_own_frequencies_and_a_delay() -> None:

@@ -7,7 +7,9 @@ has room for, which makes B and C of a modal realisation (E. G. Gilbert, SIAM J.
 
 over all points of all channels, is made least. A is block diagonal, [0 1; −a0 −a1] for two states, so that a pair of
 poles becomes two real ones without a jump; B, C and D are free. A basis within each block stays free, too: as many
-directions as there are states change nothing.
+directions as there are states change nothing. Such a block cannot have the same pole twice with residues of rank two,
+as of two channels with one lag each: B and C would grow without end. Where a block comes near to that, all of its
+four numbers are freed.
 """
 
 from __future__ import annotations
@@ -66,13 +68,15 @@ class StateSpaceFit:
     """A state space and how well it follows.
 
     Attributes:
-        theta: the blocks' coefficients a1, a0 (a0 alone of a single state), then B, C and D by rows.
+        theta: the blocks' coefficients a1, a0 (a0 alone of a single state), or all of their numbers by rows where they
+            are free; then B, C and D by rows.
         order: n.
         shape: outputs and inputs.
         direct: whether D is free.
         scale: s is divided by it [rad/s].
         cost: sum of the squares of the weighted misfits.
         covariance: shape (t, t), of theta.
+        full: whether all numbers of the blocks are free.
     """
 
     theta: Floats
@@ -82,6 +86,7 @@ class StateSpaceFit:
     scale: float
     cost: float
     covariance: Floats
+    full: bool = False
 
     @property
     def freedom(self) -> int:
@@ -92,17 +97,15 @@ class StateSpaceFit:
     @property
     def matrices(self) -> tuple[Floats, Floats, Floats, Floats]:
         """A, B, C and D."""
-        A, B, C, D = _matrices(self.theta, self.order, self.shape, direct=self.direct)
+        A, B, C, D = _matrices(self.theta, self.order, self.shape, full=self.full)
         return self.scale * A, self.scale * B, C, D
 
     def pole_spread(self) -> Floats:
         """Return the standard deviation of each pole [1/s], shape (n,), in the order of the eigenvalues of A."""
         A = self.matrices[0]
         moves = np.zeros((len(self.theta), *A.shape))
-        for j in range(self.order):  # A is linear in its coefficients
-            step = np.zeros(len(self.theta))
-            step[j] = 1.0
-            moves[j] = self.scale * _matrices(self.theta + step, self.order, self.shape, direct=False)[0] - A
+        for j, (row, column, sign) in enumerate(_places(self.order, full=self.full)):
+            moves[j, row, column] = self.scale * sign
         return pole_spread(A, moves, self.covariance)
 
 
@@ -124,17 +127,23 @@ def fitted_matrix(points: Points, order: int, *, direct: bool, stable: bool) -> 
     tried = [_least(scaled, _start(scaled, int(q), wish), wish, most=_SHORT) for q in counts]
     best = [_least(scaled, theta, wish, most=_LONG) for theta in _different(tried)]
     theta, jacobian, cost = min(best, key=lambda found: found[2])
-    fit = StateSpaceFit(theta, order, (p, m), direct, scale, cost, np.zeros((len(theta), len(theta))))
+    if (start := _freed(theta, order, (p, m))) is not None:
+        other, slopes, least = _least(scaled, start, replace(wish, full=True), most=_LONG)
+        poles = np.linalg.eigvals(_matrices(other, order, (p, m), full=True)[0])
+        if least < cost and not (stable and poles.real.max() >= 0.0):
+            theta, jacobian, cost, wish = other, slopes, least, replace(wish, full=True)
+    fit = StateSpaceFit(theta, order, (p, m), direct, scale, cost, np.zeros((len(theta), len(theta))), wish.full)
     return replace(fit, covariance=_covariance(jacobian, fit.freedom))
 
 
 @dataclass(frozen=True)
 class _Wish:
-    """States, whether D is free, and whether poles stay stable."""
+    """States, whether D is free, whether poles stay stable, and whether all numbers of the blocks are free."""
 
     order: int
     direct: bool
     stable: bool
+    full: bool = False
 
 
 def _different(tried: Sequence[tuple[Floats, Floats, float]]) -> list[Floats]:
@@ -165,7 +174,7 @@ def _least(points: Points, start: Floats, wish: _Wish, *, most: int) -> tuple[Fl
     if not len(start):
         return start, np.zeros((2 * len(points.s), 0)), float(np.sum(sides.misfit(start) ** 2))
     low = np.full(len(start), -np.inf)
-    if wish.stable:
+    if wish.stable and not wish.full:
         low[: wish.order] = _LEAST
         start[: wish.order] = np.maximum(start[: wish.order], 2.0 * _LEAST)
     found = scipy.optimize.least_squares(
@@ -179,31 +188,29 @@ class _Sides:
     """Misfits and their exact derivatives by theta."""
 
     def __init__(self, points: Points, wish: _Wish) -> None:
-        self.points, self.order, self.direct = points, wish.order, wish.direct
+        self.points, self.wish, self.places = points, wish, _places(wish.order, full=wish.full)
         self.s, self.at = np.unique(points.s, return_inverse=True)
         self.weight = 1.0 / points.sigma
 
     def misfit(self, theta: Floats) -> Floats:
         _, right, D = self._parts(theta)
         # C (s I − A)⁻¹ B at each point, by its row of C and (s I − A)⁻¹ B.
-        _, _, C, _ = _matrices(theta, self.order, self.points.shape, direct=self.direct)
+        _, _, C, _ = _matrices(theta, self.wish.order, self.points.shape, full=self.wish.full)
         model = np.einsum("ki,ki->k", C[self.points.row], right) + D[self.points.row, self.points.column]
         return _apart((model - self.points.value) * self.weight)
 
     def slopes(self, theta: Floats) -> Floats:
         left, right, _ = self._parts(theta)
-        (p, m), n, count = self.points.shape, self.order, len(self.points.s)
-        pairs = n // 2
-        columns = [
-            -left[:, 2 * j + 1] * right[:, 2 * j + k] for j in range(pairs) for k in (1, 0)
-        ] + ([-left[:, -1] * right[:, -1]] if n % 2 else [])  # fmt: skip
-        a = np.array(columns).reshape(n, count).T
+        (p, m), n, count = self.points.shape, self.wish.order, len(self.points.s)
+        a = np.zeros((count, len(self.places)), dtype=np.complex128)
+        for j, (row, column, sign) in enumerate(self.places):
+            a[:, j] = sign * left[:, row] * right[:, column]
         B, C = np.zeros((count, n, m), dtype=np.complex128), np.zeros((count, p, n), dtype=np.complex128)
         every = np.arange(count)
         B[every, :, self.points.column] = left
         C[every, self.points.row] = right
         parts = [a, B.reshape(count, -1), C.reshape(count, -1)]
-        if self.direct:
+        if self.wish.direct:
             D = np.zeros((count, p, m), dtype=np.complex128)
             D[every, self.points.row, self.points.column] = 1.0
             parts.append(D.reshape(count, -1))
@@ -212,25 +219,58 @@ class _Sides:
 
     def _parts(self, theta: Floats) -> tuple[Complex, Complex, Floats]:
         """Return the row of C (s I − A)⁻¹ and the column of (s I − A)⁻¹ B of each point, shape (k, n), and D."""
-        A, B, C, D = _matrices(theta, self.order, self.points.shape, direct=self.direct)
-        inverse = np.linalg.inv(self.s[:, None, None] * np.eye(self.order) - A)
+        A, B, C, D = _matrices(theta, self.wish.order, self.points.shape, full=self.wish.full)
+        inverse = np.linalg.inv(self.s[:, None, None] * np.eye(self.wish.order) - A)
         left, right = C @ inverse, inverse @ B
         return left[self.at, self.points.row], right[self.at, :, self.points.column], D
 
 
+def _places(order: int, *, full: bool) -> list[tuple[int, int, float]]:
+    """Return row, column and sign of the numbers of A that theta begins with."""
+    pairs = range(0, order - 1, 2)
+    if full:
+        places = [(k + i, k + j, 1.0) for k in pairs for i in (0, 1) for j in (0, 1)]
+    else:
+        places = [(k + 1, k + j, -1.0) for k in pairs for j in (1, 0)]
+    return places + ([(order - 1, order - 1, 1.0 if full else -1.0)] if order % 2 else [])
+
+
 def _matrices(
-    theta: Floats, order: int, shape: tuple[int, int], *, direct: bool
+    theta: Floats, order: int, shape: tuple[int, int], *, full: bool
 ) -> tuple[Floats, Floats, Floats, Floats]:
     (p, m), n = shape, order
-    A = np.zeros((n, n))
-    for j in range(n // 2):
-        k = 2 * j
-        A[k, k + 1], A[k + 1, k], A[k + 1, k + 1] = 1.0, -theta[k + 1], -theta[k]
-    if n % 2:
-        A[-1, -1] = -theta[n - 1]
-    B = theta[n : n + n * m].reshape(n, m)
-    C = theta[n + n * m : n + n * m + p * n].reshape(p, n)
-    return A, B, C, theta[n + n * m + p * n :].reshape(p, m) if direct else np.zeros((p, m))
+    A, places = np.zeros((n, n)), _places(n, full=full)
+    if not full:
+        A[range(0, n - 1, 2), range(1, n, 2)] = 1.0
+    for value, (row, column, sign) in zip(theta, places, strict=False):
+        A[row, column] = sign * value
+    B, C, D = np.split(theta[len(places) :], [n * m, n * m + p * n])
+    return A, B.reshape(n, m), C.reshape(p, n), D.reshape(p, m) if len(D) else np.zeros((p, m))
+
+
+def _freed(theta: Floats, order: int, shape: tuple[int, int]) -> Floats | None:
+    """Return theta with all numbers of the blocks, these as diagonal as they can be; None: no block is nearly so.
+
+    Args:
+        theta: with the blocks' coefficients.
+        order: n.
+        shape: outputs and inputs.
+    """
+    A, B, C, _ = _matrices(theta, order, shape, full=False)
+    D = theta[order + B.size + C.size :]
+    V, near = np.eye(order), False
+    for k in range(0, order - 1, 2):
+        block = slice(k, k + 2)
+        poles, vectors = np.linalg.eig(A[block, block])
+        near |= bool(0.0 < abs(poles[0] - poles[1]) <= _APART * abs(poles[0]))
+        V[block, block] = (
+            vectors if np.isrealobj(vectors) else np.column_stack([vectors[:, 0].real, vectors[:, 0].imag])
+        )
+    if not near or np.linalg.cond(V) > 1e12:
+        return None
+    turned = np.linalg.solve(V, A @ V)
+    a = [turned[row, column] for row, column, _ in _places(order, full=True)]
+    return np.concatenate([a, np.linalg.solve(V, B).ravel(), (C @ V).ravel(), D])
 
 
 def _apart(values: Complex) -> Floats:
