@@ -18,8 +18,8 @@ Complex = NDArray[np.complex128]
 SCATTER = 0.15  # a pole whose replicates scatter more (root mean square) over the unit disc is not determined
 WIDER = 2.0  # how much wider the other regions become where one is not
 REAL = 0.975  # part of the replicates that must be real for a region on the real axis
-_ON_AXIS = 1e-12  # imaginary parts below are none
-_TINY = 1e-12  # least variance: of poles that never move, as those of noise-free data
+ON_AXIS = 1e-12  # imaginary parts below are none
+TINY = 1e-12  # least variance: of poles that never move, as those of noise-free data
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,11 +28,12 @@ class PoleRegion(Part):
 
     Attributes:
         pole: the estimate.
-        spread: root mean square distance of the replicates from their mean.
-        bias: mean of the replicates less the estimate.
+        spread: root mean square distance of the replicates from their mean; of a normal scatter with this region, where
+            nothing was drawn.
+        bias: mean of the replicates less the estimate; 0 where nothing was drawn.
         shape: (2, 2), the region is all z with dᵀ shape⁻¹ d ≤ 1, d = (real, imaginary part of z − pole).
         on_axis: the region is an interval of the real axis.
-        determined: False: the replicates are found almost anywhere; the region then is the unit disc besides.
+        determined: False: the pole may be almost anywhere; the region then is the unit disc besides.
     """
 
     pole: complex
@@ -100,7 +101,7 @@ def pole_regions(poles: Complex, replicates: Complex, *, confidence: float, join
     away = _with_mirror_images(poles, replicates) - poles
     spread = np.sqrt(np.mean(np.abs(replicates - replicates.mean(axis=0)) ** 2, axis=0))
     known = spread <= SCATTER
-    axis = (np.abs(poles.imag) < _ON_AXIS) & (np.mean(np.abs(replicates.imag) < _ON_AXIS, axis=0) >= REAL)
+    axis = (np.abs(poles.imag) < ON_AXIS) & (np.mean(np.abs(replicates.imag) < ON_AXIS, axis=0) >= REAL)
     moments = [_moment(column, bool(real)) for column, real in zip(away.T, axis, strict=True)]
     squares = np.array([_squares(column, M) for column, M in zip(away.T, moments, strict=True)])
     level = _level(squares[known], confidence) if joint else confidence
@@ -134,7 +135,7 @@ def _moment(away: Complex, real: bool) -> Floats:  # noqa: FBT001 - a helper of 
     """Return the second moment of real and imaginary parts, shape (2, 2), never singular."""
     parts = np.vstack([away.real, np.zeros_like(away.real) if real else away.imag])
     moment: Floats = parts @ parts.T / away.size
-    return moment + (1e-9 * float(np.trace(moment)) + _TINY) * np.eye(2)
+    return moment + (1e-9 * float(np.trace(moment)) + TINY) * np.eye(2)
 
 
 def _squares(away: Complex, moment: Floats) -> Floats:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.validate.bootstrap import match_clouds
-from workbench.analysis.validate.regions import PoleRegion, pole_regions
+from workbench.analysis.validate.polynomial import Parameters, compatible_regions
+from workbench.analysis.validate.regions import PoleRegion
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -22,7 +22,6 @@ Complex = NDArray[np.complex128]
 
 _POINTS = 60
 _DECADES = 3.0
-_DRAWN = 400  # models
 _ON_AXIS = 1e-12
 
 
@@ -109,8 +108,8 @@ class ModelSpread(Record):
 def model_spread(model: IdentifiedModel, *, frequencies: Floats | None = None, confidence: float = 0.95) -> ModelSpread:
     """Return regions of the poles and of the frequency response of a model that knows its parameters' covariance.
 
-    The response is taken as linear in the parameters, it moves by C (zI − A)⁻¹ (dA (zI − A)⁻¹ B + dB) + dC (zI − A)⁻¹ B
-    + dD. Poles are not: their regions are those of models drawn from the parameters' normal distribution.
+    The response is taken as linear in the parameters. Poles are not: a number is in a pole's region where the
+    characteristic polynomial may vanish there by the covariance of its coefficients (`compatible_regions`).
 
     Not for: models whose prediction errors are not white, as the residual tests tell: their covariance is another.
 
@@ -137,20 +136,17 @@ def model_spread(model: IdentifiedModel, *, frequencies: Floats | None = None, c
         raise InputError("the model knows no covariance of its parameters: it was not refined")
     if not 0.0 < confidence < 1.0:
         raise InputError(f"confidence must lie between 0 and 1, not {confidence:g}")
-    core = model.undelayed()
-    f = (
-        np.geomspace(0.5 / model.dt * 10.0**-_DECADES, 0.499 / model.dt, _POINTS)
-        if frequencies is None
-        else frequencies
-    )
-    S = _by_entry(core, model.spread)
-    response = np.asarray(model.response(f))
+    core, f = model.undelayed(), _frequencies(model.dt) if frequencies is None else frequencies
+    parameters = _parameters(core, model.spread)
+    z = model.at_frequency(f)
+    late = z[:, None] ** -np.array(model.delay or (0,) * len(model.input_names))  # shape (k, m)
+    response, moves = parameters.response(z)
     return ModelSpread(
-        regions=_pole_regions(core, S[0], confidence),
+        regions=compatible_regions(parameters, core.poles, confidence=confidence),
         confidence=confidence,
         frequency_hz=f,
-        response=response,
-        shape=_response_shapes(core, S, f) * float(stats.chi2.ppf(confidence, 2)),
+        response=response * late[:, None],
+        shape=_response_shapes(moves * late[:, None, :, None]) * float(stats.chi2.ppf(confidence, 2)),
         input_names=model.input_names,
         output_names=model.output_names,
         dt=model.dt,
@@ -162,45 +158,18 @@ def _frequencies(dt: float) -> Floats:
     return np.asarray(np.geomspace(0.5 / dt * 10.0**-_DECADES, 0.499 / dt, _POINTS))
 
 
-_ByEntry = tuple[Floats, Floats, Floats, Floats]
-
-
-def _by_entry(model: IdentifiedModel, spread: Floats) -> _ByEntry:
-    """Return the factor for A, B, C and D, each with the directions as last axis."""
-    parts, first = [], 0
+def _parameters(model: IdentifiedModel, spread: Floats) -> Parameters:
+    parts, first = list[Floats](), 0
     for matrix in (model.A, model.B, model.C, model.D):
         parts.append(spread[first : first + matrix.size].reshape(*matrix.shape, spread.shape[1]))
         first += matrix.size
-    return parts[0], parts[1], parts[2], parts[3]
+    return Parameters(model.A, model.B, model.C, model.D, *parts)
 
 
-def _pole_regions(model: IdentifiedModel, SA: Floats, confidence: float) -> tuple[PoleRegion, ...]:
-    """Return the regions of the poles of models drawn from the parameters' normal distribution.
-
-    They are those of a bootstrap: where two poles are as near to each other as they scatter, or where one may be found
-    anywhere, poles are not linear in the parameters.
-    """
-    if not model.order:
-        return ()
-    random = np.random.default_rng(0)
-    drawn = model.A + np.einsum("ijf,fr->rij", SA, random.standard_normal((SA.shape[2], _DRAWN)))
-    replicates = match_clouds(model.poles, np.linalg.eigvals(drawn).astype(np.complex128))
-    return pole_regions(model.poles, replicates, confidence=confidence, joint=False)
-
-
-def _response_shapes(model: IdentifiedModel, S: _ByEntry, f: Floats) -> Floats:
+def _response_shapes(moves: Complex) -> Floats:
     """Return the covariance of real and imaginary parts, shape (k, p, m, 2, 2)."""
-    SA, SB, SC, SD = S
-    z = model.at_frequency(f)
-    p, m = model.D.shape
-    out = np.empty((len(z), p, m, 2, 2))
-    for k, at in enumerate(z):
-        inverse = np.linalg.inv(at * np.eye(model.order) - model.A)
-        X, Y = inverse @ model.B, model.C @ inverse
-        move = np.einsum("pi,ijf,jm->pmf", Y, SA, X) + np.einsum("pi,imf->pmf", Y, SB)
-        move = move + np.einsum("pif,im->pmf", SC, X) + SD
-        parts = np.stack([move.real, move.imag], axis=2)
-        out[k] = np.einsum("pmaf,pmbf->pmab", parts, parts)
+    parts = np.stack([moves.real, moves.imag], axis=-2)
+    out = parts @ np.swapaxes(parts, -1, -2)
     traces = np.trace(out, axis1=-2, axis2=-1)
     return np.asarray(out + (1e-9 * traces + 1e-300)[..., None, None] * np.eye(2))
 
