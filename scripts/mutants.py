@@ -9,7 +9,8 @@ A mutant is one operator, comparison, number or condition changed. Which are tri
 is run, without a change on disk, against tests that run its line, the quickest first, until one fails; which they are
 is recorded once (`covered.py`; --record does so again). It is killed where one of them fails, or does not end, and
 passes without it. What survives is listed: mend it by a test with a truth of its own (a closed form, a residual, a
-second method), never by writing down what comes out; some change nothing and are equivalent.
+second method), never by writing down what comes out. What changes nothing that anybody could see is equivalent: it
+stands in `equivalent.toml` with the reason, and holds as long as its line is the same.
 
 A driver of our own: mutmut wants all tests in one run of one process first, which takes ten minutes here and does not
 see worker processes; cosmic-ray has one test command for all modules, and changes the files themselves.
@@ -23,6 +24,7 @@ import random
 import re
 import subprocess
 import sys
+import tomllib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,6 +40,7 @@ COUNT, SEED = 300, 19
 TESTS, SECONDS = 40, 10.0  # of a mutant, at most: so many tests, which take so long [s]
 PATIENCE, LEAST = 4.0, 30.0  # times what the tests take without a change; [s]
 ENOUGH = 0.9  # of them
+EQUIVALENT = ROOT / "scripts" / "equivalent.toml"
 
 _COMPARED = {
     ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==", ast.Is: "is not",
@@ -70,9 +73,20 @@ class Mutant:
     old: str
 
     @property
+    def change(self) -> str:
+        """What."""
+        return f"{self.old.strip()} → {self.new.strip()}"
+
+    @property
     def words(self) -> str:
         """Where, and what."""
-        return f"{self.file.relative_to(ROOT)}:{self.line}: {self.old.strip()} → {self.new.strip()}"
+        return f"{self.file.relative_to(ROOT)}:{self.line}: {self.change}"
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """File, text of the line and change: the same as long as the line is."""
+        text = self.file.read_text(encoding="utf-8").splitlines()[self.line - 1].strip()
+        return self.file.relative_to(ROOT).as_posix(), text, self.change
 
     def text(self) -> str:
         """Return the module with the change."""
@@ -278,10 +292,19 @@ def _unjust(killers: set[str]) -> set[str]:
     return {name for name in killers if done.returncode and name in done.stdout}
 
 
-def _show(what: Tried) -> None:
+def equivalent() -> dict[tuple[str, str, str], str]:
+    """Return why mutants change nothing, by their keys."""
+    rows = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8"))["mutant"]
+    return {(row["file"], row["line"], row["change"]): row["why"] for row in rows}
+
+
+def _show(what: Tried, known: dict[tuple[str, str, str], str]) -> None:
     word = {None: "NOT RUN", "": "SURVIVES"}.get(what.killer, "killed")
-    print(f"{word:9s}{what.mutant.words}", flush=True)
-    if what.killer:
+    why = None if what.killer else known.get(what.mutant.key)
+    print(f"{word if why is None else 'same':9s}{what.mutant.words}", flush=True)
+    if why is not None:
+        print(f"{'':9s}{why}", flush=True)
+    elif what.killer:
         print(f"{'':9s}by {what.killer}", flush=True)
     elif what.tests:
         print(f"{'':9s}tried: {' '.join(t.name for t in what.tests)}", flush=True)
@@ -308,19 +331,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for mutant in mutants:
             print(f"{mutant.words}    by {len(read().running(mutant.file, mutant.line))} tests")
         return 0
-    every = []
+    every, known = list[Tried](), equivalent()
     for mutant in mutants:
         every.append(tried(mutant))
-        _show(every[-1])
+        _show(every[-1], known)
     unjust = _unjust({t.killer for t in every if t.killer})
     for name in sorted(unjust):
         print(f"fails without a mutant, too, and killed none: {name}")
     killed = [t.mutant for t in every if t.killer and t.killer not in unjust]
-    count, dead = (Counter(m.file.relative_to(ROOT).parts[1] for m in group) for group in (mutants, killed))
+    same = [t.mutant for t in every if t.mutant not in killed and t.mutant.key in known]
+    count, dead, alike = (
+        Counter(m.file.relative_to(ROOT).parts[1] for m in group) for group in (mutants, killed, same)
+    )
     for folder, number in count.items():
-        print(f"{folder:12s}{dead[folder]} of {number} killed")
-    print(f"{len(killed)} of {len(mutants)} killed")
-    return 0 if len(killed) >= ENOUGH * len(mutants) else 1
+        print(f"{folder:12s}{dead[folder]} of {number} killed, {alike[folder]} equivalent")
+    print(f"{len(killed)} of {len(mutants)} killed, {len(same)} equivalent")
+    return 0 if len(killed) + len(same) >= ENOUGH * len(mutants) else 1
 
 
 if __name__ == "__main__":

@@ -228,3 +228,33 @@ def test_a_step_is_taken_only_where_it_is_better() -> None:
     assert again is not None
     assert again.steps <= 2
     assert again.cost == pytest.approx(found.cost, abs=1e-5)
+
+
+def test_regions_are_there_where_fewer_numbers_predict_as_well() -> None:
+    """The subspace model's predictor has n p numbers more, which follow the noise of the fit."""
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        u = random.standard_normal(2000)
+        y = signal.lfilter([1.0, 0.2], [1.0, 0.4, -0.45], u)
+        y = y + 0.1 * y.std() * random.standard_normal(2000)
+        found = wb.identify(wb.make_experiment(1.0, u, y), order=2)
+        assert found.refinement.taken
+        assert found.uncertainty is not None
+
+
+def test_an_integrator_has_regions_or_a_word_says_why_not() -> None:
+    """Its first state and the output's offset are nearly the same, which says nothing about the poles."""
+    known = 0
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        u = random.standard_normal(1000)
+        y = signal.lfilter([0.0, 1.0, -0.2], [1.0, -1.7, 0.7], u)
+        found = wb.identify(wb.make_experiment(1.0, u, y + 0.03 * y.std() * random.standard_normal(1000)), order=2)
+        if found.uncertainty is None:
+            assert "no regions of poles and response" in found.refinement.reason
+            continue
+        known += 1
+        lag = min(found.uncertainty.regions, key=lambda r: abs(r.pole - 0.7))
+        assert lag.determined
+        assert 0.002 < lag.half_axes[0] < 0.05
+    assert known >= 3

@@ -137,7 +137,7 @@ class _FeedForward(Written):
 
 class _Identify(Written):
     _: KW_ONLY
-    bode: File | None = option("Write a Bode plot of the model, --lin and --nfr.", default=None)
+    bode: File | None = option("Write a Bode plot of the model beside what --lin, --nfr or both hold.", default=None)
 
     def check(self, asked: Identify) -> None:
         if self.bode is not None and asked.lin is asked.nfr is None:

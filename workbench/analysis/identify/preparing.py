@@ -91,7 +91,8 @@ def _check_moving(data: Experiment) -> None:
         if still.any():
             k = int(np.argmax(still))
             what = "it excites nothing" if kind == "input" else "there is nothing to identify"
-            raise InputError(f"{data.name}: {kind} '{names[k]}' is constant ({values[0, k]:.6g}): {what}; leave it out")
+            advice = "; leave it out" if len(names) > 1 else ""
+            raise InputError(f"{data.name}: {kind} '{names[k]}' is constant ({values[0, k]:.6g}): {what}{advice}")
 
 
 def cut(data: Experiment, settle: float) -> Experiment:

@@ -57,9 +57,13 @@ def refined(
         raise InputError(f"{prepared.data.name}: no model of this order has the gains {_told(asked)}; leave gains out")
     if best is None:
         return found, Refinement(taken=False, reason="no model has a finite prediction of these data"), same[1]
-    taken, reason = _judged(found.model, best.model, prepared, other, closed=direct)
+    taken, reason = _judged(found.model, best, prepared, other, closed=direct)
     if asked.refine == "always" or asked.closed_loop is not None or gains is not None:
         taken = True
+    if not taken:
+        reason += "; so there are no regions of poles and response, which refine=always gives"
+    elif best.model.spread is None:
+        reason += "; the data leave a direction of the parameters open, so there are no regions of poles and response"
     reason += _agreement(best, asked)
     words = _refinement(best, taken=taken, reason=reason)
     if not taken:
@@ -124,9 +128,10 @@ def _noise_free(model: IdentifiedModel, prepared: Prepared) -> bool:
 
 
 def _judged(
-    before: IdentifiedModel, after: IdentifiedModel, prepared: Prepared, other: Experiment | None, *, closed: bool
+    before: IdentifiedModel, best: RefinedModel, prepared: Prepared, other: Experiment | None, *, closed: bool
 ) -> tuple[bool, str]:
     """Return whether the refined model is taken, and why."""
+    after = best.model
     where = "the data of the fit" if other is None else other.name
     models = [before, after]
     u, y = prepared.u, prepared.y
@@ -138,7 +143,7 @@ def _judged(
     simulated = [_simulation_cost(m, u, y) for m in models]
     p = len(before.y0)
     told = f"on {where} the prediction error changes by {_change(predicted, p)}"
-    better = predicted[1] < predicted[0] + _SAME * p
+    better = predicted[1] < predicted[0] + max(_SAME * p, 0.0 if other is not None else _saved(before, best, len(u)))
     if not after.is_stable:
         if before.is_stable and not closed:
             return False, f"{told}, but the model is unstable and has no simulation; refine=always takes it"
@@ -146,6 +151,16 @@ def _judged(
     told += f", the simulation error by {_change(simulated, p)}" if before.is_stable else ""
     worse = _WORSE["own" if other is None else "other"]
     return better and (closed or simulated[1] <= simulated[0] + worse * p), told
+
+
+def _saved(before: IdentifiedModel, best: RefinedModel, samples: int) -> float:
+    """Return what the numbers that the refined model has less are worth, by the Bayesian criterion, in log det.
+
+    Those of the predictor's gain follow the noise of the fit, where a disturbance is white.
+    """
+    (p, m), n = before.D.shape, before.undelayed().order
+    fewer = n * (2 * p + m) + p * m - best.chosen.refined.freedom
+    return float(fewer * math.log(samples) / samples)
 
 
 def _change(costs: list[float], outputs: int) -> str:

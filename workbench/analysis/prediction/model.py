@@ -28,6 +28,8 @@ __all__ = ["RefinedModel", "instrumented_model", "refined_model", "refining", "t
 
 Complex = NDArray[np.complex128]
 
+_OPEN = 1e-14  # of the largest eigenvalue of the correlations of the information: rounding, the data say nothing
+
 
 @dataclass(frozen=True, eq=False)
 class RefinedModel:
@@ -111,14 +113,19 @@ def _in_units(found: Refined, record: ScaledData, delays: tuple[int, ...], dt: f
 def _spread(found: Refined, su: Floats, sy: Floats) -> Floats | None:
     """Return a factor of the covariance of A, B, C, D of the plant; None where the data leave a direction open.
 
-    The inverse of Fisher's information (Ljung 1999, section 9.4), enlarged for the numbers fitted.
+    The inverse of Fisher's information (Ljung 1999, section 9.4), enlarged for the numbers fitted. It is so much larger
+    for the pole of an integrator than for others that only its correlations tell whether a direction is open.
     """
     fit, n = found.model, found.model.plant
-    values, vectors = np.linalg.eigh(found.information)
-    if values[0] <= 1e-13 * values[-1]:
+    size = np.sqrt(np.diag(found.information))
+    if size.min() <= 0.0:
+        return None
+    values, vectors = np.linalg.eigh(found.information / np.outer(size, size))
+    if values[0] <= _OPEN * values[-1]:
         return None
     left = found.samples - found.freedom / len(fit.C)
-    factor = found.directions @ (vectors / np.sqrt(values)) * np.sqrt(found.samples / max(left, 1.0))
+    turned = found.directions @ (vectors / size[:, None])
+    factor = turned / np.sqrt(values) * np.sqrt(found.samples / max(left, 1.0))
     every = np.zeros((sum(part.size for part in fit.parts), factor.shape[1]))
     every[found.entries] = factor
     sizes = np.cumsum([0, *(part.size for part in fit.parts)])
