@@ -32,6 +32,7 @@ _FENCE = re.compile(r"^```(?P<language>[a-z]+)?(?P<rest>[^\n`]*)\n(?P<text>.*?)^
 _TITLE = re.compile(r'title="(?P<name>[^"]+)"')
 _PICTURE = re.compile(r"!\[[^\]]*\]\((?:\.\./)*pictures/(?P<page>[\w-]+)/(?P<name>[\w.-]+)\)")
 _EXIT_CODE = "echo $?"
+_FIRST_TIME = "this machine does so for the first time"  # a note of the compiler that a page does not show
 
 
 @dataclass(frozen=True)
@@ -175,7 +176,7 @@ def _run_shell(block: Block, state: _Page) -> str:
             state.code = run(words[1:])
         if state.code and _EXIT_CODE not in block.text:
             raise ExampleError(f"line {block.line}: '{line}' ended with exit code {state.code}:\n{out.getvalue()}")
-    return out.getvalue()
+    return "".join(line for line in out.getvalue().splitlines(keepends=True) if _FIRST_TIME not in line)
 
 
 def _run_python(block: Block, state: _Page) -> str:
