@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from scipy import signal
 from tests.identification_data import DT, data, prbs, response, white, with_noise
 from workbench.analysis.advice import TOPICS, VERDICTS, advise
 from workbench.analysis.advice.delay import delays
+from workbench.analysis.advice.linearity import _nonlinear_columns
+from workbench.analysis.advice.sampling import _gains
 from workbench.analysis.advice.study import DataStudy
 from workbench.analysis.experiment.experiment import Experiment, make_experiment
 from workbench.errors import InputError
@@ -98,6 +102,13 @@ def test_constant_dependent_and_stepping_inputs() -> None:
     twice = make_experiment(DT, np.column_stack([u, -2.0 * np.roll(u, 2)]), response(u))
     assert advise(twice).excited_orders == 0
     assert "follows linearly" in advise(twice).finding("excitation").evidence
+
+
+@pytest.mark.parametrize("shift", [-11, -10, 10, 11])
+def test_an_input_up_to_ten_samples_before_or_behind_another_depends_on_it(shift: int) -> None:
+    u = white(N)
+    both = make_experiment(DT, np.column_stack([u, np.roll(u, shift)]), response(u))
+    assert ("follows linearly" in advise(both).finding("excitation").evidence) == (abs(shift) <= 10)
 
 
 @pytest.mark.parametrize("delay", [0, 1, 4, 17])
@@ -202,6 +213,33 @@ def test_nonlinear_distortion_is_told_from_noise(level: float) -> None:
     noisy = advise(data(u, with_noise(y, 5.0))).finding("linearity")
     assert "no nonlinear distortion" in noisy.evidence
     assert noisy.verdict == "watch"
+
+
+def test_nonlinear_terms_are_bends_of_the_prediction_and_of_its_change_and_nothing_linear() -> None:
+    random = np.random.default_rng(4)
+    y, residual = random.standard_normal((200, 1)), 0.3 * random.standard_normal((198, 1))
+    study: Any = SimpleNamespace(y=y, spread=np.array([2.0]))
+    arx: Any = SimpleNamespace(lags=2, residual=residual)
+    terms = _nonlinear_columns(study, arx, 0)
+
+    def left(x: Floats) -> float:
+        return float(np.linalg.norm(x - terms @ np.linalg.lstsq(terms, x, rcond=None)[0]) / np.linalg.norm(x))
+
+    now, before = (y[2:] - residual)[:, 0], y[1:-1, 0]
+    step = now - before
+    for x in (now, step):
+        assert max(left(x**2), left(x**3), left(np.abs(x)), left(x * np.abs(x))) < 1e-9
+    assert max(left(before**2), left(before**3), left(now * step), left(np.sign(step))) < 1e-9
+    assert min(left(now), left(step), left(before)) > 0.01
+
+
+def test_a_response_counts_only_nearer_to_what_is_excited_than_to_what_is_not() -> None:
+    """Of the response at k/32 of Nyquist, k = 0 … 32, the excitation is known at every second one, and ends at 10."""
+    study: Any = SimpleNamespace(
+        memory=1, u=np.array([[1.0], [-1.0]]), spread=np.ones(1), varying_inputs=[0], varying_outputs=[0],
+        model=SimpleNamespace(impulse=lambda count: np.eye(count, 1)[:, :, None]), excited=np.arange(17) <= 5,
+    )  # fmt: skip
+    assert np.flatnonzero(_gains(study)[:, 0, 0]).tolist() == list(range(11))
 
 
 def test_noise_is_measured_in_decibel() -> None:

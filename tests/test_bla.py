@@ -16,7 +16,10 @@ from scipy import stats
 import workbench as wb
 from workbench.analysis.bla.design import Lines, RandomPhase, lines_of
 from workbench.analysis.bla.estimate import Approximation, approximate
+from workbench.analysis.bla.request import Bla
+from workbench.analysis.bla.run import run as measure
 from workbench.cli.app import run
+from workbench.core.job import Job
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -220,6 +223,33 @@ def test_noise_of_a_measured_input_is_in_the_error() -> None:
     size = np.sqrt(0.5 / len(lines.excited))
     said = found.noise / np.abs(block(lines))
     assert np.sqrt(np.mean(said**2)) == pytest.approx(0.1 / np.sqrt(4.0 * N) / size, rel=0.05)
+
+
+@pytest.mark.parametrize(("left", "worth"), [(0.09, True), (0.11, False), (0.19, False)])
+def test_a_linear_model_is_worth_having_where_it_leaves_less_than_a_tenth(left: float, worth: bool) -> None:
+    """Distortion at excited, odd and even lines adds up by its power: 2² + 3² + 6² = 7²."""
+    size, curve = 5.0, np.zeros((1, 3))
+    excited, odd, even = (np.array([size * left * part / 7.0]) for part in (2.0, 3.0, 6.0))
+    found = wb.BlaResult(
+        model="m", input="u", output="y", input_unit=None, output_unit=None, rms=np.ones(1), frequency_hz=np.ones(3),
+        response=curve.astype(np.complex128), error=curve, noise=curve, distortion=curve, output_rms=np.array([size]),
+        linear_rms=np.array([size]), noise_rms=np.zeros(1), distortion_rms=excited, odd_rms=odd, even_rms=even,
+        offset=np.zeros(1), dt=0.1, samples=10, periods=2, realisations=2, transient=1, lines="odd",
+    )  # fmt: skip
+    assert found.left == pytest.approx(left)
+    assert found.worth == (worth,)
+    assert "10 % of the output" in found.verdict
+
+
+def test_zero_is_a_seed_of_several_realisations_too() -> None:
+    """The lag 1/(1 + s), sampled with a held input."""
+    asked = Bla(
+        input="u", output="y", rms=1.0, band=(0.2, 1.0), dt=0.1, realisations=2, lines="odd", seed=0, transient=2
+    )
+    with wb.load("fmu:FirstOrderLag") as model:
+        found = measure(model, asked, Job())
+    z = np.exp(2j * np.pi * found.frequency_hz * found.dt)
+    assert found.response[0] == pytest.approx((1.0 - np.exp(-found.dt)) / (z - np.exp(-found.dt)), rel=1e-3)
 
 
 def test_the_command_takes_recorded_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import control
 import numpy as np
@@ -20,9 +21,10 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
 from workbench.analysis.branches.family import Forced
 from workbench.analysis.branches.request import Branches
-from workbench.analysis.branches.run import explore
+from workbench.analysis.branches.run import _Search, explore
 from workbench.analysis.periodic.monodromy import instants
 from workbench.cli.app import run
+from workbench.errors import SimulationError
 
 Floats = NDArray[np.float64]
 
@@ -183,6 +185,41 @@ def test_a_parameter_can_be_varied() -> None:
             share = (1.0 - b.varied[i]) / (b.varied[i + 1] - b.varied[i])
             gains.append(float(b.gain[i] + share * (b.gain[i + 1] - b.gain[i])))
     assert sorted(gains) == pytest.approx([1.474, 8.873, 10.012], rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("there", "tried"),
+    [
+        ({0.0, 0.5, 1.0}, [0.0, 1.0]),
+        ({0.0}, [0.0, 1.0]),
+        ({1.0}, [0.0, 1.0]),
+        ({0.5}, [0.0, 1.0, 0.5]),
+        (set(), [0.0, 1.0, 0.5]),
+    ],
+)
+def test_responses_are_looked_for_at_both_bounds_and_in_the_middle_if_there_are_none(
+    there: set[float], tried: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A branch that an isola or a fold keeps from the lower bound may be reached from the upper one only."""
+    family: Any = None
+    tracks: list[Any] = []
+    search, seen = _Search(family, lambda _: None, 10, tracks=tracks), []
+
+    def reach(_: object, __: object, p: float) -> float:
+        seen.append(p)
+        if p not in there:
+            raise SimulationError("does not settle")
+        return p
+
+    monkeypatch.setattr(search, "_reach", reach)
+    monkeypatch.setattr(search, "_follow", lambda _, place: tracks.append(place))
+    if there:
+        search.from_starts()
+    else:
+        with pytest.raises(SimulationError, match="no periodic response was found: does not settle"):
+            search.from_starts()
+    assert seen == tried
+    assert tracks == [p for p in tried if p in there]
 
 
 def test_a_linear_model_has_one_branch_and_its_gain_is_the_closed_form() -> None:

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.test_validate_overlay import measured
 from workbench.analysis.describing.describe import STANDARD, describing_function, standard_block
 from workbench.analysis.describing.formulas import FormulaBlock, relay
+from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.describing.static import StaticBlock, find_levels, pointwise
 from workbench.errors import InputError
 from workbench.reproduce.targets import read_targets
@@ -101,6 +103,12 @@ def test_measured_is_the_closed_form() -> None:
     wanted = np.abs(standard_block("saturation").harmonics(2.0))
     assert found.harmonics[1, 0] == pytest.approx(wanted / wanted[1], abs=1e-3)
     assert found.harmonics[0, 0, 2:] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_response_of_which_one_point_failed_makes_no_block() -> None:
+    response = measured(np.array([0.5, 1.0, 2.0]), {1.0: [2.0, math.nan, 1.0], 4.0: [1.0, 1.0, 1.0]})
+    with pytest.raises(InputError, match="its response could not be measured"):
+        MeasuredBlock(response)
 
 
 def test_measured_in_a_box_with_dynamics_depends_on_the_frequency() -> None:

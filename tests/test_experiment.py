@@ -109,6 +109,11 @@ def test_units_in_a_line_of_their_own_are_told(tmp_path: Path) -> None:
     assert any("'u' is taken as the input" in note for note in data.notes)
 
 
+def test_units_behind_the_names_hold_whatever_stands_in_the_second_line(tmp_path: Path) -> None:
+    data = read_experiment(write(tmp_path / "x.csv", "t [s],u [deg],y\n(clock),(raw),(filtered)\n0,1,2\n1,2,3\n"))
+    assert data.units == {"u": "deg", "y": None}
+
+
 def test_a_file_without_names_numbers_its_columns(tmp_path: Path) -> None:
     data = read_experiment(write(tmp_path / "x.txt", "1,2\n3,4\n"), dt=0.5)
     assert (data.input_names, data.output_names, data.dt) == (("column1",), ("column2",), 0.5)
@@ -138,6 +143,7 @@ def test_variable_steps_are_put_on_a_grid_when_it_is_given(tmp_path: Path) -> No
     np.testing.assert_allclose(data.y[:, 0], 2.0 * data.time, atol=1e-12)
     assert data.u[4, 0] == 0.0
     assert data.u[5, 0] == 1.0
+    assert data.u[-1, 0] == 4.0
     assert any("put on a grid of 0.05 s" in note for note in data.notes)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +15,12 @@ import workbench as wb
 from tests.random_systems import pole_error
 from workbench.analysis.feed_forward.plant import linear_plant
 from workbench.analysis.feed_forward.remaining import Remaining, remaining, with_filter
-from workbench.analysis.feed_forward.trial import Run, run_trial
+from workbench.analysis.feed_forward.trial import Run, _shorter, run_trial
 from workbench.analysis.feed_forward.weighting import weighted
 from workbench.analysis.feed_forward.wiring import Loops
 from workbench.analysis.opened import find_ports
 from workbench.core.linear import Complex, LinearPart
+from workbench.errors import SimulationError
 
 Numbers = list[float]
 
@@ -233,6 +235,32 @@ def test_a_filter_too_strong_escapes_in_finite_time_and_says_when() -> None:
     assert tame.failure == ""
     assert tame.signals["block.u"] == pytest.approx(1.5 * np.exp(-tame.time), abs=1e-5)
     assert tame.settling_seconds[0.1] == pytest.approx(math.log(10.0), abs=1e-3)
+
+
+def test_the_largest_target_is_that_of_the_motion_however_small() -> None:
+    """The exact gain 1 leaves dv/dt = −v from 0.5; the target is v·|v|, which begins at 0.25 and falls with −2 v²."""
+    with scalar(0.5) as model:
+        loops = Loops(ports=find_ports(model, "block"), target="plant.u")
+        run = Run(inputs={}, outputs=(), stop=1.0, closes_at=0.0)
+        exact = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)
+        trial = run_trial(model, loops, exact, run, name="exact")
+    assert trial.largest_target == pytest.approx(0.25, rel=1e-3)
+    assert trial.largest_target_rate == pytest.approx(0.5, rel=1e-3)
+
+
+def test_where_the_end_fails_again_nine_tenths_of_the_way_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    ends = []
+
+    def failing(_: object, *, stop: float, **__: object) -> None:
+        ends.append(stop)
+        if stop > 11.5:
+            raise SimulationError("again")
+
+    monkeypatch.setattr("workbench.analysis.feed_forward.trial.simulate", failing)
+    system: Any = None
+    run = Run(inputs={}, outputs=(), stop=20.0, closes_at=2.0)
+    _shorter(system, SimulationError("fails", time=12.0), {}, ["y"], run)
+    assert ends[-1] == pytest.approx(2.0 + 0.9 * (12.0 - 2.0))
 
 
 def test_the_feedback_that_closes_late() -> None:

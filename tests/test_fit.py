@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 import workbench as wb
-from workbench.analysis.fit.rational import fitted
+from workbench.analysis.fit.rational import fitted, paired
 from workbench.cli.app import run
 from workbench.errors import InputError
 
@@ -152,9 +152,25 @@ def test_responses_of_python_control_and_matlab_are_read(tmp_path: Path, capsys:
         assert np.sort_complex(poles) == pytest.approx(expected, rel=1e-9), name
     savemat(tmp_path / "empty.mat", {"x": F})
     savemat(tmp_path / "many.mat", {"H": np.ones((2, len(F)), dtype=np.complex128), "f": F})
-    for name, said in (("empty", "holds no response"), ("many", "one response is needed"), ("none", "no such file")):
+    savemat(tmp_path / "axis.mat", {"f": F})
+    savemat(tmp_path / "values.mat", {"H": response()})
+    savemat(tmp_path / "longer.mat", {"H": np.ones((2, 1, len(F) + 1), dtype=np.complex128), "f": F})
+    for name, said in (
+        ("empty", "holds no response"), ("axis", "holds no response"), ("values", "holds no response"),
+        ("many", "one response is needed"), ("longer", "one response is needed"), ("none", "no such file"),
+    ):  # fmt: skip
         assert run(["fit", str(tmp_path / f"{name}.mat")]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_pairs_of_poles_are_the_factors_of_their_polynomial() -> None:
+    poles = np.array([-3.0 + 20.0j, -3.0 - 20.0j, 0.5 + 0.1j, 0.5 - 0.1j, -1.0, -0.5, -7.0], dtype=np.complex128)
+    pairs, single = paired(poles)
+    assert single is not None
+    product = np.array([1.0, single])
+    for a1, a0 in pairs:
+        product = np.polymul(product, [1.0, a1, a0])
+    assert product == pytest.approx(np.poly(poles).real, rel=1e-12)
 
 
 def test_tables_say_their_units(tmp_path: Path) -> None:

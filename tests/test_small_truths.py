@@ -10,7 +10,12 @@ import numpy as np
 import pytest
 
 from tests.test_validate_overlay import measured
+from workbench.analysis.check.jumps import jumps
 from workbench.analysis.check.nominals import _judge
+from workbench.analysis.check.run import validation
+from workbench.analysis.check.start_time import _judge as judge_start
+from workbench.analysis.check.step import _Convergence, _order_words
+from workbench.analysis.check.subject import Trajectory
 from workbench.analysis.describing.measured import MeasuredBlock
 from workbench.analysis.describing.sector import sector_of
 from workbench.analysis.experiment.missing import regular
@@ -31,8 +36,10 @@ from workbench.core.linear import LinearPart
 from workbench.core.matrices import exponentials
 from workbench.core.where import _take_scheduler
 from workbench.errors import InputError
+from workbench.session.base import Floats
 from workbench.session.fmu import _plus
 from workbench.session.me import MeSession
+from workbench.signals import Constant, Signal, Sine, Step
 from workbench.system.block_table.base import _short
 
 INF = math.inf
@@ -199,6 +206,83 @@ def test_states_far_from_their_nominal_values_are_counted(largest: list[float], 
     assert answer.verdict == "watch"
     worst = "c reaches 1e+09, its nominal value is 2" if others else "a reaches 2e+03, its nominal value is 0.001"
     assert answer.evidence == worst + others
+
+
+def _with_jumps(late: float) -> Any:  # noqa: ANN401 - stands for a CheckedFmu
+    """A lag of 1 s after a dead time, in steps, that also moves by itself: y = sin 3t + Σ (1 − exp(−(t − at)))."""
+    step = 0.1
+
+    def run(signals: dict[str, Signal], *, points: Floats) -> Trajectory:
+        y = np.sin(3.0 * points)
+        for signal in signals.values():
+            if isinstance(signal, Step):
+                since = np.maximum(points - signal.time - late * step, 0.0)
+                y += (signal.value - signal.initial) * np.where(since > 1e-9, -np.expm1(-since), 0.0)
+        return Trajectory(points, y[:, None])
+
+    return SimpleNamespace(
+        inputs={"u": (0.0, 1.0)}, start=0.0, steps=100, step=step, names=("y",), run=run,
+        constants=lambda share: {"u": Constant(share)},
+        sines=lambda share: {"u": Sine(amplitude=share, frequency=1.0)},
+        model=SimpleNamespace(description=SimpleNamespace(variables=[])),
+    )  # fmt: skip
+
+
+def test_what_moves_by_itself_takes_a_jump_alike_at_all_instants() -> None:
+    answer = jumps(_with_jumps(late=0.0))
+    assert answer.verdict == "good"
+    assert answer.numbers["gap"] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("late", "verdict"), [(3.0, "good"), (4.0, "not applicable"), (4.5, "not applicable")])
+def test_what_answers_a_jump_later_than_four_steps_is_not_judged(late: float, verdict: str) -> None:
+    answer = jumps(_with_jumps(late))
+    assert answer.verdict == verdict
+    assert (answer.evidence == "nothing responds within 4 steps") == (late >= 4.0)
+
+
+@pytest.mark.parametrize(("count", "others"), [(1, ""), (2, " (and 1 more)"), (5, " (and 4 more)")])
+def test_rules_that_are_bent_are_counted_behind_the_first(count: int, others: str) -> None:
+    description: Any = SimpleNamespace(problems=[f"rule {k}" for k in range(count)], notes=())
+    answer = validation(description)
+    assert (answer.verdict, answer.evidence) == ("watch", f"rule 0{others}")
+
+
+@pytest.mark.parametrize("moved", [0, 1, 2])
+def test_the_variable_that_the_start_time_moves_most_is_named(moved: int) -> None:
+    subject: Any = SimpleNamespace(
+        names=("a", "b", "c"),
+        model=SimpleNamespace(
+            recipe=SimpleNamespace(tolerance=1e-6),
+            description=SimpleNamespace(experiment=SimpleNamespace(tolerance=None)),
+        ),
+    )
+    time = np.linspace(0.0, 1.0, 21, dtype=np.float64)
+    first = np.column_stack([time, 2.0 * time, 3.0 * time])
+    later = first + 0.01 * first.max(axis=0)
+    later[:, moved] += 0.5 * (moved + 1.0)
+    answer = judge_start(subject, Trajectory(time, first), Trajectory(time, later), 32.0, 0.0)
+    assert answer.verdict == "watch"
+    assert answer.evidence.startswith(f"begun 32 s later {'abc'[moved]} is ")
+    # The range of both runs together is 1.51 of that of one, in all three.
+    assert answer.numbers["relative"] == pytest.approx(0.51 / 1.51)
+
+
+@pytest.mark.parametrize(
+    ("order", "error", "words"),
+    [
+        (1.0, 5e-6, "the step has almost no effect"),
+        (0.1, 5e-5, "the step has almost no effect"),
+        (math.nan, 5e-5, "the step has almost no effect"),
+        (1.0, 5e-5, "first order (1.00)"),
+        (2.02, 5e-3, "second order (2.02)"),
+        (5.0, 5e-3, "higher order (5.00)"),
+        (0.1, 5e-3, "no convergence (order 0.1)"),
+        (math.nan, 5e-3, "no convergence"),
+    ],
+)
+def test_the_order_of_convergence_in_words(order: float, error: float, words: str) -> None:
+    assert _order_words(_Convergence([], [], [], order, error)) == words
 
 
 @pytest.mark.parametrize(("small", "left"), [(0.7e-7, 1), (1.4e-7, 0)])
