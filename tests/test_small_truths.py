@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.test_validate_overlay import measured
 from workbench.analysis.check.nominals import _judge
 from workbench.analysis.describing.measured import MeasuredBlock
@@ -284,3 +285,12 @@ def test_a_file_that_is_named_once_has_no_number() -> None:
     for names in (["Saturation", "DeadBand"], ["Saturation", "Saturation"]):
         with open_files([f"fmu:{name}" for name in names], Loading()) as models:
             assert list(models) == (names if len(set(names)) == 2 else ["Saturation (1)", "Saturation (2)"])
+
+
+@pytest.mark.parametrize("step", [None, 0.4])
+def test_a_model_is_led_in_the_given_step_its_own_an_eighth_and_a_sixty_fourth(step: float | None) -> None:
+    """As docs/methods/sessions.md says; an FMU that suggests no step has 1 ms for its own."""
+    with wb.load("fmu:Saturation", interface="cs", step=step) as model:
+        own = model.description.experiment.step or 1e-3
+        found = model._lead_steps(model._setup)
+    assert found == pytest.approx([*filter(None, [step]), own, own / 8.0, own / 64.0], rel=1e-12)
