@@ -126,6 +126,12 @@ def test_a_table_that_ends_says_where() -> None:
         response("lookup", table, {"u": wb.Constant(3.0)})
 
 
+def test_of_a_table_with_two_inputs_the_one_that_leaves_is_named() -> None:
+    table = {"x1": [-1.0, 0.0, 2.0], "x2": [0.0, 1.0], "z": [[0.0, 1.0], [2.0, 5.0], [-1.0, 4.0]]}
+    with pytest.raises(SimulationError, match=r"b: u2 = 3 is beyond the table, 0 … 1"):
+        response("lookup_2d", {**table, "extrapolation": "error"}, {"u1": wb.Constant(1.0), "u2": wb.Constant(3.0)})
+
+
 def test_a_transfer_function_without_a_numerator_is_refused() -> None:
     with pytest.raises(wb.InputError, match="numerator holds no coefficient"):
         response("transfer_function", {"numerator": [], "denominator": [1.0, 1.0]}, {"u": SINE})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import sys
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,13 @@ def test_json_is_refused_with_one_reason(text: str) -> None:
 def test_toml_is_refused_with_one_reason(text: str) -> None:
     with pytest.raises(ValueError, match=r"nested|too large|has more than|Invalid|Unclosed"):
         from_toml(text)
+
+
+def test_the_largest_whole_number_is_the_largest_that_a_double_holds() -> None:
+    largest = int(sys.float_info.max)
+    assert from_json(f"[{largest}, {-largest}]") == [largest, -largest]
+    with pytest.raises(ValueError, match="too large"):
+        from_json(str(largest + 1))
 
 
 def test_what_is_sound_is_unchanged() -> None:

@@ -9,6 +9,7 @@ import pickle
 import subprocess
 import sys
 from fractions import Fraction
+from typing import Any
 
 import control
 import numpy as np
@@ -292,3 +293,12 @@ def test_one_thread_is_one_of_libraries_loaded_since_the_last_time_too() -> None
     found = json.loads(told.stdout)
     assert found
     assert set(found) == {1}
+
+
+def test_a_mean_of_slow_samples_has_an_effect() -> None:
+    """((1 + z⁻¹)/2)¹⁶ has gain 1 at rest, and vanishes to rounding near its Nyquist frequency of 0.102 Hz only."""
+    taps = np.array([math.comb(16, k) for k in range(17)]) / 2.0**16
+    names: dict[str, Any] = {"input_names": ("u",), "output_names": ("y",)}
+    found = Linear(np.eye(16, k=-1), np.eye(16)[:, :1], taps[None, 1:], taps[:1, None], dt=0.5 / 0.102, **names)
+    assert found.response(0.0)[0, 0, 0].real == pytest.approx(1.0)
+    assert found.without_effect == ()

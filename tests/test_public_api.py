@@ -122,3 +122,8 @@ def test_names_are_sorted_and_found() -> None:
 def test_importing_the_package_loads_nothing_heavy() -> None:
     code = "import sys, workbench; sys.exit(any(m in sys.modules for m in ('numpy', 'matplotlib', 'control')))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_every_function_says_what_it_returns() -> None:
+    plain = [(n, f) for n, f in public_callables() if inspect.isfunction(f)]
+    assert [n for n, f in plain if inspect.signature(f).return_annotation in {"", inspect.Signature.empty}] == []

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.test_validate_overlay import measured
 from workbench.analysis.check.jumps import jumps
 from workbench.analysis.check.nominals import _judge
@@ -30,10 +31,13 @@ from workbench.analysis.nfr.settling import Settling
 from workbench.analysis.periodic.monodromy import _rows
 from workbench.analysis.subspace.delivered import _weight
 from workbench.analysis.trim.family import null_space
+from workbench.analysis.trim.search import _left
 from workbench.core.conversion import known_unit
 from workbench.core.forms import _read_widths
 from workbench.core.linear import LinearPart
+from workbench.core.loading import Loading
 from workbench.core.matrices import exponentials
+from workbench.core.record import brief
 from workbench.core.where import _take_scheduler
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -41,6 +45,10 @@ from workbench.session.fmu import _plus
 from workbench.session.me import MeSession
 from workbench.signals import Constant, Signal, Sine, Step
 from workbench.system.block_table.base import _short
+from workbench.system.blocks import block_description
+from workbench.system.description import SumComponent
+from workbench.system.load import open_files
+from workbench.workers import Workers
 
 INF = math.inf
 
@@ -108,6 +116,13 @@ def test_exponentials_are_to_the_last_digits(size: float) -> None:
     found = exponentials(np.array([[[size, 0.0], [0.0, -size]], [[0.0, size], [0.0, 0.0]]]))
     assert found[0].diagonal() == pytest.approx([math.exp(size), math.exp(-size)], rel=2e-15 * max(1.0, 8.0 * size))
     assert np.array_equal(found[1], [[1.0, size], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
+def test_the_exponential_of_equal_entries_is_known(size: float) -> None:
+    """Of x in all n² places: the unit matrix plus (e^(n x) − 1)/n in all; its powers are full matrices."""
+    found = exponentials(np.full((1, 3, 3), size))
+    assert np.abs(found[0] - np.eye(3) - math.expm1(3.0 * size) / 3.0).max() < 1e-14 * math.exp(3.0 * size)
 
 
 @pytest.mark.parametrize(("texts", "width"), [(["0.1"], 0.1), (["0.1,0.2"], (0.1, 0.2)), (["x=0.1"], {"x": 0.1})])
@@ -321,3 +336,45 @@ def test_three_changes_that_double_are_growth(factor: float, count: int, grows: 
     periods = [SimpleNamespace(compared=np.array([1.0, factor**k])) for k in range(count)]
     point: Any = SimpleNamespace(periods=periods, most=100)
     assert Settling._grows(point) == grows
+
+
+def test_what_is_left_of_a_trim_is_its_largest_scaled_residual() -> None:
+    solution: Any = SimpleNamespace(residuals=np.array([2.0, -3.0]), scales=np.array([10.0, 2.0]))
+    assert _left(solution) == 1.5
+    solution.residuals[0] = math.nan
+    assert _left(solution) == math.inf
+
+
+def test_a_few_values_are_written_out() -> None:
+    assert brief(np.zeros(6)) == repr(np.zeros(6))
+    assert brief(np.zeros((7, 1))) == "array of shape (7, 1)"
+    assert brief([1] * 6) == "[1, 1, 1, 1, 1, 1]"
+    assert brief([1] * 7) == "[7 values]"
+
+
+def test_files_of_a_secured_scheduler_need_its_address() -> None:
+    files = ("ca.pem", "own.pem", "own.key")
+    with pytest.raises(InputError, match="tls: names the files for a scheduler"):
+        Workers(tls=files)
+    assert Workers(scheduler="tls://x:1", tls=files).tls == files
+
+
+def test_a_sum_has_one_unit_at_all_its_ends() -> None:
+    for unit in ("m", None):
+        found = block_description(SumComponent(name="s", unit=unit)).variables
+        assert {v.name: v.unit for v in found} == {"u1": unit, "u2": unit, "y": unit}
+
+
+def test_a_file_that_is_named_once_has_no_number() -> None:
+    for names in (["Saturation", "DeadBand"], ["Saturation", "Saturation"]):
+        with open_files([f"fmu:{name}" for name in names], Loading()) as models:
+            assert list(models) == (names if len(set(names)) == 2 else ["Saturation (1)", "Saturation (2)"])
+
+
+@pytest.mark.parametrize("step", [None, 0.4])
+def test_a_model_is_led_in_the_given_step_its_own_an_eighth_and_a_sixty_fourth(step: float | None) -> None:
+    """As docs/methods/sessions.md says; an FMU that suggests no step has 1 ms for its own."""
+    with wb.load("fmu:Saturation", interface="cs", step=step) as model:
+        own = model.description.experiment.step or 1e-3
+        found = model._lead_steps(model._setup)
+    assert found == pytest.approx([*filter(None, [step]), own, own / 8.0, own / 64.0], rel=1e-12)

@@ -12,7 +12,8 @@ from scipy import signal
 
 import workbench as wb
 from workbench.analysis.structures.refine import Chain, Table, line_of
-from workbench.analysis.structures.request import IdentifyCommand
+from workbench.analysis.structures.request import IdentifyCommand, IdentifyStructure
+from workbench.analysis.structures.run import _Scaled, _Search
 from workbench.analysis.structures.start import block_of, placed, rescaled
 from workbench.analysis.structures.table import StaticTable, free_directions, knots_for, weights
 from workbench.cli.app import run
@@ -193,6 +194,34 @@ def test_tables() -> None:
     assert mean @ knots == pytest.approx(u.mean())
     assert slope @ knots == pytest.approx(1.0)
     assert np.abs(np.array([mean, slope]) @ free).max() < 1e-12
+
+
+def test_knots_reach_over_the_whole_range_of_a_signal() -> None:
+    """Also where its levels are not evenly spaced."""
+    u = np.array([0.0, 0.1, 0.4, 0.5, 2.0, 7.0])
+    assert knots_for(u, 3)[[0, -1]] == pytest.approx([0.0, 7.0])
+
+
+def test_a_linear_block_is_the_linear_model_by_the_sizes_of_input_and_output() -> None:
+    u = np.random.default_rng(2).normal(size=300)
+    data = wb.make_experiment(1.0, 4.0 * u, signal.lfilter([2.0, 1.0], [1.0, -0.5], 4.0 * u))
+    model = wb.identify(data, order=1, feedthrough=True).model
+    found = _Search(_Scaled.of(data, 0), model, IdentifyStructure(structure="wiener", order=1, feedthrough=True)).linear
+    z = np.exp(2j * np.pi * 0.1)
+    response = (found.C @ found.B)[0, 0] / (z - found.A[0, 0]) + found.D[0, 0]
+    assert response == pytest.approx((2.0 * z + 1.0) / (z - 0.5) * data.u.std() / data.y.std(), rel=1e-6)
+
+
+def test_the_state_at_the_first_sample_is_found_behind_a_static_block() -> None:
+    data = recorded("wiener", 4, samples=300)
+    found = wb.identify_structure(data, structure="wiener", order=2, feedthrough=False, knots=5)
+    assert found.behind is not None
+    u = data.u[:, 0]
+    size = np.ptp(found.behind.x)
+    begin = found.linear.x0 + np.linalg.lstsq(found.linear.C, np.array([0.2 * size]), rcond=None)[0]
+    y = found.behind(found.linear.simulate(data.u, begin)[:, 0])
+    assert np.abs(found.simulate(u) - y).max() > 0.05 * np.ptp(y)
+    assert np.abs(found.simulate(u, y) - y).max() < 1e-6 * np.ptp(y)
 
 
 def test_scales_are_moved_without_a_change_of_the_output() -> None:

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from tests.random_systems import Plant, pole_error, random_plant
 from workbench.analysis.subspace import METHODS, estimate
+from workbench.analysis.subspace.order import _inflation
 from workbench.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -230,3 +232,11 @@ def test_bad_data_are_named() -> None:
     with pytest.raises(InputError, match="too few samples"):
         estimate(u[:5], y[:5], 0.1)
     assert any("operating point" in n for n in estimate(u, y + 100.0, 0.1, order=2).notes)
+
+
+def test_of_two_outputs_the_slower_error_tells_how_much_less_information_there_is() -> None:
+    """Σ ρ² of white noise is 1, of a first order process with the pole a it is (1 + a²)/(1 − a²)."""
+    e = np.random.default_rng(0).normal(size=(20_000, 2))
+    e[:, 1] = lfilter([1.0], [1.0, -0.9], e[:, 1])
+    assert _inflation(e[:, :1]) == pytest.approx(1.0, abs=0.1)
+    assert _inflation(e) == pytest.approx(1.81 / 0.19, rel=0.15)

@@ -22,6 +22,7 @@ from workbench.fmi.bundled import bundled_path, bundled_systems, name_of_bundled
 from workbench.fmi.variable import Variable
 from workbench.model import Model
 from workbench.model.load import load
+from workbench.session.fmu import FmuSession
 from workbench.signals import Constant, Sine, Step
 from workbench.study.fingerprint import Hashes
 from workbench.system.connect import connect
@@ -463,3 +464,16 @@ def test_a_loop_through_a_dead_band_that_is_left_for_the_first_time(tmp_path: Pa
         assert not any("not connected" in note for note in model.notes)
         found = simulate(model, stop=5.0, points=times, inputs={"r": Sine(amplitude=3.0, frequency=0.3)})
     np.testing.assert_allclose(np.interp(times, found.time, found.signals["band.y"]), truth, atol=1e-6)
+
+
+def test_inner_outputs_and_inputs_depend_on_what_reaches_them_through_the_connections() -> None:
+    """y = 1/(s + 1), a lag without feed-through, so y depends on its state alone and all before it on r as well."""
+    with unity_feedback(LAG, gain=2.0) as model:
+        depends = {v.name: set(v.dependencies) for v in model.description.variables if v.dependencies is not None}
+        with model.open_session() as session:
+            assert isinstance(session, FmuSession)
+            fed = {v.name for v in model.description.variables if session.instance.fed(v)}
+    assert depends["p.y"] == depends["e.u2"] == depends["y"] == {"p.x"}
+    assert depends["e.y"] == depends["k.u"] == depends["k.y"] == depends["p.u"] == {"r", "p.x"}
+    assert depends["e.u1"] == {"r"}
+    assert fed == {"e.u2", "k.u", "p.u"}

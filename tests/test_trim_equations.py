@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 import workbench as wb
-from tests.trim_models import Equations, Plant
+from tests.trim_models import Equations, Function, Plant
+from workbench.analysis.trim.balance import ContinuousBalance
+from workbench.analysis.trim.problem import TrimSets, pose
 from workbench.analysis.trim.request import trim
 from workbench.analysis.trim.result import TrimResult
+from workbench.analysis.trim.scaled import Scaled
+from workbench.analysis.trim.solve import _Search
 
 
 def told(result: TrimResult) -> list[str]:
@@ -255,3 +260,37 @@ def test_without_states_the_point_is_what_the_inputs_make_it() -> None:
     assert result.converged
     assert result.point.y == {"y": 4.0}
     assert trim(plant, free=["u"], fix={"y": 9.0}).point.u["u"] == pytest.approx(3.0)
+
+
+def search_of(equations: Equations, **sets: Any) -> _Search:  # noqa: ANN401
+    with Plant(equations).open_point() as point:
+        problem = pose(ContinuousBalance(point), TrimSets(**sets))
+    return _Search(Scaled(problem, exact=False), 1e-9, np.array([k.start for k in problem.unknowns]))
+
+
+@pytest.mark.parametrize(
+    ("bound", "sum_", "step"),
+    [
+        ((-5.0, 0.0), 1.0, [0.0, 1.0]),
+        ((0.0, 5.0), 1.0, [0.5, 0.5]),
+        ((-5.0, 0.0), -1.0, [-0.5, -0.5]),
+        ((0.0, 5.0), -1.0, [0.0, -1.0]),
+    ],
+)
+def test_a_step_from_a_bound_is_the_least_that_stays_within(
+    bound: tuple[float, float], sum_: float, step: list[float]
+) -> None:
+    """x + y = sum, from 0: both move alike, unless x would leave its bounds; then y moves alone."""
+    equations = Equations(
+        x={"x": 0.0, "y": 0.0}, f=lambda v: [v["x"] + v["y"] - sum_, 0.0], nominal={"x": 1.0, "y": 1.0}
+    )
+    search = search_of(equations, bound={"x": bound})
+    assert search._step(np.zeros(2), slowest=False, home=False) == pytest.approx(step, abs=1e-9)
+
+
+def test_a_step_is_halved_ten_times_to_where_the_model_can_be_evaluated() -> None:
+    """1/1024 of it is within the end of the model's domain, 1/512 is not."""
+    f: Function = lambda v: [1.0 - v["x"] if v["x"] < 0.0015 else math.nan]  # noqa: E731
+    search = search_of(Equations(x={"x": 0.0}, f=f, nominal={"x": 1.0}))
+    assert search._along(np.zeros(1), np.ones(1), slowest=False, home=False) == pytest.approx([1.0 / 1024.0])
+    assert search._along(np.zeros(1), 2.0 * np.ones(1), slowest=False, home=False) is None

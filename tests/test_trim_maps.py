@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import workbench as wb
 from tests.trim_models import Equations, Plant
-from workbench.analysis.trim.request import trim
+from workbench.analysis.trim.problem import TrimSets
+from workbench.analysis.trim.request import Trim, trim
+from workbench.analysis.trim.run import _Trim
+from workbench.core.job import Job
 from workbench.errors import SimulationError
 from workbench.session.settle import settle
 from workbench.session.target import NotReachedError
@@ -245,3 +250,17 @@ def test_a_start_that_the_model_does_not_take_is_the_users() -> None:
     """States are seen to be settable at −1 + 0.125 · 16."""
     with pytest.raises(NotReachedError, match=r"cannot be started at \{'x': -1\.0"):
         trim(logarithm(16.0), step=0.02, x0={"x": -1.0})
+
+
+@pytest.mark.parametrize(("moved", "value", "names"), [(0.8e-5, 0.0, ""), (1.5e-5, 0.0, "w"), (1.5e-3, 200.0, "")])
+def test_what_moves_by_more_than_1e_5_of_its_size_in_the_periods_after_the_first_is_named(
+    moved: float, value: float, names: str
+) -> None:
+    """The size of what declares none is its value, and 1 at least."""
+    balance: Any = SimpleNamespace(states=(), outputs=(), drift=lambda *_, periods: {"w": (moved, value)})
+    nothing: Any = SimpleNamespace(
+        unknowns=(), equations=(), at=lambda _: (), values=np.zeros(0), nominal=np.zeros(0), scales=np.zeros(0)
+    )
+    lag = Plant(Equations(x={"x": 0.0}, f=lambda v: [-v["x"]]))
+    said = _Trim(lag, TrimSets(), 0.0, Trim(), Job())._restless(balance, nothing, nothing)
+    assert said == (f"after 20 periods {names} moved although the states had returned" if names else "")

@@ -10,8 +10,12 @@ import pytest
 
 from tests.trim_cases import Case, cases, judged
 from tests.trim_models import Equations, Function, Plant, Values
+from workbench.analysis.trim.balance import ContinuousBalance
+from workbench.analysis.trim.problem import TrimSets, pose
 from workbench.analysis.trim.request import trim
 from workbench.analysis.trim.result import TrimResult
+from workbench.analysis.trim.scaled import Scaled
+from workbench.analysis.trim.verdict import Judge
 from workbench.session.base import Floats
 
 
@@ -187,3 +191,16 @@ def linear(a: Floats, rest: Floats, start: Floats) -> TrimResult:
         return list(a @ (np.array([v[n] for n in names]) - rest))
 
     return trim(Plant(Equations(x=dict(zip(names, start.tolist(), strict=True)), f=f)))
+
+
+def test_a_residual_ends_at_the_edge_of_a_dead_zone_on_the_way_and_not_where_it_fades() -> None:
+    """The zone lies on one side of the origin: x ≤ 3, reached from 3.2; 1 − tanh x is below rounding at 25."""
+
+    def ends_at_an_edge(f: Function, begin: float, end: float) -> bool:
+        with Plant(Equations(x={"x": begin}, f=f, nominal={"x": 1.0})).open_point() as point:
+            scaled = Scaled(pose(ContinuousBalance(point), TrimSets()), exact=False)
+            judge = Judge(scaled, np.array([begin]), 1e-9)
+            return judge._edge(np.array([begin]), np.array([end]), np.ones(1), 1e-15)
+
+    assert ends_at_an_edge(lambda v: [-max(v["x"] - 3.0, 0.0)], 3.2, 2.8)
+    assert not ends_at_an_edge(lambda v: [1.0 - math.tanh(v["x"])], 0.5, 25.0)

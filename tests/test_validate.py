@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 
 from tests.bootstrap_coverage import DT, System, random_system
 from workbench.analysis.experiment.experiment import Experiment, make_experiment, read_experiment
 from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.validate.cross_correlation import cross_correlation
+from workbench.analysis.validate.cross_correlation import _each, _probability, cross_correlation
 from workbench.analysis.validate.fit import ERROR_FIGURES, error_figure, fit_of
 from workbench.analysis.validate.pole_zero import near_cancellations
 from workbench.analysis.validate.validate import validate
-from workbench.analysis.validate.whiteness import autocorrelation
+from workbench.analysis.validate.whiteness import LEVEL, autocorrelation
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
@@ -152,6 +152,25 @@ def test_a_small_correlation_that_lasts_is_seen_where_no_lag_stands_out() -> Non
     test = cross_correlation(e, u, 25)
     assert test.undermodelled
     assert np.sum(np.abs(test.values[test.lags >= 0]) > test.band_all) <= 6
+
+
+def test_the_rates_of_several_numbers_together_make_half_the_level() -> None:
+    for count in (1, 7, 60):
+        assert 1.0 - (1.0 - _each(count)) ** count == pytest.approx(0.5 * LEVEL, rel=1e-12)
+
+
+def test_equal_covariances_of_white_signals_are_judged_by_the_chi_squared_of_their_number() -> None:
+    """Eight at 1.5 standard deviations each: no peak, but Σ = 18 with 8 degrees of freedom; twice for two tests."""
+    c = np.zeros((8, 1, 1))
+    c[0] = 4.0
+    assert _probability(np.full((8, 1, 1), 3.0), c) == pytest.approx(2.0 * chi2.sf(18.0, 8))
+
+
+def test_a_constant_input_has_no_correlation() -> None:
+    rng = np.random.default_rng(5)
+    test = cross_correlation(rng.normal(size=(300, 1)), np.ones((300, 1)), 10)
+    assert not test.values.any()
+    assert (test.undermodelled, test.feedback) == (False, False)
 
 
 # -- verdicts ----------------------------------------------------------------------------------

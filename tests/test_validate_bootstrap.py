@@ -15,7 +15,7 @@ from workbench.analysis.experiment.experiment import make_experiment
 from workbench.analysis.subspace import estimate
 from workbench.analysis.validate.bootstrap import PoleBootstrap, bootstrap_poles, match, match_clouds
 from workbench.analysis.validate.estimator import same_settings
-from workbench.analysis.validate.regions import pole_regions
+from workbench.analysis.validate.regions import PoleRegion, pole_regions
 from workbench.analysis.validate.validate import validate
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -104,6 +104,18 @@ def of_order(order: int, *, seed: int = 3, samples: int = 600, relative: float =
     return bootstrap_of(
         noisy_record(random_system(2, rng), rng, samples, relative=relative), order, replicates=40, seed=1
     )
+
+
+def test_all_poles_are_held_where_each_has_a_region_of_its_own() -> None:
+    disc = 0.01 * np.eye(2)
+    regions = tuple(
+        PoleRegion(pole=p, spread=0.1, bias=0j, shape=disc, on_axis=False, determined=True) for p in (0.5j, -0.5j)
+    )
+    found = replace(of_order(2), regions=regions)
+    assert found.holds_all(np.array([-0.05 - 0.5j, 0.05 + 0.5j]))
+    assert not found.holds_all(np.array([0.5j, 0.05 + 0.5j]))
+    assert not found.holds_all(np.array([0.9, -0.9]))
+    assert not found.holds_all(np.array([0.5j]))
 
 
 def test_regions_shrink_with_noise_and_length() -> None:

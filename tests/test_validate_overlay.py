@@ -129,6 +129,11 @@ def test_nothing_is_said_beyond_the_nyquist_frequency() -> None:
     assert not found.difference().within(100.0, 180.0, up_to_hz=0.5)
 
 
+def test_without_frequencies_the_curves_run_over_those_that_were_measured() -> None:
+    found = overlay(identified(), nfr=measured(FREQUENCY, {1.0: plant(FREQUENCY)}))
+    assert found.frequency_hz[[0, -1]] == pytest.approx(FREQUENCY[[0, -1]])
+
+
 def test_the_amplitude_of_the_reference() -> None:
     nfr = measured(FREQUENCY, {1.0: plant(FREQUENCY), 2.0: 0.5 * plant(FREQUENCY)})
     assert overlay(identified(), nfr=nfr, amplitude=1.0).difference().worst()[0] == pytest.approx(0.0, abs=1e-6)
