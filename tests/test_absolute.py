@@ -12,7 +12,7 @@ import pytest
 import workbench as wb
 from tests.command_lines import LOOP
 from workbench.analysis.describing.sector import sector_of
-from workbench.analysis.nyquist.absolute import lowest_real_part
+from workbench.analysis.nyquist.absolute import _best_of, lowest_real_part
 from workbench.core.linear import Linear, LinearPart
 from workbench.report.limit_cycle import absolute_page
 
@@ -221,3 +221,14 @@ def test_what_is_proven_follows_from_the_sector() -> None:
         wb.absolute_stability(CUBE, wb.standard_block("backlash"))
     with pytest.raises(wb.InputError, match="reach: -1 is not positive"):
         wb.absolute_stability(CUBE, wb.standard_block("saturation"), reach=-1.0)
+
+
+def test_the_best_multiplier_is_found_where_several_lines_meet_in_one_point() -> None:
+    """There each is lower than the others by rounding only, and taking one for another had no end."""
+    for seed in range(100):
+        random = np.random.default_rng(seed)
+        q, level = random.standard_normal(2)
+        slope = random.standard_normal(int(random.integers(3, 7))) * 10.0 ** random.integers(-2, 3)
+        slope[0], slope[1] = abs(slope[0]), -abs(slope[1])
+        found = _best_of(np.full(len(slope), 0.5 / np.pi), level - q * slope - 1j * slope, 1.0)
+        assert found == pytest.approx((q, level), rel=1e-9, abs=1e-9)

@@ -28,6 +28,7 @@ __all__ = ["AbsoluteStability", "absolute_stability", "lowest_real_part"]
 REACH = 1e4
 _CLOSE = 1e-9  # relative: how far below the smallest value found nothing lies for certain
 _ROUNDS = 60
+_SAME = 1e-13  # of the terms of a sum: rounding
 _CUTS = 40
 _MET = 1e-9  # relative: the real part is nowhere smaller than at the frequencies looked at
 _LARGEST = 1e9  # of a multiplier, over the fastest pole's time: as good as infinite
@@ -265,7 +266,8 @@ def _best_of(f: Floats, value: Complex, unit: float) -> tuple[float, float]:
     """Return the q with the largest smallest Re (1 + jωq) G of some frequencies, and that real part.
 
     Over q each frequency gives a straight line. The lowest of all is highest where one that rises meets one that falls
-    and none is lower; a lower one takes the place of that with the same direction.
+    and none is lower; a lower one takes the place of that with the same direction. Several that meet in one point are
+    lower than each other by rounding only.
     """
     real, slope = value.real, -2.0 * np.pi * f * unit * value.imag
     rising, falling = (int(np.argmin(real + q * slope)) for q in (-_LARGEST, _LARGEST))
@@ -277,7 +279,9 @@ def _best_of(f: Floats, value: Complex, unit: float) -> tuple[float, float]:
         q = float((real[falling] - real[rising]) / (slope[rising] - slope[falling]))
         lowest = int(np.argmin(real + q * slope))
         level = float(real[lowest] + q * slope[lowest])
-        if lowest in (rising, falling) or slope[lowest] == 0.0:
+        met = float(real[rising] + q * slope[rising])
+        rounding = _SAME * float(np.abs(real[[rising, lowest]]).max() + abs(q) * np.abs(slope[[rising, lowest]]).max())
+        if lowest in (rising, falling) or slope[lowest] == 0.0 or level >= met - rounding:
             return q * unit, level
         rising, falling = (lowest, falling) if slope[lowest] > 0.0 else (rising, lowest)
     return 0.0, float(np.min(real))  # all are level
