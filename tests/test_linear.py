@@ -302,3 +302,8 @@ def test_a_mean_of_slow_samples_has_an_effect() -> None:
     found = Linear(np.eye(16, k=-1), np.eye(16)[:, :1], taps[None, 1:], taps[:1, None], dt=0.5 / 0.102, **names)
     assert found.response(0.0)[0, 0, 0].real == pytest.approx(1.0)
     assert found.without_effect == ()
+
+
+def test_what_has_no_effect_is_told_without_names_too() -> None:
+    nothing = Linear(np.diag([-1.0, -2.0]), np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 2)))
+    assert nothing.without_effect == (("u2", "y1"),)

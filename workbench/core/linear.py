@@ -231,7 +231,10 @@ class Linear(Part):
 
     @property
     def without_effect(self) -> tuple[tuple[str, str], ...]:
-        """Inputs and outputs, by name, between which the response vanishes at all frequencies around the poles."""
+        """Inputs and outputs between which the response vanishes at all frequencies around the poles.
+
+        By name, u1, u2, … and y1, y2, … where they have none.
+        """
         corners = corners_hz(self.slowest_poles, self.A, self.dt)
         low, high = (corners[0] / 10.0, corners[1] * 10.0) if corners else (0.1, 10.0)
         high = min(high, 0.99 * self.highest_hz)
@@ -239,8 +242,10 @@ class Linear(Part):
         nothing = self._all_vanish(looked_at[:: _LOOKED_AT // 2])  # a response at one of a few frequencies is one
         if nothing.any():
             nothing = self._all_vanish(looked_at)
-        outputs, inputs = np.nonzero(nothing)
-        return tuple((self.input_names[j], self.output_names[i]) for i, j in zip(outputs, inputs, strict=True))
+        q, m = self.D.shape
+        inputs = self.input_names or tuple(f"u{j + 1}" for j in range(m))
+        outputs = self.output_names or tuple(f"y{i + 1}" for i in range(q))
+        return tuple((inputs[j], outputs[i]) for i, j in zip(*np.nonzero(nothing), strict=True))
 
     def _all_vanish(self, frequency_hz: Floats) -> NDArray[np.bool_]:
         return np.asarray(self.vanishes(frequency_hz).reshape(len(frequency_hz), *self.D.shape).all(axis=0))
