@@ -369,3 +369,24 @@ def test_the_method_is_the_function() -> None:
         assert model.loop("c.y").margins.gain_margin == pytest.approx(2.0)
         given = list(inspect.signature(model.loop).parameters)
     assert given == list(inspect.signature(loop).parameters)[1:]
+
+
+def test_the_band_that_shows_a_loop_goes_round_its_poles_and_crossovers_but_not_to_an_almost_integrator() -> None:
+    """1/((s + 1)(s + 1e-9)): poles at 1 and, closed, at 1 rad/s; |L| = 1 where ω²(1 + ω²) = 1; 1e-9 rad/s is rest."""
+    with unity({"p": 1 / (S + 1), "i": 1 / (S + 1e-9)}, 1.0) as model:
+        linear = loop(model, "out").linear
+    assert linear is not None
+    crossover = math.sqrt((math.sqrt(5.0) - 1.0) / 2.0)
+    shown = TWO_PI * linear.frequencies(9)
+    assert (shown[0], shown[-1]) == (pytest.approx(crossover / 10.0, rel=1e-6), pytest.approx(10.0, rel=1e-6))
+
+
+def test_a_sampled_loop_is_shown_up_to_just_below_its_nyquist_frequency() -> None:
+    """Its pole 0.1 is one of 2.3 per period, and ten times that is beyond half a turn per period."""
+    with unity({"d": control.ss(control.tf([0.5], [1.0, -0.1], 0.2))}, 1.0) as model:
+        result = loop(model, "d.y")
+    assert result.linear is not None
+    last = result.linear.frequencies()[-1]
+    assert last < 2.5
+    assert last == pytest.approx(2.5, rel=1e-5)
+    assert not any("what is measured" in note for note in result.notes)

@@ -13,7 +13,9 @@ from workbench.analysis.loop.curve_margins import curve_margins
 from workbench.analysis.loop.margins import margins_of
 from workbench.analysis.loop.request import loop
 from workbench.analysis.loop.result import LoopResult
+from workbench.analysis.loop.settings import LoopSettings
 from workbench.analysis.trim.request import trim
+from workbench.core.linear import Linear, LinearPart
 from workbench.errors import InputError
 from workbench.system.connect import connect
 from workbench.workers import Workers
@@ -203,3 +205,14 @@ def test_what_was_measured_before_an_end_is_kept() -> None:
     assert [len(c.points) for c in result.curves] == [4]
     assert any("interrupted" in note for note in result.curve().notes)
     assert result.margins.gain_margin == pytest.approx(2.0)
+
+
+def test_only_a_sampled_loop_is_told_to_be_sampled(saturated: LoopResult) -> None:
+    assert not any("the loop is sampled" in note for note in saturated.notes)
+
+
+@pytest.mark.parametrize("back", [-0.9985, -0.7, 4.0, 700.0])
+def test_the_injected_amplitude_is_sought_where_a_linear_loop_has_it(back: float) -> None:
+    """Injected is z + L z where z is passed on."""
+    settings = LoopSettings(loop=LinearPart.from_lin(Linear.from_state_space(control.ss([], [], [], [[back]]))))
+    assert settings.guess(0.3) == pytest.approx(abs(1.0 + back), rel=1e-9)

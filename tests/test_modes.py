@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.mimic_fmus import build_mimic
-from workbench.analysis.modes.match import closeness, coincide, match
+from workbench.analysis.modes.match import Group, Match, closeness, coincide, match, turning
 from workbench.analysis.modes.modes import critical_values, find_root, sign_of
 from workbench.analysis.modes.request import modes
 from workbench.analysis.modes.result import Critical, Mode
@@ -513,3 +513,23 @@ def test_poles_coincide_within_what_rounding_may_have_done(
     eye = np.eye(count, dtype=complex)
     poles = Poles(np.array(values, dtype=complex), eye, eye, np.array(uncertain))
     assert coincide(poles, tuple(range(count))) is expected
+
+
+@pytest.mark.parametrize(
+    ("real", "uncertain", "turns"),
+    [
+        ((-1.0, -2.0), 0.0, False),  # all decay
+        ((1.0, 2.0), 0.0, False),  # all grow: nothing has changed here
+        ((1.0, -2.0), 0.0, True),
+        ((0.0, 1.0), 0.0, False),  # at 0 it has no side
+        ((-0.5, 1.0), 0.5, False),  # nor as far from it as rounding may have moved it
+    ],
+)
+def test_a_pair_that_splits_turns_where_its_poles_are_known_to_lie_on_both_sides(
+    real: tuple[float, float], uncertain: float, turns: bool
+) -> None:
+    eye = np.eye(2, dtype=np.complex128)
+    sign = -1.0 if max(real) < 0.0 else 1.0
+    pair = Poles(np.array([sign + 2.0j]), eye[:, :1], eye[:, :1], np.zeros(1))
+    split = Poles(np.array(real, dtype=np.complex128), eye, eye, np.full(2, uncertain))
+    assert turning(pair, split, Match(((0, 0),), (Group((0,), (0, 1), "real axis"),))) == turns

@@ -69,6 +69,27 @@ def test_an_averaged_point_is_the_mean_of_the_last_half() -> None:
     assert response.offset == pytest.approx(mean[0])
 
 
+@pytest.mark.parametrize(("decay", "extrapolated"), [(0.7, True), (0.8, False)])
+@pytest.mark.parametrize("seed", range(2))
+def test_an_averaged_point_is_what_its_periods_tend_to_where_that_is_known_twice_as_well_as_their_mean(
+    decay: float, extrapolated: bool, seed: int
+) -> None:
+    """Of a transient that decays irregularly: known three times as well, and not quite twice."""
+    random, settling = np.random.default_rng(seed), Settling(errcrit=1e-3, most=20)
+    rows = 0.003 * decay ** np.arange(20.0)[:, None] * random.standard_normal((20, 11))
+    rows[:, 1] += 1.0 + 0.3 * decay ** np.arange(20.0)
+    *earlier, response = [settling.add(Period(row, 1.0 + 0j, 1.5)) for row in rows]
+    assert not any(earlier)
+    assert response is not None
+    assert response.outcome is Outcome.AVERAGED
+    assert abs(response.value - 1.0) <= response.error
+    mean = complex(*rows[10:, 1:3].mean(axis=0))
+    if extrapolated:
+        assert abs(response.value - 1.0) < 0.2 * abs(mean - 1.0)
+    else:
+        assert response.value == pytest.approx(mean)
+
+
 def test_what_cannot_be_described_settles_by_the_published_rule_in_the_second_half() -> None:
     # A wander as small as a solver's noise; with more of it nothing tells it from chaos.
     random = np.random.default_rng(3)

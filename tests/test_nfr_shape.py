@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +11,14 @@ import pytest
 
 from tests.fakes import lag
 from workbench.analysis.nfr.certificate import Certificate
-from workbench.analysis.nfr.jumps import jumps, stepped_over
-from workbench.analysis.nfr.point import NfrPoint
+from workbench.analysis.nfr.jumps import jumps, may_jump, stepped_over
+from workbench.analysis.nfr.point import NfrPoint, change
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult, percent
 from workbench.analysis.nfr.shape import fall_of, peak_of
+from workbench.analysis.nfr.surroundings import LinearStart
 from workbench.core.decibels import decibels
+from workbench.core.linear import LinearPart
 from workbench.report.nfr import nfr_page
 from workbench.session.base import Floats
 
@@ -145,3 +149,31 @@ def test_the_page_gives_no_bandwidth_above_a_resonance() -> None:
     assert "3 dB below" not in text
     flat = replace(plain, response=np.array([[1.0, 1.1, 1.0, 0.8, 0.6, 0.5]], dtype=np.complex128))
     assert "3 dB below" in lead(flat)
+
+
+def test_the_change_from_one_measurement_to_another() -> None:
+    """Half as large and 30° later; nothing where both vanish; without bound where one of them fails or vanishes."""
+    one, later = point(1.0, 2.0), point(1.0, cmath.rect(1.0, -math.pi / 6.0))
+    gain, phase_deg = change(one, later)
+    assert gain == pytest.approx(0.5)
+    assert phase_deg == pytest.approx(30.0)
+    none, failed = point(1.0, 0.0), replace(one, response=None)
+    assert change(none, none) == (0.0, 0.0)
+    for old, new in ((none, one), (one, none), (failed, one), (one, failed), (failed, none), (failed, failed)):
+        assert change(old, new) == (math.inf, math.inf)
+
+
+@pytest.mark.parametrize(("gain", "bent"), [(1.0, False), (0.98, False), (0.9, True), (1.1, True), (0.0, True)])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_response_that_departs_by_3_per_cent_from_the_linear_one_may_jump_whatever_its_size(
+    gain: float, bent: bool, size: float
+) -> None:
+    """The linear model is a gain."""
+    linear = LinearStart(LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), size), np.zeros(0), np.zeros(0))
+    assert may_jump([point(1.0, gain * size)], linear) == bent
+
+
+def test_no_response_of_no_linear_response_is_not_bent() -> None:
+    linear = LinearStart(LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0.0), np.zeros(0), np.zeros(0))
+    assert not may_jump([point(1.0, 0.0)], linear)
+    assert may_jump([point(1.0, 1e-9)], linear)

@@ -7,6 +7,7 @@ import sqlite3
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import control
@@ -19,6 +20,13 @@ from scipy.optimize import fsolve
 import workbench as wb
 from scripts.coverage_nfr import Plant, measure
 from tests.lin_fmus import built
+from workbench.analysis.harmonics import Period
+from workbench.analysis.nfr.error import Evidence
+from workbench.analysis.nfr.point import PointTask
+from workbench.analysis.nfr.solved import Search, can_solve
+from workbench.analysis.periodic.monodromy import Tangent
+from workbench.analysis.periodic.period_map import Lap
+from workbench.session.compiled import CompiledMeSession
 from workbench.store import FILE_NAME
 
 HERE: dict[str, Any] = {"in_process": True, "drift_check": False}
@@ -311,6 +319,43 @@ def test_what_is_called_stable_is_stable() -> None:
             assert largest < 1.0, (d, a, f)
             judged += 1
     assert judged >= 5
+
+
+def test_a_response_on_a_bent_branch_is_solved_for_after_waiting_in_vain_and_all_its_periods_count() -> None:
+    """The motion of the linear model leads nowhere there, and 20 periods do not do; 60 do."""
+    asked: dict[str, Any] = {"frequencies": [0.18], "amplitudes": [0.1], **HERE}
+    with wb.load("fmu:Duffing") as model:
+        found = wb.nfr(model, "u", "y", max_periods=20, **asked)
+        waited = wb.nfr(model, "u", "y", max_periods=60, method="settle", **asked)
+    assert found.status == waited.status == (("settled",),)
+    assert abs(found.response[0, 0] / waited.response[0, 0] - 1.0) <= found.error[0, 0] + waited.error[0, 0] < 0.01
+    assert found.periods[0, 0] > 20
+
+
+TASK = PointTask(input="u", output="y", frequency=1.0, amplitude=1.0, errcrit=0.1, max_periods=20)
+
+
+@pytest.mark.parametrize("states", [299, 300, 301])
+def test_what_can_be_solved_for_without_a_linear_model_can_have_its_slopes_at_more_instants(states: int) -> None:
+    session = object.__new__(CompiledMeSession)
+    vars(session)["instance"] = SimpleNamespace(nx=states, has_history=False)
+    search = object.__new__(Search)
+    search.periods, search._level = SimpleNamespace(session=session), 0  # type: ignore[assignment]
+    assert can_solve(session, TASK) == search._more_instants() == (states <= 300)
+
+
+def test_what_the_last_step_changes_is_in_the_error_whatever_its_phase() -> None:
+    search = object.__new__(Search)
+    search._task, search._evidence, search._count = TASK, Evidence(), 3
+    harmonics = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
+    lap = Lap(np.zeros(1), np.ones(1), Period(harmonics, 1.0 + 0j, 1.0), 0, np.ones(1))
+    errors = []
+    for turned in (0.0, 0.5, 1.0, 1.5):
+        rows = np.array([[0.0], [math.cos(math.pi * turned)], [math.sin(math.pi * turned)]])
+        found = search._solved(lap, Tangent(np.zeros((1, 1)), rows, np.zeros(1)), np.array([1e-4]))
+        errors.append(found.error)
+        assert found.error >= abs(complex(*(found.harmonics - harmonics)[1:3]))
+    assert errors == pytest.approx([errors[0]] * 4, rel=1e-3)
 
 
 @pytest.mark.parametrize("nominal", ["", ", nominal = 1"])

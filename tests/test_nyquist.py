@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import control
@@ -234,3 +235,13 @@ def test_where_one_harmonic_meets_an_undamped_pole_the_distortion_is_not_known()
     block = standard_block("relay")
     assert _distortion(undamped, block, 1.0, w / (2.0 * math.pi)) is None
     assert _distortion(undamped, block, 1.0, 1.1 * w / (2.0 * math.pi)) is not None
+
+
+def test_the_grid_of_a_sampled_loop_does_not_depend_on_the_unit_of_time() -> None:
+    part = LinearPart(np.array([[1.2, -0.5], [1.0, 0.0]]), np.array([1.0, 0.0]), np.array([0.1, 0.3]), dt=0.5)
+    slower = replace(part, dt=4.0)
+    f, value = adaptive_grid(part, (1e-3, 0.99))
+    other, same = adaptive_grid(slower, (1e-3 / 8.0, 0.99 / 8.0))
+    assert len(other) == len(f)
+    assert 8.0 * other == pytest.approx(f, rel=1e-9)
+    assert same == pytest.approx(value, rel=1e-9)

@@ -26,8 +26,11 @@ from workbench.analysis.fit.run import _sampled
 from workbench.analysis.limit_cycle.centre import _meeting
 from workbench.analysis.lin.interfaces import _shift
 from workbench.analysis.lin.task import width_for
-from workbench.analysis.nfr.beats import Beat
+from workbench.analysis.nfr.beats import Beat, mean_over_beats
+from workbench.analysis.nfr.error import slowness
 from workbench.analysis.nfr.settling import Settling
+from workbench.analysis.nfr.surroundings import LinearStart
+from workbench.analysis.nfr.transient import remove_transient
 from workbench.analysis.periodic.monodromy import _rows
 from workbench.analysis.subspace.delivered import _weight
 from workbench.analysis.trim.family import null_space
@@ -378,3 +381,20 @@ def test_a_model_is_led_in_the_given_step_its_own_an_eighth_and_a_sixty_fourth(s
         own = model.description.experiment.step or 1e-3
         found = model._lead_steps(model._setup)
     assert found == pytest.approx([*filter(None, [step]), own, own / 8.0, own / 64.0], rel=1e-12)
+
+
+def test_of_a_sampled_output_without_a_fundamental_the_last_period_stands_and_its_error_is_unknown() -> None:
+    periods = np.zeros((16, 7))
+    periods[:, 0] = np.arange(16.0)
+    mean, error = mean_over_beats(periods, Beat(1.0 / 3.3, 1.0))
+    assert np.array_equal(mean, periods[-1])
+    assert error == INF
+
+
+@pytest.mark.parametrize("tau", [1e-3, 1e-2])
+def test_a_lag_that_is_quick_within_a_period_is_not_slow(tau: float) -> None:
+    """Of two periods nothing is seen but the twin, whose multiplier μ is e^(−1/τ): 1/|1 − μ| is 1."""
+    part = LinearPart(np.array([[-1.0 / tau]]), np.array([1.0 / tau]), np.array([1.0]))
+    twin = LinearStart(part, np.zeros(1), np.ones(1)).twin(1.0, 1.0)
+    limit = remove_transient(np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0]]))
+    assert slowness(limit, twin) == pytest.approx(1.0 / (1.0 - math.exp(-1.0 / tau)), rel=0.02)
