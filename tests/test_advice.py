@@ -352,3 +352,15 @@ def test_every_topic_survives_odd_data() -> None:
         (prbs(400), np.asarray(signal.lfilter([1.0], [1.0, -1.05], prbs(400)))),
     ):
         assert len(advise(data(u, y)).findings) == len(TOPICS)
+
+
+def test_an_unstable_plant_in_a_loop_is_judged_without_a_warning() -> None:
+    """The energy of its impulse response is beyond all numbers."""
+    random, y = np.random.default_rng(2), np.zeros(3000)
+    r, u = random.standard_normal((2, 3000))
+    for k in range(2999):
+        u[k] = r[k] - 0.7 * y[k]
+        y[k + 1] = 1.5 * y[k] + u[k] + 0.01 * random.standard_normal()
+    u[-1] = r[-1]
+    study = DataStudy(data(u, y), order=None, limits=None)
+    assert study.memory >= 1000

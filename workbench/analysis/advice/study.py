@@ -132,7 +132,8 @@ class DataStudy:
     def memory(self) -> int:
         """Samples until less than 0.1 % of the energy of every impulse response is left."""
         count = min(_LONGEST_MEMORY, len(self.u))
-        energy = np.cumsum(self.model.impulse(count) ** 2, axis=0)
+        with np.errstate(over="ignore"):  # an unstable equation has no end of it, which the total tells
+            energy = np.cumsum(self.model.impulse(count) ** 2, axis=0)
         total = energy[-1]
         if not np.all(np.isfinite(total)):
             return count
