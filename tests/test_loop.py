@@ -15,6 +15,7 @@ from workbench.analysis.loop.crossings import gain_crossings, real_crossings
 from workbench.analysis.loop.margins import margins_of, peak
 from workbench.analysis.loop.request import loop
 from workbench.analysis.trim.request import trim
+from workbench.core.linear import LinearPart
 from workbench.core.margins import Margins
 from workbench.errors import InputError
 from workbench.system.connect import connect
@@ -369,3 +370,11 @@ def test_the_method_is_the_function() -> None:
         assert model.loop("c.y").margins.gain_margin == pytest.approx(2.0)
         given = list(inspect.signature(model.loop).parameters)
     assert given == list(inspect.signature(loop).parameters)[1:]
+
+
+def test_a_gain_crossing_just_below_the_nyquist_frequency_is_found() -> None:
+    """k/(z − 0.5): |z − 0.5|² = 1.25 − cos θ is k² at one θ only."""
+    theta = 0.995 * math.pi
+    one, k = np.eye(1), math.sqrt(1.25 - math.cos(theta))
+    part = LinearPart(0.5 * one, one, k * one, 0.0 * one, dt=0.1)
+    assert gain_crossings(part) == pytest.approx([theta / (TWO_PI * 0.1)], rel=1e-9)
