@@ -11,7 +11,8 @@ import pytest
 
 import workbench as wb
 from tests.block_models import SAMPLES, Floats, alone, block, event_times, response
-from workbench.analysis.lin.delayed import pade, phase_holds_to
+from workbench.analysis.lin.delayed import pade, phase_holds_to, through_delays
+from workbench.analysis.lin.task import LinTask
 from workbench.errors import InputError, SimulationError
 from workbench.system.block_table.registry import BLOCKS, entry_of
 from workbench.system.ssp_read import read_ssp
@@ -290,3 +291,37 @@ def test_a_pilot_holds_its_point_before_a_nonlinear_block() -> None:
     ) as system:  # fmt: skip
         found = wb.lin(system, u0={"u": 3.0}, x0={"b.x1": 1.5})
     assert found.result.response([1e-6]).real.ravel()[0] == pytest.approx(1.5)
+
+
+def test_two_delays_in_a_row_are_the_product_of_their_approximations() -> None:
+    """1/(0.5 s + 1), 0.2 s, 0.3 s, beside a kink, whose doubt is not one of the delays."""
+    first, second = (
+        wb.BlockComponent(name=name, kind="delay", parameters={"delay": delay})
+        for name, delay in (("a", 0.2), ("b", 0.3))
+    )
+    kink = wb.BlockComponent(name="k", kind="lookup", parameters={"x": [-1.0, 0.0, 1.0], "y": [-0.5, 0.0, 1.0]})
+    parts = {"p": wb.BlockComponent(name="p", kind="transfer_function",
+                                    parameters={"numerator": [1.0], "denominator": [0.5, 1.0]}),
+             "s": wb.SumComponent(name="s", signs=(1, 1)), "a": first, "b": second,
+             "k": kink}  # fmt: skip
+    wires = [("p.y", "s.u1"), ("s.y", "a.u"), ("a.y", "b.u")]
+    ports = {"u": "p.u", "through": "s.u2", "v": "k.u"}
+    with wb.connect(parts, wires, inputs=ports, outputs={"y": "b.y", "w": "k.y"}) as system:
+        found = wb.lin(system, inputs=["u", "through", "v"], outputs=["y", "w"]).result
+    s = 2j * np.pi * 0.7
+    states = np.linalg.solve(s * np.eye(len(found.A)) - found.A, found.B)
+    delayed = 1.0 + 0.0j
+    for delay in (0.2, 0.3):
+        a, b, c, d = pade(delay, 4)
+        delayed *= (d + c @ np.linalg.solve(s * np.eye(len(a)) - a, b)).item()
+    assert (found.D + found.C @ states)[0] == pytest.approx(
+        [delayed / (0.5 * s + 1.0), delayed, 0.0], rel=1e-9, abs=1e-12
+    )
+    assert [(x.row, x.column) for x in found.doubts] == [("w", "v")]
+
+
+def test_what_is_no_system_has_no_delays_to_open() -> None:
+    with wb.load("fmu:FirstOrderLag", "me") as model:
+        task = LinTask(model=model, inputs=("u",), outputs=("y",))
+        with pytest.raises(InputError, match="this is not a system"):
+            through_delays(task, lambda _: pytest.fail("linearised"))

@@ -408,3 +408,11 @@ def test_cycles_of_a_measured_block_are_followed_and_scale_with_its_width() -> N
         assert np.ptp(frequency) < 1e-6 * frequency.mean()
         assert not branch.folds
     assert {p.stable for b in result.branches for p in b.points} == {True, False}
+
+
+@pytest.mark.parametrize("along", [1.02, 0.97 + 0.05j])
+def test_the_multiplier_along_the_orbit_is_the_one_that_is_left_out(along: complex) -> None:
+    across, off = others(np.array([-1.6, along, 0.3]))
+    assert across is not None
+    assert across.tolist() == [-1.6, 0.3]
+    assert off == pytest.approx(abs(along - 1.0), rel=1e-12)

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import control
 import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built, fmu
+from workbench.analysis.lin.interfaces import compare_interfaces
 from workbench.analysis.lin.request import compare, lin, lin_along, lin_over
 from workbench.analysis.lin.step_check import step_check
 from workbench.cli.app import run
 from workbench.errors import InputError
 from workbench.model.load import load
 from workbench.signals import Sine
+from workbench.system.connect import connect
 from workbench.workers import Workers
 
 
@@ -219,3 +223,20 @@ def test_the_command_shows_units_and_the_point_and_says_what_takes_its_place(
     told = "note: delC is 5 as asked for, not 2, as the operating point says: it may not be an equilibrium"
     assert told in capsys.readouterr().err.splitlines()
     assert json.loads((tmp_path / "lin.json").read_text(encoding="utf-8"))["u0"]["delC"] == 5.0
+
+
+@pytest.mark.parametrize("times", [1, 2, 3])
+def test_the_rule_of_a_co_simulation_is_found_over_several_of_its_steps(times: int) -> None:
+    step, poles = 0.05, np.array([-1.0, -4.0])
+    with connect(
+        {"p": control.ss(np.diag(poles), np.ones((2, 1)), np.ones((1, 2)), 0.0)},
+        [],
+        inputs={"u": "p.u"},
+        outputs={"y": "p.y"},
+    ) as model:
+        equations = lin(model).result
+    stepped = replace(equations, A=np.diag((1.0 + step * poles) ** times), dt=times * step)
+    found = compare_interfaces(equations, stepped, step=step, frequencies=np.array([0.1]))
+    assert found is not None
+    assert found.rule == "explicit Euler"
+    assert found.pole_error == pytest.approx(0.0, abs=1e-12)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import control
 import numpy as np
 import pytest
 
@@ -18,6 +19,7 @@ from workbench.fmi.instance import Instance
 from workbench.model import FmuModel, Variable
 from workbench.model.load import load
 from workbench.session.base import Floats
+from workbench.system.connect import connect
 
 LATCH = """
 model Latch
@@ -259,3 +261,31 @@ def test_rudder_agrees_with_the_published_bounds() -> None:
         ratio = result.response(frequencies)[:, 0, 0] / measured.response[0]
         assert np.max(np.abs(20.0 * np.log10(np.abs(ratio)))) < 1.0
         assert np.max(np.abs(np.degrees(np.angle(ratio)))) < 8.0
+
+
+@pytest.mark.parametrize(("x0", "told"), [(3e-6, True), (3e-7, False)])
+def test_a_state_moves_where_its_derivative_is_seen_beside_the_scales(x0: float, told: bool) -> None:
+    """dx/dt = −1e4 x, x of scale 0.01: derivatives below 1e-4 · 1e4 · 0.01 count as rest."""
+    with connect({"p": control.ss(-1e4, 0.0, 1.0, 0.0)}, [], outputs={"y": "p.y"}) as model:
+        (state,) = (v.name for v in model.states)
+        notes = lin(model, x0={state: x0}, method="difference").result.notes
+    assert any(note.startswith("the point is not at rest") for note in notes) is told
+
+
+@pytest.mark.parametrize(("rate", "told"), [(3e-8, True), (3e-9, False)])
+def test_a_state_that_nothing_changes_moves_where_its_derivative_is_seen_beside_its_scale(
+    rate: float, told: bool
+) -> None:
+    """dx/dt = u at x = 1e4, u no input of the linear model: 1e-12 of 1e4 in a second count as rest."""
+    with connect({"p": control.ss(0.0, 1.0, 1.0, 0.0)}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
+        (state,) = (v.name for v in model.states)
+        notes = lin(model, inputs=[], x0={state: 1e4}, u0={"u": rate}, method="difference").result.notes
+    assert any(note.startswith("the point is not at rest") for note in notes) is told
+
+
+def test_each_state_may_be_an_output() -> None:
+    with load("fmu:Rudder", "me") as model:
+        names = [v.name for v in model.states]
+        result = lin(model, outputs=[*names[::-1], "del"]).result
+    assert np.array_equal(result.C[:-1], np.eye(len(names))[::-1])
+    assert not result.D[:-1].any()

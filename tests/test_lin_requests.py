@@ -11,7 +11,7 @@ import pytest
 
 import workbench as wb
 from workbench.analysis.lin.request import LinOver
-from workbench.analysis.lin.sweep import LinGrid
+from workbench.analysis.lin.sweep import LinGrid, LinPoint
 from workbench.analysis.trim.request import Trim
 from workbench.cli.app import run
 from workbench.core.job import Job
@@ -73,3 +73,11 @@ def test_models_that_are_finished_are_kept_when_a_sweep_is_stopped() -> None:
 def test_a_heading_is_of_the_options_of_one_class_and_not_of_those_that_have_it_as_a_part() -> None:
     groups = {d.name: d.group for d in options_of(Trim)}
     assert (groups["free"], groups["at"], groups["family"]) == ("", "Model", "How it searches")
+
+
+def test_a_picture_of_a_family_has_a_curve_for_each_model() -> None:
+    with wb.load("fmu:FirstOrderLag") as model:
+        found = wb.lin(model).result
+    good = [LinPoint({"u": value}, found) for value in (1.0, 2.0)]
+    family = LinGrid("m", "me", "s", {"u": (1.0, 2.0, 3.0)}, (*good, LinPoint({"u": 3.0}, None, "no equilibrium")))
+    assert {len(axes.lines) for axes in family.plot().axes if axes.lines} == {2}

@@ -327,3 +327,26 @@ def test_an_input_without_a_linear_model_is_left_out_with_the_reason(lies: Path)
     f = np.array([0.1, 1.0, 3.0])
     assert result.response(f)[:, 1, 0] == pytest.approx(alone.response(f)[:, 1, 0], rel=1e-9)
     assert LinResult.from_dict(result.to_dict()).refused == result.refused
+
+
+def test_the_order_is_that_of_the_input_that_needs_the_most_states() -> None:
+    """Each input moves an output of its own by one mode; the larger one alone predicts the first input."""
+    pulses = markov(np.diag([0.9, -0.6]), np.diag([1.0, 0.1]), np.eye(2), np.zeros((2, 2)), 80)
+    largest, levels = realise(pulses, noise=1e-13), trial_levels(80)
+    answers = [np.column_stack([np.convolve(levels, h)[:80] for h in pulses[:, :, j].T]) for j in range(2)]
+    trials = [
+        MoveTrial(f"u{j}", j, ("y0", "y1"), levels, answer, pulses[:, :, j], np.zeros(2))
+        for j, answer in enumerate(answers)
+    ]
+    found = smallest(largest, trials, given=False)
+    assert sorted(np.linalg.eigvals(found.A).real) == pytest.approx([-0.6, 0.9], abs=1e-9)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.015, True), (0.007, False)])
+def test_directions_that_differ_by_more_than_a_hundredth_are_a_doubt(share: float, told: bool) -> None:
+    """y = u + 0.1 u²: by ±h the mean of both answers is 0.1 h² beside answers of h."""
+    text = "model Bent input Real u(start = 0); output Real y; equation y = u + 0.1 * u * u; end Bent;"
+    width = 2.0 * share / 0.1
+    with load(built(text, "Bent"), "me") as model:
+        result = lin(model, method="response", period=0.1, du=width).result
+    assert any("rising and falling" in doubt.reason for doubt in result.doubts) is told

@@ -169,3 +169,22 @@ def test_what_a_sine_shows_of_a_hybrid_loop() -> None:
     ratio = (result.fundamental(frequencies)[:, 0, 0] / measured.response[0])[settled]
     assert np.max(np.abs(20.0 * np.log10(np.abs(ratio)))) < 0.5
     assert np.max(np.abs(np.degrees(np.angle(ratio)))) < 5.0
+
+
+def test_a_whole_input_of_a_sampled_model_moves_by_one_to_both_sides() -> None:
+    """At 3 the cubes of 4 and 2 are 56 apart, 28 for each."""
+    text = """
+model Cubes
+  input Integer n(start = 3);
+  output Real y;
+  discrete Real z(start = 0, fixed = true);
+equation
+  when sample(0, 0.1) then
+    z = 0.5 * pre(z) + n * n * n;
+  end when;
+  y = z;
+end Cubes;
+"""
+    with load(built(text, "Cubes"), "me") as model:
+        result = lin(model, inputs=["n"], method="kalman-bertram").result
+    assert result.B.item() == pytest.approx(28.0, rel=1e-9)

@@ -15,6 +15,7 @@ from workbench.analysis.loop.crossings import gain_crossings, real_crossings
 from workbench.analysis.loop.margins import margins_of, peak
 from workbench.analysis.loop.request import loop
 from workbench.analysis.trim.request import trim
+from workbench.core.linear import LinearPart
 from workbench.core.margins import Margins
 from workbench.errors import InputError
 from workbench.system.connect import connect
@@ -390,3 +391,11 @@ def test_a_sampled_loop_is_shown_up_to_just_below_its_nyquist_frequency() -> Non
     assert last < 2.5
     assert last == pytest.approx(2.5, rel=1e-5)
     assert not any("what is measured" in note for note in result.notes)
+
+
+def test_a_gain_crossing_just_below_the_nyquist_frequency_is_found() -> None:
+    """k/(z − 0.5): |z − 0.5|² = 1.25 − cos θ is k² at one θ only."""
+    theta = 0.995 * math.pi
+    one, k = np.eye(1), math.sqrt(1.25 - math.cos(theta))
+    part = LinearPart(0.5 * one, one, k * one, 0.0 * one, dt=0.1)
+    assert gain_crossings(part) == pytest.approx([theta / (TWO_PI * 0.1)], rel=1e-9)
