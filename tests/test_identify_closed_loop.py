@@ -144,3 +144,17 @@ def test_delays_are_estimated_and_told() -> None:
     found = wb.identify(wb.make_experiment(0.1, u, y), delay="auto")
     assert (found.order, found.model.delay) == (1, (3,))
     assert any("acts after 4 samples" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("scale", [1.0, 50.0])
+def test_without_an_instrument_the_disturbance_is_told_in_the_units_of_the_output(
+    scale: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """v(k) = 0.8 v(k − 1) + e(k): an innovation comes back as 0.8, 0.64 … of itself, whatever the output's unit."""
+    monkeypatch.setattr("workbench.analysis.identify.closed_loop.instrumented_model", lambda *_: None)
+    data = looped(1)
+    data = data.with_data(y=scale * data.y)
+    found = wb.identify(data, inputs=["u"], outputs=["y"], order=1, feedthrough=False, closed_loop="r").model
+    assert found.noise is not None
+    C, A, K = found.noise.C, found.noise.A, found.noise.K
+    assert [(C @ K).item(), (C @ A @ K).item()] == pytest.approx([0.8, 0.64], abs=0.06)

@@ -350,3 +350,15 @@ def test_directions_that_differ_by_more_than_a_hundredth_are_a_doubt(share: floa
     with load(built(text, "Bent"), "me") as model:
         result = lin(model, method="response", period=0.1, du=width).result
     assert any("rising and falling" in doubt.reason for doubt in result.doubts) is told
+
+
+def test_a_co_simulation_of_two_steps_in_a_period_is_watched_in_the_middle() -> None:
+    """The error of a straight line goes with its length squared: half as long, a quarter."""
+    with load("fmu:FirstOrderLag", "cs", step=0.5) as model:
+        result = lin(model, method="response", period=1.0).result
+    assert result.holds_to_hz is not None
+    joined = replace(result, intersample=lines(_realised(result), result.dt, sampled=False))
+    f = np.array([0.1, 0.3, 0.45])
+    true = 1.0 / (1.0 + 2j * np.pi * f)
+    off, off_joined = (np.abs(found.fundamental(f)[:, 0, 0] / true - 1.0) for found in (result, joined))
+    assert off / off_joined == pytest.approx(0.25, rel=0.15)
