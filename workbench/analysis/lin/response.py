@@ -27,7 +27,7 @@ RELATIVE_WIDTH = 2e-3
 TOLERANCE = 1e-10  # of the integration, where the workbench integrates
 UNDECLARED = 1.0
 LEAD = 1e-6  # of the period
-NONLINEAR = 1e-2  # of a response: how much both directions may differ
+NONLINEAR = 1e-2  # of a response: how much each direction may differ from the mean of both
 QUIET = 1e-6  # noise of a response below which no wider pulse is tried
 WIDER, WIDEST = 10.0, 1000.0  # times the width, step by step, and in all
 _MOVING, _STANDS = 1e-3, 1e-6  # of the answers to a pulse, of the outputs: what may drift of its own
@@ -333,7 +333,7 @@ class _Setting:
     def _doubts(self, name: str, column: _Column) -> list[Doubt]:
         found, bend, size, half = [], column.bend, column.size, column.width / 2.0
         for i in np.flatnonzero(bend > NONLINEAR * size):
-            why = f"not linear or noisy: {name} rising and falling by {half:.3g} differ by {bend[i]:.3g}"
+            why = f"not linear or noisy: {name} rising and falling by {half:.3g} differ by {2.0 * bend[i]:.3g}"
             found.append(Doubt(self.task.outputs[i], name, float(size[i]), float(bend[i]), why))
         return found
 
