@@ -39,3 +39,9 @@ def test_a_peak_at_a_jump_or_a_kink_or_an_event_is_its_largest_sample() -> None:
     twice = np.array([0.0, 1.0, 2.0, 2.0, 2.0, 3.0, 4.0])
     assert highest(twice, np.array([0.0, 1.0, 2.0, 5.0, 4.9, 4.0, 3.0])) == (5.0, 2.0)
     assert highest(np.array([0.0]), np.array([3.0])) == (3.0, 0.0)
+
+
+def test_a_kink_has_no_parabola_through_it() -> None:
+    """Second differences −0.1, −2.4 and −0.1: the largest sample is what is known of the peak."""
+    x = np.cumsum([0.0, 2.0, 1.9, -0.5, -0.6])
+    assert highest(np.arange(5.0), x) == pytest.approx((3.9, 2.0))

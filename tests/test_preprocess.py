@@ -177,3 +177,9 @@ def test_wrong_options_are_refused_in_one_line() -> None:
 def test_the_known_system_is_what_the_tests_think() -> None:
     assert np.max(np.abs(np.roots(A))) < 1.0
     assert B[0] == 0.0
+
+
+def test_the_share_of_a_level_is_that_of_its_samples() -> None:
+    (top,) = flat_extremes(np.concatenate([np.arange(300.0), np.full(100, 300.0)]))
+    assert top.upper
+    assert top.share == pytest.approx(0.25, abs=0.01)
