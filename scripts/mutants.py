@@ -3,14 +3,17 @@
 
     python scripts/mutants.py                         300 mutants of analysis, core, system, session, kernel
     python scripts/mutants.py --count 20 workbench/core/linear.py
+    python scripts/mutants.py --fresh --count 60      others, drawn from the code as it is
     python scripts/mutants.py --list --count 20       show them, run nothing
 
-A mutant is one operator, comparison, number or condition changed. Which are tried follows from the seed alone. Each
-is run, without a change on disk, against tests that run its line, the quickest first, until one fails; which they are
-is recorded once (`covered.py`; --record does so again). It is killed where one of them fails, or does not end, and
-passes without it. What survives is listed: mend it by a test with a truth of its own (a closed form, a residual, a
-second method), never by writing down what comes out. What changes nothing that anybody could see is equivalent: it
-stands in `equivalent.toml` with the reason, and holds as long as its line is the same.
+A mutant is one operator, comparison, number or condition changed. Those tried by default were drawn once, from the
+package as it was in the commit SAMPLE: they stay the same while the code grows, but for those whose line is gone, which
+are told and not counted. --fresh, another seed and PATHs draw from the package as it is. Each is run, without a change
+on disk, against tests that run its line, the quickest first, until one fails; which they are is recorded once
+(`covered.py`; --record does so again). It is killed where one of them fails, or does not end, and passes without it.
+What survives is listed: mend it by a test with a truth of its own (a closed form, a residual, a second method), never
+by writing down what comes out. What changes nothing that anybody could see is equivalent: it stands in
+`equivalent.toml` with the reason, and holds as long as its line is the same.
 
 A driver of our own: mutmut wants all tests in one run of one process first, which takes ten minutes here and does not
 see worker processes; cosmic-ray has one test command for all modules, and changes the files themselves.
@@ -20,10 +23,12 @@ from __future__ import annotations
 
 import argparse
 import ast
+import io
 import random
 import re
 import subprocess
 import sys
+import tarfile
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
@@ -37,6 +42,7 @@ from scripts.planting import ROOT, run_planted
 
 FOLDERS = ("analysis", "core", "system", "session", "kernel")
 COUNT, SEED = 300, 19
+SAMPLE = "10436c83ad93d7b87f94985b2bd2e41cd5bf2f8d"  # commit of which the mutants tried by default were drawn
 TESTS, SECONDS = 40, 10.0  # of a mutant, at most: so many tests, which take so long [s]
 PATIENCE, LEAST = 4.0, 30.0  # times what the tests take without a change; [s]
 ENOUGH = 0.9  # of them
@@ -63,6 +69,8 @@ class Mutant:
         begin, end: bytes of it that are replaced.
         new: what is put there.
         old: what stands there.
+        statement: the text of its line.
+        number: how many times the same is changed before, in a line of the same text.
     """
 
     file: Path
@@ -71,6 +79,8 @@ class Mutant:
     end: int
     new: str
     old: str
+    statement: str
+    number: int
 
     @property
     def change(self) -> str:
@@ -85,8 +95,7 @@ class Mutant:
     @property
     def key(self) -> tuple[str, str, str]:
         """File, text of the line and change: the same as long as the line is."""
-        text = self.file.read_text(encoding="utf-8").splitlines()[self.line - 1].strip()
-        return self.file.relative_to(ROOT).as_posix(), text, self.change
+        return self.file.relative_to(ROOT).as_posix(), self.statement, self.change
 
     def text(self) -> str:
         """Return the module with the change."""
@@ -100,11 +109,12 @@ class Mutant:
 class _Finder:
     """Finds the places of one file."""
 
-    def __init__(self, file: Path) -> None:
-        self.file, self.source = file, file.read_bytes()
-        self._starts = [0]
-        for line in self.source.splitlines(keepends=True):
+    def __init__(self, file: Path, source: bytes) -> None:
+        self.file, self.source = file, source
+        self._lines, self._starts = source.splitlines(keepends=True), [0]
+        for line in self._lines:
             self._starts.append(self._starts[-1] + len(line))
+        self._seen: Counter[tuple[str, str, str]] = Counter()
         self.found: list[Mutant] = []
 
     def at(self, line: int, column: int) -> int:
@@ -117,7 +127,10 @@ class _Finder:
         old = self.source[begin:end].decode()
         if old.strip() != new.strip():
             line = self.source[:begin].count(b"\n") + 1
-            self.found.append(Mutant(self.file, line, begin, end, new, old))
+            statement = self._lines[line - 1].decode().strip()
+            number = self._seen[statement, new, old]
+            self._seen[statement, new, old] += 1
+            self.found.append(Mutant(self.file, line, begin, end, new, old, statement, number))
 
     def visit(self, node: ast.AST) -> None:
         if _is_left_alone(node):
@@ -189,19 +202,30 @@ def _is_left_alone(node: ast.AST) -> bool:
     return False
 
 
-def mutants_of(file: Path) -> list[Mutant]:
+def mutants_of(file: Path, source: bytes | None = None) -> list[Mutant]:
     """Return all mutants of a file.
 
     Args:
         file: of a module.
+        source: its text; by default that which it has.
     """
-    finder = _Finder(file)
+    finder = _Finder(file, file.read_bytes() if source is None else source)
     finder.visit(ast.parse(finder.source))
     return finder.found
 
 
-def chosen(paths: Sequence[Path], count: int, seed: int) -> list[Mutant]:
-    """Return so many mutants by chance, in the order of files and lines.
+def _drawn(every: Sequence[Mutant], count: int, seed: int) -> list[Mutant]:
+    """Return so many by chance, if there are as many, in the order of files and lines."""
+    picked = random.Random(seed).sample(every, min(count, len(every)))  # noqa: S311 - nothing secret
+    return sorted(picked, key=lambda m: (m.file, m.begin))
+
+
+def _is_tried(file: Path) -> bool:
+    return file.suffix == ".py" and file.name != "request.py"  # the declarations of a request are words
+
+
+def fresh(paths: Sequence[Path], count: int, seed: int) -> list[Mutant]:
+    """Return mutants drawn from the code as it is.
 
     Args:
         paths: files and folders.
@@ -209,9 +233,33 @@ def chosen(paths: Sequence[Path], count: int, seed: int) -> list[Mutant]:
         seed: of the choice.
     """
     files = sorted({f for path in paths for f in ([path] if path.is_file() else path.rglob("*.py"))})
-    every = [m for f in files if f.name != "request.py" for m in mutants_of(f)]
-    picked = random.Random(seed).sample(every, min(count, len(every)))  # noqa: S311 - nothing secret
-    return sorted(picked, key=lambda m: (m.file, m.begin))
+    return _drawn([m for f in files if _is_tried(f) for m in mutants_of(f)], count, seed)
+
+
+def lasting(count: int) -> tuple[list[Mutant], list[Mutant]]:
+    """Return the first of the mutants drawn from the commit SAMPLE, where they are today; and those that are gone.
+
+    Args:
+        count: how many.
+
+    Raises:
+        SystemExit: the commit is not here.
+    """
+    folders = [f"workbench/{name}" for name in FOLDERS]
+    archive = subprocess.run(["git", "archive", SAMPLE, *folders], cwd=ROOT, capture_output=True, check=False)
+    if archive.returncode:
+        raise SystemExit(f"the commit {SAMPLE[:8]}, of which the mutants were drawn, is not in this clone; use --fresh")
+    every = list[Mutant]()
+    with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
+        for name in sorted(files.getnames(), key=Path):
+            content = files.extractfile(name)
+            if content is not None and _is_tried(Path(name)):
+                every += mutants_of(ROOT / name, content.read())
+    picked = _drawn(every, COUNT, SEED)[:count]
+    files_of_today = [file for file in {m.file for m in picked} if file.exists()]
+    today = {(m.key, m.number): m for file in files_of_today for m in mutants_of(file)}
+    found = [today.get((m.key, m.number)) for m in picked]
+    return [m for m in found if m is not None], [m for m, n in zip(picked, found, strict=True) if n is None]
 
 
 # -- which tests could notice ----------------------------------------------------------------------
@@ -316,13 +364,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("paths", nargs="*", type=Path, help="files or folders; by default the numerical ones")
     parser.add_argument("--count", type=int, default=COUNT, help=f"how many are tried; by default {COUNT}")
     parser.add_argument("--seed", type=int, default=SEED, help="of the choice")
+    parser.add_argument("--fresh", action="store_true", help="draw from the code as it is")
     parser.add_argument("--record", action="store_true", help="first find out again which tests run their lines")
     parser.add_argument("--list", action="store_true", help="show the mutants, run nothing")
     asked = parser.parse_args(arguments)
     paths = [p.resolve() for p in asked.paths] or [ROOT / "workbench" / name for name in FOLDERS]
     if missing := [p for p in paths if not p.exists()]:
         parser.error(f"there is no {missing[0]}")
-    mutants = chosen(paths, asked.count, asked.seed)
+    if asked.paths or asked.fresh or asked.seed != SEED:
+        mutants = fresh(paths, asked.count, asked.seed)
+    else:
+        mutants, gone = lasting(asked.count)
+        for mutant in gone:
+            print(f"gone     {mutant.words}", flush=True)
     places = [(m.file, m.line) for m in mutants]
     if asked.record or not is_recorded(places):
         print("recording which tests run their lines ...", flush=True)

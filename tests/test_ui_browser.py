@@ -342,45 +342,41 @@ def test_a_refresh_in_the_middle_and_another_tab_see_the_same(browser: Browser, 
         page = context.new_page()
         page.goto(server.address)
         api.expect(page.locator("h1")).to_be_visible()
-        see_the_same(page, server)
-
-
-def see_the_same(page: Page, ui: Ui) -> None:
-    look(page, ui, "open/fmu:Rudder/measure/nfr")
-    for name, value in {
-        "amplitudes": "0.1,0.5,1,2,4,8",
-        "band": "0.02:20",
-        "ratio": "1.005",  # so many points that it runs still when both pages have come up, however busy the machine
-        "method": "settle",
-        "errcrit": "1e-6",
-    }.items():
-        field = page.locator(f"#field-{name}")
-        if not field.is_visible():
-            page.click("summary:has-text('More')")
-        field.select_option(value) if name == "method" else field.fill(value)
-    page.click("text=Run nfr")
-    api.expect(page.locator(".legend li").first).to_be_visible()
-    page.reload()
-    api.expect(page.locator("text=Stop")).to_be_visible()
-    other = page.context.new_page()
-    other.goto(page.url)
-    other.click("text=Stop")
-    for one in (page, other):
-        api.expect(one.locator("strong", has_text="stopped")).to_be_visible()
-        api.expect(one.locator(".legend li").first).to_contain_text(" deg")
-    # The last events of what was stopped may reach one before the other.
-    shown = other.locator(".legend li").all_inner_texts()
-    for _ in range(200):
-        if page.locator(".legend li").all_inner_texts() == shown:
-            break
-        page.wait_for_timeout(50)
+        look(page, server, "open/fmu:Rudder/measure/nfr")
+        for name, value in {
+            "amplitudes": "0.1,0.5,1,2,4,8",
+            "band": "0.02:20",
+            "ratio": "1.005",  # so many points that it runs still when both pages have come up, however busy the machine
+            "method": "settle",
+            "errcrit": "1e-6",
+        }.items():
+            field = page.locator(f"#field-{name}")
+            if not field.is_visible():
+                page.click("summary:has-text('More')")
+            field.select_option(value) if name == "method" else field.fill(value)
+        page.click("text=Run nfr")
+        api.expect(page.locator(".legend li").first).to_be_visible()
+        page.reload()
+        api.expect(page.locator("text=Stop")).to_be_visible()
+        other = page.context.new_page()
+        other.goto(page.url)
+        other.click("text=Stop")
+        for one in (page, other):
+            api.expect(one.locator("strong", has_text="stopped")).to_be_visible()
+            api.expect(one.locator(".legend li").first).to_contain_text(" deg")
+        # The last events of what was stopped may reach one before the other.
         shown = other.locator(".legend li").all_inner_texts()
-    assert page.locator(".legend li").all_inner_texts() == shown
-    other.close()
-    page.click("text=Go on")  # what was asked came back with the page
-    api.expect(page.locator("strong", has_text="running")).to_be_visible()
-    page.click("text=Stop")
-    api.expect(page.locator("strong", has_text="stopped")).to_be_visible()
+        for _ in range(200):
+            if page.locator(".legend li").all_inner_texts() == shown:
+                break
+            page.wait_for_timeout(50)
+            shown = other.locator(".legend li").all_inner_texts()
+        assert page.locator(".legend li").all_inner_texts() == shown
+        other.close()
+        page.click("text=Go on")  # what was asked came back with the page
+        api.expect(page.locator("strong", has_text="running")).to_be_visible()
+        page.click("text=Stop")
+        api.expect(page.locator("strong", has_text="stopped")).to_be_visible()
 
 
 def test_the_end_of_the_server_is_told(browser: Browser, tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ __all__ = ["RefinedModel", "instrumented_model", "refined_model", "refining", "t
 
 Complex = NDArray[np.complex128]
 
-_OPEN = 1e-14  # of the largest eigenvalue of the correlations of the information: rounding, the data say nothing
+_OPEN = 1e-13  # of the largest eigenvalue of the correlations of the information: rounding, the data say nothing
 
 
 @dataclass(frozen=True, eq=False)
