@@ -78,7 +78,7 @@ def _lead(result: IdentifyResult) -> str:
 def _estimated(found: SubspaceEstimate) -> dict[str, str]:
     return {
         "method": f"{found.method}, basis {found.basis}, horizon {found.horizon}{', biased' if found.biased else ''}",
-        "order": f"{found.order} ({found.order_reason})",
+        "order": str(found.order),
     }
 
 
@@ -130,7 +130,7 @@ def _of_refinement(result: IdentifyResult) -> list[Section]:
     known = result.uncertainty if told.taken else None
     figures = [] if known is None else [(known.plot, "Frequency response with its 95 % regions.")]
     items = () if known is None else known.words
-    return [Section("Refinement", paragraphs=[f"{told.words}."], tables=tables, items=items, figures=figures)]
+    return [Section("Refinement", tables=tables, items=items, figures=figures)]
 
 
 def spread_page(result: ModelSpread) -> Page:

@@ -113,7 +113,7 @@ def _reason(criterion: Floats, order: int, asked: Fit) -> str:
     why = f"smallest Bayesian criterion among orders 0 to {len(criterion) - 1}"
     for n in (order - 1, order + 1):
         if 0 <= n < len(criterion):
-            why += f"; order {n} would raise it by {criterion[n] - criterion[order]:.3g}"
+            why += f"; order {n} would raise it by {criterion[n] - criterion[order]:.4g}"
     return why
 
 

@@ -199,7 +199,7 @@ def _in_place(found: SubspaceEstimate, best: RefinedModel) -> SubspaceEstimate:
              if any(c.order == n for c in best.chosen.tried)}  # fmt: skip
     for n in (order - 1, order + 1):
         if n in least:
-            why += f"; order {n} would raise it by {least[n] - least[order]:.3g}"
+            why += f"; order {n} would raise it by {least[n] - least[order]:.4g}"
     if order != found.order:
         why += f"; the simulation error alone would take {found.order}"
     return replace(found, model=best.model, order=order, order_reason=why, stabilised=0)
