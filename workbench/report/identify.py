@@ -58,7 +58,8 @@ def identify_page(result: IdentifyResult) -> Page:
             *(Verdict("failed", text) for text in result.warnings),
             *(Verdict(f.verdict, f"data, {f.topic}: {f.evidence}") for f in result.advice.concerns),
         ],
-        notes=result.notes,
+        # What the refinement has a section for stands there.
+        notes=[text for text in result.notes if not (result.refinement.tried and text == result.refinement.words)],
         kind="identify",
     )
 
@@ -130,7 +131,7 @@ def _of_refinement(result: IdentifyResult) -> list[Section]:
     known = result.uncertainty if told.taken else None
     figures = [] if known is None else [(known.plot, "Frequency response with its 95 % regions.")]
     items = () if known is None else known.words
-    return [Section("Refinement", tables=tables, items=items, figures=figures)]
+    return [Section("Refinement", paragraphs=[f"{told.words}."], tables=tables, items=items, figures=figures)]
 
 
 def spread_page(result: ModelSpread) -> Page:

@@ -11,7 +11,7 @@ from scipy import stats
 
 from workbench.analysis.identified.model import IdentifiedModel
 from workbench.analysis.validate.polynomial import Parameters, compatible_regions
-from workbench.analysis.validate.regions import PoleRegion
+from workbench.analysis.validate.regions import ON_AXIS, PoleRegion
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
@@ -22,7 +22,7 @@ Complex = NDArray[np.complex128]
 
 _POINTS = 60
 _DECADES = 3.0
-_ON_AXIS = 1e-12
+_AT_ONCE = 64  # frequencies: how they move by each of the parameters takes a hundred times the room of what is returned
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,7 +71,7 @@ class ModelSpread(Record):
     @property
     def words(self) -> tuple[str, ...]:
         """Regions of poles and gains, one line each."""
-        lines = [_words(r, self.confidence) for r in self.regions if r.pole.imag >= -_ON_AXIS]
+        lines = [_words(r, self.confidence) for r in self.regions if r.pole.imag >= -ON_AXIS]
         for i, j in np.ndindex(self.response.shape[1:]):
             gain = self.gain_error[:, i, j]
             at = int(np.argmin(gain))
@@ -138,15 +138,22 @@ def model_spread(model: IdentifiedModel, *, frequencies: Floats | None = None, c
         raise InputError(f"confidence must lie between 0 and 1, not {confidence:g}")
     core, f = model.undelayed(), _frequencies(model.dt) if frequencies is None else frequencies
     parameters = _parameters(core, model.spread)
-    z = model.at_frequency(f)
-    late = z[:, None] ** -np.array(model.delay or (0,) * len(model.input_names))  # shape (k, m)
-    response, moves = parameters.response(z)
+    at = model.at_frequency(f)
+    late = at[:, None] ** -np.array(model.delay or (0,) * len(model.input_names))  # shape (k, m)
+    chi2 = float(stats.chi2.ppf(confidence, 2))
+    response = np.empty((len(f), len(model.output_names), len(model.input_names)), dtype=np.complex128)
+    shape = np.empty((*response.shape, 2, 2))
+    for first in range(0, len(f), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        G, dG = parameters.response(at[part])
+        response[part] = G * late[part, None]
+        shape[part] = chi2 * _response_shapes(dG * late[part, None, :, None])
     return ModelSpread(
         regions=compatible_regions(parameters, core.poles, confidence=confidence),
         confidence=confidence,
         frequency_hz=f,
-        response=response * late[:, None],
-        shape=_response_shapes(moves * late[:, None, :, None]) * float(stats.chi2.ppf(confidence, 2)),
+        response=response,
+        shape=shape,
         input_names=model.input_names,
         output_names=model.output_names,
         dt=model.dt,
@@ -176,7 +183,7 @@ def _response_shapes(moves: Complex) -> Floats:
 
 def _words(region: PoleRegion, confidence: float) -> str:
     z = region.pole
-    name = f"{z.real:.4g}" if abs(z.imag) < _ON_AXIS else f"{z.real:.4g} ± {abs(z.imag):.4g}i"
+    name = f"{z.real:.4g}" if abs(z.imag) < ON_AXIS else f"{z.real:.4g} ± {abs(z.imag):.4g}i"
     if not region.determined:
         return f"pole {name}: not determined by the data"
     long, short = region.half_axes
