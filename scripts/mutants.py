@@ -24,6 +24,7 @@ from __future__ import annotations
 import argparse
 import ast
 import io
+import os
 import random
 import re
 import subprocess
@@ -32,6 +33,7 @@ import tarfile
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -386,9 +388,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{mutant.words}    by {len(read().running(mutant.file, mutant.line))} tests")
         return 0
     every, known = list[Tried](), equivalent()
-    for mutant in mutants:
-        every.append(tried(mutant))
-        _show(every[-1], known)
+    with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:  # the tests have processes of their own
+        for done in pool.map(tried, mutants):
+            every.append(done)
+            _show(done, known)
     unjust = _unjust({t.killer for t in every if t.killer})
     for name in sorted(unjust):
         print(f"fails without a mutant, too, and killed none: {name}")
