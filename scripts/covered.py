@@ -79,9 +79,11 @@ class _Record:
     """Numbers the tests and says, for all processes, which one runs."""
 
     def __init__(self, folder: Path) -> None:
+        self._number = int((folder / "now").read_text(encoding="utf-8"))  # of the last test that was recorded before
         self._now = os.open(folder / "now", os.O_WRONLY)
         self._tests = (folder / "tests").open("a", encoding="utf-8", buffering=1)
-        self._number, self._seconds, self._passed = 0, 0.0, True
+        self._seconds, self._passed = 0.0, True
+        os.pwrite(self._now, b"%8d" % 0, 0)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_logstart(self) -> None:
@@ -116,16 +118,19 @@ def is_recorded(places: Iterable[tuple[Path, int]]) -> bool:
     return wanted.exists() and _rows(places) <= set(wanted.read_text(encoding="utf-8").splitlines())
 
 
-def record(places: Iterable[tuple[Path, int]], files: Sequence[str] = ()) -> int:
+def record(places: Iterable[tuple[Path, int]], files: Sequence[str] = (), *, again: bool = False) -> int:
     """Run the tests, and write which of them run some lines; return pytest's exit code.
 
     Args:
         places: modules, and lines in them that will be changed.
         files: of tests; by default those of the numerical parts.
+        again: what was recorded of other files stays.
     """
     FOLDER.mkdir(parents=True, exist_ok=True)
     rows = "".join(f"{row}\n" for row in sorted(_rows(places)))
-    for name, content in {"now": f"{0:8d}", "tests": "", "hits": "", "wanted": rows}.items():
+    last = _last_number() if again else 0
+    begun = {"tests": _without(files)} if again else {"tests": "", "hits": "", "wanted": rows}
+    for name, content in {"now": f"{last:8d}", **begun}.items():
         (FOLDER / name).write_text(content, encoding="utf-8")
     every = sorted((ROOT / "tests").glob("test_*.py"))
     wanted = [str(f) for f in every if not f.stem.removeprefix("test_").startswith(ELSEWHERE)]
@@ -205,11 +210,30 @@ def read() -> Covered:
         number, seconds, name = row.split("\t", maxsplit=2)
         tests[int(number)] = Test(name, float(seconds))
     hits: dict[Path, dict[int, set[int]]] = defaultdict(lambda: defaultdict(set))
-    with (FOLDER / "hits").open(encoding="utf-8", errors="replace") as rows:
+    for test, line, file in _hits(FOLDER):
+        hits[ROOT / file][line].add(test)
+    return Covered(tests, hits)
+
+
+def _without(files: Sequence[str]) -> str:
+    """Return the rows of the tests that were recorded, but for those of some files."""
+    gone = {Path(file).name for file in files}
+    rows = (FOLDER / "tests").read_text(encoding="utf-8").splitlines(keepends=True)
+    return "".join(row for row in rows if Path(row.split("\t")[2].partition("::")[0]).name not in gone)
+
+
+def _hits(folder: Path) -> Iterator[tuple[int, int, str]]:
+    """Yield number of test, line and module."""
+    with (folder / "hits").open(encoding="utf-8", errors="replace") as rows:
         for row in rows:
             if match := _ROW.fullmatch(row):  # some tests' FMUs write into all files that are open
-                hits[ROOT / match[3]][int(match[2])].add(int(match[1]))
-    return Covered(tests, hits)
+                yield int(match[1]), int(match[2]), match[3]
+
+
+def _last_number() -> int:
+    """Return the highest number of a test in the record, of one that failed, too; 0: there is none."""
+    passed = (int(row.split("\t")[0]) for row in (FOLDER / "tests").read_text(encoding="utf-8").splitlines())
+    return max(*passed, *(number for number, _, _ in _hits(FOLDER)), 0, 0)
 
 
 @cache

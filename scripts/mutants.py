@@ -4,16 +4,17 @@
     python scripts/mutants.py                         300 mutants of analysis, core, system, session, kernel
     python scripts/mutants.py --count 20 workbench/core/linear.py
     python scripts/mutants.py --fresh --count 60      others, drawn from the code as it is
+    python scripts/mutants.py --again tests/test_linear.py    after tests were added there
     python scripts/mutants.py --list --count 20       show them, run nothing
 
 A mutant is one operator, comparison, number or condition changed. Those tried by default were drawn once, from the
 package as it was in the commit SAMPLE: they stay the same while the code grows, but for those whose line is gone, which
 are told and not counted. --fresh, another seed and PATHs draw from the package as it is. Each is run, without a change
 on disk, against tests that run its line, the quickest first, until one fails; which they are is recorded once
-(`covered.py`; --record does so again). It is killed where one of them fails, or does not end, and passes without it.
-What survives is listed: mend it by a test with a truth of its own (a closed form, a residual, a second method), never
-by writing down what comes out. What changes nothing that anybody could see is equivalent: it stands in
-`equivalent.toml` with the reason, and holds as long as its line is the same.
+(`covered.py`; --record does so again, --again for some files of tests). It is killed where one of them fails, or does
+not end, and passes without it. What survives is listed: mend it by a test with a truth of its own (a closed form, a
+residual, a second method), never by writing down what comes out. What changes nothing that anybody could see is
+equivalent: it stands in `equivalent.toml` with the reason, and holds as long as its line is the same.
 
 A driver of our own: mutmut wants all tests in one run of one process first, which takes ten minutes here and does not
 see worker processes; cosmic-ray has one test command for all modules, and changes the files themselves.
@@ -45,7 +46,8 @@ from scripts.planting import ROOT, run_planted
 FOLDERS = ("analysis", "core", "system", "session", "kernel")
 COUNT, SEED = 300, 19
 SAMPLE = "10436c83ad93d7b87f94985b2bd2e41cd5bf2f8d"  # commit of which the mutants tried by default were drawn
-TESTS, SECONDS = 40, 10.0  # of a mutant, at most: so many tests, which take so long [s]
+TESTS, SECONDS = 300, 60.0  # of a mutant, at most: so many tests, which take so long [s]
+FEW_SECONDS = 10.0  # of one that is said to be equivalent
 PATIENCE, LEAST = 4.0, 30.0  # times what the tests take without a change; [s]
 ENOUGH = 0.9  # of them
 EQUIVALENT = ROOT / "scripts" / "equivalent.toml"
@@ -267,11 +269,12 @@ def lasting(count: int) -> tuple[list[Mutant], list[Mutant]]:
 # -- which tests could notice ----------------------------------------------------------------------
 
 
-def tests_of(mutant: Mutant) -> list[Test]:
+def tests_of(mutant: Mutant, most: float) -> list[Test]:
     """Return the tests that run what is changed, quickest first, and others of their files if there is time.
 
     Args:
         mutant: what is changed.
+        most: how long they take at most, but for the first [s].
     """
     known = read()
     running = known.running(mutant.file, mutant.line)
@@ -283,7 +286,7 @@ def tests_of(mutant: Mutant) -> list[Test]:
     ranked = [t for _, t in sorted(zip(ranks, running, strict=True), key=lambda r: (r[0], r[1].seconds))]
     picked, seconds = list[Test](), 0.0
     for test in [*ranked, *known.beside(running)][:TESTS]:
-        if not picked or seconds + test.seconds <= SECONDS:
+        if not picked or seconds + test.seconds <= most:
             seconds += test.seconds
             picked.append(test)
     return picked
@@ -311,19 +314,20 @@ def _pytest(tests: Sequence[str]) -> list[str]:
     return ["-m", "pytest", "-q", "-x", "--tb=no", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
 
 
-def tried(mutant: Mutant) -> Tried:
+def tried(mutant: Mutant, most: float) -> Tried:
     """Run the tests of a mutant, until one fails.
 
     Args:
         mutant: what is changed.
+        most: how long they take at most [s].
     """
-    tests = tests_of(mutant)
+    tests = tests_of(mutant, most)
     if not tests:
         return Tried(mutant, tests, None)
-    longest = LEAST + PATIENCE * sum(t.seconds for t in tests)
+    one, every = (LEAST + PATIENCE * of(t.seconds for t in tests) for of in (max, sum))
     names = [t.name for t in tests]
     try:
-        done = run_planted(_pytest(names), mutant.file, mutant.text(), timeout=longest)
+        done = run_planted([*_pytest(names), f"--timeout={one:.0f}"], mutant.file, mutant.text(), timeout=every)
     except subprocess.TimeoutExpired:
         return Tried(mutant, tests, names[0])
     if not done.returncode:
@@ -368,6 +372,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=SEED, help="of the choice")
     parser.add_argument("--fresh", action="store_true", help="draw from the code as it is")
     parser.add_argument("--record", action="store_true", help="first find out again which tests run their lines")
+    parser.add_argument("--again", nargs="+", metavar="FILE", help="record these files of tests again, and new ones")
     parser.add_argument("--list", action="store_true", help="show the mutants, run nothing")
     asked = parser.parse_args(arguments)
     paths = [p.resolve() for p in asked.paths] or [ROOT / "workbench" / name for name in FOLDERS]
@@ -383,13 +388,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if asked.record or not is_recorded(places):
         print("recording which tests run their lines ...", flush=True)
         record(places)
+    elif asked.again:
+        record(places, asked.again, again=True)
     if asked.list:
         for mutant in mutants:
             print(f"{mutant.words}    by {len(read().running(mutant.file, mutant.line))} tests")
         return 0
+    return _run(mutants)
+
+
+def _run(mutants: Sequence[Mutant]) -> int:
+    """Try them all, show them, and return the exit code."""
     every, known = list[Tried](), equivalent()
     with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:  # the tests have processes of their own
-        for done in pool.map(tried, mutants):
+        for done in pool.map(tried, mutants, (FEW_SECONDS if m.key in known else SECONDS for m in mutants)):
             every.append(done)
             _show(done, known)
     unjust = _unjust({t.killer for t in every if t.killer})

@@ -153,6 +153,15 @@ def test_tests_are_known_by_the_lines_that_they_run(tmp_path: Path, monkeypatch:
         read.cache_clear()
     running = known.running(module, line)
     assert {t.name.partition("::")[2] for t in running} == {"test_here", "test_in_a_child"}
+    file.write_text(TESTS.replace("test_here", "test_here_now"), encoding="utf-8")
+    assert record([(module, line)], [str(file)], again=True) == 1
+    read.cache_clear()
+    try:
+        again = read()
+    finally:
+        read.cache_clear()
+    assert {t.name.partition("::")[2] for t in again.running(module, line)} == {"test_here_now", "test_in_a_child"}
+    assert len(again.tests) == len(known.tests)
     assert [t.name.partition("::")[2] for t in known.beside(running)] == ["test_other"]
     assert known.running(PACKAGE / "core" / "modal.py", 137) == []
 
