@@ -2,7 +2,7 @@
 """Everything a developer or newcomer starts: install, demo, test, build, release.
 
     python3 scripts/dev.py demo       measure the bundled rudder, print the table, draw the Bode picture
-    python3 scripts/dev.py test       lint, types, tests, documentation
+    python3 scripts/dev.py test       lint, types, tests, documentation (--quick: those that take four minutes)
     python3 scripts/dev.py numerical  the numerical tests and published figures in the arithmetic of another processor
     python3 scripts/dev.py mutants    change the numerical code: which changes does no test notice? (PATH …)
     python3 scripts/dev.py faults     plant faults: which ones do the published figures notice?
@@ -66,6 +66,9 @@ THEIR_TESTS = "**/site-packages/*/**/tests"
 # name of the test: pytest-xdist may otherwise wait for ever for the process that it starts in its place.
 PROCESSES = ("--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile", "--max-worker-restart", "0")
 PYTEST = ("pytest", "-q", *PROCESSES)
+# How long each test took, which `--quick` chooses by: as many as take four minutes in two processes.
+LAST_RUN = ROOT / "build-cache" / "tests.xml"
+QUICK = 2 * 220.0  # [s]
 
 PAGES = ("mkdocs", "build", "--strict", "--quiet")
 
@@ -87,6 +90,9 @@ def main() -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     for name, function in COMMANDS.items():
         commands.add_parser(name, help=(function.__doc__ or "").splitlines()[0])
+    commands.choices["test"].add_argument(
+        "--quick", action="store_true", help="leave out the tests that took longest in the last whole run: four minutes"
+    )
     commands.choices["build"].add_argument("--check", action="store_true", help="compare with fmus/, change nothing")
     commands.choices["release"].add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the files")
     commands.choices["mutants"].add_argument("paths", nargs="*", help="files or folders; by default the numerical ones")
@@ -149,16 +155,21 @@ def demo() -> int:
     return code
 
 
-def test() -> int:
-    """Check lint, format and types, run the tests, build the documentation."""
+def test(*, quick: bool) -> int:
+    """Check lint, format and types, run the tests, build the documentation.
+
+    Args:
+        quick: leave out the tests that took longest in the last whole run.
+    """
     _ensure_installed()
+    tests = (*PYTEST, "--quick", str(QUICK)) if quick else (*PYTEST, "--junitxml", str(LAST_RUN))
     _lint_javascript()
     for module in (("ruff", "check", "."), ("ruff", "format", "--check", ".")):
         _module(module)
     # Types and pages have one process each: by themselves they would leave a core idle for a minute.
     with ThreadPoolExecutor(max_workers=1) as aside:
         others = [aside.submit(_module, module, show=False, check=False) for module in (("mypy",), PAGES)]
-        results = [_module(PYTEST, check=False), *(other.result() for other in others)]
+        results = [_module(tests, check=False), *(other.result() for other in others)]
     for result in results:
         print(result.stdout or "", end="", flush=True)
     for result in results:

@@ -7,6 +7,9 @@ import math
 import os
 import signal
 from collections.abc import Generator
+from itertools import accumulate
+from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -22,6 +25,35 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+# Written by `dev.py test`: how long each test took.
+LAST_RUN = Path(__file__).resolve().parents[1] / "build-cache" / "tests.xml"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Declare --quick."""
+    words = "only the quickest tests of the last whole run, and new ones, which take so long one after the other"
+    parser.addoption("--quick", type=float, metavar="SECONDS", help=words)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Refuse --quick where nothing is known."""
+    if config.getoption("--quick") is not None and not LAST_RUN.exists():
+        raise pytest.UsageError("--quick: no whole run is recorded yet; run scripts/dev.py test once")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the longest tests if --quick is given."""
+    most = config.getoption("--quick")
+    if most is None:
+        return
+    cases = ET.parse(LAST_RUN).iter("testcase")  # noqa: S314 - pytest has written it
+    took = {(case.get("classname"), case.get("name")): float(case.get("time", 0.0)) for case in cases}
+    seconds = {item: took.get((item.nodeid.partition(".py::")[0].replace("/", "."), item.name), 0.0) for item in items}
+    together = dict(zip(sorted(items, key=seconds.__getitem__), accumulate(sorted(seconds.values())), strict=True))
+    config.hook.pytest_deselected(items=[item for item in items if together[item] > most])
+    items[:] = [item for item in items if together[item] <= most]
 
 
 @pytest.fixture(autouse=True)

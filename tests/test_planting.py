@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -117,6 +118,7 @@ def test_what_was_drawn_once_is_found_where_it_is_today(tmp_path: Path, monkeypa
 
 
 TESTS = """
+import os
 import subprocess
 import sys
 from workbench.core.decibels import decibels
@@ -183,3 +185,34 @@ def test_every_equivalent_change_is_of_a_line_that_is_there() -> None:
         found = [m for m in mutants_of(ROOT / file) if m.key == (file, line, change)]
         assert found, f"{file}: {line}: {change}"
         assert why
+
+
+def test_a_quick_run_leaves_out_what_took_longest(tmp_path: Path) -> None:
+    """`pytest --quick` of a folder with the project's conftest: the quickest that take so long, and new ones."""
+    for folder in ("tests", "build-cache"):
+        (tmp_path / folder).mkdir()
+    code = (ROOT / "tests" / "conftest.py").read_text(encoding="utf-8")
+    (tmp_path / "tests" / "conftest.py").write_text(code, encoding="utf-8")
+    names = ("slow", "quick", "medium", "new")
+    (tmp_path / "tests" / "test_a.py").write_text(
+        "\n".join(f"def test_{name}():\n    pass\n" for name in names), encoding="utf-8"
+    )
+    (tmp_path / "setup.cfg").write_text("[tool:pytest]\ntestpaths = tests\n", encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", "--rootdir", str(tmp_path), "--quick=3"]
+
+    def ran() -> tuple[int, set[str], str]:
+        done = subprocess.run(
+            command,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+        return done.returncode, {n for n in names if f"test_{n} PASSED" in done.stdout}, done.stdout + done.stderr
+
+    assert "run scripts/dev.py test once" in ran()[2]
+    took = {"slow": 9.0, "quick": 1.0, "medium": 2.0}
+    rows = "".join(f'<testcase classname="tests.test_a" name="test_{n}" time="{s}"/>' for n, s in took.items())
+    (tmp_path / "build-cache" / "tests.xml").write_text(f"<testsuite>{rows}</testsuite>", encoding="utf-8")
+    assert ran()[:2] == (0, {"quick", "medium", "new"})
