@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 import workbench as wb
+from workbench.analysis import one_worker
 from workbench.analysis.simulate.request import Simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.core.job import Job
@@ -57,3 +61,36 @@ def test_progress_comes_from_the_worker() -> None:
     assert np.array_equal(here["y"], there["y"])
     assert told == sorted(told)
     assert all(0 <= done <= total == 100 for done, total in told)
+
+
+def test_a_worker_tells_what_there_is_at_once_and_then_for_a_twentieth_of_its_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Parts of a second each, of which it takes 0.2 s to tell what they gave."""
+    clock, told = [0.0], list[tuple[int, object]]()
+    cost = 0.2
+
+    def tell(item: one_worker._Told, *, finished: bool) -> None:
+        assert finished
+        told.append((item.done, item.partial))
+        clock[0] += 0.0 if item.partial is None else cost
+
+    def work(_: object, __: object, job: Job) -> str:
+        for k in range(1, 41):
+            clock[0] += 1.0
+            job.partial = lambda k=k: f"{k} parts"  # type: ignore[misc]
+            job.done("part", k, 100)
+        return "ended"
+
+    monkeypatch.setattr(one_worker, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr(one_worker, "tell", tell)
+    monkeypatch.setattr(one_worker, "wanted_stop", lambda: False)
+    monkeypatch.setattr(one_worker, "named", lambda _: work)
+    request: Any = SimpleNamespace(algorithm="", undivided=False)
+    (end,) = one_worker._perform(None, one_worker._Whole(request, "a record"))
+    assert end.record == "ended"
+    assert [done for done, _ in told] == list(range(1, 41))
+    given = [done for done, partial in told if partial is not None]
+    assert [partial for _, partial in told if partial is not None] == [f"{k} parts" for k in given]
+    assert given[0] == 1
+    assert len(given) * cost == pytest.approx(0.05 * clock[0], abs=cost)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
@@ -13,9 +14,13 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import workbench as wb
-from workbench.analysis.periodic.period_map import PeriodMap
+from workbench.analysis.harmonics import Period
+from workbench.analysis.periodic.monodromy import Tangent
+from workbench.analysis.periodic.period_map import Lap, PeriodMap
+from workbench.analysis.periodic.place import Family, arrive, stride_from
+from workbench.analysis.periodic.special import _turning
 from workbench.core.matrices import exponentials
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
 from workbench.session.compiled import CompiledMeSession
 from workbench.session.target import NotReachedError
 from workbench.signals import Sine
@@ -105,3 +110,52 @@ def test_the_derivative_of_a_period_is_that_of_the_variational_equation() -> Non
     assert lap.x1 == pytest.approx(end[:2], abs=1e-8)
     assert lap.tangent.Phi == pytest.approx(end[2:].reshape(2, 2), abs=1e-5)
     assert abs(np.prod(lap.tangent.multipliers)) == pytest.approx(math.exp(-0.05 / f), rel=1e-6)  # Liouville
+
+
+# -- places on a branch -----------------------------------------------------------------------
+
+
+class Curve(Family):
+    """The map x → x + p − h(x), whose fixed points are the curve p = h(x).
+
+    Args:
+        h: the curve.
+        slope: what the derivative says of the slope of h.
+    """
+
+    coarse, fine = 1, 1
+
+    def __init__(self, h: Callable[[float], float], slope: Callable[[float], float]) -> None:
+        super().__init__()
+        self.h, self.slope = h, slope
+
+    def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
+        one = np.ones(1)
+        at = Tangent(np.array([[1.0 - self.slope(float(x[0]))]]), np.zeros((3, 1)), 0.0 * one)
+        x1 = x + p - self.h(float(x[0]))
+        return Lap(x, x1, Period(np.zeros(3), 1.0 + 0.0j, 1.0), 0, one, tangent=at), one
+
+
+@pytest.mark.parametrize("fold", [0.28, 0.3, 0.31])
+def test_the_parameter_turns_back_at_the_top_of_a_parabola(fold: float) -> None:
+    curve = Curve(lambda x: 0.5 - (x - fold) ** 2, lambda x: -2.0 * (x - fold))
+    a = arrive(curve, np.array([0.25]), 0.5 - (0.25 - fold) ** 2)
+    a = a if a.direction[0] > 0.0 else replace(a, direction=-a.direction)
+    b = stride_from(curve, a, 0.1)
+    assert a.x[0] < fold < b.x[0]
+    found = _turning(curve, a, b)
+    assert found is not None
+    assert found.p == pytest.approx(0.5, abs=1e-8)
+    assert found.x[0] == pytest.approx(fold, abs=1e-4)
+
+
+def test_a_place_that_is_to_be_exact_has_twelve_steps_and_another_one_six() -> None:
+    """On the line p = x, with a slope that is 10/7 of the true one: each step leaves 0.3 of the error."""
+    line = Curve(lambda x: x, lambda _: 1.0 / 0.7)
+    here = replace(arrive(line, np.array([0.5]), 0.5), direction=np.array([0.0, 1.0]))
+    found = stride_from(line, here, 0.1, exact=True)
+    assert found.p == pytest.approx(0.6, abs=1e-12)
+    assert found.x[0] == pytest.approx(0.6, abs=1e-4)
+    assert 6 < found.periods <= 12
+    with pytest.raises(SimulationError, match="did not converge in 6 periods"):
+        stride_from(line, here, 0.1)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from scipy import signal
 import workbench as wb
 from tests.random_systems import random_plant
 from workbench.analysis.identified.march import march, march_one
+from workbench.analysis.prediction.choose import Wish, _Search
 from workbench.analysis.prediction.gradient import errors_of, jacobian, normal_equations
 from workbench.analysis.prediction.innovations import Innovations
 from workbench.analysis.prediction.refine import refine
@@ -258,3 +261,23 @@ def test_an_integrator_has_regions_or_a_word_says_why_not() -> None:
         assert lag.determined
         assert 0.002 < lag.half_axes[0] < 0.05
     assert known >= 3
+
+
+@pytest.mark.parametrize("order", [0, 3])
+def test_the_disturbance_has_the_order_that_is_asked_for(order: int) -> None:
+    """An AR(1) disturbance: the criterion would choose 1."""
+    found = wb.identify(coloured(500), order=2, noise=order, refine="always").refinement
+    assert found.noise_order == order
+    assert {c.noise_order for c in found.tried} == {order}
+
+
+@pytest.mark.parametrize(("closed_loop", "first", "found"), [(True, 0, 2), (False, 3, 2), (False, 1, 2), (False, 5, 5)])
+def test_the_search_for_an_order_goes_on_while_it_is_better(
+    closed_loop: bool, first: int, found: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a closed loop from 0 and past one order that is worse; else from what the subspaces show."""
+    wish = Wish(order=None, noise=None, most=5, feedthrough=False, stable=False, closed_loop=closed_loop)
+    search: Any = _Search(record(100), (), wish)
+    search._known = {n: SimpleNamespace(criterion=c) for n, c in enumerate([4.0, 5.0, 1.0, 2.0, 3.0, 0.0])}
+    monkeypatch.setattr(search, "_first", lambda: first)
+    assert search.run() is search._known[found]
