@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Callable
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 import workbench as wb
 from workbench.analysis.feed_forward.trial import settling
-from workbench.analysis.simulate.divergence import divergence
+from workbench.analysis.simulate.divergence import _points, divergence
 
 Grow = Callable[[np.ndarray], np.ndarray | float]
 
@@ -197,3 +198,16 @@ def test_a_rise_from_nothing_is_no_growth(power: int, noise: float) -> None:
     assert divergence(time, noise + np.clip(time - 0.2, 0.0, None) ** power) is None
     assert divergence(time, noise + np.clip(np.minimum(time, 0.21) - 0.2, 0.0, None) ** power) is None
     assert divergence(time, noise * (1.0 + time) + np.where(time > 0.5, 1.0, 0.0)) is None
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.0, 2.0), (5.0, 6.0), (1e9, 1e9 + 1e-4), (1e9, 1e9 + 1e-5)])
+def test_points_before_a_failure_lie_in_the_run_and_come_near_its_end(start: float, end: float) -> None:
+    class Session:
+        communication_step = None
+
+    chunks = _points(start, end, cast("Any", Session()))
+    every = np.concatenate(chunks)
+    assert all(len(chunk) for chunk in chunks)
+    assert np.all(np.diff(every) > 0.0)
+    assert start < every[0] < every[-1] < end
+    assert end - every[-1] <= max((end - start) / 8.0, 128.0 * np.spacing(end))

@@ -18,6 +18,7 @@ from workbench.analysis.prediction.choose import Wish, _Search
 from workbench.analysis.prediction.gradient import errors_of, jacobian, normal_equations
 from workbench.analysis.prediction.innovations import Innovations
 from workbench.analysis.prediction.refine import refine
+from workbench.analysis.prediction.start import _cut_off
 from workbench.cli.app import run
 from workbench.errors import InputError
 from workbench.kernel.native_predictor import sensitivities
@@ -281,3 +282,14 @@ def test_the_search_for_an_order_goes_on_while_it_is_better(
     search._known = {n: SimpleNamespace(criterion=c) for n, c in enumerate([4.0, 5.0, 1.0, 2.0, 3.0, 0.0])}
     monkeypatch.setattr(search, "_first", lambda: first)
     assert search.run() is search._known[found]
+
+
+def test_a_finite_impulse_response_is_cut_off_at_its_own_length_exactly() -> None:
+    """h₁ … h₃ are held by three states, as many as the Hankel matrix has: A shifts them."""
+    h = np.array([1.0, -0.5, 0.25])
+    found = _cut_off(h[:, None, None], 3)
+    assert found is not None
+    A, B, C = found
+    response = [(C @ np.linalg.matrix_power(A, k) @ B).item() for k in range(6)]
+    np.testing.assert_allclose(response, [*h, 0.0, 0.0, 0.0], atol=1e-12)
+    assert _cut_off(h[:, None, None], 4) is None

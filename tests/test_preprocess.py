@@ -9,7 +9,7 @@ from tests.identification_data import DT, A, B, data, prbs, response, white, wit
 from workbench.analysis.experiment.experiment import make_experiment
 from workbench.analysis.preprocess.detrend import detrend, remove_offset
 from workbench.analysis.preprocess.flat import flat_extremes
-from workbench.analysis.preprocess.outliers import remove_outliers
+from workbench.analysis.preprocess.outliers import _without_gross, remove_outliers
 from workbench.analysis.preprocess.resample import resample
 from workbench.analysis.preprocess.scale import scale
 from workbench.analysis.preprocess.settle import cut_settling, settling_samples
@@ -112,6 +112,14 @@ def test_a_value_off_by_orders_of_magnitude_is_found() -> None:
     assert done.samples["y"] == (700,)
     assert np.max(np.abs(done.experiment.y)) < 10.0
     assert remove_outliers(data(u, response(u))).what == "0 outliers replaced"
+
+
+def test_the_pulse_of_a_signal_at_rest_is_not_far_outside_a_range_that_is_none() -> None:
+    y = np.zeros(3000)
+    y[1000:1010] = 2.0
+    left, gross = _without_gross(y)
+    assert gross == set()
+    assert np.array_equal(left, y)
 
 
 def test_flat_extremes_are_found() -> None:

@@ -346,7 +346,7 @@ def test_a_refresh_in_the_middle_and_another_tab_see_the_same(browser: Browser, 
         for name, value in {
             "amplitudes": "0.1,0.5,1,2,4,8",
             "band": "0.02:20",
-            "ratio": "1.005",  # so many points that it runs still when both pages have come up, however busy the machine
+            "ratio": "1.005",  # so many points that it runs still when both pages have come up
             "method": "settle",
             "errcrit": "1e-6",
         }.items():
