@@ -244,7 +244,7 @@ def _points(start: float, end: float, session: Session) -> list[Floats]:
     left = span * 2.0 ** (-np.arange(_PER_HALVING * 3, _PER_HALVING * _HALVINGS) / _PER_HALVING)
     left = left[left > _NEAREST * np.spacing(abs(end))]
     every = np.unique(np.concatenate([evenly, end - left]))
-    every = every[every > start]  # late in time a short run has room for few numbers
+    every = every[(every > start) & (every < end)]  # late in time a short run has room for few numbers
     near = every > end - span / _EVENLY
     last = np.array_split(every[near], max(1, int(near.sum()) // _CHUNK))
     return [points for points in (every[~near], *last) if len(points)]
