@@ -215,14 +215,20 @@ def _covering(away: Floats) -> Floats:
     Args:
         away: shape (k, 2).
     """
-    weights = np.full(len(away), 1.0 / len(away))
-    least = (1e-12 * float(np.max(away**2)) + TINY**2) * np.eye(2)
-    M, squares = least, np.ones(len(away))
+    least = 1e-12 * float(np.max(away**2)) + TINY**2
+    L = np.linalg.cholesky(away.T @ away / len(away) + least * np.eye(2))
+    x, y = np.linalg.solve(L, away.T)  # about as wide as long, so that the determinant below is exact
+    products, weights = np.stack([x * x, x * y, y * y]), np.full(len(away), 1.0 / len(away))
+
+    def ellipse() -> tuple[Floats, Floats]:
+        xx, xy, yy = products @ weights + np.array([1e-12, 0.0, 1e-12])
+        return np.array([[xx, xy], [xy, yy]]), np.array([yy, -2.0 * xy, xx]) / (xx * yy - xy * xy) @ products
+
     for _ in range(_COVERED):
-        weights = weights * squares / np.sum(weights * squares)
-        M = away.T @ (weights[:, None] * away) + least
-        squares = np.sum((away @ np.linalg.inv(M)) * away, axis=1)
-    return np.asarray(M * float(np.max(squares)))
+        weights *= ellipse()[1]
+        weights /= weights.sum()
+    M, squares = ellipse()
+    return np.asarray(L @ M @ L.T * float(np.max(squares)))
 
 
 # -- whether it is seen at all ---------------------------------------------------------------------
