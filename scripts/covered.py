@@ -30,19 +30,8 @@ SLOW = 30  # a test that takes longer is of no use here [s]
 # What looks at text, pictures, pages, builds and platforms: slow, and others run the same numerical lines.
 ELSEWHERE = (
     *("ui_", "docs", "docstring", "examples", "release", "report", "notebook", "zoo", "reproduce", "command_examples"),
-    *("build_", "toolchain", "compile", "kernel_sanitizers", "fuzz", "interrupts", "endings", "cluster", "cli_comp"),
-    *(
-        "foreign_text",
-        "contributing",
-        "layers",
-        "workers_",
-        "wall",
-        "planting",
-        "plot_",
-        "public_api",
-        "runtime_",
-        "aircraft",
-    ),
+    *("build_", "toolchain", "compile", "kernel_sanitizers", "interrupts", "endings", "cluster", "cli_comp"),
+    *("foreign_text", "contributing", "layers", "workers_", "wall", "planting", "plot_", "runtime_", "aircraft"),
 )
 
 _ROW = re.compile(r"(\d+)\t(\d+)\t(\S+\.py)\n")
