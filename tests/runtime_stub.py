@@ -48,8 +48,11 @@ def compile_library(
     out = folder / f"{name}.library"
     aim = [] if target is None else ["-target", target]
     command = [sys.executable, "-m", "ziglang", "cc", *aim, "-shared", "-fPIC", *FLAGS]
-    sources = [*runtime_sources(), str(STUB / "stub_core.c")]
-    whole = [*command, *(f"-D{d}" for d in defines), *sources]
+    # The macros are the stub's own: with the same flags, the compiler takes the runtime from its cache.
+    stub = folder / f"{name}_core.c"
+    text = [f"#define {d.replace('=', ' ', 1)}\n" for d in defines] + [f'#include "{STUB.as_posix()}/stub_core.c"\n']
+    stub.write_text("".join(text), encoding="utf-8")
+    whole = [*command, *runtime_sources(), str(stub)]
 
     def make() -> None:
         done = subprocess.run([*whole, "-o", str(out)], capture_output=True, text=True, cwd=folder, check=False)
@@ -57,7 +60,8 @@ def compile_library(
             message = f"the runtime does not compile: {done.stderr}"
             raise RuntimeError(message)
 
-    kept([version("ziglang").encode(), *(w.encode() for w in whole), *contents([RUNTIME, STUB, HEADERS])], out, make)
+    key = [*command, *runtime_sources(), *text]
+    kept([version("ziglang").encode(), *(w.encode() for w in key), *contents([RUNTIME, STUB, HEADERS])], out, make)
     return out
 
 
@@ -288,29 +292,37 @@ _WHOLE: dict[str, Any] = {"Int32": ctypes.c_int32, "Int64": ctypes.c_int64, "Boo
 
 
 def build_driver(
-    folder: Path, *, defines: Sequence[str] = (), driver: str = "driver.c", model: Sequence[Path] = ()
+    folder: Path, objects: Path, *, defines: Sequence[str] = (), driver: str = "driver.c", model: Sequence[Path] = ()
 ) -> tuple[Path, str]:
     """Compile a driver of tests/c with the best sanitizers found here; the program and what watches it.
 
     Args:
         folder: where the program goes.
-        defines: macros.
+        objects: for the objects of the runtime, the same for all drivers; those that are there are taken.
+        defines: macros of the driver and of the model.
         driver: the file with `main`.
         model: what stands beside the runtime; the stub by default.
     """
     out = folder / "driver.exe"
-    sources = [*runtime_sources(), *map(str, model or [STUB / "stub_core.c"]), str(STUB / driver)]
-    common = ["-std=c11", "-O1", "-g", "-isystem", str(HEADERS), "-I", str(RUNTIME), *(f"-D{d}" for d in defines)]
+    own = [*map(str, model or [STUB / "stub_core.c"]), str(STUB / driver)]
+    common = ["-std=c11", "-O1", "-g", "-isystem", str(HEADERS), "-I", str(RUNTIME)]
     libraries = [] if sys.platform == "win32" else ["-lm"]
     complaint = ""
-    for name, command in _sanitizers():
-        done = subprocess.run(
-            [*command, *common, *sources, "-o", str(out), *libraries],
-            capture_output=True, text=True, cwd=folder, check=False,
-        )  # fmt: skip
-        if done.returncode == 0:
+    for number, (name, command) in enumerate(_sanitizers()):
+        place = objects / str(number)
+        made = [str(place / f"{Path(source).stem}.o") for source in runtime_sources()]
+        whole = [*command, *common, *(f"-D{d}" for d in defines), *own, *made, "-o", str(out), *libraries]
+        steps = [(folder, whole)]
+        if not place.exists():
+            place.mkdir()
+            steps.insert(0, (place, [*command, *common, "-c", *runtime_sources()]))
+        for where, step in steps:
+            done = subprocess.run(step, capture_output=True, text=True, cwd=where, check=False)
+            if done.returncode != 0:
+                complaint += done.stderr
+                break
+        else:
             return out, name
-        complaint += done.stderr
     message = f"no compiler makes the driver: {complaint}"
     raise RuntimeError(message)
 

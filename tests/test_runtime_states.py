@@ -116,10 +116,16 @@ def test_a_state_saved_before_an_error_brings_the_instance_back(library: Path) -
 # ---- memory and undefined behaviour ----
 
 
+@pytest.fixture(scope="module")
+def objects(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """For the runtime under sanitizers, which all drivers share."""
+    return tmp_path_factory.mktemp("objects")
+
+
 @pytest.mark.parametrize("defines", [(), ("STUB_STIFF",)])
-def test_every_function_under_sanitizers(tmp_path: Path, defines: tuple[str, ...]) -> None:
+def test_every_function_under_sanitizers(tmp_path: Path, objects: Path, defines: tuple[str, ...]) -> None:
     """No report, no leak, also for wrong calls in every state and for each allocation that fails."""
-    program, watch = build_driver(tmp_path, defines=defines)
+    program, watch = build_driver(tmp_path, objects, defines=defines)
     done = subprocess.run([str(program)], capture_output=True, text=True, check=False, env=_sanitizer_environment())
     if watch == "address" and "LeakSanitizer has encountered a fatal error" in done.stderr:
         pytest.skip("the leak sanitizer cannot look at processes here (ptrace is forbidden)")
@@ -128,7 +134,7 @@ def test_every_function_under_sanitizers(tmp_path: Path, defines: tuple[str, ...
 
 
 @pytest.fixture(scope="module")
-def delay_driver(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def delay_driver(tmp_path_factory: pytest.TempPathFactory, objects: Path) -> tuple[Path, str]:
     folder = tmp_path_factory.mktemp("delays")
     sources = generate(MODELICA / "Delays.mo", "Delays.Chain")
     (folder / "model.c").write_bytes(sources.c_files["model.c"])
@@ -136,7 +142,7 @@ def delay_driver(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     numbers = {v.get("name"): v.get("valueReference") for v in root.iter("ScalarVariable")}
     defines = (f'GUID="{root.get("guid")}"', f"U={numbers['u']}", f"Y={numbers['y']}")
     model = [RUNTIME / "core.c", folder / "model.c"]
-    return build_driver(folder, defines=defines, driver="delay_driver.c", model=model)
+    return build_driver(folder, objects, defines=defines, driver="delay_driver.c", model=model)
 
 
 @pytest.mark.parametrize("what", [[], ["fuzz"]])
