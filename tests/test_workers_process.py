@@ -209,7 +209,7 @@ def test_a_signal_in_the_middle_of_sending_ends_it_in_good_order() -> None:
 
 
 FORKED = """
-import os, sys, threading, time
+import os, sys, threading
 from collections import deque
 import workbench as wb
 from tests.worker_tasks import obey
@@ -218,11 +218,11 @@ from workbench.workers import Limits, process
 from workbench.workers.pool import Pool
 
 model = wb.load("fmu:FirstOrderLag")
-held = threading.Event()
+held, free = threading.Event(), threading.Event()
 def hold():
     with process._lock, scratch._beginning:
         held.set()
-        time.sleep(3)
+        free.wait()
 with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
     events = pool.run(obey, deque([("say", 1, 2, 3)]))
     print(next(events).value, flush=True)
@@ -232,7 +232,9 @@ with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
     if child == 0:
         wb.simulate(model, stop=0.1)  # in a worker of its own
         sys.exit(7)  # closes the pool on its way
-    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), *(e.value for e in events))
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])  # locks were held for all its life
+    free.set()
+    print(code, *(e.value for e in events))
     print(*(e.value for e in pool.run(obey, deque([("say", 4)]))))
 """
 
