@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -58,20 +58,43 @@ class Import:
     late: bool
 
 
+@dataclass(frozen=True)
+class Statement:
+    """One statement that imports, and whether the type checker alone makes it, or it or a call."""
+
+    node: ast.Import | ast.ImportFrom
+    typing: bool
+    late: bool
+
+
+@cache
+def statements(path: Path) -> list[Statement]:
+    """Return the statements of a file that import; it is read once."""
+    return list(statements_in(ast.parse(path.read_text(encoding="utf-8"))))
+
+
+def statements_in(tree: ast.AST, *, typing: bool = False, late: bool = False) -> Iterator[Statement]:
+    typing, late = typing or is_typing(tree), late or is_late(tree)
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield Statement(node, typing, late)
+        elif isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case):  # there is none in an expression
+            yield from statements_in(node, typing=typing, late=late)
+
+
 def module_of(path: Path) -> str:
     """Return the dotted name of a file's module."""
     return ".".join(path.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__")
 
 
-def imported_modules(tree: ast.AST, known: Collection[str]) -> set[str]:
+def imported_modules(statements: Iterable[Statement], known: Collection[str]) -> set[str]:
     """Return the modules that a file imports when it is loaded or when one of its functions is called."""
-    typing = {id(n) for block in ast.walk(tree) if is_typing(block) for n in ast.walk(block)}
     found: set[str] = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.level == 0 and id(node) not in typing:
+    for node in (statement.node for statement in statements if not statement.typing):
+        if isinstance(node, ast.ImportFrom) and node.level == 0:
             names = [f"{node.module}.{alias.name}" for alias in node.names]
             found |= {name if name in known else node.module or "" for name in names}
-        elif isinstance(node, ast.Import) and id(node) not in typing:
+        elif isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
     return found & set(known)
 
@@ -92,14 +115,12 @@ def layer(path: Path) -> str:
 
 def imports(path: Path) -> Iterator[Import]:
     """Yield the imports from other layers, those under TYPE_CHECKING, too."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    inside = {id(n) for block in ast.walk(tree) if is_late(block) for n in ast.walk(block)}
-    for node in ast.walk(tree):
-        for module in modules(node):
+    for statement in statements(path):
+        for module in modules(statement.node):
             target = module.split(".")[1]
             if target != layer(path):
-                where = f"{path.relative_to(ROOT)}:{node.lineno} imports {module}"  # type: ignore[attr-defined]
-                yield Import(layer(path), target, where, id(node) in inside)
+                where = f"{path.relative_to(ROOT)}:{statement.node.lineno} imports {module}"
+                yield Import(layer(path), target, where, statement.late)
 
 
 def is_late(node: ast.AST) -> bool:
@@ -152,16 +173,13 @@ def test_what_all_use_depends_on_little(name: str) -> None:
 def test_no_modules_import_each_other() -> None:
     """Not in functions either; what stands above is looked up by name (`core.named`), or only a type."""
     paths = {module_of(path): path for path in ROOT.rglob("*.py")}
-    graph = {
-        name: imported_modules(ast.parse(path.read_text(encoding="utf-8")), paths) - {name}
-        for name, path in paths.items()
-    }
+    graph = {name: imported_modules(statements(path), paths) - {name} for name, path in paths.items()}
     assert not (circle := circle_in(graph)), " → ".join(circle)
 
 
 def test_a_circle_is_found() -> None:
     text = "if TYPE_CHECKING:\n    from a import x\ndef f():\n    from b import c\n    import a"
-    assert imported_modules(ast.parse(text), {"a", "b", "b.c"}) == {"b.c", "a"}
+    assert imported_modules(statements_in(ast.parse(text)), {"a", "b", "b.c"}) == {"b.c", "a"}
     assert set(circle_in({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
     assert circle_in({"a": {"b"}, "b": {"c"}, "d": {"a"}}) == []
 
