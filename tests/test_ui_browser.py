@@ -147,7 +147,7 @@ def test_a_response_is_measured_and_its_points_are_asked(page: Page, ui: Ui) -> 
 
 
 def test_a_band_is_drawn_with_the_mouse(page: Page, ui: Ui) -> None:
-    measure(page, ui)
+    measure(page, ui, amplitudes="1")
     page.click("text=Draw a band")
     box = page.locator("canvas").first.bounding_box()
     assert box is not None
@@ -209,7 +209,7 @@ def test_a_loop_is_closed_and_its_gain_dragged(page: Page, ui: Ui) -> None:
 
 
 def test_curves_are_pinned_and_compared(page: Page, ui: Ui) -> None:
-    measure(page, ui)
+    measure(page, ui, band="1:4")
     api.expect(page.locator(".legend li")).to_have_count(2)
     page.get_by_role("button", name="Pin", exact=True).click()
     api.expect(page.locator(".legend li")).to_have_count(4)
@@ -245,7 +245,7 @@ def saved(page: Page, button: str) -> bytes:
 
 
 def test_pictures_are_saved_with_what_their_curves_are(page: Page, ui: Ui) -> None:
-    measure(page, ui, amplitudes="1")
+    measure(page, ui, band="0.5:2", amplitudes="1")
     drawing = saved(page, "SVG").decode()
     for words in ("gain [dB]", "phase [deg]", "frequency [Hz]", "1 deg"):
         assert words in drawing
@@ -327,7 +327,7 @@ def test_a_component_is_taken_away_in_the_diagram(page: Page, ui: Ui) -> None:
 
 
 def test_a_session_is_kept_as_a_study(page: Page, ui: Ui) -> None:
-    measure(page, ui)
+    measure(page, ui, band="1:4", amplitudes="1")
     go(page, "Keep", "This session as a study")
     api.expect(page.locator("textarea")).to_have_value(re.compile(r'command = "nfr"'))
     page.click("text=Write into the folder")
