@@ -94,7 +94,7 @@ LINES = {
     "lin": (f"{LAG_FMU} --over tau=0.5,1,2", "systems"),
     "loop": ("loop.toml --open c.y --amplitude 1,2 --freq 0.1,0.2 --how inject --refine 0 --in-process", "measured"),
     "delays": ("master.toml --stop 1 --input reference=1 --step 0.02 --in-process", ""),
-    "limit-cycle": ("loop.toml --block block --method shooting --vary gain=0.9:1.2 --in-process", ""),
+    "limit-cycle": ("loop.toml --block block --method shooting --vary gain=0.99:1.01 --in-process", ""),
     "feedback": ("lags.toml --from c.y --to a.u", "stable_gains"),
     "feed-forward": (f"{DESIGN} --input u=pulse:value=1,duration=0.1 --stop 2 --crude", "filter"),
     "modes": (f"{LAG_FMU} --vary tau=0.5:2 --points 3 --against tau=1 --in-process", ""),

@@ -29,7 +29,7 @@ def loop(tmp_path: Path) -> str:
 def test_json_csv_and_picture(loop: str, tmp_path: Path) -> None:
     out, table, picture = (tmp_path / name for name in ("out.json", "out.csv", "out.png"))
     options = ["--output", "y", "--output", "b.y", "--json", str(out), "--csv", str(table), "--plot", str(picture)]
-    assert run(loop, "--block", "block", "--vary", "gain=0.9:1.2", *options) == 0
+    assert run(loop, "--block", "block", "--vary", "gain=0.99:1.01", *options) == 0
     found = json.loads(out.read_text(encoding="utf-8"))
     (crossing,) = found["crossings"]
     assert crossing["real"] == pytest.approx(-1.25)
