@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -33,23 +34,39 @@ plant = {block = "transfer_function", numerator = [-10], denominator = [1, 3, 3,
 """
 
 
-@pytest.mark.parametrize(
-    ("command", "slow"),
-    [
-        ("trim fmu:FirstOrderLag", SLOW),
-        ("lin fmu:FirstOrderLag", SLOW),
-        ("limit-cycle loop.toml --block block --in-process", SLOWEST),
-    ],
-)
-def test_a_small_command_imports_nothing_slow(command: str, slow: tuple[str, ...], tmp_path: Path) -> None:
-    (tmp_path / "loop.toml").write_text(LOOP, encoding="utf-8")
-    program = (
-        "import sys; from workbench.cli.app import run; "
-        f"code = run({command.split()}); "
-        f"print('slow:', *(m for m in {slow} if m in sys.modules)); sys.exit(code)"
-    )
-    found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path)
-    assert found.stdout.splitlines()[-1].split() == ["slow:"]
+# Command → modules that it must not import, in the order in which one process runs them: none has to do without what
+# one before it may import.
+SMALL = {
+    "trim fmu:FirstOrderLag": SLOW,
+    "lin fmu:FirstOrderLag": SLOW,
+    "limit-cycle loop.toml --block block --in-process": SLOWEST,
+}
+PROGRAM = """
+import sys
+from workbench.cli.app import run
+for line in sys.argv[1:]:
+    print("\\nimported:", run(line.split()), *sys.modules)
+"""
+
+
+@pytest.fixture(scope="module")
+def imported(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, frozenset[str]]:
+    """Run the small commands in a process of their own; return what is imported after each of them."""
+    folder = tmp_path_factory.mktemp("imported")
+    (folder / "loop.toml").write_text(LOOP, encoding="utf-8")
+    words = [sys.executable, "-c", PROGRAM, *SMALL]
+    out = subprocess.run(words, capture_output=True, text=True, check=True, cwd=folder).stdout
+    found = [line.split()[1:] for line in out.splitlines() if line.startswith("imported: ")]
+    assert [code for code, *_ in found] == ["0"] * len(SMALL), out
+    return {line: frozenset(modules) for line, (_, *modules) in zip(SMALL, found, strict=True)}
+
+
+@pytest.mark.parametrize(("command", "slow"), SMALL.items())
+def test_a_small_command_imports_nothing_slow(
+    command: str, slow: tuple[str, ...], imported: Mapping[str, frozenset[str]]
+) -> None:
+    assert imported[command].isdisjoint(slow)
+    assert "numpy" in imported[command]
 
 
 def test_modes_have_their_own_tolerance_and_the_model_has_one(tmp_path: Path) -> None:
