@@ -83,3 +83,10 @@ def pytest_pyfunc_call() -> Generator[None, object, object]:
     """Leave the environment as it is from test to test: where it changes, all worker processes are started anew."""
     os.environ.pop("PYTEST_CURRENT_TEST", None)
     return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup() -> Generator[None, object, object]:
+    """Leave it so where a fixture is made, too: the test goes on with the worker processes that made it."""
+    os.environ.pop("PYTEST_CURRENT_TEST", None)
+    return (yield)

@@ -361,6 +361,7 @@ def rate_limiter() -> wb.DescribingFunction:
     return wb.describing_function(wb.standard_block("rate_limiter"), [1.0, 4.0], [0.1, 1.0])
 
 
+HERE = wb.Workers(in_process=True)
 MADE: dict[str, Callable[[], Any]] = {
     "Advice": lambda: wb.advise(experiment()),
     "SpectralDensity": lambda: wb.sdf(experiment()),
@@ -374,8 +375,8 @@ MADE: dict[str, Callable[[], Any]] = {
     "NyquistResult": nyquist_of_lags,
     "LinearModel": lambda: wb.lin(lag()),
     "LinResult": lambda: wb.lin(lag()).result,
-    "LinGrid": lambda: wb.lin_over(lag(), {"tau": [0.5, 2.0]}),
-    "LinComparison": lambda: wb.compare(lag(), "u", "y", frequencies=[0.1, 1.0]),
+    "LinGrid": lambda: wb.lin_over(lag(), {"tau": [0.5, 2.0]}, workers=HERE),
+    "LinComparison": lambda: wb.compare(lag(), "u", "y", frequencies=[0.1, 1.0], workers=HERE),
     "StepCheck": lambda: wb.step_check(lag(), wb.lin(lag()).result, input="u", output="y", height=1.0, stop=1.0),
     "TrimResult": lambda: wb.trim(lag(), u0={"u": 2.0}),
 }
