@@ -33,11 +33,7 @@ def test_files_are_written_without_standard_output(redirected: str, why: str, tm
     assert (tmp_path / "t.csv").read_text()
 
 
-# Without a worker process, which is no part of this; those above have one.
-_NOBODY = ["trim fmu:Rudder --in-process --json -", "simulate fmu:Rudder --in-process --stop 1 --csv -", "--help"]
-
-
-@pytest.mark.parametrize("arguments", _NOBODY)
+@pytest.mark.parametrize("arguments", ["trim fmu:Rudder --json -", "simulate fmu:Rudder --stop 1 --csv -", "--help"])
 @pytest.mark.parametrize(("redirected", "why"), [(">&-", _CLOSED), (">/dev/full", _FULL)])
 def test_a_result_that_nobody_got_is_no_success(arguments: str, redirected: str, why: str, tmp_path: Path) -> None:
     assert _ended(arguments, redirected, tmp_path) == (2, [f"workbench: standard output: {why}; {_LOST}"])
