@@ -241,7 +241,7 @@ def fresh(paths: Sequence[Path], count: int, seed: int) -> list[Mutant]:
 
 
 def lasting(count: int) -> tuple[list[Mutant], list[Mutant]]:
-    """Return the first of the mutants drawn from the commit SAMPLE, where they are today; and those that are gone.
+    """Return some of the mutants drawn from the commit SAMPLE, where they are today; and those that are gone.
 
     Args:
         count: how many.
@@ -259,7 +259,7 @@ def lasting(count: int) -> tuple[list[Mutant], list[Mutant]]:
             content = files.extractfile(name)
             if content is not None and _is_tried(Path(name)):
                 every += mutants_of(ROOT / name, content.read())
-    picked = _drawn(every, COUNT, SEED)[:count]
+    picked = _drawn(_drawn(every, COUNT, SEED), count, SEED)
     files_of_today = [file for file in {m.file for m in picked} if file.exists()]
     today = {(m.key, m.number): m for file in files_of_today for m in mutants_of(file)}
     found = [today.get((m.key, m.number)) for m in picked]
@@ -378,7 +378,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     paths = [p.resolve() for p in asked.paths] or [ROOT / "workbench" / name for name in FOLDERS]
     if missing := [p for p in paths if not p.exists()]:
         parser.error(f"there is no {missing[0]}")
-    if asked.paths or asked.fresh or asked.seed != SEED:
+    if asked.paths or asked.fresh or asked.seed != SEED or asked.count > COUNT:
         mutants = fresh(paths, asked.count, asked.seed)
     else:
         mutants, gone = lasting(asked.count)

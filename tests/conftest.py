@@ -50,7 +50,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return
     cases = ET.parse(LAST_RUN).iter("testcase")  # noqa: S314 - pytest has written it
     took = {(case.get("classname"), case.get("name")): float(case.get("time", 0.0)) for case in cases}
-    seconds = {item: took.get((item.nodeid.partition(".py::")[0].replace("/", "."), item.name), 0.0) for item in items}
+    files = {item: item.nodeid.removesuffix(f"::{item.name}").replace(".py", "", 1) for item in items}
+    seconds = {i: took.get((file.replace("/", ".").replace("::", "."), i.name), 0.0) for i, file in files.items()}
     together = dict(zip(sorted(items, key=seconds.__getitem__), accumulate(sorted(seconds.values())), strict=True))
     config.hook.pytest_deselected(items=[item for item in items if together[item] > most])
     items[:] = [item for item in items if together[item] <= most]

@@ -91,6 +91,7 @@ MIMICS = {
     "fast-math": Mimic("compiled with -ffast-math: tiny numbers become zero in the whole process", "fast"),
     "handles": Mimic("a run-time system that sets handlers of signals", "handles"),
     "discards": Mimic("a model that discards trial points of an integrator", "discards", ("ModelExchange",)),
+    "forgets": Mimic("20-sim: parameters are reset by fmi2SetupExperiment", "forgets"),
     "undeclared": Mimic("exporters that list no outputs in ModelStructure", outputs=False),
     "no-experiment": Mimic("exporters without a default experiment", experiment=""),
     "latin": Mimic("MapleSim: the description in ISO-8859-1", change=_latin, encoding="ISO-8859-1"),

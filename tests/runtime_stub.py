@@ -313,8 +313,8 @@ def build_driver(
         made = [str(place / f"{Path(source).stem}.o") for source in runtime_sources()]
         whole = [*command, *common, *(f"-D{d}" for d in defines), *own, *made, "-o", str(out), *libraries]
         steps = [(folder, whole)]
-        if not place.exists():
-            place.mkdir()
+        if not all(Path(file).exists() for file in made):
+            place.mkdir(exist_ok=True)
             steps.insert(0, (place, [*command, *common, "-c", *runtime_sources()]))
         for where, step in steps:
             done = subprocess.run(step, capture_output=True, text=True, cwd=where, check=False)

@@ -16,6 +16,7 @@ from tests.drivers import each_driver  # noqa: F401
 from tests.fmi1_fmus import build_fmi1
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
+from tests.mimic_fmus import build_mimic
 from workbench.analysis.lin.request import lin
 from workbench.analysis.lin.step_check import step_check
 from workbench.analysis.simulate.request import simulate
@@ -192,6 +193,23 @@ def test_states_of_model_exchange_components_beside_co_simulation_are_set() -> N
 
 
 # -- start values ---------------------------------------------------------------------------
+
+
+@both_interfaces
+def test_parameters_that_the_setup_resets_are_set_again_and_that_is_told(interface: str, tmp_path: Path) -> None:
+    with load(build_mimic(tmp_path, "orderly"), interface, start_values={"c": 50.0, "d": 8.0}) as model:
+        wanted = simulate(model, stop=0.5)
+        assert not any("forgets" in note for note in simulate(model, stop=0.5).notes)
+    for name in ("orderly", "forgets"):
+        with load(build_mimic(tmp_path, name), interface) as model:
+            assert np.max(np.abs(simulate(model, stop=0.5).signals["y"] - wanted.signals["y"])) > 1e-3
+    with load(build_mimic(tmp_path, "forgets"), interface, start_values={"c": 50.0, "d": 8.0}) as model:
+        for _ in range(2):  # learned once, kept for the next session
+            assert np.array_equal(simulate(model, stop=0.5).signals["y"], wanted.signals["y"])
+        assert any(
+            "forgets parameters that are set before fmi2SetupExperiment" in note
+            for note in simulate(model, stop=0.5).notes
+        )
 
 
 @both_interfaces

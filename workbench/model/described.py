@@ -410,7 +410,9 @@ class DescribedModel(Model):
     def remarks(self) -> tuple[str, ...]:
         slopes = _NO_SLOPES if self.slopes is False else ""
         manners = self._setup.manners
-        return tuple(filter(None, (manners.note, manners.guessed, self.start_note, slopes, self.replay_note())))
+        return tuple(
+            filter(None, (manners.note, manners.guessed, manners.forgets, self.start_note, slopes, self.replay_note()))
+        )
 
     def end_sessions(self) -> None:
         """Close all sessions, also of models made of this one."""

@@ -63,7 +63,7 @@ def _behind(unit: str | None) -> str:
 def _title(comparison: LinComparison) -> str:
     models = {result.model for result in comparison.results.values()}
     of = f"{models.pop()}: " if len(models) == 1 else ""
-    return f"{of}{comparison.input} → {comparison.output} by {len(comparison.results)} methods"
+    return f"{of}{comparison.input} → {comparison.output} by {counted(len(comparison.results), 'method')}"
 
 
 def plot_step_check(check: StepCheck) -> Figure:

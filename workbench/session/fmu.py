@@ -35,14 +35,17 @@ class Manners:
             where it does not begin at 0, since some exports initialise at 0 whatever start time they are told.
         note: says so; empty where all goes as usual.
         guessed: says which start values, mere guesses by the FMU's own word, came out otherwise; empty: none.
+        forgets: says that parameters are set once more during initialisation; empty: the FMU keeps those set before.
     """
 
     other_order: bool = False
     time_first: bool | None = None
     note: str = ""
     guessed: str = ""
+    forgets: str = ""
 
 
+_FORGETS = "the FMU forgets parameters that are set before fmi2SetupExperiment: they are set again afterwards"
 _OTHER_ORDER = {
     "me": "the FMU needs the time set again before its first event iteration",
     "cs": "the FMU declares event mode but rejects it; it runs without",
@@ -55,6 +58,10 @@ class _RefusedError(Exception):
     def __init__(self, error: SimulationError) -> None:
         super().__init__(str(error))
         self.error = error
+
+
+class _ForgottenError(Exception):
+    """The FMU has lost parameters on the way to the end of its initialisation."""
 
 
 @dataclass(frozen=True)
@@ -169,6 +176,10 @@ class FmuSession(Session):
             self._initialise()
             self._started(self._placed(self._first_event()))
             self._arrived()
+        except _ForgottenError:
+            self.close()
+            self.setup.manners.forgets = _FORGETS
+            self._begin()
         except BaseException:
             self.close()
             raise
@@ -211,6 +222,8 @@ class FmuSession(Session):
         self._write({n: v for n, v in starts.items() if n not in self.inputs})
         instance.enter_initialisation(self.time, setup.tolerance)
         self._write({n: v for n, v in starts.items() if n in self.inputs})  # FMI 2.0.4, 3.2.3: not before
+        if setup.manners.forgets:
+            self._write({n: v for n, v in starts.items() if setup.variables[n].causality == "parameter"})
         if setup.signals:
             self.forcing.write_all(self.forcing.at(self.time))
         instance.exit_initialisation()
@@ -262,6 +275,14 @@ class FmuSession(Session):
         if guessed := misses(self.instance, [v for v in asked if v.initial == "approx"], biased):
             setup.manners.guessed = f"the FMU uses a start value only as a guess (initial approx): {in_words(guessed)}"
         if found := misses(self.instance, [v for v in asked if v.initial != "approx"], biased):
+            lost = [setup.variables[miss.name] for miss in found]
+            if (
+                not setup.manners.forgets
+                and self.instance.version == 2
+                and all(v.causality == "parameter" for v in lost)
+            ):
+                raise _ForgottenError
+            setup.manners.forgets = ""
             name = self.instance.description.model_name
             raise NotReachedError(
                 f"{name}: the FMU does not accept a start value: {in_words(found)}; {_remedy(found, setup)}"

@@ -29,10 +29,12 @@
 #endif
 
 typedef enum {
-    PLAIN, DYMOLA, SIMULINK, UNLIKE, SILENT, TOOL, WARNS, NOMINALS, FORMATS, MEMORY, FAST, HANDLES, DISCARDS, N_WAYS
+    PLAIN, DYMOLA, SIMULINK, UNLIKE, SILENT, TOOL, WARNS, NOMINALS, FORMATS, MEMORY, FAST, HANDLES, DISCARDS,
+    FORGETS, N_WAYS
 } Way;
 static const char *const names[N_WAYS] = {"plain",    "dymola",  "simulink", "unlike", "silent",  "tool",    "warns",
-                                          "nominals", "formats", "memory",   "fast",   "handles", "discards"};
+                                          "nominals", "formats", "memory",   "fast",   "handles", "discards",
+                                          "forgets"};
 
 enum { VR_TIME, VR_U, VR_X, VR_V, VR_DER_X, VR_DER_V, VR_Y, VR_C, VR_D, N_VALUES, NX = 2 };
 static const double START[N_VALUES] = {[VR_U] = 1.0, [VR_C] = 100.0, [VR_D] = 4.0};
@@ -164,8 +166,13 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean controlled, fmi2Real
     (void)tolerance;
     (void)stop_defined;
     (void)stop;
-    ((Model *)c)->v[VR_TIME] = start;
-    return said(c, ((Model *)c)->mode == INSTANTIATED);
+    Model *model = c;
+    if (model->way == FORGETS) {
+        model->v[VR_C] = START[VR_C];
+        model->v[VR_D] = START[VR_D];
+    }
+    model->v[VR_TIME] = start;
+    return said(model, model->mode == INSTANTIATED);
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c)
