@@ -30,6 +30,7 @@ from workbench.core.record import Record, Reportable, plain
 from workbench.fmi.archive import locate
 from workbench.origin import Origin, origin_of, remember, with_origin
 from workbench.report import Page, Section, Table, Verdict, write_page
+from workbench.report.facts import point_facts
 from workbench.report.page import SUFFIXES
 from workbench.report.results import SHOWN, page_of, picture_of, write_report
 from workbench.report.tones import TONES, counted, tone, worst_first
@@ -455,3 +456,11 @@ def test_tables_of_sentences_fold_and_tables_of_numbers_do_not() -> None:
     assert Table(("question", "verdict", "evidence"), [("noise", "good", sentence)]).wordy
     assert not Table(("f", "gain", "phase"), [("1", "2", "3")]).wordy
     assert not Table(("name", "text"), [("a", sentence)]).wordy
+
+
+def test_an_input_that_a_simulation_forces_is_not_among_those_held() -> None:
+    with wb.load("fmu:Rudder") as model:
+        found = wb.simulate(model, stop=0.1, inputs={"delC": wb.Step(time=0.05, value=2.0)}, outputs=["del"])
+    told = point_facts(found.to_dict())
+    assert "delC" not in told["held inputs"]
+    assert told["operating point"].startswith("delC = 0 deg")

@@ -81,3 +81,10 @@ def test_an_approval_without_a_role_is_refused(tmp_path: Path, capsys: pytest.Ca
     (tmp_path / "s.toml").write_text(STUDY.replace('role = "checked"', 'rolle = "checked"'), encoding="utf-8")
     assert run(["run", str(tmp_path / "s.toml")]) == 2
     assert "rolle" in capsys.readouterr().err
+
+
+def test_the_metadata_names_requirements_and_approvals(folder: Path) -> None:
+    text = (folder / "s.stmd").read_text(encoding="utf-8")
+    assert "ACT-REQ-012" in text
+    assert 'keyword="checked">open<' in text
+    assert "M. Roe, 2026-03-02<" in text

@@ -62,8 +62,9 @@ def _behind(unit: str | None) -> str:
 
 def _title(comparison: LinComparison) -> str:
     models = {result.model for result in comparison.results.values()}
+    count = len(comparison.results)
     of = f"{models.pop()}: " if len(models) == 1 else ""
-    return f"{of}{comparison.input} → {comparison.output} by {counted(len(comparison.results), 'method')}"
+    return f"{of}{comparison.input} → {comparison.output} by {count} method{'' if count == 1 else 's'}"
 
 
 def plot_step_check(check: StepCheck) -> Figure:

@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+import numpy as np
+
 from workbench import __version__
 from workbench.core.operating_point import point_of_json
 from workbench.errors import InputError
@@ -79,7 +81,7 @@ def point_facts(data: Mapping[str, Any]) -> dict[str, str]:
         return {}
     if point is None:
         return {}
-    forced = _forced(data)
+    forced = _forced(data) | _moved(data, point.u)
     held = {name: value for name, value in point.u.items() if name not in forced}
     still = replace(point, u={name: value for name, value in point.u.items() if name in forced})
     return {
@@ -94,6 +96,14 @@ def _forced(data: Mapping[str, Any]) -> set[str]:
     """Return the inputs that were moved."""
     one = data.get("input")
     return {str(one["name"] if isinstance(one, Mapping) and "name" in one else one)}
+
+
+def _moved(data: Mapping[str, Any], u: Mapping[str, float]) -> set[str]:
+    """Return the inputs that a simulation or an experiment has recorded at other values than at the point."""
+    recorded = data.get("signals") or data.get("u")
+    histories = recorded if isinstance(recorded, Mapping) else {}
+    known = {name: np.ravel(histories[name]) for name in u if name in histories}
+    return {name for name, values in known.items() if np.any(values != u[name])}
 
 
 def _is_choice(note: str) -> bool:

@@ -131,7 +131,13 @@ def _of_refinement(result: IdentifyResult) -> list[Section]:
     known = result.uncertainty if told.taken else None
     figures = [] if known is None else [(known.plot, "Frequency response with its 95 % regions.")]
     items = () if known is None else known.words
-    return [Section("Refinement", paragraphs=[f"{told.words}."], tables=tables, items=items, figures=figures)]
+    words = [f"{told.words}."]
+    if known is not None and result.advice.finding("linearity").verdict != "good":
+        words.append(
+            "The regions are those of the best linear model for these data, which no linear system has made: the "
+            "response to other signals, sines among them, may lie outside."
+        )
+    return [Section("Refinement", paragraphs=words, tables=tables, items=items, figures=figures)]
 
 
 def spread_page(result: ModelSpread) -> Page:

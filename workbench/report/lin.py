@@ -157,8 +157,9 @@ def comparison_page(result: LinComparison) -> Page:
     """Return the page of all methods beside a measurement: words, picture, verdict at each frequency."""
     counts = Counter((v.method, v.agrees) for v in result.verdicts)
     methods = dict.fromkeys(v.method for v in result.verdicts)
+    model = ", ".join(dict.fromkeys(one.model for one in result.results.values()))
     return Page(
-        title=f"Linear models against measurement: {result.input} → {result.output}",
+        title=f"Linear models of {model} against measurement: {result.input} → {result.output}",
         lead=f"{counted(len(result.results), 'linear model')} of the same operating point, compared with the response "
         "to sines that was measured on the model itself.",
         facts={"agreement": "within 0.5 dB and 5° of the measured response"},

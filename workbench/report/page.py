@@ -114,6 +114,8 @@ class Page:
         summary: verdicts at the top; the violated come first, whatever their order here.
         notes: warnings and remarks, below the lead.
         kind: what kind of page it is, above the title: the command's name.
+        verdicts: all of them, where the summary puts several into one line; the metadata beside the page has them.
+        signed: who agreed when, by role; for the metadata, too.
     """
 
     title: str
@@ -124,6 +126,8 @@ class Page:
     summary: Sequence[Verdict] = ()
     notes: Sequence[str] = ()
     kind: str = ""
+    verdicts: Sequence[Verdict] = ()
+    signed: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_page(page: Page, path: str | Path) -> None:
@@ -156,7 +160,7 @@ def _render(page: Page) -> str:
         page=page,
         sections=[_filled(section, f"s{i}") for i, section in enumerate(page.sections, start=1)],
         summary=worst_first(page.summary),
-        count=counted(page.summary) if len(page.summary) >= _MANY else "",
+        count=counted(page.verdicts or page.summary) if len(page.summary) >= _MANY else "",
         contents=len(page.sections) >= _LONG,
         data=_embedded(page.data),
     )

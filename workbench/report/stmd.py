@@ -23,7 +23,7 @@ SUFFIX = ".stmd"
 _STMD = "http://ssp-standard.org/SSPTraceability1/SimulationTaskMetaData"
 _STC = "http://ssp-standard.org/SSPTraceability1/SSPTraceabilityCommon"
 _FMU = "application/x-fmu-sharedlibrary"
-_FACTS, _VERDICTS = "fmi-workbench.facts", "fmi-workbench.verdicts"
+_FACTS, _VERDICTS, _APPROVALS = "fmi-workbench.facts", "fmi-workbench.verdicts", "fmi-workbench.approvals"
 
 
 def write_stmd(page: Page, origin: Origin, path: str | Path) -> None:
@@ -48,6 +48,7 @@ def write_stmd(page: Page, origin: Origin, path: str | Path) -> None:
         root.set("author", _clean(author))
     general = etree.SubElement(root, f"{{{_STMD}}}GeneralInformation")
     _classified(general, _FACTS, page.facts)
+    _classified(general, _APPROVALS, page.signed)
     phase = etree.SubElement(root, f"{{{_STMD}}}ExecutionPhase")
     step = etree.SubElement(phase, f"{{{_STMD}}}ExecuteSimulation")
     into = etree.SubElement(step, f"{{{_STC}}}Input")
@@ -61,10 +62,10 @@ def write_stmd(page: Page, origin: Origin, path: str | Path) -> None:
         etree.SubElement(resource, f"{{{_STC}}}Content").text = _clean(origin.call)
     out = etree.SubElement(step, f"{{{_STC}}}Output")
     _resource(out, "report", "text/html", Path(path).name)
-    if page.summary:
+    if verdicts := page.verdicts or page.summary:
         phase = etree.SubElement(root, f"{{{_STMD}}}EvaluationPhase")
         step = etree.SubElement(phase, f"{{{_STMD}}}EvaluateSimulationResults")
-        _classified(step, _VERDICTS, {f"{k}. {v.word}": v.text for k, v in enumerate(page.summary, 1)})
+        _classified(step, _VERDICTS, {f"{k}. {v.word}": v.text for k, v in enumerate(verdicts, 1)})
     with replacing(target) as part:
         part.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True, pretty_print=True))
 

@@ -52,7 +52,15 @@ def study_page(result: StudyResult) -> Page:
         notes=result.notes,
         sections=sections,
         data=result.to_dict(),
+        verdicts=[Verdict(c.finding.verdict, _named(c)) for c in result.checked],
+        signed={a.role: ", ".join(filter(None, [a.name, a.date])) or "open" for a in result.study.approvals},
     )
+
+
+def _named(checked: Checked) -> str:
+    """Return a requirement with its id, and what was found."""
+    number = f"{checked.requirement.id} " if checked.requirement.id else ""
+    return f"{number}{checked.name}: {checked.finding.words}"
 
 
 def _verdicts(result: StudyResult) -> list[Verdict]:
