@@ -15,6 +15,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -222,7 +223,7 @@ def _hits(folder: Path) -> Iterator[tuple[int, int, str]]:
 def _last_number() -> int:
     """Return the highest number of a test in the record, of one that failed, too; 0: there is none."""
     passed = (int(row.split("\t")[0]) for row in (FOLDER / "tests").read_text(encoding="utf-8").splitlines())
-    return max(*passed, *(number for number, _, _ in _hits(FOLDER)), 0, 0)
+    return max(chain([0], passed, (number for number, _, _ in _hits(FOLDER))))
 
 
 @cache
