@@ -1,0 +1,97 @@
+"""Sampled time: periods are the rational numbers that were meant, and instants are rounded once."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from workbench.core.calendar import Calendar, Sampler, exact, simplest_between
+from workbench.errors import InputError
+
+
+def of(*pairs: tuple[float, float]) -> Calendar:
+    return Calendar(tuple(Sampler(exact(period), exact(offset)) for period, offset in pairs))
+
+
+class TestExact:
+    def test_decimal_literals_are_exact(self) -> None:
+        rng = np.random.default_rng(1)
+        for digits in range(1, 16):
+            for exponent in range(-9, 7):
+                text = f"{rng.integers(1, 10**digits)}e{exponent}"
+                assert exact(float(text)) == Fraction(Decimal(text)), text
+
+    def test_fractions_from_arithmetic_are_exact(self) -> None:
+        for q in range(1, 1000):
+            for p in (1, 2, q + 1, 7 * q - 1):
+                assert exact(p / q) == Fraction(p, q)
+
+    def test_it_rounds_to_the_double_it_was_made_of(self) -> None:
+        rng = np.random.default_rng(2)
+        for value in (10.0 ** rng.uniform(-12, 12, 500)).tolist():
+            assert float(exact(value)) == value
+            assert exact(-value) == -exact(value)
+        assert exact(0.0) == 0
+
+    def test_long_decimals_keep_their_ratio(self) -> None:
+        assert exact(0.246913578024) == 2 * exact(0.123456789012)
+
+
+def test_the_simplest_fraction_has_the_smallest_denominator() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        low, width = rng.uniform(0.01, 3.0), 10.0 ** rng.uniform(-3, -1)
+        found = simplest_between(Fraction(low), Fraction(low + width))
+        assert low <= found <= low + width
+        assert all(math.floor((low + width) * q) < math.ceil(low * q) for q in range(1, found.denominator))
+
+
+class TestCalendar:
+    def test_instants_that_coincide_are_the_same_double(self) -> None:
+        fast, slow = Sampler(exact(0.1)), Sampler(exact(0.3))
+        assert all(fast.instant(3 * k) == slow.instant(k) for k in range(1000))
+        assert fast.instant(3) != 3 * 0.1
+
+    def test_integers_give_the_instants(self) -> None:
+        sampler = Sampler(exact(0.06), exact(1 / 7))
+        first, step, denominator = sampler.integers
+        assert [(first + k * step) / denominator for k in range(100)] == [sampler.instant(k) for k in range(100)]
+
+    @pytest.mark.parametrize(
+        ("pairs", "tick", "basic"),
+        [
+            (((0.1, 0.0), (0.3, 0.0)), Fraction(1, 10), Fraction(3, 10)),
+            (((0.06, 0.0), (0.04, 0.0)), Fraction(1, 50), Fraction(12, 100)),
+            (((0.06, 0.0), (0.04, 0.005)), Fraction(1, 200), Fraction(12, 100)),
+            (((1 / 3, 0.0), (0.5, 0.0)), Fraction(1, 6), Fraction(1)),
+            (((0.2, 1.7),), Fraction(1, 5), Fraction(1, 5)),
+        ],
+    )
+    def test_tick_and_basic_period(
+        self, pairs: tuple[tuple[float, float], ...], tick: Fraction, basic: Fraction
+    ) -> None:
+        assert (of(*pairs).tick, of(*pairs).basic_period) == (tick, basic)
+
+    def test_what_is_due_is_what_integers_say(self) -> None:
+        """Counted in units of 5 ms by hand: 12 k, and 1 + 8 k."""
+        calendar = of((0.06, 0.0), (0.04, 0.005))
+        by_hand = [tuple(i for i, hit in enumerate((k % 12 == 0, k % 8 == 1)) if hit) for k in range(100)]
+        assert [calendar.due(k) for k in range(100)] == by_hand
+        assert calendar.length == 24
+        assert calendar.time(7) == 0.035
+
+    def test_nothing_is_due_before_its_offset(self) -> None:
+        calendar = of((0.1, 0.0), (0.1, 0.3))
+        assert [calendar.due(k) for k in range(5)] == [(0,), (0,), (0,), (0, 1), (0, 1)]
+
+    def test_periods_that_hardly_repeat_are_refused(self) -> None:
+        with pytest.raises(InputError, match=r"0\.1, 0\.1000001 s repeat together after"):
+            _ = of((0.1, 0.0), (0.1000001, 0.0)).basic_period
+
+    def test_a_period_must_be_positive(self) -> None:
+        with pytest.raises(InputError, match="positive"):
+            Sampler(exact(0.0))

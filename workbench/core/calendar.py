@@ -1,0 +1,161 @@
+"""One calendar for all that samples: exact periods, instants as integers of a common tick, what falls together.
+
+A period that is declared as 0.1 means one tenth, which no double is. Instants that are computed from the rational
+numbers that are meant are rounded once, so that those that coincide are the same double.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+
+from workbench.errors import InputError
+
+__all__ = ["Calendar", "Sampler", "exact", "simplest_between"]
+
+_BY_CHANCE = 1e-3  # expected number of fractions as simple within rounding, below which one is taken as meant
+_LONGEST = 10_000  # instants of one sampler in a basic period; beyond that nobody wants to wait for it
+
+
+def exact(value: float) -> Fraction:
+    """Return the rational number that is meant by a double: a simple fraction, or else its decimal literal.
+
+    The simplest fraction that rounds to this double is taken if it is too simple to lie there by chance: 1/3 s.
+    Otherwise a decimal of up to 15 digits, which a double always gives back, is what was written.
+
+    Args:
+        value: finite.
+
+    Example:
+    >>> exact(0.1), exact(1 / 3), exact(0.123456789012)
+    (Fraction(1, 10), Fraction(1, 3), Fraction(30864197253, 250000000000))
+    """
+    size = abs(value)
+    if size == 0.0:
+        return Fraction(0)
+    below, above = Fraction(math.nextafter(size, 0.0)), Fraction(math.nextafter(size, math.inf))
+    middle = Fraction(size)
+    found = simplest_between((below + middle) / 2, (middle + above) / 2)
+    written = Fraction(repr(size))
+    by_chance = found.denominator * found.numerator * sys.float_info.epsilon
+    if by_chance > _BY_CHANCE and float(f"{size:.{sys.float_info.dig}g}") == size:
+        found = written
+    return found if value > 0.0 else -found
+
+
+def simplest_between(low: Fraction, high: Fraction) -> Fraction:
+    """Return the fraction with the smallest denominator in [low, high], both positive.
+
+    Source: the Stern–Brocot tree; R. Graham, D. Knuth, O. Patashnik, Concrete Mathematics, 1994, section 4.5.
+
+    Example:
+    >>> simplest_between(Fraction(333, 1000), Fraction(334, 1000))
+    Fraction(1, 3)
+    """
+    whole = math.ceil(low)
+    if whole <= high:
+        return Fraction(whole)
+    whole -= 1
+    return whole + 1 / simplest_between(1 / (high - whole), 1 / (low - whole))
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """What samples at offset + k · period for all k from 0 on.
+
+    Attributes:
+        period: [s], positive.
+        offset: the first instant [s].
+
+    Raises:
+        InputError: the period is not positive.
+    """
+
+    period: Fraction
+    offset: Fraction = Fraction(0)
+
+    def __post_init__(self) -> None:
+        if self.period <= 0:
+            raise InputError(f"a sample period must be positive, not {float(self.period):g} s")
+
+    @property
+    def integers(self) -> tuple[int, int, int]:
+        """(first, step, denominator): instant k is (first + k · step) / denominator [s]."""
+        denominator = math.lcm(self.period.denominator, self.offset.denominator)
+        return int(self.offset * denominator), int(self.period * denominator), denominator
+
+    def instant(self, k: int) -> float:
+        """Return the time of instant k [s], rounded once."""
+        return float(self.offset + k * self.period)
+
+
+@dataclass(frozen=True)
+class Calendar:
+    """Several samplers on one time axis: instant k of the calendar is origin + k · tick.
+
+    Attributes:
+        samplers: one at least.
+
+    Example:
+    >>> two = Calendar((Sampler(exact(0.1)), Sampler(exact(0.3))))
+    >>> two.basic_period, [two.due(k) for k in range(two.length)]
+    (Fraction(3, 10), [(0, 1), (0,), (0,)])
+    """
+
+    samplers: tuple[Sampler, ...]
+
+    @property
+    def origin(self) -> Fraction:
+        """The first instant of any sampler [s]."""
+        return min(s.offset for s in self.samplers)
+
+    @property
+    def tick(self) -> Fraction:
+        """The longest time of which all instants are integer multiples, counted from `origin` [s]."""
+        origin = self.origin
+        return _gcd([s.period for s in self.samplers] + [s.offset - origin for s in self.samplers])
+
+    @property
+    def basic_period(self) -> Fraction:
+        """The shortest time after which all samplers repeat together [s].
+
+        Raises:
+            InputError: it is longer than 10 000 periods of the fastest sampler.
+        """
+        periods = [s.period for s in self.samplers]
+        found = 1 / _gcd(1 / p for p in periods)
+        if found > _LONGEST * min(periods):
+            listed = ", ".join(f"{float(p):.12g}" for p in sorted(set(periods)))
+            raise InputError(
+                f"the sample periods {listed} s repeat together after {float(found):.6g} s only, "
+                f"{float(found / min(periods)):.3g} of the shortest; round them, or give periods"
+            )
+        return found
+
+    @property
+    def length(self) -> int:
+        """Number of ticks in a basic period."""
+        return int(self.basic_period / self.tick)
+
+    def time(self, k: int) -> float:
+        """Return the time of instant k of the calendar [s], rounded once."""
+        return float(self.origin + k * self.tick)
+
+    def due(self, k: int) -> tuple[int, ...]:
+        """Return the numbers of the samplers that sample at instant k of the calendar."""
+        time = self.origin + k * self.tick
+        return tuple(i for i, s in enumerate(self.samplers) if time >= s.offset and (time - s.offset) % s.period == 0)
+
+
+def _gcd(values: Iterable[Fraction]) -> Fraction:
+    """Return the largest fraction of which all are integer multiples; zeros do not count."""
+    return reduce(_gcd_of_two, values, Fraction(0))
+
+
+def _gcd_of_two(a: Fraction, b: Fraction) -> Fraction:
+    denominator = math.lcm(a.denominator, b.denominator)
+    return Fraction(math.gcd(int(a * denominator), int(b * denominator)), denominator)
