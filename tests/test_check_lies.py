@@ -16,6 +16,7 @@ from workbench.analysis.check.request import Check, check
 from workbench.analysis.check.result import HealthCard, HealthLine
 from workbench.analysis.lin.request import Lin, lin
 from workbench.analysis.nfr.request import Nfr
+from workbench.analysis.nfr.surroundings import surroundings
 from workbench.analysis.request import asked_options
 from workbench.analysis.simulate.request import Simulate, simulate
 from workbench.analysis.trim.request import trim
@@ -184,9 +185,19 @@ def test_an_fmu_that_allows_one_instance_only_without_saying_so_is_used_one_afte
             assert trim(model).converged
 
 
-def test_directional_derivatives_that_fail_are_told_with_the_way_out(folder: Path) -> None:
+def test_where_directional_derivatives_fail_auto_goes_on_by_differences_and_says_so(folder: Path) -> None:
+    """dv/dt = u + w − K x − D v: what was asked for by name still ends, with the way out."""
     with load(build_lying(folder, "no-derivative"), "me") as model:
         with pytest.raises(SimulationError, match=r"GetDirectionalDerivative returned error.*; use method difference$"):
-            lin(model)
-        matrices = lin(model, method="difference").result
-    np.testing.assert_allclose(matrices.A, [[0.0, 1.0], [-K, -D]], atol=1e-6)
+            lin(model, method="exact")
+        found = lin(model)
+    np.testing.assert_allclose(found.result.A, [[0.0, 1.0], [-K, -D]], atol=1e-6)
+    assert found.result.method == "difference"
+    assert "they fail: Lying: fmi2GetDirectionalDerivative returned error" in found.result.to_dict()["why"]
+
+
+def test_where_directional_derivatives_fail_nfr_knows_its_surroundings_by_differences(folder: Path) -> None:
+    with load(build_lying(folder, "no-derivative"), "me") as model:
+        linear = surroundings(model, "u", "y").linear
+    assert linear is not None
+    np.testing.assert_allclose(linear.part.A, [[0.0, 1.0], [-K, -D]], atol=1e-6)

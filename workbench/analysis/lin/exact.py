@@ -14,7 +14,11 @@ from workbench.analysis.lin.task import LinTask, columns_of, open_base, pass_sta
 from workbench.errors import InputError, SimulationError
 from workbench.session.base import Floats
 
-__all__ = ["exact"]
+__all__ = ["NoDerivativesError", "exact"]
+
+
+class NoDerivativesError(SimulationError):
+    """Directional derivatives that an FMU offers fail at the point."""
 
 
 def exact(task: LinTask) -> LinResult:
@@ -34,6 +38,7 @@ def exact(task: LinTask) -> LinResult:
 
     Raises:
         InputError: the FMU offers no directional derivatives, or widths were given.
+        NoDerivativesError: the FMU fails when it is asked for them.
         SimulationError: the model cannot be evaluated at the point.
 
     Source: the source report, chapter 3.1.1; FMI 2.0.4, section 2.1.9.
@@ -48,7 +53,7 @@ def exact(task: LinTask) -> LinResult:
         try:
             jacobian = point.jacobian()[:, [*range(n), *(n + i for i in columns_of(task, point))]]
         except SimulationError as error:
-            raise SimulationError(f"method exact: {error}; use method difference") from error
+            raise NoDerivativesError(f"method exact: {error}; use method difference") from error
         columns = Columns(task, point)
         pass_states(point, jacobian)
         notes = _fill(columns, jacobian)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.analysis.lin.delayed import has_delays, through_delays
+from workbench.analysis.lin.exact import NoDerivativesError
 from workbench.analysis.lin.methods import METHODS
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.result import LinResult
@@ -57,14 +58,7 @@ def plain(task: LinTask, method: str) -> LinResult:
         task: the linearisation.
         method: one of `METHOD_NAMES`.
     """
-    name, why = choose(task) if method == "auto" else (method, f"{method} was asked for")
-    try:
-        result = METHODS[name](task).because(why)
-    except NoRatesError as error:
-        if method != "auto" or not (_shows_states(task) or _has_history(task.model)):
-            raise
-        said = str(error).partition(";")[0]
-        result = METHODS["difference"](task).because(f"auto: {said}; what is discrete is held")
+    result = _automatic(task) if method == "auto" else METHODS[method](task).because(f"{method} was asked for")
     notes = (*task.notes, *result.notes, *_of_history(task.model), *task.model.remarks())
     result = replace(result, notes=notes, operating_point=named(task.model, result.operating_point))
     if task.continuous and result.dt > 0.0:
@@ -72,6 +66,25 @@ def plain(task: LinTask, method: str) -> LinResult:
         note = f"converted to continuous time from a period of {result.dt:.6g} s, the input held over it"
         result = replace(result, A=A, B=B, dt=0.0, intersample=None, notes=(*result.notes, note))
     return result
+
+
+def _automatic(task: LinTask) -> LinResult:
+    """Linearise with the method that `choose` finds; by differences where that one gets no rates or derivatives.
+
+    Args:
+        task: the linearisation.
+    """
+    name, why = choose(task)
+    try:
+        return METHODS[name](task).because(why)
+    except NoDerivativesError as error:
+        said = str(error).removeprefix("method exact: ").removesuffix("; use method difference")
+        instead = f"auto: the FMU offers directional derivatives, but they fail: {said}"
+    except NoRatesError as error:
+        if not (_shows_states(task) or _has_history(task.model)):
+            raise
+        instead = f"auto: {str(error).partition(';')[0]}; what is discrete is held"
+    return METHODS["difference"](task).because(instead)
 
 
 def _has_history(model: Model) -> bool:

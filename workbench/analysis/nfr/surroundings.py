@@ -16,7 +16,7 @@ from workbench.analysis.rates import sample_rates
 from workbench.core.blas import one_thread
 from workbench.core.linear import LinearPart
 from workbench.core.matrices import Complex, held, resolvent
-from workbench.errors import WorkbenchError
+from workbench.errors import SimulationError, WorkbenchError
 from workbench.model import Model
 from workbench.model.recipe import LoadRecipe
 from workbench.session.base import Floats
@@ -253,7 +253,7 @@ def _middle(model: Model, input: str) -> dict[str, float]:
 
 
 def _exact(point: Point, input: str, output: str) -> LinearPart | None:
-    """Return the linear model from the FMU's directional derivatives; None where they do not reach input and output.
+    """Return the linear model from the FMU's directional derivatives; None where they fail, or miss input or output.
 
     They are not verified: the linear model counts only as far as it goes through the measured periods.
     """
@@ -261,7 +261,10 @@ def _exact(point: Point, input: str, output: str) -> LinearPart | None:
     n = len(states)
     if input not in inputs or output not in (*states, *outputs):
         return None
-    whole = point.jacobian()
+    try:
+        whole = point.jacobian()
+    except SimulationError:
+        return None
     column = n + inputs.index(input)
     state = np.eye(1, whole.shape[1], states.index(output) if output in states else 0)[0]
     row = whole[n + outputs.index(output)] if output in outputs else state
