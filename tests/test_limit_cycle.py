@@ -105,6 +105,34 @@ def test_relay_with_a_third_order_lag_against_tsypkin() -> None:
     assert all(c.stable for c in found.values())
 
 
+@pytest.mark.parametrize(("half_width", "start"), [(0.0, {}), (0.0, {"plant.x3": 0.02}), (0.05, {})])
+def test_the_block_relay_has_the_closed_form_that_its_page_promises(
+    tmp_path: Path, half_width: float, start: dict[str, float]
+) -> None:
+    """Crossing: N(A) L(jω) = −1, N = (4/πA) e^(−j asin(h/A)) [Gelb & Vander Velde, appendix B]; cycle: Tsypkin."""
+    file = tmp_path / "relay.toml"
+    file.write_text(f"""
+[components]
+plant = {{block = "transfer_function", numerator = [5.0], denominator = [1.0, 2.0, 2.0, 1.0]}}
+relay = {{block = "relay", off_below = {-half_width}, on_above = {half_width}}}
+[connections]
+"relay.u" = {{from = "plant.y", gain = -1.0}}
+"plant.u" = "relay.y"
+""")
+    with load(file, start_values=start) as system:
+        found = by_method(limit_cycle(system, block="relay"))
+    first = found["describing function"]
+    s = 2j * math.pi * first.frequency_hz
+    gain = 4.0 / (math.pi * first.amplitude) * np.exp(-1j * math.asin(half_width / first.amplitude))
+    assert abs(1.0 + gain * 5.0 / (((s + 2.0) * s + 2.0) * s + 1.0)) < 1e-6
+    plant = control.ss(control.tf([5.0], [1.0, 2.0, 2.0, 1.0]))
+    frequency, peak = relay_cycle(plant.A, plant.B[:, 0], plant.C[0], half_width)
+    assert found["simulation"].frequency_hz == pytest.approx(frequency, rel=1e-5)
+    assert found["simulation"].amplitude == pytest.approx(peak, rel=1e-4)
+    assert found["harmonic balance"].frequency_hz == pytest.approx(frequency, rel=2e-3)
+    assert found["simulation"].stable
+
+
 def test_more_harmonics_come_closer() -> None:
     plant = control.ss(LAG)
     frequency, _ = relay_cycle(plant.A, plant.B[:, 0], plant.C[0])

@@ -111,8 +111,8 @@ def _meeting(distance: Callable[[Floats], Floats], near: float, size: float) -> 
         return None
     i = int(at[np.argmin(np.abs(0.5 * (grid[at] + grid[at + 1]) - near))])
     low, high = float(grid[i]), float(grid[i + 1])
-    if sign[i] == 0.0 or sign[i + 1] == 0.0:
-        return low if sign[i] == 0.0 else high
+    if zeros := [x for x, s in ((low, sign[i]), (high, sign[i + 1])) if s == 0.0]:
+        return min(zeros, key=lambda x: abs(x - near))
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         if not low < middle < high:

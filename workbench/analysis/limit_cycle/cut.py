@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from workbench.analysis.describing.base import Block, Floats
+from workbench.analysis.describing.describe import standard_block
 from workbench.analysis.describing.static import StaticBlock, pointwise
 from workbench.analysis.limit_cycle.centre import Centre, centre_of, is_moving
 from workbench.analysis.lin.result import LinResult
@@ -50,6 +51,7 @@ class SplitLoop:
         whole: L, from the outputs of the blocks to their inputs, its sign for one block chosen so that N is positive
             where the block's gain has one sign throughout; its responses have transport delays as they are.
         blocks: static blocks about the operating point; None: it has a memory of its own.
+        formulas: of blocks with a memory, the describing function in closed form about that point; None: it has none.
         turned: whether L and the one block have another sign than in the system.
         rest: the linear part as it was linearised.
         point: operating point of the whole system.
@@ -62,6 +64,7 @@ class SplitLoop:
     every: tuple[Ports, ...]
     whole: LinResult
     blocks: tuple[Block | None, ...]
+    formulas: tuple[Block | None, ...]
     turned: bool
     rest: LinResult
     point: OperatingPoint
@@ -151,7 +154,13 @@ def cut(
             whole, blocks = rest, (block.negated(),)
     notes += [f"linear part: {note}" for note in rest.notes]
     notes += [f"linear part, d({d.row})/d({d.column}): {d.reason}" for d in rest.doubts]
-    return SplitLoop(every, whole, blocks, turned, rest, point, tuple(centres), tuple(outputs), moving, tuple(notes))
+    formulas = tuple(
+        _formula(_component(recipe_of(model).system, p.component), v, w) if f is None else None
+        for f, p, v, w in zip(functions, every, centres, outputs, strict=True)
+    )
+    return SplitLoop(
+        every, whole, blocks, formulas, turned, rest, point, tuple(centres), tuple(outputs), moving, tuple(notes)
+    )
 
 
 def _refuse_linear(model: DescribedModel, name: str) -> None:
@@ -170,6 +179,25 @@ def _refuse_linear(model: DescribedModel, name: str) -> None:
 
 def _block(function: Callable[[Floats], Floats], ports: Ports, centre: float, output: float) -> Block:
     return StaticBlock(function, name=ports.component, centre=centre, rest=output)
+
+
+def _formula(component: Component, centre: float, output: float) -> Block | None:
+    """Return the describing function of a hysteresis about its middle in closed form; None: there is none.
+
+    The closed form of a block with states is that of an ideal one, without its lag.
+
+    Args:
+        component: the block.
+        centre: its input at the operating point.
+        output: its output there.
+    """
+    if not isinstance(component, BlockComponent) or component.block.states:
+        return None
+    known = component.block.described()
+    if known is None:
+        return None
+    sizes = known.parameters.values()
+    return standard_block(known.name, known.parameters) if max(abs(centre), abs(output)) <= _SAME * min(sizes) else None
 
 
 def _middle(  # noqa: PLR0917

@@ -65,7 +65,8 @@ def predict(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> Pred
     Raises:
         InputError: a block must be measured, and there are no amplitudes to measure it at.
     """
-    missing = [p.component for p, b in zip(loop.every, loop.blocks, strict=True) if b is None]
+    known = [block or formula for block, formula in zip(loop.blocks, loop.formulas, strict=True)]
+    missing = [p.component for p, b in zip(loop.every, known, strict=True) if b is None]
     if missing and asked.amplitudes is None:
         raise InputError(
             f"{system.name}: block {', '.join(missing)} has a memory of its own and must be measured; "
@@ -75,8 +76,8 @@ def predict(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> Pred
     name, band, amplitudes = f"{system.name}: loop through {names}", asked.band, asked.amplitudes
     if len(loop.every) > 1:
         return _several(system, loop, asked, name)
-    if loop.block is not None:
-        curve = nyquist(loop.part, loop.block, band=band, amplitudes=amplitudes or AMPLITUDES, name=name)
+    if known[0] is not None:
+        curve = nyquist(loop.part, known[0], band=band, amplitudes=amplitudes or AMPLITUDES, name=name)
         return Prediction(loop, curve, None)
     with only_block(system, loop.ports, centre=loop.centre) as alone:
         curve = measured_crossings(
@@ -100,9 +101,10 @@ def _several(system: DescribedModel, loop: SplitLoop, asked: LimitCycles, name: 
 def _gains(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> list[Gain]:
     """Return N of each block, measured where it has a memory."""
     found: list[Gain] = []
-    for ports, block, centre in zip(loop.every, loop.blocks, loop.centres, strict=True):
-        if block is not None:
-            found.append(tabulated(block))
+    known = zip(loop.every, loop.blocks, loop.formulas, loop.centres, strict=True)
+    for ports, block, formula, centre in known:
+        if (closed := block or formula) is not None:
+            found.append(tabulated(closed))
             continue
         with only_block(system, ports, centre=centre) as alone:
             table = measured_table(

@@ -205,10 +205,9 @@ class Block(Options):
         shown = ", ".join(f"{name} = {_short(value)}" for name, value in self.given.items())
         return f"{self.kind.replace('_', ' ')}{', ' if shown else ''}{shown}"
 
-    @classmethod
-    def has_characteristic(cls) -> bool:
+    def has_characteristic(self) -> bool:
         """Whether `static` can be asked."""
-        return cls.static is not Block.static
+        return type(self).static is not Block.static
 
 
 def _short(value: object) -> str:

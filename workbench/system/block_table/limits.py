@@ -149,6 +149,22 @@ class Relay(Block):
     def packed(self) -> tuple[float, ...]:
         return self.lower, self.upper, self.off_below, self.on_above
 
+    def has_characteristic(self) -> bool:
+        """Whether `static` can be asked: without hysteresis."""
+        return self.off_below == self.on_above
+
+    def static(self, u: Floats) -> Floats:
+        """Return the output, shape (n,); on the threshold itself, the middle of its jump.
+
+        Args:
+            u: inputs, shape (n,).
+        """
+        found: Floats = self.lower + (self.upper - self.lower) * np.heaviside(u - self.on_above, 0.5)
+        return found
+
+    def levels(self) -> tuple[float, ...]:
+        return self.off_below, self.on_above
+
     def described(self) -> Described | None:
         if -self.lower != self.upper or self.upper <= 0.0 or self.on_above != -self.off_below:
             return None
