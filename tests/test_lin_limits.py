@@ -53,6 +53,21 @@ equation
 end Sampled;
 """
 
+# A Monod law: everything happens within K, which is not declared as a nominal value.
+SMALL = """
+model Small
+  input Real u(start = 0.6);
+  output Real y;
+  parameter Real K = 2e-8;
+  Real x(start = 1e-8, fixed = true);
+  Real z(start = 0, fixed = true);
+equation
+  der(x) = 1.5*K*u - 2*K*x/(K + x) - 0.5*z;
+  der(z) = x*x/K - z - 1e-2*z*abs(z)/K;
+  y = x*x/(K+x);
+end Small;
+"""
+
 
 def _moving(notes: tuple[str, ...]) -> list[str]:
     return [note for note in notes if note.startswith("the point is not at rest")]
@@ -175,3 +190,28 @@ def test_time_events_without_rates_are_held_where_the_method_is_chosen() -> None
         np.testing.assert_allclose(result.A, [[-2.0]], atol=1e-6)
         with pytest.raises(wb.WorkbenchError, match="no constant rates; give periods"):
             wb.lin(model, method="kalman-bertram")
+
+
+@pytest.mark.parametrize("method", ["difference", "exact"])
+@pytest.mark.parametrize("K", [3e-13, 2e-8, 2.0])
+@pytest.mark.parametrize(("x", "z"), [(0.03, 0.0), (0.5, 0.4)])
+def test_states_without_nominal_value_are_perturbed_at_the_scale_that_the_model_shows(
+    method: str, K: float, x: float, z: float
+) -> None:
+    """∂f by hand; x and z in units of K. Nothing is doubtful, and the FMU's own derivatives are not blamed."""
+    with wb.load(built(SMALL, "Small"), start_values={"K": K}) as model:
+        found = wb.lin(model, method=method, x0={"x": x * K, "z": z * K}, in_process=True).result
+    np.testing.assert_allclose(found.A, [[-2.0 / (1.0 + x) ** 2, -0.5], [2.0 * x, -1.0 - 0.02 * z]], rtol=1e-4)
+    np.testing.assert_allclose(found.C, [[(x * x + 2.0 * x) / (1.0 + x) ** 2, 0.0]], rtol=1e-4)
+    assert not found.doubts
+    assert any("the model is straight over a short way only: x (over" in n for n in found.notes) == (K < 1e-6)
+
+
+def test_a_kink_beside_a_point_is_still_told_where_nothing_is_declared() -> None:
+    """Stepping over less than the way to a kink would hide it only where the model shows so small a scale."""
+    kink = SMALL.replace("- z - 1e-2*z*abs(z)/K", "- z - max(z, 1e-9)")
+    with wb.load(built(kink, "Kink"), start_values={"K": 1.0}) as model:
+        found = wb.lin(model, method="difference", x0={"x": 0.5, "z": 0.0}, in_process=True).result
+    (doubt,) = found.doubts
+    assert (doubt.row, doubt.column) == ("z", "z")
+    assert "a kink or jump at the point: slope -1" in doubt.reason

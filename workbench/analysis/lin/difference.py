@@ -13,6 +13,7 @@ from workbench.analysis.lin.assemble import continuous_result, operating_point
 from workbench.analysis.lin.explain import DECLARED, ELSEWHERE, NOT_CONNECTED, Reach, zeros_of
 from workbench.analysis.lin.result import Doubt, LinResult
 from workbench.analysis.lin.task import LinTask, columns_of, moving_note, open_base, sampled_note, width_for
+from workbench.analysis.scales import straight_over
 from workbench.core.matrices import light
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
@@ -48,7 +49,9 @@ def difference(task: LinTask) -> LinResult:
 
     Widths that are not given are 2·ε^(1/3) times the larger of magnitude and nominal value (1e-2 where no
     nominal value is declared), and verified: all columns together at eight times the width, in one random direction;
-    where that disagrees, each column for itself, and entries that depend on the width are marked doubtful. Entries
+    where that disagrees, each column for itself, and entries that depend on the width are marked doubtful. Of a
+    variable without nominal value such a column is taken again over a width that suits how far the model is straight
+    (a state of 1e-8 that nobody scaled), and a note says so. Entries
     that are 0 but not when the variable moves as far as its own scale are marked locally flat. With n
     states and m inputs this takes 2·(n + m) + 5 evaluations when there is nothing to doubt. Large models that declare
     their dependencies take a handful: columns of different rows move at once, as long as nothing is doubtful.
@@ -71,12 +74,12 @@ def difference(task: LinTask) -> LinResult:
         doubts: list[Doubt] = []
         if jacobian is None:
             jacobian = columns.central(columns.widths)
-            doubts = columns.doubts(jacobian)
+            doubts = columns.narrowed(jacobian, columns.doubts(jacobian))
         reach = columns.reach(jacobian)
         result = continuous_result(
             task, point, jacobian, operating_point(task, point, columns.base), method="difference"
         )
-        result = replace(result, notes=(*sampled_note(point), *columns.moving(jacobian)))
+        result = replace(result, notes=(*columns.notes(), *sampled_note(point), *columns.moving(jacobian)))
         return _with(result, doubts + columns.flat(jacobian, reach), reach)
 
 
@@ -114,6 +117,7 @@ class Columns:
         widths: total widths, shape (k,).
         chosen: those that were not given, shape (k,).
         base: the evaluation at the point itself.
+        narrow: columns that nothing is declared of → the scale that the model showed.
     """
 
     def __init__(self, task: LinTask, point: Point) -> None:
@@ -134,6 +138,9 @@ class Columns:
         self.chosen = np.isnan(given)
         self.widths: Floats = np.where(self.chosen, self._default(), given)
         self.base = self._at(np.zeros(len(self.names)))
+        self.narrow: dict[int, float] = {}
+        silent = [v.nominal is None and v.type in FLOAT_TYPES for v in self.variables]
+        self._unscaled = self.chosen & silent & (self.scales == UNDECLARED)
         self._pairs: dict[int, _Pair] = {}
         self._light: tuple[Floats, Any] | None = None
 
@@ -311,6 +318,79 @@ class Columns:
                 reason = f"it depends on the width: {other[i]:.6g} over {wide.span:.3g}"
             found.append(Doubt(self.rows[i], self.names[j], value, float(other[i]), reason))
         return found
+
+    # -- scales of what is not declared ------------------------------------------------------
+
+    def narrowed(self, jacobian: Floats, doubts: list[Doubt]) -> list[Doubt]:
+        """Take doubtful columns without a scale again over the one that the model shows; return what is left in doubt.
+
+        Args:
+            jacobian: changed in place, where fewer entries of a column are doubtful then.
+            doubts: about it.
+        """
+        left = list(doubts)
+        for j in sorted({self.names.index(d.column) for d in doubts}):
+            before, name = self._pairs[j], self.names[j]
+            if not self.rescale(j):
+                continue
+            trial = jacobian.copy()
+            trial[:, j] = self._pairs[j].slope
+            mine = [d for d in left if d.column == name]
+            now = [*(self._latches(trial, j) if self._pairs[j].latched else []), *self._second(trial, j)]
+            if len(now) < len(mine):
+                jacobian[:, j] = trial[:, j]
+                left = [*(d for d in left if d.column != name), *now]
+            else:
+                self.put_back(j, before)
+        return left
+
+    def rescale(self, j: int) -> bool:
+        """Give a column of which nothing is declared the scale that the model shows; False: that is no narrower.
+
+        Args:
+            j: number of the column.
+        """
+        if not self._unscaled[j]:
+            return False
+        size = straight_over(lambda w: self._one_sided(j, w), self._base_values(), UNDECLARED)
+        if size >= UNDECLARED:
+            return False
+        self.narrow[j] = size
+        self._set_scale(j, size)
+        self._pairs[j] = self.pair(j, float(self.widths[j]))
+        return True
+
+    def put_back(self, j: int, pair: _Pair) -> None:
+        """Undo `rescale`.
+
+        Args:
+            j: number of the column.
+            pair: its sides before.
+        """
+        del self.narrow[j]
+        self._set_scale(j, UNDECLARED)
+        self._pairs[j] = pair
+
+    def column(self, j: int) -> _Pair:
+        """Return both sides of a column, after `central`."""
+        return self._pairs[j]
+
+    def _set_scale(self, j: int, scale: float) -> None:
+        self.scales[j], self.widths[j] = scale, RELATIVE_WIDTH * scale
+
+    def _one_sided(self, j: int, width: float) -> Floats:
+        try:
+            return np.asarray((self.values(self._unit(j, width)) - self._base_values()) / width, dtype=np.float64)
+        except SimulationError:
+            return np.full(len(self.rows), np.nan)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return a remark on columns that were scaled by the model."""
+        words = [f"{self.names[j]} (over {size:.1g})" for j, size in sorted(self.narrow.items())]
+        if not words:
+            return ()
+        short = f"no nominal value, and the model is straight over a short way only: {', '.join(words)}"
+        return (f"{short}; perturbed by {RELATIVE_WIDTH:.1g} of that",)
 
     # -- zeros ----------------------------------------------------------------------------
 

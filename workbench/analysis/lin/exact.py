@@ -62,7 +62,7 @@ def exact(task: LinTask) -> LinResult:
         result = continuous_result(task, point, jacobian, operating_point(task, point, columns.base), method="exact")
         known = set(result.state_names) | set(result.output_names)
         every = [d for d in (*doubts, *columns.flat(jacobian, reach)) if d.row in known]
-        notes = (*notes, *_warning(doubts), *sampled_note(point), *columns.moving(jacobian))
+        notes = (*notes, *columns.notes(), *_warning(doubts), *sampled_note(point), *columns.moving(jacobian))
         return replace(result, notes=notes, doubts=tuple(every), zeros=zeros_of(result, reach))
 
 
@@ -95,15 +95,30 @@ def _probed(columns: Columns, jacobian: Floats) -> bool:
 
 
 def _disagreements(columns: Columns, jacobian: Floats) -> list[Doubt]:
-    """Compare every entry with its difference."""
+    """Compare every entry with its difference; columns without a scale over the one that the model shows, too."""
+    columns.central(columns.widths)
     found = []
-    other = columns.central(columns.widths)
-    noise = ROUNDING * np.abs(columns.values(np.zeros(len(columns.names))))[:, None] / columns.widths
-    apart = np.abs(other - jacobian) > AGREE * np.maximum(np.abs(other), np.abs(jacobian)) + 4.0 * noise
-    for i, j in np.argwhere(apart):
-        value, measured = float(jacobian[i, j]), float(other[i, j])
-        below, above = columns.halves(int(i), int(j))
-        sides = [abs(value - side) <= AGREE * abs(side) + 4.0 * noise[i, j] for side in (below, above)]
+    for j in range(len(columns.names)):
+        apart, before = _apart(columns, jacobian, j), columns.column(j)
+        if apart and columns.rescale(j):
+            again = _apart(columns, jacobian, j)
+            if len(again) < len(apart):
+                apart = again
+            else:
+                columns.put_back(j, before)
+        found += apart
+    return sorted(found, key=lambda d: (columns.rows.index(d.row), columns.names.index(d.column)))
+
+
+def _apart(columns: Columns, jacobian: Floats, j: int) -> list[Doubt]:
+    """Compare the entries of a column with its difference."""
+    found, other, exact = [], columns.column(j).slope, jacobian[:, j]
+    noise = ROUNDING * np.abs(columns.values(np.zeros(len(columns.names)))) / columns.widths[j]
+    apart = np.abs(other - exact) > AGREE * np.maximum(np.abs(other), np.abs(exact)) + 4.0 * noise
+    for i in np.flatnonzero(apart).tolist():
+        value, measured = float(exact[i]), float(other[i])
+        below, above = columns.halves(i, j)
+        sides = [abs(value - side) <= AGREE * abs(side) + 4.0 * noise[i] for side in (below, above)]
         if sum(sides) == 1:
             side = "below" if sides[0] else "above"
             reason = f"a kink at the point: slope {below:.6g} below, {above:.6g} above; the one {side} is taken"

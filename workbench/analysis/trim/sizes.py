@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.analysis.scales import straight_over
 from workbench.analysis.trim.problem import Problem
 from workbench.session.base import Floats
 
 __all__ = ["resized", "sized", "told"]
 
-_DECADES = 16
-_AGREES = 0.3  # of two slopes over widths ten times apart
-_ROUNDING = 1e-14
 _FAR = 1e3  # a step is taken as size where it differs from 1 by more than this factor
 _NARROW = 0.03  # a width is taken as size below this
 _ROUNDS = 20
@@ -37,7 +36,9 @@ def sized(problem: Problem) -> Problem:
     here = _values(problem, np.zeros(len(problem.unknowns)))
     if not silent or not np.isfinite(here).all():
         return problem
-    widths = np.array([1.0 if i not in silent else _straight(problem, here, i) for i in range(len(problem.unknowns))])
+    widths = np.ones(len(problem.unknowns))
+    for i in silent:
+        widths[i] = straight_over(partial(_slope, problem, here, i), here, 1.0)
     steps = _first_step(problem, here, silent, widths)
     sizes = {i: float(widths[i]) for i in silent if widths[i] < _NARROW}
     far = {i: s for i, s in steps.items() if s > _FAR or 0.0 < s * _FAR < 1.0}
@@ -78,20 +79,6 @@ def _slope(problem: Problem, here: Floats, i: int, width: float) -> Floats:
     k = problem.unknowns[i]
     moved[i] = width if k.start + width <= k.high else -width
     return np.asarray((_values(problem, moved) - here) / moved[i], dtype=np.float64)
-
-
-def _straight(problem: Problem, here: Floats, i: int) -> float:
-    """Return the largest width up to 1 over which the equations are straight; 1 where there is none."""
-    width, wide = 1.0, _slope(problem, here, i, 1.0)
-    for _ in range(_DECADES):
-        narrow = _slope(problem, here, i, 0.1 * width)
-        noise = _ROUNDING * np.abs(here) / (0.1 * width)
-        with np.errstate(invalid="ignore"):
-            same = np.abs(wide - narrow) <= _AGREES * np.maximum(np.abs(wide), np.abs(narrow)) + noise
-        if same.all():
-            return width
-        width, wide = 0.1 * width, narrow
-    return 1.0
 
 
 def _first_step(problem: Problem, here: Floats, silent: list[int], widths: Floats) -> dict[int, float]:
