@@ -11,10 +11,11 @@ from functools import partial
 from workbench.analysis.branches.request import Branches
 from workbench.analysis.branches.result import BranchesResult
 from workbench.analysis.branches.run import run as follow_branches
+from workbench.analysis.nfr.apart import OWN
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, PER_PERIOD, Evidence
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
 from workbench.analysis.nfr.solved import NotSolvedError, Search, can_solve, solve_point
-from workbench.analysis.nfr.step import SHORTER, at_step, checked, refine
+from workbench.analysis.nfr.step import SHORTER, at_step, checked, refine, wider
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
 from workbench.core import job as telling
@@ -148,6 +149,7 @@ class PointsJob(Job):
         """
         with opened as model, ExitStack() as stack:
             session: Session | None = None
+            still: Session | None = None
             known: Floats | None = None
             for i, task in enumerate(tasks):
                 if session is None:
@@ -155,7 +157,8 @@ class PointsJob(Job):
                     steps = [t.step for t in (tasks[i:] if self.carry else [task]) if t.step is not None]
                     first = {task.input: task.sine(model.start_time)}
                     session = stack.enter_context(model.open_session(signals=first, step=max(steps, default=None)))
-                evidence = task.evidence(known)
+                    still = _beside(stack, model, task, max(steps, default=None)) if task.moves else None
+                evidence = (task if still is None else task.from_rest).evidence(known)
                 if not self.carry and can_solve(session, task):
                     search = Search(session, task, evidence)
                     with search.trying():
@@ -163,12 +166,13 @@ class PointsJob(Job):
                             search.add(search.periods.lap(**search.next))
                     point = self._solved(model, session, task, search)
                 else:
-                    point = run_point(session, task, evidence)
+                    point = run_point(session, task, evidence, still)
+                    point = _unparted(point, task) if task.moves and still is None else point
                 if self.carry and point.reason is None:
                     known = _standing(evidence, point)
                 else:
                     stack.close()
-                    session = known = None
+                    session = still = known = None
                 yield point if model.interface == "cs" else replace(point, step=None)
 
     def _solved(self, model: Model, session: Session, task: PointTask, search: Search) -> NfrPoint:
@@ -177,10 +181,15 @@ class PointsJob(Job):
         if found is not None and found.stable is not False:
             return found
         session.close()
-        with model.open_session(signals={task.input: task.sine(model.start_time)}) as other:
-            waited = run_point(other, task, task.evidence())
+        with ExitStack() as stack:
+            other = stack.enter_context(model.open_session(signals={task.input: task.sine(model.start_time)}))
+            still = _beside(stack, model, task, None) if task.moves or search.timed else None
+            waited = run_point(other, task, (task if still is None else task.from_rest).evidence(), still)
+            waited = _unparted(waited, task) if (task.moves or search.timed) and still is None else waited
             if found is not None:
-                return _beside(waited, found)
+                return _with(waited, found)
+            if search.timed:
+                return waited
             if waited.status == "averaged" and isinstance(other, CompiledMeSession):
                 with suppress(NotSolvedError, WorkbenchError):
                     again = solve_point(other, task, task.evidence(), warm=1)
@@ -189,7 +198,23 @@ class PointsJob(Job):
             return waited
 
 
-def _beside(waited: NfrPoint, unstable: NfrPoint) -> NfrPoint:
+def _beside(stack: ExitStack, model: Model, task: PointTask, step: float | None) -> Session | None:
+    """Return a second session, whose input stays at rest; None: the FMU allows one at a time."""
+    try:
+        zero = replace(task, amplitude=0.0).sine(model.start_time)
+        return stack.enter_context(model.open_session(signals={task.input: zero}, step=step))
+    except WorkbenchError:
+        return None
+
+
+def _unparted(point: NfrPoint, task: PointTask) -> NfrPoint:
+    """Return a point of whose error the model's own motion is part, since it could not be told apart."""
+    if point.error is None or not point.response:
+        return point
+    return wider(point, (task.moves or math.inf) / (task.amplitude * abs(point.response)), OWN)
+
+
+def _with(waited: NfrPoint, unstable: NfrPoint) -> NfrPoint:
     """Return what was waited for, telling of the unstable response that was solved for."""
     size = abs(unstable.response or 0.0)
     words = f"there is an unstable periodic response of gain {size:.6g}"

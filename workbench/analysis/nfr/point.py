@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.analysis.harmonics import ORDERS, Period, measure_period
+from workbench.analysis.nfr.apart import Apart
 from workbench.analysis.nfr.beats import Beat
 from workbench.analysis.nfr.certificate import Certificate, certify, finite
 from workbench.analysis.nfr.error import Evidence
@@ -58,6 +59,7 @@ class PointTask:
         rates: sample periods of the model [s]; none: it is continuous, or does not show any.
         rtol: relative tolerance of the workbench's own integration; 0: nothing is integrated, or not by it.
         method: "auto": solved for where the model allows that; "settle": always waited for.
+        moves: how far the output moves while the input is at rest [unit of the output]; 0: not at all, or not known.
     """
 
     input: str
@@ -74,6 +76,7 @@ class PointTask:
     rates: tuple[float, ...] = ()
     rtol: float = 0.0
     method: str = "auto"
+    moves: float = 0.0
 
     def evidence(self, start: Floats | None = None) -> Evidence:
         """Return what is known of the point before it is measured.
@@ -86,9 +89,18 @@ class PointTask:
         return Evidence(twin=twin, beat=beat, sampled=bool(self.rates), rtol=self.rtol, rows=self.rows)
 
     @property
+    def from_rest(self) -> PointTask:
+        """The same for what the input does, apart from what the model does by itself."""
+        return self if self.linear is None else replace(self, linear=self.linear.at_rest)
+
+    @property
     def step(self) -> float | None:
         """Communication step to ask the session for [s]; None leaves it to the model."""
         return 1.0 / (self.frequency * self.rows) if self.fixed_step else None
+
+    def span(self, sine: Sine, k: int) -> Span:
+        """Return period number k of a sine."""
+        return Span(sine.start, self.frequency, self.rows, k)
 
     def sine(self, start: float = 0.0) -> Sine:
         """Return what forces the input; at `start` [s] it is where the operating point has it."""
@@ -139,7 +151,9 @@ class NfrPoint(Part):
         return "failed" if self.reason is not None else "averaged" if self.averaged else "settled"
 
 
-def run_point(session: Session, task: PointTask, evidence: Evidence | None = None) -> NfrPoint:
+def run_point(
+    session: Session, task: PointTask, evidence: Evidence | None = None, still: Session | None = None
+) -> NfrPoint:
     """Measure a point in `session` from where it stands; the sine begins there with phase zero.
 
     Whole periods are run, each resumed from the last, so that the next point in the same session
@@ -150,9 +164,11 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
         session: where to run.
         task: what to measure.
         evidence: what is known of the point; None: what `task` knows of a fresh start.
+        still: where the same model stands at the same time, and is run with the input at rest, period by period: what
+            it does by itself is subtracted, see `Apart`; None: nothing is.
     """
     evidence = task.evidence() if evidence is None else evidence
-    settling = Settling(errcrit=task.errcrit, most=task.max_periods, evidence=evidence)
+    settling = _settling(session, task, evidence, still)
     sine = task.sine(session.time)
     longest: float | None = None
     response: PointResponse | None = None
@@ -164,8 +180,7 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
                     raise KeyboardInterrupt
                 k = len(settling.periods)
                 if isinstance(session, CompiledSession):  # rows are not kept, their sums are made where they arise
-                    span = Span(sine.start, task.frequency, task.rows, k)
-                    found = session.harmonics(signals={task.input: sine}, **span.asked(task.output))
+                    found = session.harmonics(signals={task.input: sine}, **task.span(sine, k).asked(task.output))
                     period, longest = period_of(found), found.gap
                 else:
                     period, longest = _recorded(session, task, sine, k)
@@ -177,6 +192,19 @@ def run_point(session: Session, task: PointTask, evidence: Evidence | None = Non
         point = _point(task, response, len(settling.periods))
     warning = _aliasing(task.rates[0]) if task.rates and 2.0 * task.frequency * task.rates[0] >= 1.0 else None
     return replace(point, step=longest, certificate=certify(settling, response), warning=warning)
+
+
+def _settling(session: Session, task: PointTask, evidence: Evidence, still: Session | None) -> Settling:
+    if still is None:
+        return Settling(errcrit=task.errcrit, most=task.max_periods, evidence=evidence)
+    zero = replace(task, amplitude=0.0).sine(session.time)
+
+    def own(k: int) -> Period:
+        if not isinstance(still, CompiledSession):
+            return _recorded(still, task, zero, k)[0]
+        return period_of(still.harmonics(signals={task.input: zero}, **task.span(zero, k).asked(task.output)))
+
+    return Apart(errcrit=task.errcrit, most=task.max_periods, evidence=evidence, own=own)
 
 
 def _aliasing(dt: float) -> str:
@@ -196,7 +224,7 @@ def _check(period: Period, task: PointTask, *, time: float) -> None:
 
 def _recorded(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Period, float]:
     """Run a period; return its harmonics and the largest distance of two rows [s]."""
-    points = Span(sine.start, task.frequency, task.rows, k).points
+    points = task.span(sine, k).points
     record = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
     period = measure_period(
         record,

@@ -262,13 +262,18 @@ class Sweep:
         )
 
     def _look(self, runner: Runner) -> None:
-        """Find out what the model shows of itself before anything is measured."""
-        job = SurroundingsJob(input=self._asked.input, output=self._asked.output)
-        for event in runner.run(perform, deque([job])):
-            if isinstance(event, Lost):
+        """Find out what the model shows of itself, and does by itself, before anything is measured."""
+        jobs: list[Job] = [SurroundingsJob(input=self._asked.input, output=self._asked.output)]
+        watched = self._asked.drift_check and self._zero_input is None
+        if watched or self._standing is None:
+            jobs.append(StartJob(task=self._task(min(self._frequencies), 0.0), watched=watched))
+        for event in runner.run(perform, deque(jobs)):
+            if isinstance(event, Lost) and isinstance(event.job, SurroundingsJob):
                 self.notes.append(f"the linear model could not be found, so errors are larger: {event.reason}")
-            else:
+            elif not isinstance(event, Lost) and isinstance(event.value, Surroundings):
                 self._surroundings = event.value
+            else:
+                deque(self._take(deque(), event), maxlen=0)
 
     def stop(self) -> None:
         """Let `run` end with KeyboardInterrupt soon; may be called by a signal handler."""
@@ -278,9 +283,6 @@ class Sweep:
             self._runner.stop()
 
     def _jobs(self) -> Iterator[Job]:
-        watched = self._asked.drift_check and self._zero_input is None
-        if watched or self._standing is None:
-            yield StartJob(task=self._task(min(self._frequencies), 0.0), watched=watched)
         for amplitude in self._amplitudes:
             tasks = [self._task(f, amplitude) for f in self._frequencies if (amplitude, f) not in self._points]
             if self._asked.carry and tasks:
@@ -292,6 +294,8 @@ class Sweep:
         return PointsJob(tasks=tuple(tasks), carry=self._asked.carry, step=self._asked.step, verify=self._asked.verify)
 
     def _task(self, frequency: float, amplitude: float) -> PointTask:
+        rates, zero = self._surroundings.rates, self._zero_input or ZeroInput()
+        moves = zero.told_apart(continuous=self._model.interface == "me" and not rates)
         return PointTask(
             input=self._asked.input,
             output=self._asked.output,
@@ -300,9 +304,11 @@ class Sweep:
             errcrit=self._asked.errcrit,
             max_periods=self._asked.max_periods,
             linear=self._surroundings.linear,
-            rates=self._surroundings.rates,
+            rates=rates,
             centre=self._centre,
-            method=self._asked.method,
+            # What events move from outside is not seen in the equations.
+            method="settle" if moves and zero.events else self._asked.method,
+            moves=moves,
         )
 
     def _stoppable(self, job: Job) -> Job:

@@ -11,6 +11,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from workbench.analysis.harmonics import distortion, fundamental
+from workbench.analysis.nfr.apart import changes_with_time
 from workbench.analysis.nfr.certificate import Certificate, finite
 from workbench.analysis.nfr.error import (
     BELIEVED,
@@ -90,6 +91,10 @@ def can_solve(session: Session, task: PointTask) -> TypeGuard[CompiledMeSession]
 
 class NotSolvedError(Exception):
     """The point cannot be solved for; `message` says why, and it is to be waited for."""
+
+
+class TimedError(NotSolvedError):
+    """The model changes with time itself: each period has another map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +180,7 @@ class Search:
         periods: the period map.
         found: the response, once it is known.
         failed: why it was not found, see `trying`; empty: it was, or may yet be.
+        timed: whether that is because the model changes with time itself.
 
     Source: R. Seydel, Practical Bifurcation and Stability Analysis, 7.3 (shooting); A. H. Nayfeh, B. Balachandran,
     Applied Nonlinear Dynamics, 6.5.
@@ -184,6 +190,7 @@ class Search:
         self.periods = PeriodMap(session, task.output, task.input, task.centre, task.rows)
         self.found: Solved | None = None
         self.failed = ""
+        self.timed = False
         self._task, self._evidence, self._count = task, evidence, 0
         self._linear = self._linear_tangent()
         self._level = -1 if self._linear is not None and session.instance.nx > _CHEAP else 0
@@ -201,7 +208,7 @@ class Search:
         try:
             yield
         except (NotSolvedError, WorkbenchError) as error:
-            self.failed = str(error)
+            self.failed, self.timed = str(error), isinstance(error, TimedError)
 
     @property
     def next(self) -> dict[str, Any]:
@@ -226,7 +233,7 @@ class Search:
             lap: what `next` has asked for.
 
         Raises:
-            NotSolvedError: there is no response, or no derivative.
+            NotSolvedError: there is no response, or no derivative; or the model changes with time itself.
         """
         self._count += 1
         if self._warm:
@@ -300,7 +307,14 @@ class Search:
         return start if np.isfinite(start).all() else None
 
     def _checked(self, lap: Lap) -> Lap:
-        """Return a lap in units of the motion, if there is a response."""
+        """Return a lap in units of the motion, if there is a response, and all laps have the same map."""
+        lap = self._in_units(lap)
+        size, session = abs(fundamental(lap.period.harmonics)), self.periods.session
+        if changes_with_time(session, self._task.output, lap.unit, size, 1.0 / self._task.frequency):
+            raise TimedError("the model changes with time itself")
+        return lap
+
+    def _in_units(self, lap: Lap) -> Lap:
         floor = self._evidence.floor(abs(lap.period.drive), lap.period.size)
         if not lap.period.responds(floor) or lap.period.drive == 0.0:
             raise NotSolvedError("there is no response at the frequency of the input")

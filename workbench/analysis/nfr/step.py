@@ -10,7 +10,7 @@ from workbench.analysis.nfr.certificate import finite
 from workbench.analysis.nfr.point import NfrPoint, PointTask, change
 from workbench.errors import EndedError, InputError
 
-__all__ = ["at_step", "checked", "refine", "rows_of_step"]
+__all__ = ["at_step", "checked", "refine", "rows_of_step", "wider"]
 
 # Points may cost this many communication steps each, all repetitions together.
 _MOST_STEPS = 400_000
@@ -168,11 +168,24 @@ def _certified(point: NfrPoint, old: NfrPoint, new: NfrPoint, *, by: str, left: 
         return point
     gain, phase_deg = map(finite, change(old, new))
     certificate = replace(point.certificate, check=by, check_gain=gain, check_phase_deg=phase_deg)
+    return wider(replace(point, certificate=certificate), left, why)
+
+
+def wider(point: NfrPoint, left: float, why: str) -> NfrPoint:
+    """Return a point with a larger error, no longer called settled where it is too large.
+
+    Args:
+        point: with a certificate.
+        left: what comes to its error.
+        why: said where the point is not settled for that.
+    """
+    if point.certificate is None:
+        return point
     error = None if point.error is None else finite(point.error + left)
-    too_large = point.status == "settled" and (error is None or error > 0.1 * certificate.errcrit)
+    too_large = point.status == "settled" and (error is None or error > 0.1 * point.certificate.errcrit)
     return replace(
         point,
-        certificate=replace(certificate, why=why) if too_large else certificate,
+        certificate=replace(point.certificate, why=why) if too_large else point.certificate,
         error=error,
         averaged=point.averaged or too_large,
         resolved=point.resolved and not too_large,

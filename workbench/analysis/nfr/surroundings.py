@@ -70,6 +70,11 @@ class LinearStart:
         found, *_ = np.linalg.lstsq(self.part.A, self.dx0, rcond=None)
         return np.asarray(found, dtype=np.float64)
 
+    @property
+    def at_rest(self) -> LinearStart:
+        """The same about an equilibrium: what the input does, whatever the model does by itself."""
+        return LinearStart(self.part, np.zeros_like(self.dx0), self.smallest)
+
     def transition(self, period: float) -> tuple[Floats, Floats]:
         """Return e^(AT) and its integral over T [s]."""
         if self.modes is None:

@@ -12,6 +12,7 @@ from workbench.analysis.periodic.period_map import Span
 from workbench.core.record import Part
 from workbench.errors import SimulationError
 from workbench.session import Recorded, Session
+from workbench.session.compiled import CompiledMeSession
 
 __all__ = ["ZeroInput", "doubt", "watch"]
 
@@ -39,6 +40,8 @@ class ZeroInput(Part):
         decays: whether the movement is at most 0.7 times what it was in the first period: a transient, which
             the measurement removes.
         grows: whether it is more than a hundred times what it was in the first period.
+        most: largest movement of all eight periods [unit of the output].
+        events: number of events in the last one; 0 where that is not known.
         reason: why it could not be watched to the end; None where it could.
     """
 
@@ -47,7 +50,20 @@ class ZeroInput(Part):
     swing: float = 0.0
     decays: bool = False
     grows: bool = False
+    most: float = 0.0
+    events: int = 0
     reason: str | None = None
+
+    def told_apart(self, *, continuous: bool) -> float:
+        """Return how far the output moves where that must be told apart from a response [unit of the output].
+
+        A transient of a continuous model need not be: its states go to where they would be without it.
+
+        Args:
+            continuous: whether the model is of model exchange, without samplers.
+        """
+        passing = continuous and self.decays and not self.events
+        return 0.0 if passing or self.grows or self.reason is not None else self.most
 
     @property
     def movement(self) -> float:
@@ -56,7 +72,7 @@ class ZeroInput(Part):
 
 
 def watch(session: Session, task: PointTask) -> ZeroInput:
-    """Run with zero input; stop early where nothing moves.
+    """Run with zero input, to the end also where nothing moves at first.
 
     Args:
         session: session of the model, not advanced yet.
@@ -65,18 +81,29 @@ def watch(session: Session, task: PointTask) -> ZeroInput:
     begin = session.time
     zero = replace(task, amplitude=0.0).sine(begin)
     seen: list[ZeroInput] = []
+    events = 0
     try:
         for k in range(_PERIODS):
+            before = _events(session)
             points = Span(begin, task.frequency, task.rows, k).points
             end = float(points[-1])
             record = session.advance(end, signals={task.input: zero}, record=(task.output,), points=points)
             seen.append(_movement(record, task.output))
-            if not seen[-1].movement:
-                break
+            events = _events(session) - before
     except SimulationError as error:
         return ZeroInput(reason=str(error))
     first, last = seen[0].movement, seen[-1].movement
-    return replace(seen[-1], decays=last <= _DECAY * first, grows=last > _GROWTH * first)
+    return replace(
+        seen[-1],
+        decays=last <= _DECAY * first,
+        grows=last > _GROWTH * first,
+        most=max(z.movement for z in seen),
+        events=events,
+    )
+
+
+def _events(session: Session) -> int:
+    return session.events if isinstance(session, CompiledMeSession) else 0
 
 
 def _movement(record: Recorded, output: str) -> ZeroInput:
