@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.misbehaving_fmus import build_misbehaving
 from tests.platforms import needs, posix_signals
 from tests.programs import ended
 from tests.worker_tasks import obey
@@ -171,6 +172,12 @@ def test_the_command_line_takes_an_address_and_an_analysis_without_parts_refuses
         wb.trim(lag, workers=Workers(scheduler=cluster))
     assert run(["trim", "fmu:FirstOrderLag", "--scheduler", cluster.address]) == 2
     assert "--scheduler: this command has no parts that could run on a cluster" in capfd.readouterr().err
+
+
+def test_what_an_fmu_did_to_a_worker_of_the_cluster_is_in_the_record(cluster: Cluster, tmp_path: Path) -> None:
+    with wb.load(build_misbehaving(tmp_path, "_arithmetic", "instantiate"), "me") as bad:
+        found = wb.lin_over(bad, over={"u": [0.5, 1.0]}, workers=Workers(scheduler=cluster))
+    assert any("the FMU changed the arithmetic of its process" in note for note in found.notes)
 
 
 # -- who may work ------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass, fields, is_dataclass, replace
 from functools import partial
 from os import PathLike
 from typing import (
@@ -174,9 +174,14 @@ class Request(Options, Generic[_Subject, _Record]):
             from workbench.workers.process import prepare  # noqa: PLC0415 - not for what is only asked about
 
             prepare(self.algorithm.partition(":")[0])
-        with self._reached(job) as asked:
-            asked = asked.in_own_units(subject)  # noqa: PLW2901
-            record: _Record = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, asked, job)
+        try:
+            with self._reached(job) as asked:
+                asked = asked.in_own_units(subject)  # noqa: PLW2901
+                found = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, asked, job)
+        except BaseException:
+            job.partial = partial(_so_far, job.partial, job)
+            raise
+        record: _Record = _noted(found, job)
         job.ended(self.command, record)
         return record
 
@@ -418,19 +423,30 @@ def _run(subject: _Subject, asked: Request[_Subject, _Record]) -> _Record:
 
 
 def _stoppable(subject: _Subject, asked: Request[_Subject, _Record], job: Job) -> _Record:
-    """Run a request; a KeyboardInterrupt brings along what is finished, a record what its job notes."""
+    """Run a request; a KeyboardInterrupt brings along what is finished."""
     try:
-        record: Any = asked.run(subject, job)
+        return asked.run(subject, job)
     except KeyboardInterrupt:
         raise StoppedError(job.partial(), job.reached) from None  # where it was just then tells nobody anything
     except SimulationError as error:
         if error.before is None:
             error.before = job.partial()  # nothing is lost
         raise
-    if job.notes and isinstance(getattr(record, "notes", None), tuple):
-        noted = replace(record, notes=tuple(dict.fromkeys([*record.notes, *job.notes])))
-        if (origin := origin_of(record)) is not None:
-            remember(noted, origin)
-        record = noted
-    found: _Record = record
-    return found
+
+
+def _noted(record: Any, job: Job) -> Any:  # noqa: ANN401 - any record
+    """Return a record with what its job notes: how it ran belongs to every result."""
+    own = {f.name for f in fields(record)} if is_dataclass(record) else set[str]()
+    name = next((n for n in ("notes", "warnings") if n in own), "")
+    known = getattr(record, name, ())
+    new = [note for note in dict.fromkeys(job.notes) if note not in known]
+    if not name or not new:
+        return record
+    noted = replace(record, **{name: (*known, *new)})
+    if (origin := origin_of(record)) is not None:
+        remember(noted, origin)
+    return noted
+
+
+def _so_far(partial_record: Callable[[], object], job: Job) -> object:
+    return _noted(partial_record(), job)

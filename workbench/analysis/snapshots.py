@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from workbench.core import job as telling
 from workbench.errors import WorkbenchError
 from workbench.fmi.description import Capabilities
 from workbench.model import DescribedModel, Model
@@ -44,7 +45,7 @@ class _Probe(Job):
 
 
 def probe_snapshots(
-    recipe: FmuRecipe, claims: Mapping[str, Capabilities], interfaces: Sequence[str]
+    recipe: FmuRecipe, claims: Mapping[str, Capabilities], interfaces: Sequence[str], told: telling.Job
 ) -> dict[str, Snapshots]:
     """Take, disturb, restore and compare, in worker processes.
 
@@ -52,6 +53,7 @@ def probe_snapshots(
         recipe: of the FMU, with one of the interfaces.
         claims: what the FMU says about its interfaces.
         interfaces: those to be probed; they must be able to run on this platform.
+        told: gets what the user should know of how they ran.
     """
     found = {
         name: Snapshots("replay", "the FMU does not claim to save its state")
@@ -68,4 +70,5 @@ def probe_snapshots(
                     found[event.job.interface] = Snapshots("replay", f"the probe failed: {event.reason}")
         except WorkbenchError as error:
             found |= {n: Snapshots("replay", f"the probe failed: {error}") for n in interfaces if n not in found}
+    told.notes += pool.remarks()
     return found

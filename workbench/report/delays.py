@@ -33,7 +33,8 @@ def delays_page(result: DelayReport) -> Page:
 def no_delays_page(result: NoDelays) -> Page:
     """Return the page of a model without a master."""
     verdict = Verdict("good", result.words)
-    return Page(f"Delays in {result.model}", "", {}, [], summary=[verdict], notes=[result.words], kind="delays")
+    notes = [result.words, *result.notes]
+    return Page(f"Delays in {result.model}", "", {}, [], summary=[verdict], notes=notes, kind="delays")
 
 
 def _verdict(c: ConnectionDelay) -> Verdict:

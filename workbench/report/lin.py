@@ -140,7 +140,7 @@ def grid_page(grid: LinGrid) -> Page:
         ],
         summary=[Verdict("failed", f"{p}: {p.reason}") for p in grid.failed]
         + [Verdict(v.word, f"{p}: {v.text}") for p, r in good for v in _doubts(r)],
-        notes=tuple(dict.fromkeys(note for _, r in good for note in r.notes)),
+        notes=tuple(dict.fromkeys([*grid.notes, *(note for _, r in good for note in r.notes)])),
         kind="lin",
     )
 
@@ -173,6 +173,7 @@ def comparison_page(result: LinComparison) -> Page:
             *_inapplicable(result),
         ],
         summary=[_agreement(m, counts, result.words) for m in methods],
+        notes=result.notes,
         kind="lin",
     )
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from workbench.core.job import Job
 from workbench.core.where import Limits, Workers
 from workbench.errors import InputError
 from workbench.model.recipe import Recipe
@@ -15,7 +17,28 @@ from workbench.workers.runner import InProcess, Runner
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["choose", "runner_for"]
+__all__ = ["at_work", "choose", "runner_for"]
+
+
+@contextmanager
+def at_work(model: Model, workers: Workers, job: Job) -> Iterator[Runner]:
+    """Enter what runs the tasks; the job ends them, and gets what the user should know of how they ran.
+
+    Args:
+        model: what the tasks get.
+        workers: what was asked for.
+        job: whose tasks they are.
+
+    Raises:
+        InputError: the cluster cannot be reached; the model cannot be confined.
+    """
+    runner, notes = choose(model, workers)
+    job.notes += notes
+    try:
+        with runner, job.ended_by(runner.stop):
+            yield runner
+    finally:
+        job.notes += runner.remarks()
 
 
 def choose(model: Model, workers: Workers) -> tuple[Runner, tuple[str, ...]]:

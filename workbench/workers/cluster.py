@@ -486,6 +486,8 @@ class OnCluster(Runner):
         done: Done = pickle.loads(packed)  # noqa: S301 - SECURITY.md says whom that trusts
         self._times.append((len(jobs), done.seconds))
         self.printed += done.printed
+        self.stray += done.stray
+        self.afterwards = tuple(dict.fromkeys([*self.afterwards, *done.afterwards]))
         for number, (job, items) in enumerate(zip(jobs, done.found, strict=bool(done.found))):
             yield from (Reply(job, pickle.loads(item)) for item in items)  # noqa: S301 - likewise
             if number in done.lost:

@@ -57,6 +57,8 @@ class Done:
         error: that ended the batch; None: all of it was done.
         seconds: that it took.
         printed: by the FMU.
+        stray: bytes that it wrote into what is not its own.
+        afterwards: what went wrong when all was told.
     """
 
     found: tuple[tuple[bytes, ...], ...] = ()
@@ -64,6 +66,8 @@ class Done:
     error: Exception | None = None
     seconds: float = 0.0
     printed: str = ""
+    stray: int = 0
+    afterwards: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,7 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
         )
     recipe = _put_together(batch.recipe, dict(zip(batch.archives, archives, strict=True)))
     pool = _pool(recipe, batch.limits)
-    pool.stopped, pool.printed = False, ""
+    pool.stopped, pool.printed, pool.stray, pool.afterwards = False, "", 0, []
     found: list[list[bytes]] = [[] for _ in batch.jobs]
     lost: dict[int, LostError] = {}
     error: Exception | None = None
@@ -145,7 +149,10 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
     except KeyboardInterrupt:
         error = InputError("nobody waits for the result")
     seconds = time.perf_counter() - begin
-    done = Done(found=tuple(map(tuple, found)), lost=lost, error=error, seconds=seconds, printed=pool.printed)
+    done = Done(
+        found=tuple(map(tuple, found)), lost=lost, error=error, seconds=seconds, printed=pool.printed,
+        stray=pool.stray, afterwards=tuple(pool.afterwards),
+    )  # fmt: skip
     return own, _packed(done)
 
 

@@ -79,20 +79,11 @@ class Pool(Runner):
         self._ending = False  # by `end_soon`
         self._patient_until: float | None = None  # after it
         self.afterwards: list[str] = []
-        self._stray = 0  # [byte]
 
     @property
     def _source(self) -> str:
         """What the user named as the model."""
         return self._recipe.source if isinstance(self._recipe, LoadRecipe) else "the FMU"
-
-    def remarks(self) -> list[str]:
-        """Return what the FMU printed, in a line, and what went wrong when all was told."""
-        lines = ["".join(c if c.isprintable() else " " for c in line).strip() for line in self.printed.splitlines()]
-        lines = [line for line in lines if line]
-        many = f"the FMU printed {len(lines)} lines; the last: " if lines[1:] else "the FMU printed: "
-        stray = [f"the FMU wrote {self._stray} bytes into a file that is not its own"] if self._stray else []
-        return [*dict.fromkeys(self.afterwards), *stray, *(many + line for line in lines[-1:])]
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
         try:
@@ -258,7 +249,7 @@ class Pool(Runner):
         """Take down what a worker printed, and return it."""
         said = worker.said()
         self.printed += said
-        self._stray += worker.channel.stray
+        self.stray += worker.channel.stray
         worker.channel.stray = 0
         return said
 

@@ -89,7 +89,16 @@ class Runner(Closable):
 
     stopped = False
     printed = ""  # by the FMU itself, besides the log that FMI has
+    stray = 0  # bytes that it wrote into what is not its own
     afterwards: Sequence[str] = ()  # what went wrong when all was told
+
+    def remarks(self) -> list[str]:
+        """Return what went wrong when all was told, and what the FMU printed, in a line."""
+        lines = ["".join(c if c.isprintable() else " " for c in line).strip() for line in self.printed.splitlines()]
+        lines = [line for line in lines if line]
+        many = f"the FMU printed {len(lines)} lines; the last: " if lines[1:] else "the FMU printed: "
+        stray = [f"the FMU wrote {self.stray} bytes into a file that is not its own"] if self.stray else []
+        return [*dict.fromkeys(self.afterwards), *stray, *(many + line for line in lines[-1:])]
 
     @abstractmethod
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:

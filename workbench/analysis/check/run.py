@@ -25,8 +25,7 @@ from workbench.model.load import load_fmu
 from workbench.model.recipe import content_hash
 from workbench.system.description import FmuComponent, SystemDescription
 from workbench.system.read import is_system_file, read_system
-from workbench.workers import Lost, Reply, Workers, perform
-from workbench.workers import choose as choose_runner
+from workbench.workers import Lost, Reply, Workers, at_work, perform
 
 __all__ = ["run", "validation"]
 
@@ -162,8 +161,7 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
     """Yield the lines as they are finished; what a crash cuts off goes on in a new worker."""
     jobs = deque(CheckJob(interface=i, names=names) for i, names in wanted.items() if names)
     open_names = {i: list(names) for i, names in wanted.items()}
-    runner, _ = choose_runner(model, where)
-    with runner, job.ended_by(runner.stop):
+    with at_work(model, where, job) as runner:
         try:
             for event in runner.run(perform, jobs):
                 of = event.job

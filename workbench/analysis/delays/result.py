@@ -167,11 +167,13 @@ class NoDelays(Record):
 
     Attributes:
         model, interface, solver: which.
+        notes: what else should be known, one line each.
     """
 
     model: str
     interface: str
     solver: str
+    notes: tuple[str, ...] = ()
 
     @property
     def words(self) -> str:

@@ -18,7 +18,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.placing import find_point
 from workbench.session.base import Floats
-from workbench.workers import Job, Remark, Reply, choose, perform
+from workbench.workers import Job, Remark, Reply, at_work, perform
 
 __all__ = ["run"]
 
@@ -28,7 +28,6 @@ WORRYING_CHANGE = 0.01  # of an output's range, with half the communication step
 def run(model: Model, asked: Excite, job: telling.Job) -> ExciteResult:
     """Record an experiment; see `Excite`."""
     point, remarks = find_point(model, asked.at)
-    runner, notes = choose(model, asked.place)
     plain = replace(
         asked,
         inputs=tuple(dict.fromkeys(asked.inputs)),
@@ -37,15 +36,14 @@ def run(model: Model, asked: Excite, job: telling.Job) -> ExciteResult:
         workers=None,
         progress=None,
     )
-    recording = _Recording(model, plain, [*remarks, *notes])
+    recording = _Recording(model, plain, [*remarks])
     job.partial = recording.result
-    with runner, job.ended_by(runner.stop):
+    with at_work(model, asked.place, job) as runner:
         for event in runner.run(perform, deque([_ExciteJob(plain, point)])):
             if not isinstance(event, Reply):
                 raise event.error
             recording.take(event.value)
             job.done(f"{recording.done} of {recording.total} samples", recording.done, recording.total)
-    recording.notes += runner.afterwards
     found = recording.result()
     if found is None:
         raise SimulationError("nothing was recorded")

@@ -21,7 +21,7 @@ from workbench.errors import SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats, Recorded, Session
 from workbench.signals import Signal
-from workbench.workers import Lost, Workers, choose
+from workbench.workers import Lost, Workers, at_work
 
 __all__ = ["GainRun", "SettlingSettings", "SettlingStudy", "settling_study"]
 
@@ -208,9 +208,7 @@ def settling_study(
     wishes = [Wish(gain, y0, actuator, closes) for gain in gains]
     jobs = [_Closing(path=place.shown, start=start, wish=wish, watch=watch, settings=settings) for wish in wishes]
     found: dict[float, GainRun] = {}
-    runner, notes = choose(place.model, workers)
-    job.notes += notes
-    with runner, job.ended_by(runner.stop):
+    with at_work(place.model, workers, job) as runner:
         for event in runner.run(_closed, deque(jobs)):
             gain = event.job.wish.gain
             if isinstance(event, Lost):

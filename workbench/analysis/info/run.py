@@ -44,21 +44,21 @@ from workbench.system.read import is_system_file, read_system
 __all__ = ["run"]
 
 
-def run(path: str | Path, asked: Info, _: Job) -> FmuInfo | SystemInfo:
+def run(path: str | Path, asked: Info, job: Job) -> FmuInfo | SystemInfo:
     """Read an FMU or a system; see `Info`."""
     if is_system_file(path):
         return _system(path)
     with undisturbed():
-        return _fmu(path, probe=asked.probe)
+        return _fmu(path, job, probe=asked.probe)
 
 
-def _fmu(path: str | Path, *, probe: bool) -> FmuInfo:
+def _fmu(path: str | Path, job: Job, *, probe: bool) -> FmuInfo:
     source = locate(path)
     with unpack(source) as unpacked:
         found = read_description(unpacked.folder, source=str(source))
         reasons = {i: _why_not(unpacked.folder, c.identifier, source) for i, c in found.interfaces.items()}
         runs = [i for i, reason in reasons.items() if not reason]
-        snapshots = _snapshots(unpacked, found, runs) if probe and runs else {}
+        snapshots = _snapshots(unpacked, found, runs, job) if probe and runs else {}
 
     def having(causality: str) -> tuple[VariableFacts, ...]:
         return _facts(v for v in found.variables if v.causality == causality and v.type != "Clock")
@@ -130,7 +130,9 @@ def _why_not(folder: Path, identifier: str, source: Path) -> str:
     return ""
 
 
-def _snapshots(unpacked: Unpacked, description: Description, interfaces: Sequence[str]) -> dict[str, Snapshots]:
+def _snapshots(
+    unpacked: Unpacked, description: Description, interfaces: Sequence[str], job: Job
+) -> dict[str, Snapshots]:
     """Return how snapshots are taken with each interface that runs here."""
     recipe = FmuRecipe(
         source=str(unpacked.source),
@@ -138,7 +140,7 @@ def _snapshots(unpacked: Unpacked, description: Description, interfaces: Sequenc
         interface=interfaces[0],
         solver="auto",
     )
-    return dict(probe_snapshots(recipe, description.interfaces, interfaces))
+    return dict(probe_snapshots(recipe, description.interfaces, interfaces, job))
 
 
 def _system(path: str | Path) -> SystemInfo:

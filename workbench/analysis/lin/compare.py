@@ -100,6 +100,7 @@ class LinComparison(Record):
         interfaces: co-simulation against model exchange; None where the FMU does not offer both.
         words: the comparison in sentences.
         operating_point: where the models were linearised.
+        notes: what else should be known, one line each.
     """
 
     model: str
@@ -114,6 +115,7 @@ class LinComparison(Record):
     interfaces: InterfaceDifference | None
     words: tuple[str, ...]
     operating_point: OperatingPoint
+    notes: tuple[str, ...] = ()
 
     _WHAT, _COMMAND = "a comparison of linear models", "lin --compare"
 

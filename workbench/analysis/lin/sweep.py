@@ -23,7 +23,7 @@ from workbench.model import Model
 from workbench.model.names import check_variables, forced_inputs
 from workbench.model.varied import with_parameters
 from workbench.store import Store
-from workbench.workers import Lost, Reply, Workers, choose
+from workbench.workers import Lost, Reply, Workers, at_work
 from workbench.workers.stamp import stamp
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ class LinGrid(Record):
         model, interface, solver: what was linearised.
         over: what was varied → values; the last one varies fastest in `points`.
         points: one for each combination.
+        notes: on how they were found.
     """
 
     model: str
@@ -73,6 +74,7 @@ class LinGrid(Record):
     solver: str
     over: dict[str, tuple[float, ...]]
     points: tuple[LinPoint, ...] = field(metadata=entry(key="systems"))
+    notes: tuple[str, ...] = ()
 
     _WHAT, _COMMAND = "a family of linear models", "lin --over"
 
@@ -187,9 +189,7 @@ def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | Non
         if kept is not None and _label(one.varied) in done:
             yield LinPoint(one.varied, _kept(kept, done[_label(one.varied)]))
     queue = deque(j for j in todo if _label(j.varied) not in done)
-    runner, notes = choose(model, workers)
-    job.notes += notes
-    with runner, job.ended_by(runner.stop):
+    with at_work(model, workers, job) as runner:
         for answer in runner.run(linearise_one, queue):
             point = _point(answer)
             if kept is not None and point.result is not None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from workbench.analysis.nfr.job import PointsJob
 from workbench.analysis.nfr.point import NfrPoint, PointTask, failed_point
 from workbench.core.closable import Closable
+from workbench.core.job import Job
 from workbench.model import Model
 from workbench.workers import Lost, Workers, choose, perform
 
@@ -20,10 +21,12 @@ class Bench(Closable):
     Args:
         model: what is measured; it stays open.
         workers: where.
+        job: gets what the user should know of how they ran.
     """
 
-    def __init__(self, model: Model, workers: Workers) -> None:
+    def __init__(self, model: Model, workers: Workers, job: Job) -> None:
         self._runner, self.notes = choose(model, workers)
+        self._job = job
 
     def measure(self, tasks: Sequence[PointTask]) -> list[NfrPoint]:
         """Return the points of the tasks, in their order; one whose worker was lost has failed.
@@ -45,3 +48,4 @@ class Bench(Closable):
     def close(self) -> None:
         """End the workers."""
         self._runner.close()
+        self._job.notes += self._runner.remarks()

@@ -91,7 +91,7 @@ def measure(
         stopped: asked between handfuls of points; true ends the measurement, a note says so.
     """
     way, points = MEASUREMENTS[name], Points()
-    with way.cut(cut) as model, Bench(model, workers) as bench:
+    with way.cut(cut) as model, Bench(model, workers, job) as bench:
         wanted = [(f, a) for a in amplitudes for f in frequencies]
         for _ in range(1 + refine):
             for part in _parts(wanted):

@@ -21,7 +21,7 @@ from workbench.errors import SimulationError
 from workbench.model import Model
 from workbench.model.names import check_variables
 from workbench.model.varied import with_parameters
-from workbench.workers import Lost, Workers, choose
+from workbench.workers import Lost, Workers, at_work
 
 __all__ = ["ModelSource", "check_parameter"]
 
@@ -174,9 +174,7 @@ class ModelSource:
             yield from points_over(self._model, over, workers, job, explained=False)
             return
         jobs = deque(_Single(vary=self._vary, value=v, lin=self._lin, trimmed=self._trimmed) for v in values)
-        runner, notes = choose(self._model, workers)
-        job.notes += notes
-        with runner, job.ended_by(runner.stop):
+        with at_work(self._model, workers, job) as runner:
             for event in runner.run(_linearised, jobs):
                 yield (
                     LinPoint({self._vary: event.job.value}, None, event.reason, event.kind)

@@ -190,7 +190,7 @@ class Sweep:
                 jobs = deque(map(self._stoppable, jobs))
             points = chain.from_iterable(map(partial(self._take, jobs), runner.run(perform, jobs)))
             yield chain(points, self._afterwards(runner))
-            self._told_of += runner.afterwards
+            self._told_of += runner.remarks()
 
     def _afterwards(self, runner: Runner) -> Iterator[NfrPoint]:
         """Look for second responses where there may be some, and follow the branches if they are asked for."""
