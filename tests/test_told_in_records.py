@@ -79,9 +79,12 @@ def test_what_a_worker_tells_stands_in_the_record_and_its_report(folder: Path, w
 
 
 @pytest.mark.parametrize(
-    ("way", "call", "told"), [("segfault", "terminate", CRASHED), ("stdout", "instantiate", "the FMU printed")]
+    ("what", "way", "call", "told"),
+    [
+        *((what, "segfault", "terminate", CRASHED) for what in ("lin", "lin --over", "check", "modes", "nfr")),
+        *((what, "stdout", "instantiate", "the FMU printed") for what in ("lin", "lin --over", "branches", "check")),
+    ],
 )
-@pytest.mark.parametrize("what", ["lin", "lin --over", "branches", "check", "modes", "nfr"])
 def test_a_crash_when_all_was_told_and_what_was_printed_stand_there_too(
     folder: Path, what: str, way: str, call: str, told: str
 ) -> None:
