@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Mapping
+from fractions import Fraction
 from pathlib import Path
 
 import control
@@ -16,6 +17,7 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.master_loops import REFERENCE, error_of, fmu, grid, lags, left_limits, mastered
 from tests.system_models import difference
 from workbench.analysis.simulate.request import simulate
+from workbench.core.calendar import Sampler
 from workbench.errors import InputError, SimulationError
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
@@ -243,11 +245,21 @@ def test_the_report_knows_the_instants() -> None:
 
 def test_instants_of_two_rates_are_one_pattern() -> None:
     times = sorted({round(0.1 * k, 9) for k in range(60)} | {round(0.15 * k, 9) for k in range(40)})
-    ticks = repeating(times)
-    assert ticks is not None
-    assert ticks.period == pytest.approx(0.3)
-    assert [round(ticks.after(t), 9) for t in (0.3, 0.4, 0.45, 0.5)] == [0.4, 0.45, 0.5, 0.6]
+    found = repeating(times)
+    assert found is not None
+    tenths = [(Fraction(3, 10), Fraction(k, 20)) for k in (0, 2, 3, 4)]
+    assert [(s.period, s.offset) for s in found.samplers] == tenths
     assert repeating([0.0, 0.1, 0.25, 0.3, 0.47]) is None
+
+
+def test_instants_that_are_added_up_are_the_pattern_that_was_meant() -> None:
+    times = [0.03]
+    while len(times) < 200:
+        times.append(times[-1] + 0.1)
+    found = repeating(times)
+    assert found is not None
+    assert times[-1] != found.samplers[0].instant(199)
+    assert found.samplers == (Sampler(Fraction(1, 10), Fraction(3, 100)),)
 
 
 # -- the step -----------------------------------------------------------------------------------
@@ -379,10 +391,10 @@ def test_clocks_of_a_description_are_instants(tmp_path: Path) -> None:
         '<Clock name="b" intervalVariability="constant" intervalDecimal="0.04" shiftDecimal="0.01"/>'
         '<Clock name="c" intervalVariability="triggered"/></ModelVariables></fmiModelDescription>'
     )
-    ticks = clock_ticks(path)
-    assert ticks is not None
-    assert ticks.first == pytest.approx((0.0, 0.01, 0.02))
-    assert ticks.period == pytest.approx(0.04)
+    found = clock_ticks(path)
+    assert found is not None
+    assert found.samplers == (Sampler(Fraction(1, 50)), Sampler(Fraction(1, 25), Fraction(1, 100)))
+    assert found.longest_gap == 0.02
 
 
 def test_a_components_own_step_is_kept() -> None:

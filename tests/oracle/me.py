@@ -13,6 +13,7 @@ from tests.oracle.completed_step import completed_step
 from tests.oracle.problem import Problem
 from tests.oracle.solvers import SOLVERS, Solver, Tolerance
 from tests.oracle.turned import Turned
+from workbench.core.calendar import is_due
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats, Recorded
@@ -108,7 +109,7 @@ class OracleMeSession(MeSession):
             self.problem.limit = math.nextafter(end, -math.inf)
             if end == until and self.forcing.next_break(math.nextafter(until, -math.inf)) > until:
                 self.problem.limit = math.inf
-            stop = min(end, self._next_time)
+            stop = end if is_due(end, self._next_time) else self._next_time
             if self._has_discrete:
                 stop = min(stop, waiting[-1])
             self._to_stop(stop, waiting, rows)

@@ -12,12 +12,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
+from itertools import pairwise
 
 from workbench.errors import InputError
 
-__all__ = ["Calendar", "Sampler", "exact", "simplest_between"]
+__all__ = ["Calendar", "Sampler", "exact", "gathered", "is_due", "rounding", "simplest_between"]
 
 _BY_CHANCE = 1e-3  # expected number of fractions as simple within rounding, below which one is taken as meant
+_MOST_ROUNDED = 2.0**20  # ulps; whoever adds up its period is off by half of one a tick at most: two million ticks
 _LONGEST = 10_000  # instants of one sampler in a basic period; beyond that nobody wants to wait for it
 
 
@@ -48,7 +50,7 @@ def exact(value: float) -> Fraction:
 
 
 def simplest_between(low: Fraction, high: Fraction) -> Fraction:
-    """Return the fraction with the smallest denominator in [low, high], both positive.
+    """Return the fraction with the smallest denominator in [low, high].
 
     Source: the Stern–Brocot tree; R. Graham, D. Knuth, O. Patashnik, Concrete Mathematics, 1994, section 4.5.
 
@@ -56,11 +58,38 @@ def simplest_between(low: Fraction, high: Fraction) -> Fraction:
     >>> simplest_between(Fraction(333, 1000), Fraction(334, 1000))
     Fraction(1, 3)
     """
+    if low <= 0:
+        return Fraction(0) if high >= 0 else -simplest_between(-high, -low)
     whole = math.ceil(low)
     if whole <= high:
         return Fraction(whole)
     whole -= 1
     return whole + 1 / simplest_between(1 / (high - whole), 1 / (low - whole))
+
+
+def rounding(time: float) -> float:
+    """Return how far apart two times of this size [s] may lie and still be the same instant [s]."""
+    return _MOST_ROUNDED * math.ulp(time)
+
+
+def is_due(due: float, now: float) -> bool:
+    """Whether `due` [s] is now or past, or only rounding puts it later."""
+    return due <= now + rounding(now)
+
+
+def gathered(times: Iterable[float], now: float) -> float:
+    """Return the next instant: of the times that are one with the first, the last, so that all of them are reached.
+
+    Args:
+        times: when something is due after `now` [s]; infinite: nothing is.
+        now: [s].
+    """
+    known = list(times)
+    first = min(known, default=math.inf)
+    if first == math.inf:
+        return first
+    width = rounding(max(abs(now), abs(first)))
+    return max(t for t in known if t <= first + width)
 
 
 @dataclass(frozen=True)
@@ -91,6 +120,11 @@ class Sampler:
     def instant(self, k: int) -> float:
         """Return the time of instant k [s], rounded once."""
         return float(self.offset + k * self.period)
+
+    def after(self, time: float) -> float:
+        """Return the first instant later than `time` [s]."""
+        k = max(0, math.floor((Fraction(time) - self.offset) / self.period))
+        return next(t for t in map(self.instant, range(k, k + 3)) if t > time)
 
 
 @dataclass(frozen=True)
@@ -144,6 +178,18 @@ class Calendar:
     def time(self, k: int) -> float:
         """Return the time of instant k of the calendar [s], rounded once."""
         return float(self.origin + k * self.tick)
+
+    @property
+    def longest_gap(self) -> float:
+        """The longest time between two instants, once all samplers have begun [s].
+
+        Raises:
+            InputError: see `basic_period`.
+        """
+        basic = self.basic_period
+        instants = {(s.offset + k * s.period) % basic for s in self.samplers for k in range(int(basic / s.period))}
+        times = sorted(instants)
+        return float(max(b - a for a, b in pairwise([*times, times[0] + basic])))
 
     def due(self, k: int) -> tuple[int, ...]:
         """Return the numbers of the samplers that sample at instant k of the calendar."""

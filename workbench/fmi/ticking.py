@@ -10,9 +10,11 @@ import ctypes
 import math
 from collections.abc import Callable, Mapping
 
+from workbench.core.calendar import Sampler, exact, is_due
 from workbench.errors import SimulationError
 from workbench.fmi.c_array import array_type
 from workbench.fmi.description import Clock
+from workbench.fmi.instants import Instants
 
 __all__ = ["Clocks", "Tick", "Ticking", "no_interval", "time_based"]
 
@@ -27,9 +29,8 @@ class Tick(ctypes.Structure):
 
     Attributes:
         next: time of the next tick [s]; infinite: not known, or none.
-        first: time from which periods are counted [s].
-        interval: of a periodic clock [s].
-        count: ticks since `first`.
+        instants: of a periodic clock.
+        count: of these, so far.
         reference: the FMU's handle.
         kind: PERIODIC: known for good; APERIODIC: the FMU is asked for each next tick; TUNABLE: periodic, and asked.
         ticked: it has ticked in this event, and the FMU has not been asked since.
@@ -37,8 +38,7 @@ class Tick(ctypes.Structure):
     """
 
     next: float
-    first: float
-    interval: float
+    instants: Instants
     count: float
     reference: int
     kind: int
@@ -46,8 +46,7 @@ class Tick(ctypes.Structure):
     place: int
     _fields_ = (
         ("next", ctypes.c_double),
-        ("first", ctypes.c_double),
-        ("interval", ctypes.c_double),
+        ("instants", Instants),
         ("count", ctypes.c_double),
         ("reference", ctypes.c_uint32),
         ("kind", ctypes.c_int32),
@@ -146,9 +145,12 @@ class Ticking:
             shift = self._shift(tick.reference) if asked and tick.kind != APERIODIC else clock.shift
             if known and not (0.0 <= interval < math.inf and (interval or tick.kind == APERIODIC)):
                 raise no_interval(f"{self._model}: clock {name}", time)
-            tick.interval, tick.count = interval, 0.0
-            tick.first = time + shift
-            tick.next = tick.first if tick.kind != APERIODIC else time + interval if known else math.inf
+            tick.count = 0.0
+            if tick.kind == APERIODIC:
+                tick.next = time + interval if known else math.inf
+            else:
+                tick.instants = Instants.of(Sampler(exact(interval), exact(time) + exact(shift)))
+                tick.next = tick.instants.at(0)
 
     def _asked(self, reference: int) -> tuple[float, bool]:
         """Return an interval and whether the FMU knows it by now."""
@@ -169,13 +171,13 @@ class Ticking:
         """
         n = 0
         for tick in self._ticks:
-            if tick.next <= time:
+            if is_due(tick.next, time):
                 self._references[n], self._active[n] = tick.reference, True
                 n += 1
                 tick.ticked = True
                 self.counts[tick.place] += 1.0
                 tick.count += 1.0
-                tick.next = math.inf if tick.kind == APERIODIC else tick.first + tick.count * tick.interval
+                tick.next = math.inf if tick.kind == APERIODIC else tick.instants.at(tick.count)
         if n:
             self._call("fmi3SetClock", self._references, n, self._active)
 
@@ -203,8 +205,8 @@ class Ticking:
                 interval = float(self._intervals[i])
                 if not 0.0 <= interval < math.inf:
                     raise no_interval(f"{self._model}: clock {name}", time)
-                tick.first, tick.interval, tick.count = time + interval, interval, 0.0
-                tick.next = tick.first
+                tick.next, tick.count = time + interval, 0.0
+                tick.instants = Instants(tick.next, interval, 1.0)
             tick.ticked = False
 
     def saved(self) -> tuple[bytes, bytes]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.calendar import is_due
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 
 __all__ = ["Group", "Wire", "Wiring", "wiring"]
@@ -94,11 +95,11 @@ class Wiring:
 
     def switch(self, time: float) -> None:
         """Close what is due at `time` [s]; only at events."""
-        self.closed[:] = [time >= c.closes_at for c in self.connections]
+        self.closed[:] = [is_due(c.closes_at, time) for c in self.connections]
 
-    def next_switch(self, time: float) -> float:
-        """Return the next time > `time` at which a connection closes [s]."""
-        return min((c.closes_at for c in self.connections if c.closes_at > time), default=math.inf)
+    def switches_after(self, time: float) -> list[float]:
+        """Return when connections close after `time` [s]."""
+        return [c.closes_at for c in self.connections if not is_due(c.closes_at, time)]
 
     def forget(self) -> None:
         """Drop the Jacobians: what is computed next must not depend on the past."""

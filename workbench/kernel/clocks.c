@@ -16,13 +16,13 @@ size_t clocks_due(Clocks *clocks, double time) {
     size_t n = 0;
     for (size_t i = 0; i < clocks->n; i++) {
         Tick *tick = &clocks->ticks[i];
-        if (tick->next <= time) {
+        if (is_due(tick->next, time)) {
             clocks->references[n] = tick->reference;
             clocks->active[n++] = true;
             tick->ticked = 1;
             clocks->counts[tick->place]++;
             tick->count++;
-            tick->next = tick->kind == APERIODIC ? (double)INFINITY : tick->first + tick->count * tick->interval;
+            tick->next = tick->kind == APERIODIC ? (double)INFINITY : instant(&tick->instants, tick->count);
         }
     }
     return n;
@@ -57,8 +57,8 @@ bool clocks_answered(Clocks *clocks, double time) {
             if (!(interval >= 0.0) || isinf(interval)) {
                 return false;
             }
-            tick->next = tick->first = time + interval;
-            tick->interval = interval;
+            tick->next = time + interval;
+            tick->instants = (Instants){tick->next, interval, 1.0};
             tick->count = 0.0;
         }
         tick->ticked = 0;

@@ -8,14 +8,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "instants.h"
+
 /* PERIODIC: known for good; APERIODIC: the FMU is asked for each next tick; TUNABLE: periodic, and asked. */
 enum { PERIODIC, APERIODIC, TUNABLE };
 
 typedef struct {
     double next;     /* time of the next tick [s]; infinite: not known, or none */
-    double first;    /* time from which periods are counted [s] */
-    double interval; /* of a periodic clock [s] */
-    double count;    /* ticks since `first` */
+    Instants instants; /* of a periodic clock */
+    double count;      /* of these, so far */
     uint32_t reference;
     int32_t kind;
     int32_t ticked; /* in this event, and the FMU has not been asked since */
@@ -38,7 +39,7 @@ typedef struct {
 
 /* The time of the next tick of any [s]; infinite where `clocks` is NULL. */
 double clocks_next(const Clocks *clocks);
-/* Note what ticks at `time`; the first so many of `references` and `active` are for the FMU. */
+/* Note what ticks at `time`, rounding allowed for; the first so many of `references` and `active` are for the FMU. */
 size_t clocks_due(Clocks *clocks, double time);
 /* Count what the FMU says has ticked: `active`, of those `told`. */
 void clocks_told(Clocks *clocks);

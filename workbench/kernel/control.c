@@ -7,7 +7,7 @@
 
 static const double SAFETY = 0.8, SHRINK = 0.2, GROW = 2.0;
 static const double LOCAL_ORDER = 3.0; /* of a step's error with linear inputs; with held ones 2: more are refused */
-static const double SAME = 1e-9;       /* of the step: instants closer than this are one */
+static const double SLIVER = 1e-9;     /* of a step: no piece is as short */
 
 /* ---- going back ---- */
 
@@ -42,8 +42,9 @@ static double *carry_clocks(double *at, const Clocks *clocks, Way way) {
     for (size_t i = 0; i < clocks->n; i++) {
         Tick *tick = &clocks->ticks[i];
         at = carry(at, &tick->next, 1, way);
-        at = carry(at, &tick->first, 1, way);
-        at = carry(at, &tick->interval, 1, way);
+        at = carry(at, &tick->instants.first, 1, way);
+        at = carry(at, &tick->instants.step, 1, way);
+        at = carry(at, &tick->instants.denominator, 1, way);
         at = carry(at, &tick->count, 1, way);
         at = carry(at, &clocks->counts[tick->place], 1, way);
     }
@@ -92,7 +93,7 @@ size_t control_doubles(const Cs *cs) {
     size_t n = 4 + 5 * system->wires.n + system->forcing->n + 2 * system->n_components;
     for (size_t i = 0; i < system->n_components; i++) {
         const Clocks *clocks = system->components[i].clocks;
-        n += clocks ? 5 * clocks->n + clocks->n_told : 0;
+        n += clocks ? 6 * clocks->n + clocks->n_told : 0;
     }
     for (size_t k = 0; k < cs->master->n_units; k++) {
         const Me *me = cs->master->units[k].me;
@@ -221,7 +222,7 @@ bool control_step(Cs *cs) {
     Control *control = cs->master->control;
     const double begin = cs->time;
     const double step = fmin(control->step, cs->system->forcing->longest_step);
-    const double pieces = fmax(1.0, ceil((cs->target - begin) / step - SAME));
+    const double pieces = fmax(1.0, ceil((cs->target - begin) / step - SLIVER));
     const double end = pieces == 1.0 ? cs->target : begin + (cs->target - begin) / pieces;
     bool good = false;
     bool done = keep(cs) && in_one(cs, end) && go_back(cs) && try_halves(cs, end, control->least, &good) &&

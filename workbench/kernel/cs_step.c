@@ -5,8 +5,6 @@
 #include "intermediate.h"
 #include "master.h"
 
-static const double SAME = 1e-9; /* of the communication step: instants closer than this are one */
-
 enum { MAX_EARLY_RETURNS = 10000, MAX_EVENT_ITERATIONS = 1000 };
 
 static Failure *failure_of(Cs *cs) {
@@ -210,24 +208,22 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
     return fail_at(failure_of(cs), FAILED_EARLY, cs->time);
 }
 
-/* What is overdue ticks at the next communication point: time never goes back. */
-static double next_tick(const Cs *cs, double target) {
-    for (size_t i = 0; i < cs->system->n_components; i++) {
-        const double tick = clocks_next(cs->system->components[i].clocks);
-        target = tick > cs->time ? fmin(target, tick) : target;
-    }
-    return target;
+void cs_gather(const Cs *cs, Gathered *next, double due) {
+    gather(next, is_due(due, cs->time) ? (double)INFINITY : due);
 }
 
 double cs_next_stop(const Cs *cs, double target) {
-    if (!cs->master) {
-        return next_tick(cs, target);
-    }
-    if (!cs->variable_step) {
+    Gathered next = gathered_after(cs->time);
+    if (cs->master && !cs->variable_step) {
         return target;
     }
-    const double stop = master_next_stop(cs, cs->time + SAME * cs->longest);
-    return stop >= target - SAME * cs->longest ? target : stop;
+    if (cs->master) {
+        master_gather(cs, &next);
+    }
+    for (size_t i = 0; i < cs->system->n_components && !cs->master; i++) {
+        cs_gather(cs, &next, clocks_next(cs->system->components[i].clocks));
+    }
+    return is_due(target, next.last) ? target : next.last;
 }
 
 bool cs_step_to(Cs *cs, double end) {
@@ -243,7 +239,7 @@ bool cs_step_to(Cs *cs, double end) {
     cs->time = end;
     for (size_t i = 0; i < cs->system->n_components; i++) {
         Component *component = &cs->system->components[i];
-        component->event_due = component->event_due || clocks_next(component->clocks) <= end;
+        component->event_due = component->event_due || is_due(clocks_next(component->clocks), end);
     }
     return true;
 }

@@ -6,6 +6,8 @@
 
 /* Where the way to `target` is interrupted by what is known to happen in a component [s]. */
 double cs_next_stop(const Cs *cs, double target);
+/* Gather when something is due after now; what rounding alone puts later is of now. */
+void cs_gather(const Cs *cs, Gathered *next, double due);
 /* Look where the inputs go until `end`, and tell those FMUs that can take it; fills `seen` of the forcing. */
 void cs_look_ahead(Cs *cs, double end);
 /* Set the right limits; jumps and discrete inputs need event mode where there is one. */

@@ -20,7 +20,7 @@ size_t kernel_sizeof(const char *structure) {
         {"Slopes", sizeof(Slopes)},   {"Unit", sizeof(Unit)},             {"Master", sizeof(Master)},
         {"Control", sizeof(Control)}, {"Clocks", sizeof(Clocks)},         {"Tick", sizeof(Tick)},
         {"Intermediate", sizeof(Intermediate)}, {"Sparsity", sizeof(Sparsity)}, {"Predictor", sizeof(Predictor)},
-        {"Element", sizeof(Element)},
+        {"Element", sizeof(Element)}, {"Instants", sizeof(Instants)},
     };
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         if (strcmp(sizes[i].name, structure) == 0) {

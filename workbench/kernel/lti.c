@@ -27,20 +27,24 @@ static void combine(const Lti *lti, const double *left, const double *right, siz
     }
 }
 
+static bool is_sampled(const Lti *lti) {
+    return lti->instants.step > 0.0;
+}
+
 /* Bring the outputs up to date; those of a sampled system stand between ticks. */
 static int evaluate(const Lti *lti) {
     double *y = states(lti) + lti->nx;
     if (lti->function) {
         return lti->function(lti->memory, y);
     }
-    if (lti->dt == 0.0 || lti->ticking) {
+    if (!is_sampled(lti) || lti->ticking) {
         combine(lti, lti->c, lti->d, lti->ny, y);
     }
     return OK;
 }
 
 static double tick(const Lti *lti, int64_t after) {
-    return lti->start + (double)(lti->ticks + after) * lti->dt;
+    return is_sampled(lti) ? instant(&lti->instants, (double)(lti->ticks + after)) : (double)INFINITY;
 }
 
 int lti_set_time(Lti *lti, double time) {
@@ -64,7 +68,7 @@ int lti_get_derivatives(Lti *lti, double *dx, size_t n) {
 }
 
 int lti_enter_event_mode(Lti *lti) {
-    lti->ticking = lti->dt > 0.0 && lti->time >= tick(lti, 0);
+    lti->ticking = lti->time >= tick(lti, 0);
     return OK;
 }
 
@@ -82,7 +86,7 @@ int lti_enter_continuous_mode(Lti *lti) {
 
 int lti_update(Lti *lti, LtiEventInfo *info) {
     memset(info, 0, sizeof *info);
-    info->timed = lti->dt > 0.0;
+    info->timed = is_sampled(lti);
     info->next_time = tick(lti, lti->ticking);
     return OK;
 }
@@ -105,7 +109,7 @@ static bool moved_by(const Lti *lti, uint32_t unknown, uint32_t known, double *v
 
 int lti_get_directional(Lti *lti, const uint32_t *unknowns, size_t n_unknowns, const uint32_t *knowns, size_t n_knowns,
                         const double *seed, double *sensitivity) {
-    const bool moves = lti->dt == 0.0 || lti->ticking; /* else outputs stand */
+    const bool moves = !is_sampled(lti) || lti->ticking; /* else outputs stand */
     for (size_t i = 0; i < n_unknowns; i++) {
         sensitivity[i] = 0.0;
         for (size_t j = 0; j < n_knowns; j++) {

@@ -7,6 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "instants.h"
+
 /* dx/dt = A x + B u, or at ticks x = A x + B u; y = C x + D u. The caller owns what it points to. */
 typedef struct {
     size_t nx, nu, ny;
@@ -14,8 +16,8 @@ typedef struct {
     double *memory;              /* [nu + nx + ny] inputs, states, outputs; the index is the value reference */
     double *next;                /* [nx] scratch */
     int32_t (*function)(const double *u, double *y); /* in place of C and D; not NULL: returns an FMI status */
-    double dt;                   /* sample period [s]; 0: continuous */
-    double start, time;          /* of the first tick; present [s] */
+    Instants instants;           /* of its ticks; none: continuous */
+    double time;                 /* present [s] */
     int64_t ticks;               /* done */
     int32_t ticking;             /* in event mode, and a tick is due */
 } Lti;

@@ -3,11 +3,11 @@
 #include <math.h>
 
 #include "control.h"
+#include "cs_step.h"
 
 enum { MAX_EARLY_RETURNS = 10000, MAX_EVENT_ITERATIONS = 1000, WHOLE = -1 };
 
-static const double SAME = 1e-9;       /* relative: instants closer than this are one */
-static const double ARRIVED = 1e-12;   /* relative: an FMU that comes as near to the end of its step is there */
+static const double ARRIVED = 1e-12; /* relative: an FMU that comes as near to the end of its step is there */
 
 static Failure *failure_of(Cs *cs) {
     return &cs->system->failure;
@@ -32,37 +32,17 @@ static bool is_static(const Unit *unit) {
 
 /* ---- instants ---- */
 
-static double after_instant(double first, double period, double clear) {
-    double k = fmax(0.0, floor((clear - first) / period));
-    while (first + k * period <= clear) {
-        k++;
-    }
-    return first + k * period;
-}
-
-static double next_tick(const Unit *unit, double time) {
-    const double clear = time + SAME * fmax(fabs(time), unit->period);
-    double next = (double)INFINITY;
-    for (size_t i = 0; i < unit->n_first; i++) {
-        next = fmin(next, after_instant(unit->first[i], unit->period, clear));
-    }
-    return next;
-}
-
-static double earlier(double first, double candidate, double time) {
-    return candidate > time ? fmin(first, candidate) : first;
-}
-
-double master_next_stop(const Cs *cs, double time) {
+void master_gather(const Cs *cs, Gathered *next) {
     const Master *master = cs->master;
-    double next = system_next_switch(cs->system, time);
+    const double clear = cs->time + rounding(cs->time);
+    system_gather_switches(cs->system, next);
     for (size_t k = 0; k < master->n_units; k++) {
         const Unit *unit = &master->units[k];
-        const double due = unit->me ? unit->me->next_time : cs->system->components[unit->component].due;
-        next = earlier(next, due, time);
-        next = earlier(next, next_tick(unit, time), time);
+        cs_gather(cs, next, unit->me ? unit->me->next_time : cs->system->components[unit->component].due);
+        for (size_t i = 0; i < unit->n_instants; i++) {
+            gather(next, instant_after(&unit->instants[i], clear));
+        }
     }
-    return next;
 }
 
 /* ---- events: all components iterate together ---- */
@@ -80,17 +60,30 @@ static bool write_ramps(Cs *cs) {
     return access_write(&forcing->fast, cs->system->components, master->ramped, failure_of(cs));
 }
 
-/* A tick as near as rounding is one of now: the next stop is looked for beyond it. */
-static double event_time(const Cs *cs, const Component *component) {
-    const double tick = clocks_next(component->clocks);
-    return tick > cs->time && tick <= cs->time + SAME * cs->longest ? tick : cs->time;
+/* A group that rounding alone makes due later finds its time reached. */
+static bool reach_due(Cs *cs, const Unit *unit) {
+    const double due = unit->me->next_time;
+    const bool later = due > cs->time && is_due(due, cs->time);
+    for (size_t i = 0; later && i < unit->n_members; i++) {
+        const size_t member = unit->members[i];
+        if (!component_set_time(&cs->system->components[member], due, (int32_t)member, failure_of(cs))) {
+            return false;
+        }
+    }
+    return true;
 }
 
 static bool enter_events(Cs *cs) {
     System *system = cs->system;
+    for (size_t k = 0; k < cs->master->n_units; k++) {
+        const Unit *unit = &cs->master->units[k];
+        if (unit->me && !reach_due(cs, unit)) {
+            return false;
+        }
+    }
     for (size_t i = 0; i < system->n_components; i++) {
         Component *component = &system->components[i];
-        component->time = event_time(cs, component);
+        component->time = cs->time;
         if (component->event_mode && !component_enter(component, ENTER_EVENT_MODE, (int32_t)i, &system->failure)) {
             return false;
         }
@@ -104,44 +97,21 @@ static bool enter_events(Cs *cs) {
     return true;
 }
 
-/* Every component evaluates the event once; *some: there is one that does. */
-static bool update_all(Cs *cs, bool *some, bool *again, int32_t *ended) {
-    System *system = cs->system;
-    for (size_t i = 0; i < system->n_components; i++) {
-        Component *component = &system->components[i];
-        if (!component->event_mode) {
-            continue;
-        }
-        Answer answer = {0};
-        if (!component_update(component, &answer, (int32_t)i, &system->failure)) {
-            return false;
-        }
-        if (isnan(answer.time)) {
-            return fail_of(cs, FAILED_EVENT_TIME, (int32_t)i, cs->time);
-        }
-        component->due = answer.time;
-        *some = true;
-        *again = *again || answer.again;
-        *ended = answer.terminate ? (int32_t)i : *ended;
-    }
-    return true;
-}
-
 /* The group goes on from the joint event iteration. */
 static bool settle_group(Cs *cs, Unit *unit) {
     Me *me = unit->me;
     System *own = me->system;
     me->time = cs->time;
-    me->next_time = system_next_switch(own, cs->time);
     for (size_t i = 0; i < unit->n_members; i++) {
         const size_t member = unit->members[i];
         const Component *component = &cs->system->components[member];
         if (!component_enter(component, ENTER_CONTINUOUS_MODE, (int32_t)member, failure_of(cs))) {
             return false;
         }
-        me->next_time = fmin(me->next_time, component->due);
+        own->components[i].due = component->due;
         own->components[i].time = cs->time;
     }
+    me->next_time = system_next_event(own, cs->time);
     unit->stale = 1;
     failure_clear(&own->failure);
     return system_propagate(own, false, NULL) || fail_of_group(cs, unit);
@@ -170,20 +140,15 @@ static bool iterate(Cs *cs) {
     if (!system_propagate(cs->system, true, NULL)) {
         return false;
     }
-    for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
-        bool some = false, again = false, moved = false;
-        int32_t ended = WHOLE;
-        if (!update_all(cs, &some, &again, &ended)) {
+    for (int i = 0; i < MAX_EVENT_ITERATIONS; i++) {
+        Round round = {.ended = NOBODY};
+        if (!system_update(cs->system, cs->time, &round)) {
             return false;
         }
-        /* What was passed on stands if nobody has done anything since. */
-        if (some && !system_propagate(cs->system, true, &moved)) {
-            return false;
-        }
-        if (ended != WHOLE) {
+        if (round.ended != NOBODY) {
             return fail_of(cs, FAILED_ENDED, WHOLE, cs->time);
         }
-        if (!again && !moved) {
+        if (!round.again && !round.moved) {
             return leave_events(cs);
         }
     }

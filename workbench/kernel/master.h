@@ -32,10 +32,8 @@ typedef struct {
     double *raw;            /* [n_outgoing] scratch */
     size_t n_outgoing;
     Access outlet; /* columns 0 … n_outgoing-1 */
-    /* Instants that are known beforehand: first[i] + k · period [s]. */
-    const double *first; /* [n_first] rising */
-    size_t n_first;
-    double period;
+    const Instants *instants; /* [n_instants] that are known beforehand */
+    size_t n_instants;
     /* A group; components [n_members] of the master's system. The signals are those of its forcing. */
     const size_t *members;
     size_t n_members;
@@ -78,7 +76,7 @@ bool master_set_inputs(Cs *cs, bool jump);
 void master_look_ahead(Cs *cs, double end);
 /* Step all units to `end`; a unit that stops at an event of its own is followed by an event iteration of all. */
 bool master_step_to(Cs *cs, double end);
-/* The next time > `time` at which something is known to happen [s]. */
-double master_next_stop(const Cs *cs, double time);
+/* Gather what is known to happen after now. */
+void master_gather(const Cs *cs, Gathered *next);
 
 #endif

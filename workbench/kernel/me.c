@@ -305,7 +305,7 @@ static double next_stop(Me *me, double until, double *end) {
     if (*end == until && forcing_next_break(forcing, nextafter(until, -(double)INFINITY)) > until) {
         me->system->limit = (double)INFINITY;
     }
-    const double stop = fmin(*end, me->next_time);
+    const double stop = is_due(*end, me->next_time) ? *end : me->next_time;
     return forcing->n_discrete ? fmin(stop, waiting(me)) : stop;
 }
 

@@ -74,62 +74,21 @@ static bool guard_events(Me *me, bool located) {
     return !located || !dwindles(me, &end) || fail_at(failure_of(me), FAILED_ZENO, end);
 }
 
-/* One component evaluates the event once; *acted: its outputs may be others now. */
-static bool update_one(Me *me, size_t i, Answer *answer, bool *acted) {
-    System *system = me->system;
-    Component *component = &system->components[i];
-    if (!component_update(component, answer, (int32_t)i, &system->failure)) {
-        return false;
-    }
-    if (isnan(answer->time)) {
-        system->failure.component = (int32_t)i;
-        return fail_at(&system->failure, FAILED_EVENT_TIME, me->time);
-    }
-    /* Where it is not known when its event was due, it was due now if there is a next one. */
-    const bool due = component->due <= me->time && (isfinite(component->due) || isfinite(answer->time));
-    *acted = answer->again || answer->states_changed || due;
-    component->due = answer->time;
-    if (answer->terminate) {
-        system->failure.component = (int32_t)i;
-        return fail_at(&system->failure, FAILED_ENDED, me->time);
-    }
-    return true;
-}
-
-/* One round: every component evaluates the event once, with what those before it show since they did. */
-static bool update_all(Me *me, bool *again, bool *moved, bool *states_changed) {
-    System *system = me->system;
-    bool acted = false;
-    me->next_time = system_next_switch(system, me->time);
-    for (size_t k = 0; k < system->n_components; k++) {
-        Answer answer = {0};
-        bool some = false;
-        if (acted && !system_propagate(system, true, &some)) {
-            return false;
-        }
-        if (!update_one(me, system->order ? system->order[k] : k, &answer, &acted)) {
-            return false;
-        }
-        *moved = *moved || some;
-        *again = *again || answer.again;
-        *states_changed = *states_changed || answer.states_changed;
-        /* What is overdue is due now: time never goes back. */
-        me->next_time = fmin(me->next_time, fmax(answer.time, me->time));
-    }
-    return true;
-}
-
 /* Iterate in event mode until neither a component nor a connected value changes. */
 static bool iterate(Me *me, bool *states_changed) {
     System *system = me->system;
-    for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
-        bool again = false;
-        bool moved = false;
-        bool last = false;
-        if (!update_all(me, &again, &moved, states_changed) || !system_propagate(system, true, &last)) {
+    for (int i = 0; i < MAX_EVENT_ITERATIONS; i++) {
+        Round round = {.ended = NOBODY};
+        if (!system_update(system, me->time, &round)) {
             return false;
         }
-        if (!again && !moved && !last) {
+        *states_changed = *states_changed || round.states_changed;
+        if (round.ended != NOBODY) {
+            system->failure.component = round.ended;
+            return fail_at(&system->failure, FAILED_ENDED, me->time);
+        }
+        if (!round.again && !round.moved) {
+            me->next_time = system_next_event(system, me->time);
             return system_enter(system, ENTER_CONTINUOUS_MODE);
         }
     }

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from ctypes import c_bool, c_char, c_double, c_int32, c_int64, c_size_t, c_void_p
 from typing import Any
 
+from workbench.fmi.instants import Instants
 from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.ticking import Clocks, Tick
 from workbench.kernel.gear import GearLibrary
@@ -247,8 +248,7 @@ class Lti(ctypes.Structure):
     """lti.h: one block; the caller owns what it points to."""
 
     time: float
-    start: float
-    dt: float
+    instants: Instants
     ticks: int
     ticking: int
     function: Any
@@ -264,8 +264,7 @@ class Lti(ctypes.Structure):
         ("memory", c_void_p),
         ("next", c_void_p),
         ("function", c_void_p),
-        ("dt", c_double),
-        ("start", c_double),
+        ("instants", Instants),
         ("time", c_double),
         ("ticks", c_int64),
         ("ticking", c_int32),
@@ -545,9 +544,8 @@ class Unit(ctypes.Structure):
         ("raw", c_void_p),
         ("n_outgoing", c_size_t),
         ("outlet", Access),
-        ("first", c_void_p),
-        ("n_first", c_size_t),
-        ("period", c_double),
+        ("instants", c_void_p),
+        ("n_instants", c_size_t),
         ("members", c_void_p),
         ("n_members", c_size_t),
         ("me", c_void_p),
@@ -625,5 +623,5 @@ class Predictor(ctypes.Structure):
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
     Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
     Wires, Lti, Slopes, Unit, Master, Control, Sparsity, Clocks, Tick, Intermediate, Predictor,
-    Element,
+    Element, Instants,
 )  # fmt: skip

@@ -86,17 +86,69 @@ bool system_propagate(System *system, bool events, bool *changed) {
 void system_switch(System *system, double time) {
     const Wires *wires = &system->wires;
     for (size_t i = 0; i < wires->n; i++) {
-        wires->closed[i] = time >= wires->closes_at[i];
+        wires->closed[i] = is_due(wires->closes_at[i], time);
     }
 }
 
-double system_next_switch(const System *system, double time) {
-    const Wires *wires = &system->wires;
-    double first = (double)INFINITY;
-    for (size_t i = 0; i < wires->n; i++) {
-        first = wires->closes_at[i] > time ? fmin(first, wires->closes_at[i]) : first;
+/* One component evaluates the event once; *acted: its outputs may be others now. */
+static bool update_one(System *system, size_t i, double time, Round *round, bool *acted) {
+    Component *component = &system->components[i];
+    Answer answer = {0};
+    if (!component_update(component, &answer, (int32_t)i, &system->failure)) {
+        return false;
     }
-    return first;
+    if (isnan(answer.time)) {
+        system->failure.component = (int32_t)i;
+        return fail_at(&system->failure, FAILED_EVENT_TIME, time);
+    }
+    /* Where it is not known when its event was due, it was due now if there is a next one. */
+    const bool due = component->due <= time && (isfinite(component->due) || isfinite(answer.time));
+    *acted = *acted || answer.again || answer.states_changed || due;
+    component->due = answer.time;
+    round->some = true;
+    round->again = round->again || answer.again;
+    round->states_changed = round->states_changed || answer.states_changed;
+    round->ended = answer.terminate ? (int32_t)i : round->ended;
+    return true;
+}
+
+bool system_update(System *system, double time, Round *round) {
+    bool acted = false, some = false;
+    for (size_t k = 0; k < system->n_components; k++) {
+        const size_t i = system->order ? system->order[k] : k;
+        if (!system->components[i].event_mode) {
+            continue;
+        }
+        if (acted && !system_propagate(system, true, &some)) {
+            return false;
+        }
+        round->moved = round->moved || (acted && some);
+        acted = false;
+        if (!update_one(system, i, time, round, &acted)) {
+            return false;
+        }
+    }
+    if (round->some && !system_propagate(system, true, &some)) {
+        return false;
+    }
+    round->moved = round->moved || (round->some && some);
+    return true;
+}
+
+void system_gather_switches(const System *system, Gathered *next) {
+    const Wires *wires = &system->wires;
+    for (size_t i = 0; i < wires->n; i++) {
+        gather(next, is_due(wires->closes_at[i], next->now) ? (double)INFINITY : wires->closes_at[i]);
+    }
+}
+
+double system_next_event(const System *system, double now) {
+    Gathered next = gathered_after(now);
+    for (size_t i = 0; i < system->n_components; i++) {
+        gather(&next, fmax(system->components[i].due, now)); /* what is overdue is due now: time never goes back */
+    }
+    system_gather_switches(system, &next);
+    return next.last;
 }
 
 /* Whether a value passed on is its source's still; it is not where that was read before an input that moves it came. */

@@ -74,10 +74,25 @@ bool link_read(System *system, Link *link, double *values);
 /* Let the destinations of `link` see `values` [link->n]. */
 bool link_write(System *system, Link *link, const double *values);
 
+/* One round of an event iteration: what the components say, and whether a connected value changed. */
+typedef struct {
+    bool some; /* at least one handles events */
+    bool again, moved, states_changed;
+    int32_t ended; /* who ends the run, or NOBODY */
+} Round;
+
+enum { NOBODY = -1 };
+
+/* Every component evaluates the event at `time` [s] once, in the order of the data flow, with what those before it
+ * show since they did; notes when each is due next. */
+bool system_update(System *system, double time, Round *round);
+/* Gather when connections close. */
+void system_gather_switches(const System *system, Gathered *next);
+/* The next instant after `now` at which a component is due or a connection closes [s]. */
+double system_next_event(const System *system, double now);
+
 /* At events: close the connections that are due at `time` [s]. */
 void system_switch(System *system, double time);
-/* The next time > `time` at which one closes [s]. */
-double system_next_switch(const System *system, double time);
 
 /* Model exchange: set time [s], states and the continuous inputs of that time. The order of the links is believed
  * after ENOUGH_ORDERED evaluations only: a description may keep silent about an input that an output depends on. */

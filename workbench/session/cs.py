@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from workbench.core.calendar import is_due
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
@@ -95,7 +96,7 @@ class CsSession(FmuSession):
                 waiting.pop()
             target = min(waiting[-1], self.forcing.next_break(self.time))
             tick = self.instance.next_tick  # what is overdue ticks at the next communication point
-            target = min(target, tick) if tick > self.time else target
+            target = target if is_due(tick, self.time) or is_due(target, tick) else tick
             self._to_target(target, until, longest, rows)
 
     def _to_target(self, target: float, until: float, longest: float, rows: Rows) -> None:
@@ -114,7 +115,7 @@ class CsSession(FmuSession):
         if self._centres():
             seen = self.forcing.ramp(start, end)[1]
             self.forcing.write_moved(seen)
-        self._event_due = self._event_due or self.instance.next_tick <= self.time
+        self._event_due = self._event_due or is_due(self.instance.next_tick, self.time)
         self.forcing.written = seen
         rows.add(self.time, inputs=seen)
         if not last:

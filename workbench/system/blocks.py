@@ -16,11 +16,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.calendar import Sampler, exact
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.access import TypeCalls
 from workbench.fmi.description import Capabilities, DefaultExperiment, Description
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.instance import EventInfo, Instance, StepResult
+from workbench.fmi.instants import Instants
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_lti import Lti, call_back, lti_addresses
@@ -70,8 +72,8 @@ class BlockInstance(Instance):
             **{n: m.ctypes.data for n, m in zip("abcd", self._matrices, strict=True)},
             memory=self.memory.ctypes.data,
             next=self._next.ctypes.data,
-            dt=linear.dt,
         )
+        self._period = exact(linear.dt)
         if self._function is not None:
             self._callback = call_back(self.native, self._call_back)
         self.u, self.state, self.y = np.split(self.memory, [nu, nu + nx])
@@ -158,7 +160,9 @@ class BlockInstance(Instance):
     # -- life -------------------------------------------------------------------------------
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
-        self.time = self.native.time = self.native.start = start_time
+        self.time = self.native.time = start_time
+        if self._sampled:
+            self.native.instants = Instants.of(Sampler(self._period, exact(start_time)))
         self.native.ticks, self.native.ticking = 0, int(self._sampled)
 
     def exit_initialisation(self) -> None:
@@ -190,7 +194,7 @@ class BlockInstance(Instance):
         self.native.ticking = int(self._sampled and self.time >= self._tick())
 
     def _tick(self, *, after: int = 0) -> float:
-        return float(self.native.start + (self.native.ticks + after) * self.native.dt)
+        return self.native.instants.at(self.native.ticks + after)
 
     def enter_continuous_mode(self) -> None:
         if self.native.ticking:

@@ -4,18 +4,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.calendar import gathered
 from workbench.errors import SimulationError
 from workbench.fmi.access import Access, TypeCalls
 from workbench.fmi.binding import VERSIONS
 from workbench.fmi.description import Description
-from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult
+from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult, no_event_time
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wiring
@@ -24,13 +25,24 @@ from workbench.session.stand import named_states
 from workbench.system.propagation import Propagation
 from workbench.system.tangent import Tangent
 
-__all__ = ["CompositeAccess", "CompositeInstance", "Ports"]
+__all__ = ["CompositeAccess", "CompositeInstance", "Ports", "next_event"]
 
 Floats = NDArray[np.float64]
 Ports = Mapping[str, tuple[tuple[int, Variable], ...]]
 
 MAX_INITIAL_ROUNDS = 50
 SAME = 1e-9  # relative: initial values that move less have settled
+
+
+def next_event(due: Iterable[float], wiring: Wiring, now: float) -> float:
+    """Return the next instant at which a part is due or a connection closes [s]; what is overdue is due now.
+
+    Args:
+        due: next time events of the parts [s].
+        wiring: their connections.
+        now: [s].
+    """
+    return gathered([*(max(t, now) for t in due), *wiring.switches_after(now)], now)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,13 +235,15 @@ class CompositeInstance(Instance):
             terminate=any(i.terminate for i in infos),
             states_changed=any(i.states_changed for i in infos),
             nominals_changed=any(i.nominals_changed for i in infos),
-            next_time=min([self._wiring.next_switch(self.time), *(i.next_time for i in infos)]),
+            next_time=next_event((i.next_time for i in infos), self._wiring, self.time),
         )
 
     def _update(self, number: int) -> tuple[bool, EventInfo]:
         """Let one part handle the event, with what those before it show since they did."""
         self.refresh()
         again, info = self._parts[number].update_discrete_states()
+        if math.isnan(info.next_time):
+            raise no_event_time(self._parts[number])
         before, self._due[number] = self._due[number], info.next_time
         # Where it is not known when its event was due, it was due now if there is a next one.
         due = before <= self.time and min(abs(before), info.next_time) < math.inf

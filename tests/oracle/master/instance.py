@@ -47,7 +47,6 @@ class OracleMasterInstance(MasterInstance):
         self._forced: dict[tuple[int, str], _Ramp] = {}
         self._inlets: dict[tuple[int, str], Access] = {}
         self._watched: Access | None = None
-        self.near = 0.0  # ticks within so many seconds are of now
         self.reached = np.zeros(0)
         self._units = [self._unit(k) for k in range(len(self.decided.units.units))]
 
@@ -67,9 +66,6 @@ class OracleMasterInstance(MasterInstance):
 
     def enter_event_mode(self) -> None:
         self._write_forced()
-        for part in self.parts:
-            if part.interface == "cs" and self.time < part.next_tick <= self.time + self.near:
-                part.time = part.next_tick
         super().enter_event_mode()
 
     def _write_forced(self) -> None:

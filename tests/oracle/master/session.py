@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from tests.oracle.master.control import StepControl
 from tests.oracle.master.instance import OracleMasterInstance
+from workbench.core.calendar import is_due
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats, Recorded
@@ -17,7 +18,7 @@ from workbench.system.master.rehearsal import RehearsingSession
 
 __all__ = ["OracleMasterSession", "UndoableRows"]
 
-_SAME = 1e-9  # of the communication step: instants closer than this are one
+_SLIVER = 1e-9  # of a step: no piece is as short
 _SHORTEST = 1e-4  # of the first step: shorter ones are taken as they are
 
 
@@ -83,25 +84,24 @@ class OracleMasterSession(RehearsingSession):
 
     def _to_target(self, target: float, until: float, longest: float, rows: Rows) -> None:
         while self.time < target:
-            stop = self._next_stop(target, longest)
+            stop = self._next_stop(target)
             if self._control is None or not isinstance(rows, UndoableRows):
                 super()._to_target(stop, until, longest, rows)
             else:
                 self._controlled(stop, until, longest, rows)
 
-    def _next_stop(self, target: float, longest: float) -> float:
+    def _next_stop(self, target: float) -> float:
         if not self.instance.capabilities.variable_step:
             return target
-        self.master.near = _SAME * longest
-        stop = self.master.next_stop(self.time + _SAME * longest)
-        return target if stop >= target - _SAME * longest else stop
+        stop = self.master.next_stop(self.time)
+        return target if is_due(target, stop) else stop
 
     # -- controlled steps ---------------------------------------------------------------------
 
     def _controlled(self, stop: float, until: float, first: float, rows: UndoableRows) -> None:
         while self._control is not None and self.time < stop:
             step = min(self._control.step, self.forcing.longest_step)
-            pieces = max(1, math.ceil((stop - self.time) / step - _SAME))
+            pieces = max(1, math.ceil((stop - self.time) / step - _SLIVER))
             end = stop if pieces == 1 else self.time + (stop - self.time) / pieces
             self._twice(self._control, end, until, rows, least=_SHORTEST * first)
             pause(self.time)

@@ -58,7 +58,7 @@ def _report(
         stages=tuple(tuple(names[k] for k in stage) for stage in decided.stages),
         step=step,
         fixed=model.why_fixed_step(),
-        periods={names[k]: t.longest for k, t in decided.ticks.items()},
+        periods={names[k]: t.longest_gap for k, t in decided.ticks.items()},
         frequency=frequency,
         connections=tuple(connections.values()),
         loops=tuple(loops),

@@ -3,7 +3,6 @@
 # ruff: noqa: ANN401 - saved states have no type
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.calendar import Calendar, gathered, is_due, rounding
 from workbench.errors import SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
-from workbench.system.composite import CompositeInstance, Ports
+from workbench.system.composite import CompositeInstance, Ports, next_event
 from workbench.system.master.group_instance import GroupInstance
 from workbench.system.master.group_unit import GroupUnit
 from workbench.system.master.ordering import Order
-from workbench.system.master.ticks import Ticks
 from workbench.system.master.units import Units
 from workbench.system.order import plan
 
@@ -51,7 +50,7 @@ class MasterPlan:
     names: tuple[str, ...]
     stages: Order
     held: frozenset[int]
-    ticks: Mapping[int, Ticks]
+    ticks: Mapping[int, Calendar]
     hold_inputs: bool
     extrapolation: int
     solver: Mapping[int, str]
@@ -137,6 +136,8 @@ class MasterInstance(CompositeInstance):
 
     def enter_event_mode(self) -> None:
         for group in self.groups.values():
+            if self.time < group.due() and is_due(group.due(), self.time):  # rounding alone makes it due later
+                group.instance.set_time(group.due())
             group.instance.enter_event_mode()
         for number in self._with_events():
             if self.parts[number].interface == "cs":
@@ -147,38 +148,37 @@ class MasterInstance(CompositeInstance):
 
     def iterate_events(self) -> EventInfo:
         """Iterate until no component wants another round and no connected value changes."""
-        states, last = dict.fromkeys(self._with_events(), False), dict[int, EventInfo]()
+        taking = [n for n in self._wiring.order if self.parts[n].event_mode]
+        changed = False
         for _ in range(MAX_EVENT_ITERATIONS):
             self.refresh()
-            again = False
-            for number in states:
-                more, last[number] = self.parts[number].update_discrete_states()
-                states[number] |= last[number].states_changed
-                again |= more
             before = self._wiring.values.copy()
+            answers = {number: self._update(number) for number in taking}
             self.touch()
             self.refresh()
             moved = not np.array_equal(before, self._wiring.values)
+            last = {number: info for number, (_, info) in answers.items()}
+            changed |= any(i.states_changed for i in last.values())
             end = any(i.terminate for i in last.values())
-            if end or not (again or moved):
-                return self._settled(states, last, terminate=end)
+            if end or not (moved or any(again for again, _ in answers.values())):
+                return self._settled(last, changed=changed, terminate=end)
         raise SimulationError(
             f"{self.description.model_name}: event iteration does not settle after {MAX_EVENT_ITERATIONS} rounds",
             time=self.time,
         )
 
-    def _settled(self, states: Mapping[int, bool], last: Mapping[int, EventInfo], *, terminate: bool) -> EventInfo:
+    def _settled(self, last: Mapping[int, EventInfo], *, changed: bool, terminate: bool) -> EventInfo:
         self.next_events = {n: i.next_time for n, i in last.items() if self.parts[n].interface == "cs"}
         for number, group in self.groups.items():
             members = self.decided.units.units[number].members
-            switch = group.instance.wiring.next_switch(self.time)
+            wiring = group.instance.wiring
             group.instance.settled = EventInfo(
                 terminate=False,
                 states_changed=True,
                 nominals_changed=False,
-                next_time=min([switch, *(last[n].next_time for n in members)]),
+                next_time=next_event((last[n].next_time for n in members), wiring, self.time),
             )
-        return EventInfo(terminate, any(states.values()), nominals_changed=False, next_time=self.next_stop(self.time))
+        return EventInfo(terminate, changed, nominals_changed=False, next_time=self.next_stop(self.time))
 
     def enter_step_mode(self) -> None:
         for number in self._with_events():
@@ -190,10 +190,10 @@ class MasterInstance(CompositeInstance):
 
     def next_stop(self, time: float) -> float:
         """Return the next instant after `time` [s] at which something is known to happen: a communication point."""
-        later = [self._wiring.next_switch(time), *self.next_events.values()]
+        later = [*self._wiring.switches_after(time), *self.next_events.values()]
         later += [group.due() for group in self.groups.values()]
-        later += [t.after(time) for t in self.decided.ticks.values()]
-        return min((t for t in later if t > time), default=math.inf)
+        later += [s.after(time + rounding(time)) for c in self.decided.ticks.values() for s in c.samplers]
+        return gathered((t for t in later if not is_due(t, time)), time)
 
     def watched(self) -> list[Variable]:
         """Return the outputs by which the step is controlled; what a component sees depends on it by nature."""

@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.calendar import Sampler
 from workbench.fmi.access import Access
+from workbench.fmi.c_array import c_array
+from workbench.fmi.instants import Instants
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_access import join_access, native_access, value_type
 from workbench.kernel.native_forcing import NativeForcing
@@ -217,7 +220,7 @@ class NativeMaster:
         decided, n = self._instance.decided, len(inlets)
         about = decided.units.units[number]
         connections = [decided.units.connections[i] for i in about.outgoing]
-        ticks = decided.ticks.get(number)
+        samplers = decided.ticks[number].samplers if number in decided.ticks else ()
         ports = [(i.component, i.variable) for i in inlets]
         moving = [i.variable.is_continuous_input for i in inlets]
         unit = Unit(
@@ -236,9 +239,8 @@ class NativeMaster:
             raw=self._array([0.0] * len(connections)),
             n_outgoing=len(connections),
             outlet=self._access([(c.from_component, c.source) for c in connections], range(len(connections))),
-            first=self._array(() if ticks is None else ticks.first),
-            n_first=0 if ticks is None else len(ticks.first),
-            period=0.0 if ticks is None else ticks.period,
+            instants=self._instants(samplers),
+            n_instants=len(samplers),
             members=self._array(about.members, np.uintp),
             n_members=len(about.members),
         )
@@ -257,6 +259,11 @@ class NativeMaster:
         unit.me = ctypes.addressof(group.compiled.native)
         unit.signals, unit.times, unit.tables = ctypes.addressof(forcing.signals), times, tables
         return forcing
+
+    def _instants(self, samplers: Sequence[Sampler]) -> int:
+        array = c_array(Instants, [Instants.of(s) for s in samplers])
+        self._kept.append(array)
+        return ctypes.addressof(array)
 
     def _type(self, component: int, variable: Variable) -> int:
         return value_type(self._system.instances[component].TYPES[variable.type])

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from lxml import etree
 
+from workbench.core.calendar import Calendar, Sampler, exact
 from workbench.errors import WorkbenchError
 from workbench.model.load import FmuRecipe
 from workbench.session.point import FmuPoint
 from workbench.system.description import FmuComponent
-from workbench.system.master.ticks import Ticks, repeating
+from workbench.system.master.ticks import repeating
 from workbench.system.master.units import Units
 from workbench.system.parts import Part
 
@@ -34,7 +35,7 @@ class Sampled:
         held: its outputs stand still between them.
     """
 
-    ticks: Ticks
+    ticks: Calendar
     held: bool
 
 
@@ -56,7 +57,7 @@ def find_ticks(parts: Sequence[Part], units: Units) -> dict[int, Sampled]:
 def _sampled(part: Part) -> Sampled | None:
     recipe = part.recipe
     if isinstance(part.component, FmuComponent) and part.component.step is not None:
-        return Sampled(Ticks((0.0,), part.component.step), held=False)
+        return Sampled(Calendar((Sampler(exact(part.component.step)),)), held=False)
     if recipe is None:
         return None
     if "me" in part.description.interfaces:
@@ -92,13 +93,10 @@ def _stands_still(point: FmuPoint) -> bool:
     return True
 
 
-def clock_ticks(path: Path) -> Ticks | None:
+def clock_ticks(path: Path) -> Calendar | None:
     """Return the instants of the clocks with a constant interval in an FMI 3.0 description; None if there are none."""
     clocks = etree.parse(str(path)).getroot().iter("Clock")
     pairs = [(c.get("shiftDecimal") or "0", c.get("intervalDecimal")) for c in clocks]
     known = [(float(shift), float(interval)) for shift, interval in pairs if interval and float(interval) > 0.0]
-    if not known:
-        return None
-    end = _TICKS * min(interval for _, interval in known)
-    times = {round(s + k * i, 12) for s, i in known for k in range(int((end - s) / i) + 1)}
-    return repeating(sorted(times))
+    samplers = tuple(Sampler(exact(interval), exact(shift)) for shift, interval in dict.fromkeys(known))
+    return Calendar(samplers) if samplers else None

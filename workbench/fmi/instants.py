@@ -1,0 +1,30 @@
+"""When something samples, as whole numbers that Python and the kernel share: instants.h."""
+
+from __future__ import annotations
+
+import ctypes
+
+from workbench.core.calendar import Sampler
+
+__all__ = ["Instants"]
+
+
+class Instants(ctypes.Structure):
+    """Instant k is (first + k · step) / denominator [s]; step 0: there are none.
+
+    Whole numbers beyond 2⁵³ are rounded, which an instant shows in its last digits.
+    """
+
+    first: float
+    step: float
+    denominator: float
+    _fields_ = (("first", ctypes.c_double), ("step", ctypes.c_double), ("denominator", ctypes.c_double))
+
+    def at(self, k: float) -> float:
+        """Return the time of instant k [s]."""
+        return (self.first + k * self.step) / self.denominator
+
+    @classmethod
+    def of(cls, sampler: Sampler) -> Instants:
+        """Return those of a sampler."""
+        return cls(*map(float, sampler.integers))
