@@ -81,6 +81,8 @@ class Wiring:
         jacobians: ∂(residual)/∂(value) of each loop of `continuous`, then of `events`, shape (m, m) each.
         known: 1 where that Jacobian can be used, shape (number of loops,).
         order: the parts, those first whose outputs the others need: in this order they handle an event.
+        circles: of each part, the number of the circle in which parts can change each other at one instant; -1: none.
+        seen: what each destination saw when its part last handled an event, shape (n,).
     """
 
     connections: tuple[Wire, ...]
@@ -92,6 +94,8 @@ class Wiring:
     jacobians: tuple[Floats, ...]
     known: NDArray[np.int32]
     order: tuple[int, ...]
+    circles: tuple[int, ...]
+    seen: Floats
 
     def switch(self, time: float) -> None:
         """Close what is due at `time` [s]; only at events."""
@@ -107,15 +111,22 @@ class Wiring:
 
     def anew(self) -> Wiring:
         """Return the same connections in the same order, with values of their own."""
-        return wiring(self.connections, self.events, self.continuous, parts=len(self.order))
+        return wiring(self.connections, self.events, self.continuous, order=self.order, circles=self.circles)
 
     def loops(self) -> list[Group]:
         """Return the loops in the order of `jacobians`."""
         return [g for g in (*self.continuous, *self.events) if g.loop]
 
 
-def wiring(connections: Sequence[Wire], events: Sequence[Group], continuous: Sequence[Group], *, parts: int) -> Wiring:
-    """Return a wiring of so many parts, with all values at zero and all Jacobians to be found."""
+def wiring(
+    connections: Sequence[Wire],
+    events: Sequence[Group],
+    continuous: Sequence[Group],
+    *,
+    order: tuple[int, ...],
+    circles: tuple[int, ...],
+) -> Wiring:
+    """Return a wiring with all values at zero and all Jacobians to be found."""
     n = len(connections)
     loops = [g for g in (*continuous, *events) if g.loop]
     return Wiring(
@@ -127,7 +138,7 @@ def wiring(connections: Sequence[Wire], events: Sequence[Group], continuous: Seq
         closed=np.ones(n, dtype=np.int32),
         jacobians=tuple(np.zeros((len(g.members), len(g.members))) for g in loops),
         known=np.zeros(len(loops), dtype=np.int32),
-        order=tuple(
-            dict.fromkeys([*(connections[i].from_component for g in events for i in g.members), *range(parts)])
-        ),
+        order=order,
+        circles=circles,
+        seen=np.zeros(n),
     )

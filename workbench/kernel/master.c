@@ -136,12 +136,12 @@ static bool leave_events(Cs *cs) {
 }
 
 /* Iterate until no component wants another round and no connected value changes. */
-static bool iterate(Cs *cs) {
+static bool rounds(Cs *cs) {
     if (!system_propagate(cs->system, true, NULL)) {
         return false;
     }
     for (int i = 0; i < MAX_EVENT_ITERATIONS; i++) {
-        Round round = {.ended = NOBODY};
+        Round round = {.first = i == 0, .ended = NOBODY};
         if (!system_update(cs->system, cs->time, &round)) {
             return false;
         }
@@ -149,10 +149,15 @@ static bool iterate(Cs *cs) {
             return fail_of(cs, FAILED_ENDED, WHOLE, cs->time);
         }
         if (!round.again && !round.moved) {
-            return leave_events(cs);
+            return true;
         }
     }
     return fail_of(cs, FAILED_ITERATION, WHOLE, cs->time);
+}
+
+static bool iterate(Cs *cs) {
+    const bool done = rounds(cs);
+    return system_settled(cs->system) && done && leave_events(cs);
 }
 
 bool master_set_inputs(Cs *cs, bool jump) {

@@ -75,10 +75,10 @@ static bool guard_events(Me *me, bool located) {
 }
 
 /* Iterate in event mode until neither a component nor a connected value changes. */
-static bool iterate(Me *me, bool *states_changed) {
+static bool rounds(Me *me, bool *states_changed) {
     System *system = me->system;
     for (int i = 0; i < MAX_EVENT_ITERATIONS; i++) {
-        Round round = {.ended = NOBODY};
+        Round round = {.first = i == 0, .ended = NOBODY};
         if (!system_update(system, me->time, &round)) {
             return false;
         }
@@ -89,10 +89,15 @@ static bool iterate(Me *me, bool *states_changed) {
         }
         if (!round.again && !round.moved) {
             me->next_time = system_next_event(system, me->time);
-            return system_enter(system, ENTER_CONTINUOUS_MODE);
+            return true;
         }
     }
     return fail_at(&system->failure, FAILED_ITERATION, me->time);
+}
+
+static bool iterate(Me *me, bool *states_changed) {
+    const bool done = rounds(me, states_changed);
+    return system_settled(me->system) && done && system_enter(me->system, ENTER_CONTINUOUS_MODE);
 }
 
 bool me_put(Me *me) {

@@ -67,7 +67,8 @@ class NativeSystem:
         self.trouble = Trouble()
         self._holds = False
         self._kept: list[Any] = []
-        self.components = c_array(Component, [self._component(i) for i in instances])
+        circles = [-1] * len(instances) if wiring is None else wiring.circles
+        self.components = c_array(Component, [self._component(i, c) for i, c in zip(instances, circles, strict=True)])
         self.structure = System(
             components=ctypes.addressof(self.components),
             n_components=len(instances),
@@ -78,7 +79,7 @@ class NativeSystem:
         self.address = ctypes.addressof(self.structure)
         self.library.kernel_system_open(self.address)
 
-    def _component(self, instance: Instance) -> Component:
+    def _component(self, instance: Instance, circle: int) -> Component:
         names = {**instance.CALLS, **_NAMES[instance.version]}
         texts = [names.get(f, f) for f in FUNCTIONS]
         functions = c_array(ctypes.c_void_p, [instance.library.address(t) for t in texts])
@@ -102,6 +103,7 @@ class NativeSystem:
             clock=instance.clock,
             clocks=instance.clocks_address,
             intermediate=None if instance.intermediate is None else ctypes.addressof(instance.intermediate),
+            circle=circle if capabilities.state and instance.clocks_address is None else -1,
             longest=instance.longest_address,
         )
 

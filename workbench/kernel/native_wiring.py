@@ -49,8 +49,9 @@ def _wires(wiring: Wiring, kept: list[Any]) -> Wires:
         "fresh": [0.0] * len(connections),
     }
     arrays: dict[str, NDArray[Any]] = {name: np.array(values) for name, values in numbers.items()}
+    arrays["to"] = np.array([c.to_component for c in connections], dtype=np.int32)
     kept.append(arrays)
-    arrays |= {"values": wiring.values, "sizes": wiring.sizes, "closed": wiring.closed}
+    arrays |= {"values": wiring.values, "sizes": wiring.sizes, "seen": wiring.seen, "closed": wiring.closed}
     return Wires(n=len(connections), **{name: a.ctypes.data for name, a in arrays.items()})
 
 

@@ -134,6 +134,8 @@ class Component(ctypes.Structure):
         ("calls", c_void_p),
         ("clocks", c_void_p),
         ("intermediate", c_void_p),
+        ("circle", c_int32),
+        ("before", c_void_p),
         ("longest", c_void_p),
     )
 
@@ -239,6 +241,8 @@ class Wires(ctypes.Structure):
         ("values", c_void_p),
         ("sizes", c_void_p),
         ("fresh", c_void_p),
+        ("seen", c_void_p),
+        ("to", c_void_p),
         ("closed", c_void_p),
         ("n", c_size_t),
     )

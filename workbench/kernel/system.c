@@ -90,11 +90,78 @@ void system_switch(System *system, double time) {
     }
 }
 
+/* ---- ticks that are made anew ---- */
+
+static bool saved(System *system, size_t i, FunctionIndex function) {
+    Component *component = &system->components[i];
+    return component_saved(component, function, &component->before, (int32_t)i, &system->failure);
+}
+
+static bool sees_others(const System *system, size_t i) {
+    const Wires *wires = &system->wires;
+    for (size_t w = 0; w < wires->n; w++) {
+        if (wires->to[w] == (int32_t)i && !(wires->seen[w] == wires->values[w])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+static void note_seen(const System *system, size_t i) {
+    const Wires *wires = &system->wires;
+    for (size_t w = 0; w < wires->n; w++) {
+        wires->seen[w] = wires->to[w] == (int32_t)i ? wires->values[w] : wires->seen[w];
+    }
+}
+
+/* Give the component what stands on its connections. */
+static bool write_inputs(System *system, size_t i) {
+    for (size_t k = 0; k < system->n_links; k++) {
+        const Access *destination = &system->links[k].destination;
+        for (size_t b = 0; b < destination->n_blocks; b++) {
+            Block *block = &destination->blocks[b];
+            if (block->component == (int32_t)i &&
+                !block_write(block, system->components, system->wires.values, &system->failure)) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+/* Save what ticks now in a circle, or take it back if it has ticked with other inputs; *again: it was taken back. */
+static bool prepare_tick(System *system, size_t i, double time, bool first, bool *again) {
+    Component *component = &system->components[i];
+    if (first && component->circle >= 0 && component->due <= time && !saved(system, i, GET_FMU_STATE)) {
+        component->before = NULL; /* it claims to and does not: it ticks with what it sees first */
+        failure_clear(&system->failure);
+    }
+    if (!component->before) {
+        return true;
+    }
+    *again = !first && sees_others(system, i);
+    note_seen(system, i);
+    return !*again || (saved(system, i, SET_FMU_STATE) && write_inputs(system, i));
+}
+
+bool system_settled(System *system) {
+    bool done = true;
+    for (size_t i = 0; i < system->n_components; i++) {
+        done = (!system->components[i].before || saved(system, i, FREE_FMU_STATE)) && done;
+        system->components[i].before = NULL;
+    }
+    return done;
+}
+
+/* ---- one round ---- */
+
 /* One component evaluates the event once; *acted: its outputs may be others now. */
 static bool update_one(System *system, size_t i, double time, Round *round, bool *acted) {
     Component *component = &system->components[i];
     Answer answer = {0};
-    if (!component_update(component, &answer, (int32_t)i, &system->failure)) {
+    bool anew = false;
+    if (!prepare_tick(system, i, time, round->first, &anew) ||
+        !component_update(component, &answer, (int32_t)i, &system->failure)) {
         return false;
     }
     if (isnan(answer.time)) {
@@ -103,7 +170,7 @@ static bool update_one(System *system, size_t i, double time, Round *round, bool
     }
     /* Where it is not known when its event was due, it was due now if there is a next one. */
     const bool due = component->due <= time && (isfinite(component->due) || isfinite(answer.time));
-    *acted = *acted || answer.again || answer.states_changed || due;
+    *acted = anew || answer.again || answer.states_changed || due;
     component->due = answer.time;
     round->some = true;
     round->again = round->again || answer.again;
@@ -123,7 +190,6 @@ bool system_update(System *system, double time, Round *round) {
             return false;
         }
         round->moved = round->moved || (acted && some);
-        acted = false;
         if (!update_one(system, i, time, round, &acted)) {
             return false;
         }

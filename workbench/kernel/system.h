@@ -36,6 +36,8 @@ typedef struct {
     double *values;          /* what the destinations see */
     double *sizes;           /* largest magnitude each value of a loop has had */
     double *fresh;           /* scratch */
+    double *seen;            /* by the destinations when their components evaluated the present event */
+    const int32_t *to;       /* components of the destinations */
     int32_t *closed;
     size_t n;
 } Wires;
@@ -76,7 +78,8 @@ bool link_write(System *system, Link *link, const double *values);
 
 /* One round of an event iteration: what the components say, and whether a connected value changed. */
 typedef struct {
-    bool some; /* at least one handles events */
+    bool first; /* of its event */
+    bool some;  /* at least one handles events */
     bool again, moved, states_changed;
     int32_t ended; /* who ends the run, or NOBODY */
 } Round;
@@ -84,8 +87,11 @@ typedef struct {
 enum { NOBODY = -1 };
 
 /* Every component evaluates the event at `time` [s] once, in the order of the data flow, with what those before it
- * show since they did; notes when each is due next. */
+ * show since they did; notes when each is due next. What ticks in a circle ticks anew from where it stood before if what
+ * it saw then has changed since: all that coincides sees the same values. */
 bool system_update(System *system, double time, Round *round);
+/* The event is over: forget what stood before it. */
+bool system_settled(System *system);
 /* Gather when connections close. */
 void system_gather_switches(const System *system, Gathered *next);
 /* The next instant after `now` at which a component is due or a connection closes [s]. */

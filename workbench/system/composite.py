@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.calendar import gathered
-from workbench.errors import SimulationError
+from workbench.errors import SimulationError, WorkbenchError
 from workbench.fmi.access import Access, TypeCalls
 from workbench.fmi.binding import VERSIONS
 from workbench.fmi.description import Description
@@ -86,6 +87,7 @@ class CompositeInstance(Instance):
         self._setup(description, Library({}), interface="me")
         self._events, self._stale = False, True
         self._due = [-math.inf] * len(self._parts)  # next time events
+        self._before: dict[int, Any] = {}  # parts in circles, saved before they evaluated the present event
 
     @property
     def parts(self) -> tuple[Instance, ...]:
@@ -241,17 +243,46 @@ class CompositeInstance(Instance):
     def _update(self, number: int) -> tuple[bool, EventInfo]:
         """Let one part handle the event, with what those before it show since they did."""
         self.refresh()
+        anew = self._ticks_anew(number)
         again, info = self._parts[number].update_discrete_states()
         if math.isnan(info.next_time):
             raise no_event_time(self._parts[number])
         before, self._due[number] = self._due[number], info.next_time
         # Where it is not known when its event was due, it was due now if there is a next one.
         due = before <= self.time and min(abs(before), info.next_time) < math.inf
-        self._stale = again or info.states_changed or due
+        self._stale = anew or again or info.states_changed or due
         return again, info
+
+    def _ticks_anew(self, number: int) -> bool:
+        """Save what ticks now in a circle; take it back, which is True, if it has ticked with other inputs."""
+        part, wiring = self._parts[number], self._wiring
+        mine = [w for w, c in enumerate(wiring.connections) if c.to_component == number]
+        again = number in self._before and not np.array_equal(wiring.seen[mine], wiring.values[mine])
+        if again:
+            part.set_state(self._before[number])
+            ends = [wiring.connections[w].destination for w in mine]
+            part.access(ends).write([convert(v, float(wiring.values[w])) for v, w in zip(ends, mine, strict=True)])
+        elif number not in self._before and self._may_tick_anew(number):
+            with suppress(WorkbenchError):  # one that claims to and does not ticks with what it sees first
+                self._before[number] = part.get_state()
+        wiring.seen[mine] = wiring.values[mine]
+        return again
+
+    def _may_tick_anew(self, number: int) -> bool:
+        part = self._parts[number]
+        able = part.capabilities.state and part.clocks_address is None
+        return able and self._wiring.circles[number] >= 0 and self._due[number] <= self.time
 
     def iterate_events(self) -> EventInfo:
         """Iterate until no part wants another round and no connected value changes."""
+        try:
+            return self._rounds()
+        finally:
+            for number, state in self._before.items():
+                self._parts[number].free_state(state)
+            self._before.clear()
+
+    def _rounds(self) -> EventInfo:
         states = nominals = False
         for _ in range(MAX_EVENT_ITERATIONS):
             self.refresh()

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.fmi.wiring import Group, Wire, Wiring, wiring
 
 __all__ = ["feeds_through", "plan"]
@@ -28,12 +28,40 @@ def plan(connections: Sequence[Wire], *, parts: int) -> Wiring:
     graph = _reach(connections)
     moving = [i for i, c in enumerate(connections) if not c.discrete]
     events = _groups(_without_discrete_loops(graph, connections), list(range(len(connections))))
-    return wiring(connections, events, _groups(graph[np.ix_(moving, moving)], moving), parts=parts)
+    order, circles = _sequence(connections, events, graph, parts)
+    continuous = _groups(graph[np.ix_(moving, moving)], moving)
+    return wiring(connections, events, continuous, order=order, circles=circles)
 
 
 def feeds_through(source: Variable, through: Variable) -> bool:
     """Whether an output depends on an input of the same component without delay; yes if nothing is declared."""
     return source.dependencies is None or through.name in source.dependencies
+
+
+def _sequence(
+    connections: Sequence[Wire], events: Sequence[Group], graph: Graph, parts: int
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return in which order parts handle an event, and the number of each part's circle, -1 where it is in none.
+
+    A part comes after those that can change what it sees at that instant. In a circle there is no such order: there
+    those are first whose outputs need nothing from the others.
+    """
+    needed = dict.fromkeys([*(connections[i].from_component for g in events for i in g.members), *range(parts)])
+    place = {part: k for k, part in enumerate(needed)}
+    acts = np.zeros((parts, parts), dtype=bool)
+    for j, c in enumerate(connections):
+        acts[place[c.from_component], place[c.to_component]] |= bool(graph[:, j].any()) or not _smooth(c.source)
+    label = _components(acts)
+    level = _levels(acts, label, int(label.max()) + 1 if len(label) else 0)
+    order = sorted(needed, key=lambda part: (level[label[place[part]]], label[place[part]], place[part]))
+    alone = np.bincount(label, minlength=1) == 1
+    circles = [-1 if alone[label[k]] and not acts[k, k] else int(label[k]) for k in (place[p] for p in range(parts))]
+    return tuple(order), tuple(circles)
+
+
+def _smooth(source: Variable) -> bool:
+    """Whether an output is made of continuous states alone, which an event of others does not move."""
+    return source.variability == "continuous" and source.type in FLOAT_TYPES and bool(source.dependencies)
 
 
 def _reach(connections: Sequence[Wire]) -> Graph:

@@ -146,8 +146,7 @@ class MasterInstance(CompositeInstance):
         self._events = True
         self.touch()
 
-    def iterate_events(self) -> EventInfo:
-        """Iterate until no component wants another round and no connected value changes."""
+    def _rounds(self) -> EventInfo:
         taking = [n for n in self._wiring.order if self.parts[n].event_mode]
         changed = False
         for _ in range(MAX_EVENT_ITERATIONS):
