@@ -81,7 +81,7 @@ class Wiring:
         jacobians: ∂(residual)/∂(value) of each loop of `continuous`, then of `events`, shape (m, m) each.
         known: 1 where that Jacobian can be used, shape (number of loops,).
         order: the parts, those first whose outputs the others need: in this order they handle an event.
-        circles: of each part, the number of the circle in which parts can change each other at one instant; -1: none.
+        in_circle: whether what a part shows at an instant may change what it sees there.
         seen: what each destination saw when its part last handled an event, shape (n,).
     """
 
@@ -94,7 +94,7 @@ class Wiring:
     jacobians: tuple[Floats, ...]
     known: NDArray[np.int32]
     order: tuple[int, ...]
-    circles: tuple[int, ...]
+    in_circle: tuple[bool, ...]
     seen: Floats
 
     def switch(self, time: float) -> None:
@@ -111,7 +111,7 @@ class Wiring:
 
     def anew(self) -> Wiring:
         """Return the same connections in the same order, with values of their own."""
-        return wiring(self.connections, self.events, self.continuous, order=self.order, circles=self.circles)
+        return wiring(self.connections, self.events, self.continuous, order=self.order, in_circle=self.in_circle)
 
     def loops(self) -> list[Group]:
         """Return the loops in the order of `jacobians`."""
@@ -124,7 +124,7 @@ def wiring(
     continuous: Sequence[Group],
     *,
     order: tuple[int, ...],
-    circles: tuple[int, ...],
+    in_circle: tuple[bool, ...],
 ) -> Wiring:
     """Return a wiring with all values at zero and all Jacobians to be found."""
     n = len(connections)
@@ -139,6 +139,6 @@ def wiring(
         jacobians=tuple(np.zeros((len(g.members), len(g.members))) for g in loops),
         known=np.zeros(len(loops), dtype=np.int32),
         order=order,
-        circles=circles,
+        in_circle=in_circle,
         seen=np.zeros(n),
     )

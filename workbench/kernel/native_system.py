@@ -67,8 +67,10 @@ class NativeSystem:
         self.trouble = Trouble()
         self._holds = False
         self._kept: list[Any] = []
-        circles = [-1] * len(instances) if wiring is None else wiring.circles
-        self.components = c_array(Component, [self._component(i, c) for i, c in zip(instances, circles, strict=True)])
+        circles = [False] * len(instances) if wiring is None else wiring.in_circle
+        self.components = c_array(
+            Component, [self._component(i, in_circle=c) for i, c in zip(instances, circles, strict=True)]
+        )
         self.structure = System(
             components=ctypes.addressof(self.components),
             n_components=len(instances),
@@ -79,7 +81,7 @@ class NativeSystem:
         self.address = ctypes.addressof(self.structure)
         self.library.kernel_system_open(self.address)
 
-    def _component(self, instance: Instance, circle: int) -> Component:
+    def _component(self, instance: Instance, *, in_circle: bool) -> Component:
         names = {**instance.CALLS, **_NAMES[instance.version]}
         texts = [names.get(f, f) for f in FUNCTIONS]
         functions = c_array(ctypes.c_void_p, [instance.library.address(t) for t in texts])
@@ -103,7 +105,7 @@ class NativeSystem:
             clock=instance.clock,
             clocks=instance.clocks_address,
             intermediate=None if instance.intermediate is None else ctypes.addressof(instance.intermediate),
-            circle=circle if capabilities.state and instance.clocks_address is None else -1,
+            in_circle=in_circle and capabilities.state and instance.clocks_address is None,
             longest=instance.longest_address,
         )
 

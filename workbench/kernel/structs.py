@@ -134,7 +134,7 @@ class Component(ctypes.Structure):
         ("calls", c_void_p),
         ("clocks", c_void_p),
         ("intermediate", c_void_p),
-        ("circle", c_int32),
+        ("in_circle", c_int32),
         ("before", c_void_p),
         ("longest", c_void_p),
     )

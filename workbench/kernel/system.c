@@ -132,7 +132,7 @@ static bool write_inputs(System *system, size_t i) {
 /* Save what ticks now in a circle, or take it back if it has ticked with other inputs; *again: it was taken back. */
 static bool prepare_tick(System *system, size_t i, double time, bool first, bool *again) {
     Component *component = &system->components[i];
-    if (first && component->circle >= 0 && component->due <= time && !saved(system, i, GET_FMU_STATE)) {
+    if (first && component->in_circle && component->due <= time && !saved(system, i, GET_FMU_STATE)) {
         component->before = NULL; /* it claims to and does not: it ticks with what it sees first */
         failure_clear(&system->failure);
     }

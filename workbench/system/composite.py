@@ -271,7 +271,7 @@ class CompositeInstance(Instance):
     def _may_tick_anew(self, number: int) -> bool:
         part = self._parts[number]
         able = part.capabilities.state and part.clocks_address is None
-        return able and self._wiring.circles[number] >= 0 and self._due[number] <= self.time
+        return able and self._wiring.in_circle[number] and self._due[number] <= self.time
 
     def iterate_events(self) -> EventInfo:
         """Iterate until no part wants another round and no connected value changes."""

@@ -28,9 +28,9 @@ def plan(connections: Sequence[Wire], *, parts: int) -> Wiring:
     graph = _reach(connections)
     moving = [i for i, c in enumerate(connections) if not c.discrete]
     events = _groups(_without_discrete_loops(graph, connections), list(range(len(connections))))
-    order, circles = _sequence(connections, events, graph, parts)
+    order, in_circle = _sequence(connections, events, graph, parts)
     continuous = _groups(graph[np.ix_(moving, moving)], moving)
-    return wiring(connections, events, continuous, order=order, circles=circles)
+    return wiring(connections, events, continuous, order=order, in_circle=in_circle)
 
 
 def feeds_through(source: Variable, through: Variable) -> bool:
@@ -40,8 +40,8 @@ def feeds_through(source: Variable, through: Variable) -> bool:
 
 def _sequence(
     connections: Sequence[Wire], events: Sequence[Group], graph: Graph, parts: int
-) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return in which order parts handle an event, and the number of each part's circle, -1 where it is in none.
+) -> tuple[tuple[int, ...], tuple[bool, ...]]:
+    """Return in which order parts handle an event, and which are in a circle of them.
 
     A part comes after those that can change what it sees at that instant. In a circle there is no such order: there
     those are first whose outputs need nothing from the others.
@@ -55,8 +55,7 @@ def _sequence(
     level = _levels(acts, label, int(label.max()) + 1 if len(label) else 0)
     order = sorted(needed, key=lambda part: (level[label[place[part]]], label[place[part]], place[part]))
     alone = np.bincount(label, minlength=1) == 1
-    circles = [-1 if alone[label[k]] and not acts[k, k] else int(label[k]) for k in (place[p] for p in range(parts))]
-    return tuple(order), tuple(circles)
+    return tuple(order), tuple(bool(acts[k, k] or not alone[label[k]]) for k in (place[p] for p in range(parts)))
 
 
 def _smooth(source: Variable) -> bool:
