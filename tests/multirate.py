@@ -331,13 +331,13 @@ _EQUATIONS = """
 """
 
 
-def sampler_fmu(rates: Sequence[Rate]) -> str:
-    """Return an FMU with a sampler for each rate: inputs u1 …, outputs y1 …, parameters a1, b1, c1 …"""
+def sampler_fmu(rates: Sequence[Rate], fmi: int = 2) -> str:
+    """Return an FMU of that version with a sampler for each rate: inputs u1 …, outputs y1 …, parameters a1, b1, c1 …"""
     told = [{"k": k, "period": float(r.period), "offset": float(r.offset)} for k, r in enumerate(rates, 1)]
     numbers = (n for r in rates for value in (r.period, r.offset) for n in value.as_integer_ratio())
     name = "_".join(["Samplers", *map(str, numbers)])
     heads, bodies = ("".join(text.format(**t) for t in told) for text in (_SAMPLER, _EQUATIONS))
-    return built(f"model {name}\n{heads}\nequation\n{bodies}\nend {name};\n", name)
+    return built(f"model {name}\n{heads}\nequation\n{bodies}\nend {name};\n", name, fmi)
 
 
 def random_system(seed: int, *, fmus: bool = True, through: bool = True) -> System:
@@ -435,18 +435,20 @@ class _Written:
     starts: dict[str, float] = field(default_factory=dict)
 
 
-def connected(system: System, **options: Any) -> wb.DescribedModel:  # noqa: ANN401
+def connected(system: System, *, interface: str = "me", fmi: int = 2, **options: Any) -> wb.DescribedModel:  # noqa: ANN401
     """Return a system as the workbench connects it: input r, outputs by the name of each node's output.
 
     Each node's input comes out of a sum `into_NAME`, whose factors are those of K.
 
     Args:
         system: the system.
+        interface: of its FMUs.
+        fmi: their version.
         options: of `connect`.
     """
     out = _Written()
     for i, node in enumerate(system.nodes):
-        _component(out, system, node)
+        _component(out, system, node, interface, fmi)
         sources = [j for j in range(len(system.nodes)) if system.K[i, j]]
         factors = [float(system.K[i, j]) for j in sources] + [1.0] * bool(system.g[i])
         if not factors:
@@ -463,12 +465,13 @@ def connected(system: System, **options: Any) -> wb.DescribedModel:  # noqa: ANN
     )
 
 
-def _component(out: _Written, system: System, node: Node) -> None:
+def _component(out: _Written, system: System, node: Node, interface: str, fmi: int) -> None:
     period = 0.0 if node.rate is None else float(node.rate.period)
     if node.kind == "fmu":
         parameters = {"a": float(node.A[0, 0]), "b": float(node.B[0]), "c": float(node.C[0])}
         out.starts.update({f"{node.name}.{k}{node.number}": v for k, v in parameters.items()})
-        out.components[node.name] = sampler_fmu([n.rate for n in system.nodes if n.name == node.name and n.rate])
+        file = sampler_fmu([n.rate for n in system.nodes if n.name == node.name and n.rate], fmi)
+        out.components[node.name] = wb.FmuComponent(name=node.name, file=file, interface=interface)
     elif node.kind == "hold":
         out.components[node.name] = wb.BlockComponent(
             name=node.name, kind="zero_order_hold", parameters={"period": period}

@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""Compare systems with several sample rates with their closed form.
+
+    python scripts/coverage_multirate.py                    300 random systems
+    python scripts/coverage_multirate.py --systems 20 --seed 3
+
+Each has two to four rates, nested, coprime and with offsets: linear components, blocks, FMUs with one and two samplers,
+around one or two continuous plants (tests/multirate.py). FMUs are driven by model exchange, and by co-simulation with
+events (FMI 3.0). `simulate` is compared with an exact event simulation: the largest difference at 40 times, relative to
+the largest value. Run it with the project's Python (see scripts/dev.py).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+import numpy as np  # noqa: E402
+
+import workbench as wb  # noqa: E402
+from tests.multirate import System, connected, random_system  # noqa: E402
+
+_TOLERANCE = 1e-10  # of the integration, so that what is left is a matter of events
+_ALLOWED = 1e-6
+_WAYS = (("me", 2), ("me", 3), ("cs", 3))
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """One simulation.
+
+    Attributes:
+        error: largest difference from the truth, relative to its largest value.
+    """
+
+    error: float
+
+    @classmethod
+    def of(cls, system: System, *, interface: str = "me", fmi: int = 2, times: int = 40) -> Simulated:
+        """Run a step of the input over six basic periods, two seconds at least, and look between the instants.
+
+        Args:
+            system: the system.
+            interface: of its FMUs.
+            fmi: their version.
+            times: how often it is looked at.
+        """
+        end = max(6 * system.basic_period, Fraction(2))
+        places = [end * k / times + Fraction(1, 9973) for k in range(times)]
+        truth = system.truth.simulate(places)
+        points = np.array([float(t) for t in places])
+        names = [n.y.replace(".", "_") for n in system.nodes]
+        signals = {"r": wb.Constant(1.0)}
+        model = connected(system, interface=interface, fmi=fmi, tolerance=_TOLERANCE)
+        with model, model.open_session(signals=signals) as session:
+            found = session.advance(points[-1], signals=signals, record=names, points=points)
+        rows = [int(np.flatnonzero(found.time == t)[-1]) for t in points]
+        seen = np.column_stack([found.values[name][rows] for name in names])
+        return cls(float(np.abs(seen - truth).max() / np.abs(truth).max()))
+
+
+def _ways(system: System) -> tuple[tuple[str, int], ...]:
+    return _WAYS if any(n.kind == "fmu" for n in system.nodes) else _WAYS[:1]
+
+
+def main() -> int:
+    """Print what differs, and the worst difference."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("--systems", type=int, default=300, help="number of random systems")
+    parser.add_argument("--seed", type=int, default=0, help="of the first of them")
+    asked = parser.parse_args()
+    worst, wrong, runs = 0.0, 0, 0
+    for seed in range(asked.seed, asked.seed + asked.systems):
+        system = random_system(seed)
+        for interface, fmi in _ways(system):
+            error = Simulated.of(system, interface=interface, fmi=fmi).error
+            worst, runs = max(worst, error), runs + 1
+            if not error <= _ALLOWED:
+                wrong += 1
+                print(f"seed {seed}, {interface}, FMI {fmi}: {error:.1e}: {system}", flush=True)
+    print(f"simulate: {runs} runs of {asked.systems} systems, {wrong} wrong, largest difference {worst:.1e}")
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,138 @@
+"""Samplers that coincide are one event in the order of the data flow, against counting and exact event simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from scripts.coverage_multirate import Simulated
+from tests.drivers import (
+    DRIVERS,
+    driver,  # noqa: F401  used by pytest
+)
+from tests.lin_fmus import built
+from tests.multirate import random_system
+from workbench.core.calendar import exact
+from workbench.session.base import Floats
+
+both = pytest.mark.parametrize("driver", DRIVERS, indirect=True)
+
+# When it ticks is added up: after three ticks 0.30000000000000004 s.
+ADDING = """model AddingCounter
+  output Real y;
+  discrete Real due(start = {period}, fixed = true);
+  discrete Real n(start = 0, fixed = true);
+equation
+  when time >= pre(due) then
+    due = pre(due) + {period};
+    n = pre(n) + 1;
+  end when;
+  y = n;
+end AddingCounter;
+"""
+
+
+def counter(name: str, period: float) -> wb.LinearComponent:
+    """Return y = number of ticks before this one."""
+    one = np.ones((1, 1))
+    return wb.LinearComponent(
+        name=name, A=one, B=one, C=one, D=np.zeros((1, 1)), dt=period, x0=np.zeros(1), input_names=("u",),
+        output_names=("y",), state_names=("x",),
+    )  # fmt: skip
+
+
+READERS: Mapping[str, Mapping[str, object]] = {
+    "zero_order_hold": {},
+    "discrete_transfer_function": {"numerator": [1.0, 0.0], "denominator": [1.0, 0.0]},
+}
+
+
+def reader(name: str, period: float, kind: str = "zero_order_hold") -> wb.BlockComponent:
+    return wb.BlockComponent(name=name, kind=kind, parameters={**READERS[kind], "period": period})
+
+
+def held(model: wb.DescribedModel, times: Floats, names: list[str], signals: Mapping[str, wb.Signal]) -> list[Floats]:
+    """Return what is seen at `times`, one run from the first to the last."""
+    with model, model.open_session(signals=signals) as session:
+        found = session.advance(float(times[-1]), signals=signals, record=names, points=times)
+    rows = [int(np.flatnonzero(found.time == t)[-1]) for t in times]
+    return [found.values[name][rows] for name in names]
+
+
+@both
+@pytest.mark.parametrize("kind", READERS)
+@pytest.mark.parametrize("first", ["counter", "reader"])
+def test_a_counter_is_read_when_it_has_counted(driver: str, kind: str, first: str) -> None:  # noqa: F811
+    parts: list[tuple[str, object]] = [("b", counter("b", 0.1)), ("a", reader("a", 0.3, kind))]
+    model = wb.connect(
+        dict(parts if first == "counter" else parts[::-1]), [("b.y", "a.u")], inputs={"u": "b.u"}, outputs={"y": "a.y"}
+    )
+    times: Floats = 0.3 * np.arange(100.0) + 0.15
+    assert held(model, times, ["y"], {"u": wb.Constant(1.0)})[0].tolist() == [3.0 * k for k in range(100)]
+
+
+@pytest.mark.parametrize(
+    ("slow", "fast"),
+    [(0.3, 0.1), (0.12, 0.04), (0.06, 0.04), (0.06, 0.02), (0.03, 0.01), (0.015, 0.005), (1.0, 1 / 3), (0.1, 0.7)],
+)
+@pytest.mark.parametrize("start", [0.0, 0.3, -0.7])
+def test_two_rates_meet_where_their_numbers_say(slow: float, fast: float, start: float) -> None:
+    """Rates that are nested, that are not, and the first ticks at another start."""
+    model = wb.connect(
+        {"b": counter("b", fast), "a": reader("a", slow)}, [("b.y", "a.u")], inputs={"u": "b.u"},
+        outputs={"y": "a.y"}, start=start,
+    )  # fmt: skip
+    slowly, quickly = exact(slow), exact(fast)
+    times: Floats = start + slow * (np.arange(300.0) + 0.5)
+    expected = [float(math.floor(k * slowly / quickly)) for k in range(300)]  # number of the counter's last tick
+    assert held(model, times, ["y"], {"u": wb.Constant(1.0)})[0].tolist() == expected
+
+
+@both
+@pytest.mark.parametrize("cut", [0.57, 0.3, 0.7])
+def test_runs_that_end_a_rounding_beside_a_tick_go_on_as_one(driver: str, cut: float) -> None:  # noqa: F811
+    """100 · 0.57 is 56.99999999999999, 3 · 0.1 is 0.30000000000000004; some pieces begin from a snapshot."""
+    model = wb.connect(
+        {"b": counter("b", cut / 3), "a": reader("a", cut)}, [("b.y", "a.u")], inputs={"u": "b.u"}, outputs={"y": "a.y"}
+    )
+    signals = {"u": wb.Constant(1.0)}
+    with model, model.open_session(signals=signals) as session:
+        for k in range(1, 121):
+            until = k * cut
+            found = session.advance(until, signals=signals, record=["y"], points=np.array([until - 0.5 * cut, until]))
+            seen = found.values["y"][np.searchsorted(found.time, until - 0.5 * cut)]
+            assert seen == 3.0 * (k - 1)
+            if k % 10 == 0:
+                kept = session.snapshot()
+                session.advance(until + 1.3 * cut, signals=signals)
+                session.restore(kept)
+
+
+@both
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_an_fmu_that_adds_up_its_period_ticks_with_the_calendar(driver: str, interface: str) -> None:  # noqa: F811
+    file = built(ADDING.format(period=0.1), "AddingCounter", fmi=3)
+    model = wb.connect(
+        {"b": wb.FmuComponent(name="b", file=file, interface=interface), "a": reader("a", 0.3)},
+        [("b.y", "a.u")], outputs={"y": "a.y", "n": "b.y"},
+    )  # fmt: skip
+    times: Floats = 0.3 * np.arange(200.0) + 0.15
+    y, n = held(model, times, ["y", "n"], {})
+    assert n.tolist() == [3.0 * k + 1.0 for k in range(200)]
+    assert y.tolist() == [3.0 * k for k in range(200)]
+
+
+@pytest.mark.parametrize("seed", range(1000, 1012))
+def test_random_systems_of_blocks(seed: int) -> None:
+    assert Simulated.of(random_system(seed, fmus=False)).error <= 1e-6
+
+
+@pytest.mark.parametrize(("interface", "fmi"), [("me", 2), ("me", 3), ("cs", 3)])
+@pytest.mark.parametrize("seed", [0, 3, 5, 7])
+def test_random_systems_with_fmus(seed: int, interface: str, fmi: int) -> None:
+    """The samplers of one FMU feed each other: at a common tick the second sees what the first has just computed."""
+    assert Simulated.of(random_system(seed), interface=interface, fmi=fmi).error <= 1e-6
