@@ -74,9 +74,10 @@ class Apart(Settling):
         return None if found is None else self._final(found)
 
     def _final(self, found: PointResponse) -> PointResponse:
-        offset = found.offset + float(self._newest(self._alone)[:, 0].mean())
-        if not _settled(found) and self._answer is not None and _settled(self._answer) and self._is_gone():
-            return self._answer
+        whole = self._answer if self._answer is not None and _settled(self._answer) else None
+        if whole is not None and not _settled(found) and self._is_gone():
+            return whole
+        offset = found.offset + float(self._newest(self._alone)[:, 0].mean()) if whole is None else whole.offset
         found = replace(found, offset=offset, error=found.error + self._mixed(found))
         if _settled(found) and found.error > self.errcrit / 10.0:
             return replace(found, outcome=Outcome.AVERAGED, why=OWN)

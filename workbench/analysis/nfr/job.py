@@ -15,7 +15,7 @@ from workbench.analysis.nfr.apart import OWN
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, PER_PERIOD, Evidence
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
 from workbench.analysis.nfr.solved import NotSolvedError, Search, can_solve, solve_point
-from workbench.analysis.nfr.step import SHORTER, at_step, checked, refine, wider
+from workbench.analysis.nfr.step import SHORTER, at_step, at_step_of, checked, refine, wider
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
 from workbench.core import job as telling
@@ -103,18 +103,24 @@ class PointsJob(Job):
                 return iter(refine(self.tasks, partial(self._held, model), _EVENTS_ONLY))
             return self._verified(model) if self.verify else self._pass(*self._exact_enough(model))
 
-        controlled = self.step is None and model.recipe is not None and model.controls_step()
-
-        def measured(tasks: Sequence[PointTask]) -> list[NfrPoint]:
-            part = self.tasks[0].rows / tasks[0].rows  # of the step of the first run
-            if part == 1.0 or not controlled or model.recipe is None:
-                return list(self._pass(nullcontext(model), tasks))
-            # Its steps are shorter than the rows, and their halves are those of a tighter tolerance.
-            return list(self._pass(model.recipe.tighter(part**_OF_STEP).open(), tasks))
-
+        measured = partial(self._finer, model)
         if self.step is None:
             return iter(refine(self.tasks, measured, model.way_out(SHORTER)))
         return iter(at_step(self.tasks, self.step, measured, model.way_out(SHORTER)))
+
+    def _finer(self, model: Model, tasks: Sequence[PointTask]) -> list[NfrPoint]:
+        """Measure co-simulation; where steps are shorter than those of the first run, with a tighter tolerance, too.
+
+        What the parts' own solvers leave does not follow the step, and a controlled step does not follow the rows.
+        """
+        first = self.tasks[0].rows if self.step is None else at_step_of(self.tasks[0], self.step).rows
+        part = first / tasks[0].rows
+        if part == 1.0 or model.recipe is None:
+            return list(self._pass(nullcontext(model), tasks))
+        found = list(self._pass(model.recipe.tighter(part**_OF_STEP).open(), tasks))
+        if model.controls_step() or all(p.reason is None for p in found):
+            return found
+        return list(self._pass(nullcontext(model), tasks))  # its solver may not reach such a tolerance
 
     def _held(self, model: Model, tasks: Sequence[PointTask]) -> list[NfrPoint]:
         """Measure model exchange whose input changes at events only: at each row, so that rows are as steps are."""

@@ -10,7 +10,7 @@ from workbench.analysis.nfr.certificate import finite
 from workbench.analysis.nfr.point import NfrPoint, PointTask, change
 from workbench.errors import EndedError, InputError
 
-__all__ = ["at_step", "checked", "refine", "rows_of_step", "wider"]
+__all__ = ["at_step", "at_step_of", "checked", "refine", "rows_of_step", "wider"]
 
 # Points may cost this many communication steps each, all repetitions together.
 _MOST_STEPS = 400_000
@@ -126,12 +126,21 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run, way: str) -> list
     Raises:
         InputError: fewer than four steps make a period.
     """
-    tasks = [replace(t, rows=rows_of_step(t.frequency, step), fixed_step=True) for t in tasks]
+    tasks = [at_step_of(t, step) for t in tasks]
     points = run(tasks)
     halved = run([replace(t, rows=2 * t.rows) for t in tasks])
     pairs = zip(points, halved, strict=True)
     words, why = "half the communication step", f"{_DEPENDS}; {way}"
     return [checked(p, h, by="step", words=words, why=why, times=1.0 + _LEFT) for p, h in pairs]
+
+
+def at_step_of(task: PointTask, step: float) -> PointTask:
+    """Return a task with so long a communication step, or slightly less [s].
+
+    Raises:
+        InputError: fewer than four steps make a period.
+    """
+    return replace(task, rows=rows_of_step(task.frequency, step), fixed_step=True)
 
 
 def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, why: str, times: float = 1.0) -> NfrPoint:
