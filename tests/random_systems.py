@@ -9,6 +9,7 @@ above `VISIBLE` times the largest. Nothing else is chosen.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +17,11 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
+import workbench as wb
+from workbench.analysis.bla.design import RandomPhase, lines_of
 from workbench.analysis.identified.march import march_one
 
-__all__ = ["Plant", "pole_error", "random_plant"]
+__all__ = ["Modes", "Plant", "pole_error", "random_modes", "random_plant"]
 
 Floats = NDArray[np.float64]
 
@@ -78,6 +81,79 @@ def _modes(rng: np.random.Generator, order: int) -> list[Floats]:
             modes.append(np.array([[radius * rng.choice([-1.0, 1.0])]]))
             order -= 1
     return modes
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Lightly damped modes side by side, with an integrator or without: gain/(1 + 2ζ s/ω + s²/ω²) each, and k/s.
+
+    Attributes:
+        modes: frequency [Hz], damping ratio and gain of each.
+        integrator: k; 0: there is none.
+    """
+
+    modes: tuple[tuple[float, float, float], ...]
+    integrator: float = 0.0
+
+    @property
+    def linear(self) -> wb.Linear:
+        """The state space, with input u and output y."""
+        blocks, B, C = [], list[float](), list[float]()
+        for frequency, damping, gain in self.modes:
+            w = 2.0 * np.pi * frequency
+            blocks.append(np.array([[0.0, w], [-w, -2.0 * damping * w]]))
+            B, C = [*B, 0.0, w], [*C, gain, 0.0]
+        if self.integrator:
+            blocks, B, C = [*blocks, np.zeros((1, 1))], [*B, self.integrator], [*C, 1.0]
+        names = tuple(f"x{k + 1}" for k in range(len(B)))
+        return wb.Linear(
+            scipy.linalg.block_diag(*blocks), np.array(B)[:, None], np.array(C)[None], np.zeros((1, 1)),
+            state_names=names, input_names=("u",), output_names=("y",),
+        )  # fmt: skip
+
+    def held(self, dt: float) -> tuple[Floats, Floats]:
+        """Return A and B of the sampled model with a held input."""
+        A, B = self.linear.A, self.linear.B
+        n = len(A)
+        whole = scipy.linalg.expm(dt * np.block([[A, B], [np.zeros((1, n + 1))]]))
+        return whole[:n, :n], whole[:n, n:]
+
+    def sampled(self, frequency_hz: Floats, dt: float) -> NDArray[np.complex128]:
+        """Return the response of the sampled model with a held input, shape (k,)."""
+        A, B = self.held(dt)
+        z = np.exp(2j * np.pi * frequency_hz * dt)
+        return np.array([(self.linear.C @ np.linalg.solve(v * np.eye(len(A)) - A, B)).item() for v in z])
+
+    def records(
+        self, dt: float, band: tuple[float, float], *, realisations: int, periods: int
+    ) -> Iterator[tuple[Floats, Floats]]:
+        """Yield input and output of random-odd multisines, from rest, the first period left out.
+
+        Args:
+            dt: sampling interval [s].
+            band: lowest and highest frequency [Hz].
+            realisations: of the phases.
+            periods: of each.
+        """
+        length = round(1.0 / (band[0] * dt))
+        excited = tuple(lines_of("random-odd", 1, round(band[1] * length * dt), 1).excited.tolist())
+        A, B = self.held(dt)
+        for seed in range(realisations):
+            one = RandomPhase(
+                rms=1.0, length=length, excited=excited, periods=periods, transient=1, seed=1000 + seed
+            ).period()
+            u = np.tile(one, periods + 1)
+            states, _ = march_one(u[:, None] @ B.T, A, np.zeros(len(A)))
+            yield u[length:], (states @ self.linear.C.T)[length:, 0]
+
+
+def random_modes(random: np.random.Generator, *, integrates: bool) -> Modes:
+    """Return one to three modes of 0.5 to 5 Hz, damping ratios of 1e-3 to 0.5 (logarithmic)."""
+    count = int(random.integers(1, 4))
+    frequency, damping = 10.0 ** random.uniform(-0.3, 0.7, count), 10.0 ** random.uniform(-3.0, np.log10(0.5), count)
+    gain = random.uniform(0.2, 2.0, count) * random.choice([-1.0, 1.0], count)
+    modes = tuple(zip(frequency.tolist(), damping.tolist(), gain.tolist(), strict=True))
+    return Modes(modes, float(random.uniform(0.3, 3.0)) if integrates else 0.0)
 
 
 def pole_error(found: ArrayLike, true: ArrayLike) -> float:

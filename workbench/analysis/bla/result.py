@@ -34,11 +34,15 @@ class BlaResult(Record):
         frequency_hz: shape (k,), excited lines [Hz].
         response: shape (a, k), of the sampled model with a held input.
         error: shape (a, k), radius of the 95 % circle around it.
+        integration: shape (a, k), part of it that the integration makes, which no average over realisations removes; 0
+            where it is not known.
         noise: shape (a, k), standard deviation of the response of one realisation by noise.
         distortion: shape (a, k), by nonlinear distortion.
         output_rms, linear_rms: shape (a,), of the output, and of the part that the approximation gives.
         noise_rms, distortion_rms: shape (a,), of what changes from period to period, and of what the approximation
             leaves at excited lines.
+        removed_rms, unsettled_rms: shape (a,), of the transient that was estimated and taken off, and of what may be
+            left of it.
         odd_rms, even_rms: shape (a,), at odd and even lines that are not excited.
         offset: shape (a,), of the output's mean from that at rest.
         dt: sampling interval [s].
@@ -58,12 +62,15 @@ class BlaResult(Record):
     frequency_hz: Floats = field(metadata=entry(unit="Hz"))
     response: Complex = field(metadata=entry(dims=_GRID))
     error: Floats = field(metadata=entry(dims=_GRID))
+    integration: Floats = field(metadata=entry(dims=_GRID))
     noise: Floats = field(metadata=entry(dims=_GRID))
     distortion: Floats = field(metadata=entry(dims=_GRID))
     output_rms: Floats = field(metadata=entry(dims=("rms",)))
     linear_rms: Floats = field(metadata=entry(dims=("rms",)))
     noise_rms: Floats = field(metadata=entry(dims=("rms",)))
     distortion_rms: Floats = field(metadata=entry(dims=("rms",)))
+    removed_rms: Floats = field(metadata=entry(dims=("rms",)))
+    unsettled_rms: Floats = field(metadata=entry(dims=("rms",)))
     odd_rms: Floats = field(metadata=entry(dims=("rms",)))
     even_rms: Floats = field(metadata=entry(dims=("rms",)))
     offset: Floats = field(metadata=entry(dims=("rms",)))
@@ -85,9 +92,17 @@ class BlaResult(Record):
         return np.asarray(every / np.maximum(self.output_rms, 1e-300))
 
     @property
-    def worth(self) -> tuple[bool, ...]:
-        """Whether a linear model leaves less than a tenth of the output, at each power."""
-        return tuple(bool(part < WORTH) for part in self.left)
+    def worth(self) -> tuple[bool | None, ...]:
+        """Whether a linear model leaves less than a tenth of the output, at each power; None: a transient hides it.
+
+        What was taken off is the transient of a linear model. Of another one it is wrong by some part of itself, which
+        looks like distortion.
+        """
+        size = np.maximum(self.output_rms, 1e-300)
+        left, unsettled, removed = self.left, self.unsettled_rms / size, self.removed_rms / size
+        good = left + unsettled < WORTH
+        bad = left - unsettled - np.minimum(left, removed) >= WORTH
+        return tuple(None if not (g or b) else bool(g) for g, b in zip(good, bad, strict=True))
 
     @property
     def _behind(self) -> str:
@@ -114,17 +129,24 @@ class BlaResult(Record):
     @property
     def verdict(self) -> str:
         """Up to which power a linear model is worth having."""
-        worth = self.worth
-        if all(worth):
+        worth, unit = self.worth, self._behind
+        good, bad, hidden = (
+            ", ".join(f"{rms:.4g}" for rms, fine in zip(self.rms, worth, strict=True) if fine is which)
+            for which in (True, False, None)
+        )
+        if hidden:
+            told = [f"; {what} at {where}{unit}" for what, where in (("it is", good), ("it is not", bad)) if where]
+            return (
+                f"whether a linear model is worth having at {hidden}{unit} rms cannot be said: the periods have not "
+                f"settled{''.join(told)}"
+            )
+        if not bad:
             return f"a linear model leaves less than {100.0 * WORTH:g} % of the output at all powers measured"
-        if not any(worth):
+        if not good:
             return f"no linear model leaves less than {100.0 * WORTH:g} % of the output at any power measured"
-        unit = self._behind
-        good = [f"{rms:.4g}" for rms, fine in zip(self.rms, worth, strict=True) if fine]
-        bad = [f"{rms:.4g}" for rms, fine in zip(self.rms, worth, strict=True) if not fine]
         return (
-            f"a linear model is worth having at {', '.join(good)}{unit} rms (leaves less than {100.0 * WORTH:g} % of "
-            f"the output), not at {', '.join(bad)}{unit}"
+            f"a linear model is worth having at {good}{unit} rms (leaves less than {100.0 * WORTH:g} % of "
+            f"the output), not at {bad}{unit}"
         )
 
     def curve(self, power: int = 0) -> Response:
@@ -162,10 +184,11 @@ class BlaResult(Record):
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each power and frequency."""
-        yield ("rms", "frequency [Hz]", "gain", "phase [deg]", "error", "noise", "distortion")
+        yield ("rms", "frequency [Hz]", "gain", "phase [deg]", "error", "integration", "noise", "distortion")
         phase = np.degrees(np.unwrap(np.angle(self.response), axis=1))
         for a, rms in enumerate(self.rms.tolist()):
             table = np.column_stack([
-                self.frequency_hz, np.abs(self.response[a]), phase[a], self.error[a], self.noise[a], self.distortion[a],
+                self.frequency_hz, np.abs(self.response[a]), phase[a], self.error[a], self.integration[a],
+                self.noise[a], self.distortion[a],
             ])  # fmt: skip
             yield from ((rms, *row) for row in table.tolist())
