@@ -128,8 +128,8 @@ def test_two_rates_in_closed_form() -> None:
 
 
 def test_given_periods_stand_above_found_ones() -> None:
-    with load(built(LOOP, "Loop"), "me") as model:
-        result = lin(model, periods=[0.1, 0.2]).result
+    with load(built(LOOP, "Loop"), "me", periods=[0.1, 0.2]) as model:
+        result = lin(model).result
     assert result.dt == pytest.approx(0.2)
 
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from workbench.core.calendar import Sampler, exact
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
+from workbench.model.base import DeclaredRates
 from workbench.session import Recorded, Session, Snapshot
 from workbench.session.base import Floats
 from workbench.session.point import Evaluation, Point
@@ -105,6 +107,10 @@ class Plant(Model):
         if self.interface != "me":
             raise InputError("no point")
         return PlantPoint(self, self.starts(values), time or 0.0)
+
+    def declared_rates(self) -> DeclaredRates:
+        period = self.equations.period
+        return DeclaredRates() if period is None else DeclaredRates((Sampler(exact(period)),))
 
     def close(self) -> None:
         return

@@ -1,34 +1,226 @@
-"""Sample rates out of event times, and the basic time period they have in common."""
+"""The sample rates of a model, and the basic time period they have in common: one answer for all analyses.
+
+Rates come from what is declared (`Model.declared_rates`: the periods of a system's components and blocks, clocks), and
+where a part declares none, an FMU, from the times of its events. Of two rates of which one is a multiple of the other
+these show the faster one only; so the map that the model makes of itself is compared at successive periods
+(`repetition.py`): the basic period is the smallest one after which it repeats.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 import numpy as np
 
+from workbench.analysis.repetition import repetition
+from workbench.core.calendar import exact
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
 
-__all__ = ["TOGETHER", "NoRatesError", "basic_period", "rates_of", "sample_periods", "sample_rates", "time_events"]
+__all__ = ["FewEventsError", "NoRatesError", "Rates", "basic_period", "rates_of", "sample_periods", "sampled"]
 
+TOGETHER = 1e-6  # relative tolerance in which rates have a common multiple
 _LARGEST_FACTOR = 10_000  # of a period in the basic period
 _AGREE = 1e-6  # of the smallest distance: how exactly events keep their rate
+_LOOKS = (100, 400, 2000)  # events that are looked at, until each belongs to a rate
 
 
 class NoRatesError(InputError):
     """Time events that follow no constant rates, or too few to tell."""
 
 
+class FewEventsError(NoRatesError):
+    """One or two time events: they may belong to no rate at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """When a model samples.
+
+    Attributes:
+        periods: sample periods [s], rising; empty: it is continuous, or does not show any.
+        period: the basic period, after which all of them repeat together [s]; 0: there is none.
+        begin: from here on everything ticks in each of its periods [s].
+        ticks: times of the first events, shape (k,) [s].
+        notes: what is behind them, where that is not plain.
+    """
+
+    periods: tuple[float, ...] = ()
+    period: float = 0.0
+    begin: float = -math.inf
+    ticks: Floats = field(default_factory=lambda: np.zeros(0))
+    notes: tuple[str, ...] = ()
+
+    def start(self, time: float) -> float:
+        """Return the first multiple of the basic period from which one can go on period by period [s].
+
+        Where the model ticks then, in its own rounding.
+
+        Args:
+            time: not before this [s].
+        """
+        begin = max(time, self.begin)
+        start = float(np.ceil(begin / self.period - _AGREE)) * self.period + 0.0  # no −0
+        near = self.ticks[np.abs(self.ticks - start) < _AGREE * self.period]
+        return float(near[0]) if len(near) and start > time else start
+
+
+def rates_of(
+    model: Model,
+    *,
+    time: float | None = None,
+    values: Mapping[str, float] | None = None,
+    btptol: float = TOGETHER,
+) -> Rates:
+    """Return when a model samples.
+
+    Args:
+        model: it stays open; of co-simulation the equations are asked, where it has them.
+        time: where it stands [s]; None: where its sessions begin.
+        values: states, discrete states and inputs there.
+        btptol: relative tolerance in which they have a common multiple.
+
+    Raises:
+        NoRatesError: there are events, but they follow no constant rates.
+        InputError: the rates have no common multiple of reasonable size.
+        FmuError, SimulationError: the model cannot be opened or run there.
+    """
+    start = model.start_time if time is None else time
+    if model.interface != "me":
+        equations = _equations(model)
+        if equations is None:
+            return _of_parts(model, start, btptol)
+        with equations:
+            return rates_of(equations, time=time, values=values, btptol=btptol)
+    known = _declared(model, start)
+    shy = any(len(_ticks(part, part.start_time, None, 1)) for part in model.declared_rates().others)
+    if not (known or shy):
+        return Rates()
+    ticks, every = _sequences(model, known, start, values) if shy else (_ticks(model, start, values, _LOOKS[0]), known)
+    found = _found(every, start, ticks, btptol)
+    found = _confirmed(model, found, start, values) if shy else found
+    if len(ticks) == _LOOKS[0] and ticks[-1] < found.start(start) + 2.0 * found.period:
+        return replace(found, ticks=_ticks(model, start, values, _LOOKS[-1]))
+    return found
+
+
+def sampled(model: Model, at: OperatingPoint | None = None) -> Rates:
+    """Return when a model samples, as far as that can be seen: what keeps it from being seen is in the notes.
+
+    Args:
+        model: it stays open.
+        at: where it stands; its period counts where the model shows none.
+    """
+    where = model.at if at is None else at
+    try:
+        found = rates_of(model) if where is None else rates_of(model, time=where.time, values=where.values)
+    except WorkbenchError as error:
+        found = Rates(notes=(str(error),))
+    if found.periods or where is None or where.period is None:
+        return found
+    return replace(found, periods=(where.period,), period=where.period)
+
+
+_Sequence = tuple[float, float]  # first instant, period [s]
+
+
+def _declared(model: Model, start: float) -> list[_Sequence]:
+    """Return the declared samplers; they count from where a session begins."""
+    begin = exact(start)
+    moved = (replace(s, offset=s.offset + begin) for s in model.declared_rates().samplers)
+    return [(s.instant(0), float(s.period)) for s in dict.fromkeys(moved)]
+
+
+def _of_parts(model: Model, start: float, btptol: float) -> Rates:
+    """Return when a co-simulation samples: what is declared, and what the equations of its parts show, each alone."""
+    parts = [rates_of(part, btptol=btptol) for part in model.declared_rates().others if part is not model]
+    every = [*_declared(model, start), *((start, p) for part in parts for p in part.periods)]
+    found = _found(every, start, np.zeros(0), btptol)
+    return replace(found, notes=tuple(note for part in parts for note in part.notes))
+
+
+def _found(every: Sequence[_Sequence], start: float, ticks: Floats, btptol: float) -> Rates:
+    periods = tuple(sorted({period for _, period in every}))
+    if not periods:
+        return Rates()
+    begin = max(first - period for first, period in every)
+    late = begin > start + _AGREE * max(periods)  # nothing ticks there yet: the first period that is whole begins later
+    return Rates(periods, basic_period(periods, btptol), max(f for f, _ in every) if late else -math.inf, ticks)
+
+
+def _sequences(
+    model: Model, known: Sequence[_Sequence], start: float, values: Mapping[str, float] | None
+) -> tuple[Floats, list[_Sequence]]:
+    """Return the first events of a model, and the samplers that they belong to."""
+    for most in _LOOKS:
+        ticks = _ticks(model, start, values, most)
+        try:
+            return ticks, [*known, *sequences(ticks, known)]
+        except NoRatesError:
+            if most == _LOOKS[-1] or len(ticks) < most:
+                raise
+    return np.zeros(0), []
+
+
+def _confirmed(model: Model, found: Rates, start: float, values: Mapping[str, float] | None) -> Rates:
+    """Return the rates with those that no event shows."""
+    begin, period = found.start(start), found.period
+    inside = int(np.count_nonzero((found.ticks > begin) & (found.ticks < begin + 1.5 * period)))
+    try:
+        seen = repetition(model, begin, period, values, events=inside)
+    except WorkbenchError as error:
+        return replace(found, notes=(f"whether the model repeats every {period:.6g} s could not be seen: {error}",))
+    if seen.count is None:
+        note = (
+            f"small deviations do not repeat every {period:.6g} s, nor after any number of such periods that shows in "
+            f"{seen.periods} of them: the model is not the same from period to period (a motion on the way, a limit, a "
+            "slower rate); give periods where they are known"
+        )
+        return replace(found, notes=(note,))
+    if seen.late:
+        found = replace(found, begin=begin + period)
+    if seen.count == 1:
+        return found
+    whole = seen.count * period
+    note = f"events come every {period:.6g} s, but what they do repeats every {whole:.6g} s only"
+    return replace(found, periods=(*found.periods, whole), period=whole, notes=(note,))
+
+
+# -- events --------------------------------------------------------------------------------------------------------
+
+
+def _ticks(model: Model, time: float, values: Mapping[str, float] | None, most: int) -> Floats:
+    """Return the first time events of a model's equations, states held."""
+    if model.interface != "me":
+        equations = _equations(model)
+        if equations is None:
+            return np.zeros(0)
+        with equations:
+            return _ticks(equations, time, values, most)
+    with model.open_point(time=time, values=values or {}) as point:
+        found = point.ticks(most, np.inf)
+    # Who adds up periods is off by half an ulp an event: two that are so near are one.
+    apart = np.diff(found, prepend=-np.inf) > most * np.spacing(np.abs(found))
+    events: Floats = found[apart]
+    return events
+
+
+def _equations(model: Model) -> Model | None:
+    """Return the model exchange side of a co-simulation FMU, where there is one that may be opened besides."""
+    if not isinstance(model, DescribedModel) or "me" not in model.description.interfaces:
+        return None
+    if model.description.interfaces["me"].once_per_process:
+        return None
+    return replace(model.recipe, interface="me", solver="auto", step=None).open()
+
+
 def sample_periods(times: Floats) -> tuple[float, ...]:
     """Take event times apart into periodic sequences and return their periods, rising.
-
-    The first event left over and the nearest later one that both belong to a sequence without gaps
-    begin a sequence; its events that no other sequence needs are taken out, and so on.
 
     Args:
         times: shape (n,) [s], rising, all events of a stretch of time.
@@ -36,16 +228,40 @@ def sample_periods(times: Floats) -> tuple[float, ...]:
     Raises:
         NoRatesError: fewer than three events, or they follow no constant rates.
     """
-    if len(times) < 3:
-        raise NoRatesError("too few time events to find the sample periods; give periods")
-    tolerance = _AGREE * float(np.diff(times).min())
-    left, found = times, list[float]()
+    return tuple(sorted(period for _, period in sequences(times)))
+
+
+def sequences(times: Floats, known: Sequence[_Sequence] = ()) -> list[_Sequence]:
+    """Take event times apart into periodic sequences: first instants and periods [s].
+
+    The first event left over and the nearest later one that both belong to a sequence without gaps
+    begin a sequence; its events that no other sequence needs are taken out, and so on.
+
+    Args:
+        times: shape (n,) [s], rising, all events of a stretch of time.
+        known: sequences whose events are taken out first; they are not returned.
+
+    Raises:
+        NoRatesError: fewer than three events, or they follow no constant rates.
+    """
+    left, found = times, list[_Sequence]()
+    tolerance = _AGREE * float(np.diff(times).min(initial=np.inf))
+    for first, period in known:
+        left = _without(left, first, period, min(tolerance, _AGREE * period))
     while len(left):
+        if len(times) < 3:
+            raise FewEventsError("too few time events to find the sample periods; give periods")
         period = _period(left, times, tolerance)
-        found.append(period)
-        grid = left[0] + period * np.arange(round((times[-1] - left[0]) / period) + 1)
-        left = np.array([t for t in left if np.abs(grid - t).min() > tolerance])
-    return tuple(sorted(found))
+        found.append((float(left[0]), period))
+        left = _without(left, float(left[0]), period, tolerance)
+    return found
+
+
+def _without(left: Floats, first: float, period: float, tolerance: float) -> Floats:
+    """Return the events that do not belong to a sequence."""
+    counts = np.maximum(np.round((left - first) / period), 0.0)
+    kept: Floats = left[np.abs(first + counts * period - left) > tolerance]
+    return kept
 
 
 def _period(left: Floats, times: Floats, tolerance: float) -> float:
@@ -108,50 +324,3 @@ def _simplest(ratio: float, tolerance: float) -> Fraction:
         if abs(float(candidate) - ratio) <= tolerance * ratio:
             return candidate
     raise InputError(f"the ratio {ratio:.9g} of two sample periods is not a fraction of small numbers; give periods")
-
-
-TOGETHER = 1e-6  # relative tolerance in which rates have a common multiple
-_LOOK = 64  # events of the model that tell its rates
-
-
-def sample_rates(model: Model) -> tuple[float, ...]:
-    """Return the sample periods of a model where it starts [s], rising; none: it is continuous, or shows none."""
-    return rates_of(time_events(model, None), None)
-
-
-def rates_of(ticks: Floats, at: OperatingPoint | None) -> tuple[float, ...]:
-    """Return the model's sample periods [s]; none: it is continuous, or does not show any."""
-    try:
-        found = sample_periods(ticks)
-        basic_period(found, TOGETHER)
-    except InputError:  # too few events, or none that repeat
-        return (at.period,) if at is not None and at.period is not None else ()
-    return found
-
-
-def time_events(model: Model, at: OperatingPoint | None) -> Floats:
-    """Return the first time events of the model's equations; none where they cannot be seen."""
-    try:
-        if model.interface == "me":
-            return _ticks_of(model, at)
-        equations = _equations(model)
-        if equations is None:
-            return np.zeros(0)
-        with equations:
-            return _ticks_of(equations, at)
-    except WorkbenchError:
-        return np.zeros(0)
-
-
-def _ticks_of(model: Model, at: OperatingPoint | None) -> Floats:
-    with model.open_point(time=at.time if at else None, values={} if at is None else at.values) as point:
-        return point.ticks(_LOOK, np.inf)
-
-
-def _equations(model: Model) -> Model | None:
-    """Return the model exchange side of a co-simulation FMU, where there is one that may be opened besides."""
-    if not isinstance(model, DescribedModel) or "me" not in model.description.interfaces:
-        return None
-    if model.description.interfaces["me"].once_per_process:
-        return None
-    return replace(model.recipe, interface="me", solver="auto", step=None).open()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY
 
-from workbench.core.forms import Quantities, Starts
+from workbench.core.forms import Numbers, Quantities, Starts
 from workbench.core.option import Options, documented, option
 
 __all__ = ["INTERFACES", "Loading"]
@@ -77,6 +77,15 @@ class Loading(Options):
         "Constant added to an input, whether it is forced or not; with a unit, as in elevator=2deg, it is converted to "
         "that of the input.",
         default_factory=dict,
+    )
+    periods: Numbers | None = option(
+        "Sample periods of the model; by default those that the parts of a system and clocks declare, and for an FMU "
+        "those that its time events and what they do show.",
+        unit="s",
+        metavar="S,..",
+        positive=True,
+        finite=True,
+        default=None,
     )
     hold_inputs: bool = option(
         "Co-simulation: hold inputs over each communication step at their value at its start, as most masters do, even "

@@ -5,9 +5,11 @@ from __future__ import annotations
 import copy
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Self
 
+from workbench.core.calendar import Sampler
 from workbench.core.closable import Closable
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.operating_point import At, OperatingPoint
@@ -21,7 +23,7 @@ from workbench.signals import Signal
 if TYPE_CHECKING:
     from workbench.model.recipe import Recipe
 
-__all__ = ["Model"]
+__all__ = ["DeclaredRates", "Model"]
 
 _MOST = 40  # variables of a kind that a notebook shows
 
@@ -29,6 +31,19 @@ _MOST = 40  # variables of a kind that a notebook shows
 def _row(v: Variable) -> str:
     cells = (v.name, v.unit or "", "" if v.start is None else str(v.start), v.description or "")
     return f"<tr>{''.join(f'<td>{escape(visible(c))}</td>' for c in cells)}</tr>"
+
+
+@dataclass(frozen=True)
+class DeclaredRates:
+    """When a model says that it samples.
+
+    Attributes:
+        samplers: each declared one; instants are counted from where a session begins.
+        others: itself, or parts of it, that may sample besides without declaring it; only their events show when.
+    """
+
+    samplers: tuple[Sampler, ...] = ()
+    others: tuple[Model, ...] = ()
 
 
 class Model(Closable):
@@ -211,6 +226,10 @@ class Model(Closable):
         """
         del signals, until
         return ()
+
+    def declared_rates(self) -> DeclaredRates:
+        """Return when it says that it samples: what analyses take for granted, `analysis/rates.py` finds the rest."""
+        return DeclaredRates(others=(self,))
 
     def remarks(self) -> tuple[str, ...]:
         """Return what was found out about the model while it ran; complete once the analysis is done."""

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from workbench.core.calendar import Sampler, exact
+from workbench.core.forms import several
 from workbench.core.operating_point import At
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.description import Description
@@ -18,7 +20,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
 from workbench.kernel.library import kernel
-from workbench.model.base import Model
+from workbench.model.base import DeclaredRates, Model
 from workbench.model.starts import check_starts
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.fmu import FmuSession, Lead, Setup
@@ -322,6 +324,17 @@ class DescribedModel(Model):
 
     def way_out(self, *others: str) -> str:
         return self.description.way_out(*others)
+
+    def declared_rates(self) -> DeclaredRates:
+        told = self.recipe.periods
+        if told is not None:
+            return DeclaredRates(tuple(Sampler(exact(period)) for period in several(told)))
+        return self._own_rates()
+
+    def _own_rates(self) -> DeclaredRates:
+        """Return what is declared where nobody was told better."""
+        clocks = (c for c in self.description.clocks.values() if c.causality == "input" and c.interval)
+        return DeclaredRates(tuple(Sampler(exact(c.interval or 0.0), exact(c.shift)) for c in clocks), others=(self,))
 
     def open_point(
         self,

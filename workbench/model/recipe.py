@@ -102,8 +102,9 @@ class LoadRecipe(Loading, Recipe):
 
     def settings(self) -> dict[str, Any]:
         """Return all of these but the file, ready for JSON."""
+        known = values_of(self)
         return {
-            **values_of(self),
+            **{name: value for name, value in known.items() if name != "periods" or value is not None},
             **({} if self.at is None else {"at": {**self.at.values, "time": self.at.time}}),
         }
 

@@ -64,6 +64,7 @@ def connect(
     step: float | None = None,
     tolerance: float | None = None,
     start: float | None = None,
+    periods: Sequence[float] | None = None,
     start_values: Mapping[str, Value] | None = None,
     bias: Mapping[str, float] | None = None,
     order: str = "auto",
@@ -91,6 +92,7 @@ def connect(
         step: communication step of co-simulation [s]; model exchange needs none.
         tolerance: relative tolerance of the integration; None: 1e-6.
         start: time at which sessions begin [s]; None: 0.
+        periods: sample periods of the system [s]; None: those that its parts declare or show.
         start_values: start values by full name, "component.variable".
         bias: constants added to the system's inputs.
         order: order of systems with co-simulation components: "gauss-seidel" (one after the other), "jacobi" (side by
@@ -145,6 +147,7 @@ def connect(
         step=step,
         tolerance=tolerance,
         start=start,
+        periods=periods,
         start_values={**starts, **(start_values or {})},
         bias=bias or {},
     )

@@ -13,6 +13,7 @@ from workbench.core.named import named
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value
 from workbench.fmi.wiring import Wiring
+from workbench.model.base import DeclaredRates
 from workbench.model.described import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
@@ -23,7 +24,7 @@ from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
-from workbench.system.parts import Opened, starts_of, system_starts
+from workbench.system.parts import Opened, declared_rates, starts_of, system_starts
 
 if TYPE_CHECKING:
     from workbench.analysis.loop.result import LoopResult
@@ -97,6 +98,9 @@ class SystemModel(DescribedModel):
     def _without_state(self) -> str:
         names = [p.name for p in self._opened.parts if not p.description.interfaces[p.interface].state]
         return f"components do not claim to save their state: {', '.join(names)}"
+
+    def _own_rates(self) -> DeclaredRates:
+        return declared_rates(self._opened.parts)
 
     def closed_loops(self, signals: Sequence[str], *, until: float) -> tuple[ClosedLoop, ...]:
         return closed_loops(self._opened, signals, until=until)

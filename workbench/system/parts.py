@@ -7,11 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 
+from workbench.core.calendar import Sampler, exact
 from workbench.errors import InputError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
+from workbench.model.base import DeclaredRates
 from workbench.model.described import DescribedModel
 from workbench.model.load import FmuRecipe, load, silent_clocks
 from workbench.model.starts import check_starts
@@ -21,12 +23,13 @@ from workbench.system.description import (
     Component,
     FmuComponent,
     FunctionComponent,
+    LinearComponent,
     Resolved,
     SystemDescription,
 )
 from workbench.system.elements import ElementInstance, element_description
 
-__all__ = ["Opened", "Part", "block_part", "open_parts", "starts_of", "system_starts"]
+__all__ = ["Opened", "Part", "block_part", "declared_rates", "open_parts", "starts_of", "system_starts"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +102,28 @@ class Opened:
         for part in self.parts:
             if part.model is not None:
                 part.model.close()
+
+
+def declared_rates(parts: Sequence[Part]) -> DeclaredRates:
+    """Return when components say that they sample; FMUs are those that may do so besides.
+
+    Args:
+        parts: the components.
+    """
+    own = (Sampler(exact(dt)) for part in parts if (dt := _sampled_every(part.component)) > 0.0)
+    inner = [part.model.declared_rates() for part in parts if part.model is not None]
+    return DeclaredRates(
+        samplers=(*own, *(s for found in inner for s in found.samplers)),
+        others=tuple(model for found in inner for model in found.others),
+    )
+
+
+def _sampled_every(component: Component) -> float:
+    """Return the sample period that a component or block has [s]; 0: none, it is continuous or an FMU."""
+    if isinstance(component, BlockComponent):
+        matrices = component.block.matrices()
+        return 0.0 if matrices is None else matrices.dt
+    return component.dt if isinstance(component, LinearComponent) else 0.0
 
 
 def open_parts(

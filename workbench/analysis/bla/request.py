@@ -156,6 +156,7 @@ class Bla(_Multisine, AtPoint, _Ends, Analysis["BlaResult"]):
     example = "workbench bla fmu:Rudder --input delC --output del --band 0.2:10 --rms 1,5,20 --plot rudder_bla.png"
     usual_tolerance = 1e-8
     counts = "realisations"
+    withheld = ("periods",)
 
     _: KW_ONLY
     rms: Amounts = option(_RMS, of="input", change=True, metavar="R,..")
@@ -190,6 +191,7 @@ class BlaCommand(_Multisine, AtPoint, _Ends, Analysis["BlaResult"]):
     )
     usual_tolerance = Bla.usual_tolerance
     counts = Bla.counts
+    withheld = Bla.withheld
     needs = ("rms", "band")
 
     _: KW_ONLY

@@ -16,7 +16,7 @@ from workbench.analysis.harmonics import fundamental
 from workbench.analysis.periodic.continuation import Manner, Track, both_ways, follow
 from workbench.analysis.periodic.place import Place, arrive, depart
 from workbench.analysis.periodic.special import Special
-from workbench.analysis.rates import sample_rates
+from workbench.analysis.rates import sampled
 from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.errors import InputError, SimulationError
@@ -356,8 +356,9 @@ def _check(model: Model, asked: Branches) -> None:
             f"branches: {model.name} runs as co-simulation, whose states cannot be set while it runs; "
             f"{model.way_out('use nfr, which follows stable responses alone')}"
         )
-    if rates := sample_rates(model):
-        raise InputError(f"branches: {model.name} samples every {rates[0]:g} s; use nfr --method settle")
+    if periods := sampled(model).periods:
+        listed = ", ".join(f"{p:g}" for p in periods)
+        raise InputError(f"branches: {model.name} samples every {listed} s; use nfr --method settle")
     if not model.states:
         raise InputError(f"branches: {model.name} has no continuous states that could be followed; use nfr")
 

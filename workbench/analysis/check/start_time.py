@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import math
-from contextlib import nullcontext
 from dataclasses import replace
-
-import numpy as np
 
 from workbench.analysis.check.compare import largest_gap, usual_gap
 from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import CheckedFmu, Trajectory, same_bits
-from workbench.analysis.rates import basic_period, sample_periods
+from workbench.analysis.rates import FewEventsError, rates_of
 from workbench.errors import FmuError, InputError, SimulationError
-from workbench.model.described import DescribedModel
-from workbench.session.base import Floats
 
 __all__ = ["start_time"]
 
 _FAR = 16  # test runs by which the start is moved: a power of two, so that times stay as exact as they are
-_TICKS = 400
 _SAME = 1e-9
 _TOLERANCE = 100.0  # times the integration's own: two runs may step differently by rounding
 _BESIDE = 0.1
@@ -101,23 +95,12 @@ def _run(subject: CheckedFmu, start: float, h: float) -> Trajectory:
 
 
 def _period(subject: CheckedFmu) -> float:
-    """Return the common period of the model's time events [s]; 0: it has none, or they cannot be asked for."""
-    times = _ticks(subject)
-    periods = sample_periods(times) if len(times) >= 3 else ()
-    return basic_period(periods, 1e-9) if periods else 0.0
+    """Return the common period of the model's time events [s]; 0: it has none, or they cannot be asked for.
 
-
-def _ticks(subject: CheckedFmu) -> Floats:
-    if "me" not in subject.model.description.interfaces:
-        return np.empty(0)
-    recipe = replace(subject.model.recipe, interface="me", solver="auto", step=None)
+    Raises:
+        InputError: they follow no constant rates.
+    """
     try:
-        with nullcontext(subject.model) if not subject.is_cs else recipe.open() as model:
-            return _ticks_of(model, subject)
-    except (FmuError, SimulationError):
-        return np.empty(0)
-
-
-def _ticks_of(model: DescribedModel, subject: CheckedFmu) -> Floats:
-    with model.open_point(time=subject.start) as point:
-        return point.ticks(_TICKS, subject.start + subject.span)
+        return rates_of(subject.model, time=subject.start, btptol=_SAME).period
+    except (FewEventsError, FmuError, SimulationError):
+        return 0.0

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.analysis.excite.design import Sequences, each
 from workbench.analysis.excite.request import Excite
 from workbench.analysis.lin.response import communication_step
-from workbench.analysis.rates import TOGETHER, basic_period, rates_of, time_events
+from workbench.analysis.rates import sampled
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import DescribedModel, Model
@@ -265,9 +265,8 @@ def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sa
     Raises:
         InputError: no interval, neither given nor the model's own.
     """
-    ticks = time_events(model, at)
-    rates = rates_of(ticks, at)
-    period = float(f"{basic_period(rates, TOGETHER):.12g}") if rates else None
+    rates = sampled(model, at)
+    period = float(f"{rates.period:.12g}") if rates.periods else None
     if dt is None and period is None:
         raise InputError(f"{model.name}: has no sampling period of its own; give the sampling interval (--step, dt)")
     interval = dt or period or 0.0
@@ -277,10 +276,10 @@ def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sa
     return Sampling(
         dt=interval,
         period=period,
-        first=float(ticks[0]) if len(ticks) else (at.time if at else model.start_time) + period,
+        first=float(rates.ticks[0]) if len(rates.ticks) else (at.time if at else model.start_time) + period,
         lead=0.0 if steady else LEAD * min(interval, period),
         late=steady,
-        notes=_remarks(interval, period, rates, chosen=dt is None),
+        notes=(*_remarks(interval, period, rates.periods, chosen=dt is None), *rates.notes),
     )
 
 

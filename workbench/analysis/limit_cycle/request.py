@@ -69,6 +69,7 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
         "system:failed_aileron_feedforward --block damper --block actuator --amplitude 0.01:1 --time 150 --band 1:10`"
     )
     counts = "steps"
+    withheld = ("periods",)
     subject = replace(
         Analysis.subject,
         name="system",

@@ -11,17 +11,15 @@ from numpy.typing import NDArray
 from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.period_map import PeriodMap
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
-from workbench.analysis.lin.task import LinTask, moving_note, open_base
-from workbench.analysis.rates import basic_period, sample_periods
+from workbench.analysis.lin.task import LinTask, moving_note, no_equations, open_base
+from workbench.analysis.rates import Rates, rates_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model.names import declared_units
 from workbench.session.base import Floats
-from workbench.session.point import Point
 
 __all__ = ["kalman_bertram"]
 
-MOST_EVENTS = 2000
 AGREE = 1e-3
 FAR = (0.1, 1.0, 10.0)  # of an input's own size: how far one looks behind a zero
 
@@ -61,29 +59,14 @@ def kalman_bertram(task: LinTask) -> LinResult:
     Source: the source report, chapter 3.1.3; R. E. Kalman and J. E. Bertram, A unified approach to the theory of
     sampling systems, J. Franklin Inst. 267 (1959).
     """
-    with open_base(task) as point:
-        periods, times = _periods(task, point)
-        period = basic_period(periods, task.btptol)
-        start = _start(task.time, period, times)
-        setting = PeriodMap.of(task, point, start, period, times)
-    return _linearise(setting, periods)
-
-
-def _periods(task: LinTask, point: Point) -> tuple[tuple[float, ...], Floats]:
-    """Return the sample periods and the event times they were found in."""
-    times = point.ticks(MOST_EVENTS, np.inf)
-    if task.periods is not None:
-        return task.periods, times
-    if not len(times):
+    if task.model.interface == "cs":
+        raise no_equations(task)
+    rates = rates_of(task.model, time=task.time, values=task.values, btptol=task.btptol)
+    if not rates.periods:
         raise InputError("method kalman-bertram: the model asks for no time events; use difference, or give periods")
-    return sample_periods(times), times
-
-
-def _start(time: float, period: float, times: Floats) -> float:
-    """Return the first multiple of the period not before `time` [s], in the FMU's own rounding where it ticks then."""
-    start = float(np.ceil(time / period - 1e-9)) * period + 0.0  # no −0
-    near = times[np.abs(times - start) < 1e-6 * period]
-    return float(near[0]) if len(near) and start > time else start
+    with open_base(task) as point:
+        setting = PeriodMap.of(task, point, rates.start(task.time), rates.period, rates.ticks)
+    return _linearise(setting, rates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +107,7 @@ def _slopes(setting: PeriodMap) -> _Slopes:
     return _Slopes(x, y, np.array(slopes_x).T.reshape(len(x), count), np.moveaxis(np.array(slopes_y), 0, -1))
 
 
-def _linearise(setting: PeriodMap, periods: tuple[float, ...]) -> LinResult:
+def _linearise(setting: PeriodMap, rates: Rates) -> LinResult:
     n = len(setting.states)
     slopes = _slopes(setting)
     keep = _influential(slopes.dx[:, :n], slopes.dy[..., :n], setting.continuous)
@@ -135,13 +118,13 @@ def _linearise(setting: PeriodMap, periods: tuple[float, ...]) -> LinResult:
         result,
         zeros=zeros_of(result, reach),
         doubts=(*_check(setting, slopes), *(d for d in _flat(setting, reach) if d.row in known)),
-        notes=_notes(setting, slopes, keep, periods),
+        notes=_notes(setting, slopes, keep, rates),
     )
 
 
-def _notes(setting: PeriodMap, slopes: _Slopes, keep: Flags, periods: tuple[float, ...]) -> tuple[str, ...]:
-    listed = ", ".join(f"{p:.6g}" for p in periods)
-    notes = [f"basic time period {setting.period:.9g} s out of sample periods {listed} s"]
+def _notes(setting: PeriodMap, slopes: _Slopes, keep: Flags, rates: Rates) -> tuple[str, ...]:
+    listed = ", ".join(f"{p:.6g}" for p in rates.periods)
+    notes = [f"basic time period {setting.period:.9g} s out of sample periods {listed} s", *rates.notes]
     left_out = [v.name for v, k in zip(setting.states, keep, strict=True) if not k]
     if left_out:
         notes.append(f"left out, because they are overwritten before anything reads them: {', '.join(left_out)}")

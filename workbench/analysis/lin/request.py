@@ -87,12 +87,6 @@ class _Sampled(Options):
     group = _HOW
 
     _: KW_ONLY
-    periods: Numbers | None = option(
-        "Sample periods for the method kalman-bertram; by default found from the time events.",
-        unit="s",
-        metavar="S,..",
-        default=None,
-    )
     btptol: float = option("Relative tolerance within which sample periods have a common multiple.", default=1e-6)
 
 

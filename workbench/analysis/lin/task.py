@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.analysis.lin.request import Lin, PointOptions
-from workbench.core.forms import Widths, several
+from workbench.core.forms import Widths
 from workbench.core.names import check_names
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
@@ -26,6 +26,7 @@ __all__ = [
     "Width",
     "columns_of",
     "moving_note",
+    "no_equations",
     "open_base",
     "pass_states",
     "sampled_note",
@@ -45,7 +46,6 @@ class LinTask:
         values: states, discrete states and inputs → value, where they are not the model's own.
         time: session time of the point [s].
         dx, du: total widths of the perturbations: for all, by name, or in order; None: chosen.
-        periods: sample periods [s]; None: found.
         btptol: relative tolerance in which sample periods have a common multiple.
         period: over which `response` holds its input [s]; None: the communication step.
         points: how many such periods it records.
@@ -62,7 +62,6 @@ class LinTask:
     time: float = 0.0
     dx: Width = None
     du: Width = None
-    periods: tuple[float, ...] | None = None
     btptol: float = 1e-6
     period: float | None = None
     points: int = 400
@@ -91,7 +90,6 @@ def make_task(model: Model, asked: Lin) -> LinTask:
         time=where.time if asked.time is None else asked.time,
         dx=asked.dx,
         du=asked.du,
-        periods=None if asked.periods is None else several(asked.periods),
         btptol=asked.btptol,
         period=asked.period,
         points=asked.points,
@@ -137,8 +135,7 @@ def open_base(task: LinTask) -> Point:
         InputError: unknown state, or the model has no points.
     """
     if task.model.interface == "cs":
-        way = task.model.way_out("use method response")
-        raise InputError(f"co-simulation shows neither states nor derivatives; {way}")
+        raise no_equations(task)
     point = task.model.open_point(time=task.time, values=task.values)
     try:
         known = [v.name for v in (*point.states, *point.inputs)] + list(point.discrete())
@@ -151,6 +148,12 @@ def open_base(task: LinTask) -> Point:
         point.close()
         raise
     return point
+
+
+def no_equations(task: LinTask) -> InputError:
+    """Return the refusal of a method that needs states and derivatives."""
+    way = task.model.way_out("use method response")
+    return InputError(f"co-simulation shows neither states nor derivatives; {way}")
 
 
 def sampled_note(point: Point) -> tuple[str, ...]:

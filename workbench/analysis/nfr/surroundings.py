@@ -12,7 +12,7 @@ import numpy as np
 from workbench.analysis.lin.linearise import plain
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.task import make_task
-from workbench.analysis.rates import sample_rates
+from workbench.analysis.rates import sampled
 from workbench.core.blas import one_thread
 from workbench.core.linear import LinearPart
 from workbench.core.matrices import Complex, held, resolvent
@@ -230,16 +230,16 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
         output: output, or a state.
     """
     if model.interface != "me":
-        return Surroundings(rates=sample_rates(model))
+        return Surroundings(rates=sampled(model).periods)
     middle = _middle(model, input)
     try:
         with model.open_point(values=middle) as point:
-            sampled = len(point.ticks(_LOOK, np.inf)) > 0
+            ticks = len(point.ticks(_LOOK, np.inf)) > 0
             many = len(point.states) > _MOST_STATES
-            found = None if sampled or many or point.why_not_exact() else _exact(point, input, output)
+            found = None if ticks or many or point.why_not_exact() else _exact(point, input, output)
             dx0, smallest = point.at(point.x0, point.u0).dx, point.smallest
-        if sampled or many:
-            return Surroundings(rates=sample_rates(model) if sampled else ())
+        if ticks or many:
+            return Surroundings(rates=sampled(model).periods if ticks else ())
         part = _difference(model, input, output, middle) if found is None else found
     except WorkbenchError:
         return Surroundings()

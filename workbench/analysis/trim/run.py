@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.analysis.rates import basic_period, sample_periods
+from workbench.analysis.rates import Rates, rates_of
 from workbench.analysis.trim.balance import Balance, ContinuousBalance
 from workbench.analysis.trim.map import MapBalance
 from workbench.analysis.trim.problem import Problem, TrimSets, pose
@@ -30,9 +30,6 @@ __all__ = ["run"]
 
 WATCH_PERIODS = 20
 STAYS = 1e-5  # nominal values that a variable may move in so many periods
-MOST_EVENTS = 400  # listened to for the sample rates
-FOREVER = 1e300  # [s]
-BTPTOL = 1e-6  # relative tolerance of the common multiple of sample periods
 
 
 def run(model: Model, asked: Trim, job: Job) -> TrimResult:
@@ -85,29 +82,32 @@ class _Trim:
 
     def _model_exchange(self) -> TrimResult:
         inputs = self._inputs()
+        rates = self._rates(inputs)
+        if rates.periods:
+            self.time = rates.start(self.time)
         with self.model.open_point(time=self.time, values=inputs) as point:
-            period = self._basic_period(point) if self.asked.period is None else self.asked.period
-            if period is None:
+            if not rates.periods:
                 return self._equations(point)
             states, memory = point.states, point.memory
             values = {v.name: self._told(v.name, x) for v, x in zip(states, point.x0.tolist(), strict=True)}
         # Discrete states before the first instant, not after it.
         values.update({v.name: self._told(v.name, _start_of(self.model, v)) for v in memory})
         if all(v.start is not None for v in states):
-            return self._period_map(period, states, memory, {**values, **inputs})
+            return self._period_map(rates.period, states, memory, {**values, **inputs})
         self.notes.append("a state has no start value to change; the model is run until nothing moves")
-        return self._running(states, {**values, **inputs}, [period])
+        return self._running(states, {**values, **inputs}, [rates.period])
 
-    def _basic_period(self, point: Point) -> float | None:
-        """Return the period of the model's time events; None: it has none."""
-        times = point.ticks(MOST_EVENTS, FOREVER)
-        if not len(times):
-            return None
+    def _rates(self, inputs: Mapping[str, float]) -> Rates:
+        """Return when the model samples; where that follows no rate, its discrete states are held."""
+        if self.asked.period is not None:
+            return Rates((self.asked.period,), self.asked.period)
         try:
-            return basic_period(sample_periods(times), BTPTOL)
+            found = rates_of(self.model, time=self.time, values=inputs)
         except InputError as error:
             self.notes.append(f"discrete states are held: {error}")
-            return None
+            return Rates()
+        self.notes += found.notes
+        return found
 
     def _equations(self, point: Point) -> TrimResult:
         balance = ContinuousBalance(point)

@@ -15,6 +15,7 @@ from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.ticking import time_based
 from workbench.fmi.variable import Value
+from workbench.model.base import DeclaredRates
 from workbench.model.described import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
@@ -29,7 +30,7 @@ from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
 from workbench.system.parameters import component_parameters, reparametrised
-from workbench.system.parts import Opened, starts_of, system_starts
+from workbench.system.parts import Opened, declared_rates, starts_of, system_starts
 
 if TYPE_CHECKING:
     from workbench.analysis.delays.result import DelayReport
@@ -130,6 +131,9 @@ class MasterModel(DescribedModel):
                 undo.callback(made[-1].close)
             undo.pop_all()
         return INSTANCE(made, decided, self.description, self._ports, source=self.source)
+
+    def _own_rates(self) -> DeclaredRates:
+        return declared_rates(self._opened.parts)
 
     def slopes_act(self) -> bool:
         return True  # of the system; those of its components are their own affair
