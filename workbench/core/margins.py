@@ -47,7 +47,8 @@ class GainCrossover:
     Attributes:
         frequency_hz: [Hz].
         phase_margin_deg: 180° + arg L, in (-180°, 180°] [deg]; negative: the nearest way to the border is a lead.
-        delay_s: delay that brings the loop to the border at this frequency [s].
+        delay_s: delay that brings the loop to the border at this frequency [s]; NaN: there is none such, the signal acts
+            several times in a basic period.
     """
 
     frequency_hz: float
@@ -115,7 +116,7 @@ class Margins(Part):
 
     def __str__(self) -> str:
         """Return one line: the smallest margins, where they are, and the verdict."""
-        if not self.meaningful:
+        if not self.meaningful or math.isnan(self.peak_sensitivity):
             return self.words
         gain = f"gain {self.gain_margin_db:.3g} dB" + _where(self.phase_crossover_hz)
         phase = f"phase {self.phase_margin_deg:.3g} deg" + _where(self.gain_crossover_hz)

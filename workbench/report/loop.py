@@ -120,15 +120,17 @@ def _margins(m: Margins) -> list[Table]:
         ("gain margin", _db(m.gain_margin), _hz(m.phase_crossover_hz)),
         ("gain may fall to", _db(m.gain_reduction), ""),
         ("phase margin", _unit(m.phase_margin_deg, "deg"), _hz(m.gain_crossover_hz)),
-        ("delay margin", _unit(m.delay_margin_s, "s"), ""),
     ]
+    if not (m.everywhere and math.isnan(m.delay_margin_s)):  # else a delay is no factor on the signal
+        rows.append(("delay margin", _unit(m.delay_margin_s, "s"), ""))
     if m.disk is not None:
         d = m.disk
         text = f"{d.alpha:.4g}: gain × {d.low:.4g} to {d.high:.4g}, phase ± {d.phase_deg:.4g}°"
         rows.append(("disk margin", text, _hz(d.frequency_hz)))
     rows.append(("largest |S|", f"{m.peak_sensitivity:.5g}", _hz(m.peak_sensitivity_hz)))
     rows.append(("largest |T|", f"{m.peak_complementary:.5g}", _hz(m.peak_complementary_hz)))
-    single = [Table(("margin", "value", "at [Hz]"), rows, right=(2,))] if m.meaningful else []
+    known = m.meaningful and not math.isnan(m.peak_sensitivity)
+    single = [Table(("margin", "value", "at [Hz]"), rows, right=(2,))] if known else []
     return [*single, *_crossovers(m)]
 
 

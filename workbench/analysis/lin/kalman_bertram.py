@@ -18,7 +18,7 @@ from workbench.errors import InputError
 from workbench.model.names import declared_units
 from workbench.session.base import Floats
 
-__all__ = ["kalman_bertram"]
+__all__ = ["kalman_bertram", "period_map"]
 
 AGREE = 1e-3
 FAR = (0.1, 1.0, 10.0)  # of an input's own size: how far one looks behind a zero
@@ -59,14 +59,23 @@ def kalman_bertram(task: LinTask) -> LinResult:
     Source: the source report, chapter 3.1.3; R. E. Kalman and J. E. Bertram, A unified approach to the theory of
     sampling systems, J. Franklin Inst. 267 (1959).
     """
+    setting, rates = period_map(task)
+    return _linearise(setting, rates)
+
+
+def period_map(task: LinTask) -> tuple[PeriodMap, Rates]:
+    """Return the map over one basic period of a task's model, and its rates.
+
+    Raises:
+        InputError, SimulationError: see `kalman_bertram`.
+    """
     if task.model.interface == "cs":
         raise no_equations(task)
     rates = rates_of(task.model, time=task.time, values=task.values, btptol=task.btptol)
     if not rates.periods:
         raise InputError("method kalman-bertram: the model asks for no time events; use difference, or give periods")
     with open_base(task) as point:
-        setting = PeriodMap.of(task, point, rates.start(task.time), rates.period, rates.ticks)
-    return _linearise(setting, rates)
+        return PeriodMap.of(task, point, rates.start(task.time), rates.period, rates.ticks), rates
 
 
 @dataclass(frozen=True, eq=False)

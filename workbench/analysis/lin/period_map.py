@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench.analysis.lin.difference import size_of
 from workbench.analysis.lin.task import LinTask, columns_of, width_for
+from workbench.analysis.repetition import BEFORE
 from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.base import Floats, Recorded
@@ -17,7 +18,7 @@ from workbench.signals import Signal, Table
 
 __all__ = ["PeriodMap"]
 
-BEFORE = 1e-9  # of the period: how long before the next sample a run ends, whatever rounding does to its time
+SAME = 1e-9  # of the period: two times as near are one
 INTERVALS = 16  # of the basic period, for the output between samples
 TOLERANCE = 1e-10  # of the integration over one period
 WIDTH_SAMPLED = 1e-5  # total width over scale where nothing is integrated
@@ -37,6 +38,7 @@ class PeriodMap:
         values: of them at the point.
         widths: of them.
         grid: sample times of the output, shape (k + 1,), absolute [s].
+        instants: times since the start at which anything samples, 0 first, shape (s,) [s].
         given: start values of everything else.
         continuous: number of continuous states.
         inputs: all inputs → value.
@@ -52,6 +54,7 @@ class PeriodMap:
     values: Floats
     widths: Floats
     grid: Floats
+    instants: Floats
     given: Mapping[str, float]
     continuous: int
     inputs: Mapping[str, float]
@@ -84,7 +87,8 @@ class PeriodMap:
             names=tuple(v.name for v in variables),
             values=values,
             widths=np.where(np.isnan(wanted), usual, wanted),
-            grid=_grid(start, period, np.mod(ticks - start, period)),
+            grid=_grid(start, period, inner := _inside(period, ticks - start)),
+            instants=np.append(0.0, inner),
             given={**inputs, **dict(zip([v.name for v in states], values, strict=False))},
             continuous=len(point.states),
             inputs=inputs,
@@ -126,6 +130,24 @@ class PeriodMap:
         (x1, y1), (x0, y0) = found
         return (x1 - x0) / width, (y1 - y0) / width
 
+    def pulse(self, instant: int) -> tuple[Floats, Floats]:
+        """Return what `run` returns, per unit, for the one input moved from one instant to the next only.
+
+        Args:
+            instant: number of the instant.
+        """
+        column = len(self.states)
+        name, width, value = self.names[column], float(self.widths[column]), float(self.values[column])
+        ends = self.start + np.append(self.instants, self.period) - BEFORE * self.period  # ahead of what samples there
+        found = []
+        for sign in (1.0, -1.0):
+            levels = np.full(len(self.instants), value)
+            levels[instant] += sign * 0.5 * width
+            values = {**self.given, **dict(zip(self.names, self.values, strict=True)), name: float(levels[0])}
+            found.append(self._advance(values, {name: Table(ends[:-1].tolist(), levels.tolist(), interpolate="hold")}))
+        (x1, y1), (x0, y0) = found
+        return (x1 - x0) / width, (y1 - y0) / width
+
     def acts_at_samples(self) -> bool:
         """Whether inputs are only read at samples: between two samples nothing follows them."""
         task = self.task
@@ -148,15 +170,24 @@ def _default(variable: Variable, value: float, relative: float) -> float:
     return relative * max(abs(value), variable.nominal or UNDECLARED)
 
 
-def _grid(start: float, period: float, ticks: Floats) -> Floats:
+def _inside(period: float, ticks: Floats) -> Floats:
+    """Return the events inside the first period, times since its start, rising, each once [s]."""
+    found = ticks[(ticks > SAME * period) & (ticks < period * (1.0 - SAME))]
+    return _apart(np.sort(found), period)
+
+
+def _apart(times: Floats, period: float) -> Floats:
+    kept: Floats = times[np.diff(times, prepend=-np.inf) > SAME * period]
+    return kept
+
+
+def _grid(start: float, period: float, inner: Floats) -> Floats:
     """Return a uniform grid over the period together with the samples inside it, absolute times [s]."""
-    end = start + period
-    uniform = start + period * np.arange(INTERVALS + 1) / INTERVALS
-    inner = start + ticks[(ticks > 0.0) & (ticks < period * (1.0 - 1e-9))]
-    every = np.unique(np.concatenate([uniform, inner]))
-    apart = np.concatenate([[True], np.diff(every) > 1e-9 * period])
-    kept: Floats = every[apart]
-    kept[-1] = end - BEFORE * period
+    uniform = period * np.arange(INTERVALS + 1) / INTERVALS
+    # The model's own times first: of two that are one they are kept.
+    every = np.concatenate([inner, uniform])
+    kept = start + _apart(np.sort(every), period)
+    kept[-1] = start + period - BEFORE * period
     return kept
 
 

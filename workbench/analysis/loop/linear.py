@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from workbench.analysis.lin.request import lin_result
+from workbench.analysis.lin.linearise import run
+from workbench.analysis.lin.request import Lin, lin_result
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.task import Width
+from workbench.analysis.lin.task import Width, make_task
 from workbench.analysis.loop.cut import PASSED, RETURNED, CutLoop
-from workbench.analysis.loop.margins import margins_of
-from workbench.analysis.loop.stability import Stability, stability_of
+from workbench.analysis.loop.lifted import Lifted, lifted, margins_of_lifted
+from workbench.analysis.loop.margins import margins_of, withheld
+from workbench.analysis.loop.stability import Stability, judged, same_poles, stability_of, unknown
 from workbench.analysis.nyquist.absolute import AbsoluteStability, absolute_stability
+from workbench.analysis.rates import sampled
 from workbench.core.decibels import unwrapped
 from workbench.core.linear import Complex, LinearPart
 from workbench.core.margins import Margins
+from workbench.core.option import values_of
 from workbench.core.poles import natural_frequency_hz
 from workbench.core.record import Part, entry
 from workbench.session.base import Floats
@@ -102,27 +106,50 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
         SimulationError: the system cannot be evaluated.
     """
     point = cut.point
+    x0, u0 = ({}, {}) if point is None else ({**point.x, **point.discrete}, dict(point.u))
+    asked = Lin(x0=x0, u0={**u0, PASSED: cut.value}, inputs=[PASSED], outputs=[RETURNED], method=method, dx=dx, du=du,
+                time=cut.time)  # fmt: skip
     with cut.opened() as model:
-        result = lin_result(
-            model,
-            x0=None if point is None else {**point.x, **point.discrete},
-            u0={**({} if point is None else point.u), PASSED: cut.value},
-            inputs=[PASSED],
-            outputs=[RETURNED],
-            method=method,
-            dx=dx,
-            du=du,
-            time=cut.time,
-        )
+        result = lin_result(model, **values_of(asked))
+        periodic = result.method == "kalman-bertram"
+        whole = lifted(make_task(model, asked), result) if periodic and not result.delayed else None
     transfer = LinearPart(result.A, result.B, -result.C, -result.D, dt=result.dt)
-    return LinearLoop(
-        lin=result,
-        transfer=transfer,
-        stability=stability_of(transfer),
-        margins=margins_of(transfer),
-        notes=(*cut.notes, *result.notes, *_notes(cut, result)),
-        absolute=None if transfer.dt > 0.0 or result.delayed else absolute_stability(transfer, name=cut.place.label),
+    notes = (*cut.notes, *result.notes, *_notes(cut, result))
+    if periodic:
+        transfer = (whole and whole.single) or transfer
+        alone = replace(asked, u0=u0, inputs=[], outputs=None, dx=None, du=None)
+        closed = run(replace(make_task(cut.model, alone), explained=False), result.method)
+        margins, more = _sampled(cut, transfer, whole, closed)
+        return LinearLoop(result, transfer, judged(closed, transfer), margins, (*notes, *more))
+    rates = sampled(cut.model, cut.point)
+    if result.dt == 0.0 and (rates.periods or rates.notes):
+        stability = unknown(stability_of(transfer), "the system samples, and here what is discrete stands still")
+        return LinearLoop(result, transfer, stability, withheld(stability), notes)
+    absolute = None if transfer.dt > 0.0 or result.delayed else absolute_stability(transfer, name=cut.place.label)
+    return LinearLoop(result, transfer, stability_of(transfer), margins_of(transfer), notes, absolute)
+
+
+def _sampled(cut: CutLoop, transfer: LinearPart, whole: Lifted | None, closed: LinResult) -> tuple[Margins, list[str]]:
+    """Return the margins of a sampled loop, and what is to be said of them.
+
+    The closed loop is known by itself, from its own map over a basic period. Margins are stated where the open loop,
+    closed again, has its poles.
+    """
+    found, source = judged(closed, transfer), cut.place.source
+    if same_poles(transfer.sensitivity(), closed):
+        return margins_of(transfer), []
+    if whole is not None and same_poles(whole.sensitivity(), closed):
+        note = (
+            f"{source} acts {len(whole.D)} times in a basic period of {transfer.dt:.6g} s: the margins are those of a "
+            "factor on it, for the phase of exp(−jφ); the curve of L shows it held over the basic period, which it is "
+            "not: open the loop where the signal acts once in that time, to see L"
+        )
+        return margins_of_lifted(whole, found), [note]
+    note = (
+        f"{source} is continuous and acts between the samples too; opened there, L holds it over {transfer.dt:.6g} s, "
+        "a delay that the closed loop does not have: there are no margins; open the loop at a sampled signal instead"
     )
+    return withheld(found), [note]
 
 
 def _notes(cut: CutLoop, result: LinResult) -> list[str]:
@@ -136,11 +163,6 @@ def _notes(cut: CutLoop, result: LinResult) -> list[str]:
     if moving:
         notes.append(
             f"the point is not an equilibrium ({', '.join(moving[:3])} move); margins are those of this instant"
-        )
-    if result.dt > 0.0 and not (cut.place.discrete or (result.intersample is not None and result.intersample.sampled)):
-        notes.append(
-            f"{cut.place.source} is continuous and acts between the samples too; opened there, L holds it over "
-            f"{result.dt:.6g} s, a delay that the closed loop does not have: open the loop at a sampled signal instead"
         )
     return notes
 

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.analysis.loop.crossings import gain_crossings, real_crossings, scan
-from workbench.analysis.loop.stability import stability_of
+from workbench.analysis.loop.stability import Stability, stability_of
 from workbench.core.linear import LinearPart
 from workbench.core.margins import BORDER, GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.session.base import Floats
 
-__all__ = ["margins_of", "peak"]
+__all__ = ["margins_of", "peak", "withheld"]
 
 
 def margins_of(loop: LinearPart) -> Margins:
@@ -46,6 +46,15 @@ def margins_of(loop: LinearPart) -> Margins:
         peak_complementary=at_t[0],
         peak_complementary_hz=at_t[1],
     )
+
+
+def withheld(stability: Stability) -> Margins:
+    """Return margins that are not known, of a closed loop of which perhaps is known whether it is stable."""
+    return Margins(
+        verdict=stability.verdict, words=stability.words, phase_crossovers=(), gain_crossovers=(), disk=None,
+        peak_sensitivity=math.nan, peak_sensitivity_hz=math.nan, peak_complementary=math.nan,
+        peak_complementary_hz=math.nan, everywhere=False,
+    )  # fmt: skip
 
 
 def _difference(s: LinearPart) -> LinearPart:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.linear import Complex, LinearPart
-from workbench.core.margins import BORDER, STABLE, UNSTABLE
+from workbench.core.linear import Complex, Linear, LinearPart
+from workbench.core.margins import BORDER, STABLE, UNKNOWN, UNSTABLE
 from workbench.core.poles import sides
 from workbench.core.record import Part, entry
 
-__all__ = ["Stability", "stability_of"]
+__all__ = ["Stability", "judged", "same_poles", "stability_of", "unknown"]
 
 _RELATIVE = 1e-7  # of a pole's size (of 1 for sampled ones): what its distance from the border is known to
+_KNOWN = 1e-5  # relative: what differences of runs know a characteristic polynomial to
 _SAME = 1e-6  # an open and a closed pole as near as this, relative, are one
 
 
@@ -51,8 +52,17 @@ def stability_of(loop: LinearPart) -> Stability:
     Raises:
         InputError: the closed loop has no solution.
     """
-    closed, before = loop.sensitivity(), loop.poles
-    poles = closed.poles
+    return judged(loop.sensitivity(), loop)
+
+
+def judged(closed: Linear, loop: Linear) -> Stability:
+    """Return whether a closed loop is stable.
+
+    Args:
+        closed: the closed loop.
+        loop: the open one.
+    """
+    poles, before = closed.poles, loop.poles
     outside, border = _sides(poles, closed)
     beyond, _ = _sides(before, loop)
     verdict = UNSTABLE if outside.any() else BORDER if border.any() else STABLE
@@ -61,7 +71,35 @@ def stability_of(loop: LinearPart) -> Stability:
     return Stability(verdict, poles, int(beyond.sum()), int(outside.sum()), words)
 
 
-def _sides(poles: Complex, f: LinearPart) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def same_poles(a: Linear, b: Linear) -> bool:
+    """Whether two sampled models have the same poles, but for some at 0.
+
+    Their characteristic polynomials are compared outside of all poles, where multiple poles, which rounding moves far,
+    do no harm.
+
+    Args:
+        a: one model.
+        b: the other.
+    """
+    if not np.isclose(a.dt, b.dt, rtol=_SAME):
+        return False
+    largest = max(float(np.abs(m.poles).max(initial=0.0)) for m in (a, b))
+    z = 1.5 * max(largest, 1.0) * np.exp(1j * np.linspace(0.3, 2.9, 5))
+    one, other = (np.prod(1.0 - m.poles[:, None] / z, axis=0) for m in (a, b))
+    return bool(np.abs(one - other).max() <= _KNOWN * np.abs(one).max())
+
+
+def unknown(found: Stability, why: str) -> Stability:
+    """Return that nothing is known of the stability of the closed loop.
+
+    Args:
+        found: what would be said.
+        why: what speaks against it.
+    """
+    return replace(found, verdict=UNKNOWN, words=f"whether the closed loop is stable is not known: {why}")
+
+
+def _sides(poles: Complex, f: Linear) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which poles lie outside the stable region, and which on its border."""
     rounding = 100.0 * np.finfo(float).eps * float(np.linalg.norm(f.A)) if len(f.A) else 0.0
     return sides(poles, f.dt, relative=_RELATIVE, rounding=rounding)
