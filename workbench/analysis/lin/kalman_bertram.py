@@ -14,7 +14,7 @@ from workbench.analysis.lin.result import Doubt, Intersample, LinResult
 from workbench.analysis.lin.task import LinTask, moving_note, no_equations, open_base
 from workbench.analysis.rates import Rates, rates_of
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
 from workbench.model.names import declared_units
 from workbench.session.base import Floats
 
@@ -213,7 +213,10 @@ def _reach(setting: PeriodMap, slopes: _Slopes) -> Reach:
         zero = slopes.all[:, j] == 0.0
         for sign, moved in ((1.0, reach.above), (-1.0, reach.below)) if zero.any() else ():
             for far in FAR:
-                x, y = setting.run(sign * far * setting.sizes[j] * np.eye(len(setting.names))[j])
+                try:
+                    x, y = setting.run(sign * far * setting.sizes[j] * np.eye(len(setting.names))[j])
+                except SimulationError:  # so far away it need not run
+                    continue
                 moved[:, j] |= zero & (np.concatenate([x, y[0, 0]]) != slopes.values)
     return reach
 

@@ -19,6 +19,7 @@ from workbench.signals import Signal, Table
 __all__ = ["PeriodMap"]
 
 SAME = 1e-9  # of the period: two times as near are one
+LEAD = 1e-7  # of the period: by how much an input moves before a sample; shorter, solvers give up in between
 INTERVALS = 16  # of the basic period, for the output between samples
 TOLERANCE = 1e-10  # of the integration over one period
 WIDTH_SAMPLED = 1e-5  # total width over scale where nothing is integrated
@@ -138,13 +139,13 @@ class PeriodMap:
         """
         column = len(self.states)
         name, width, value = self.names[column], float(self.widths[column]), float(self.values[column])
-        ends = self.start + np.append(self.instants, self.period) - BEFORE * self.period  # ahead of what samples there
+        ends = self.start + self.instants - LEAD * self.period  # ahead of what samples there
         found = []
         for sign in (1.0, -1.0):
             levels = np.full(len(self.instants), value)
             levels[instant] += sign * 0.5 * width
             values = {**self.given, **dict(zip(self.names, self.values, strict=True)), name: float(levels[0])}
-            found.append(self._advance(values, {name: Table(ends[:-1].tolist(), levels.tolist(), interpolate="hold")}))
+            found.append(self._advance(values, {name: Table(ends.tolist(), levels.tolist(), interpolate="hold")}))
         (x1, y1), (x0, y0) = found
         return (x1 - x0) / width, (y1 - y0) / width
 
