@@ -47,8 +47,8 @@ class GainCrossover:
     Attributes:
         frequency_hz: [Hz].
         phase_margin_deg: 180° + arg L, in (-180°, 180°] [deg]; negative: the nearest way to the border is a lead.
-        delay_s: delay that brings the loop to the border at this frequency [s]; NaN: there is none such, the signal acts
-            several times in a basic period.
+        delay_s: delay that brings the loop to the border at this frequency [s]; NaN: the signal acts several times in
+            a basic period.
     """
 
     frequency_hz: float
