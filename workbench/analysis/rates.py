@@ -16,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 
 from workbench.analysis.repetition import repetition
-from workbench.core.calendar import exact
+from workbench.core.calendar import exact, simplest_between
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.model import DescribedModel, Model
@@ -150,7 +150,8 @@ def _found(every: Sequence[_Sequence], start: float, ticks: Floats, btptol: floa
         return Rates()
     begin = max(first - period for first, period in every)
     late = begin > start + _AGREE * max(periods)  # nothing ticks there yet: the first period that is whole begins later
-    return Rates(periods, basic_period(periods, btptol), max(f for f, _ in every) if late else -math.inf, ticks)
+    period = meant(basic_period(periods, btptol))
+    return Rates(periods, period, max(f for f, _ in every) if late else -math.inf, ticks)
 
 
 def _sequences(
@@ -186,7 +187,7 @@ def _confirmed(model: Model, found: Rates, start: float, values: Mapping[str, fl
         found = replace(found, begin=begin + period)
     if seen.count == 1:
         return found
-    whole = seen.count * period
+    whole = meant(seen.count * period)
     note = f"events come every {period:.6g} s, but what they do repeats every {whole:.6g} s only"
     return replace(found, periods=(*found.periods, whole), period=whole, notes=(note,))
 
@@ -274,8 +275,14 @@ def _period(left: Floats, times: Floats, tolerance: float) -> float:
         count = math.floor(points)
         grid = left[0] + period * np.arange(count + 1)
         if count >= 2 and all(np.abs(times - t).min() <= tolerance for t in grid):
-            return float(grid_fit(times, grid))
+            return meant(float(grid_fit(times, grid)))
     raise NoRatesError("the time events have no constant rates; give periods, or use method difference or response")
+
+
+def meant(period: float) -> float:
+    """Return the simplest period within what adding up so many of it may be off by [s]."""
+    size, off = Fraction(period), _LOOKS[-1] * Fraction(math.ulp(period))
+    return float(simplest_between(size - off, size + off))
 
 
 def grid_fit(times: Floats, grid: Floats) -> float:
