@@ -42,6 +42,7 @@ LIES = {
     "undeclared": Lie("dependencies", "broken", _ME, r"der\(v\) depends on w, which it does not declare"),
     "clock": Lie("start-time", "watch", evidence="s later . is"),
     "random": Lie("determinism", "broken", evidence="in a second run . is"),
+    "coarse": Lie("determinism", "broken", evidence="in a second run . is"),
     "shared": Lie("instances", "broken", evidence="beside a second instance . is"),
     "single": Lie("instances", "broken", evidence="two instances at once fail: .*cannot be instantiated"),
     "sticky-reset": Lie("reset", "broken", evidence="after a reset . is"),

@@ -143,7 +143,7 @@ def test_a_model_that_grows_is_found_by_its_beginning(lies: Path) -> None:
 
 
 def _trial(answer: np.ndarray, pulse: np.ndarray, levels: np.ndarray) -> MoveTrial:
-    return MoveTrial("u", 0, ("y",), levels, answer[:, None], pulse[:, None], np.zeros(1))
+    return MoveTrial("u", 0, ("y",), levels, answer[:, None], pulse[:, None], np.zeros(1), np.zeros(1))
 
 
 def test_prediction_errors_are_those_of_the_convolution() -> None:
@@ -329,13 +329,61 @@ def test_an_input_without_a_linear_model_is_left_out_with_the_reason(lies: Path)
     assert LinResult.from_dict(result.to_dict()).refused == result.refused
 
 
+def test_what_moves_within_the_scatter_of_the_runs_is_not_called_without_effect(lies: Path) -> None:
+    """y = x, f = v + u/2, and a force of ±5e-4 that no two runs have in common: u moves by half of 1e-4."""
+    with load(build_lying(lies, "random"), "cs") as model:
+        with pytest.raises(SimulationError, match=r"y, f move when u does, but by no more than the runs scatter"):
+            lin(model, inputs=["u"], du=1e-4)
+        partly = lin(model, inputs=["u"], du=1e-3).result
+    told = {(d.row, d.column) for d in partly.doubts if d.reason.startswith("not known")}
+    assert told == {("y", "u")}
+    assert not partly.without_effect
+    assert any("y by u did not" in note for note in partly.notes)
+    assert all("not known" in z.reason for z in partly.zeros if z.kind == "output")
+
+
+def test_an_output_that_nothing_moves_has_no_effect_and_no_doubt() -> None:
+    """Its answer is 0 to the last bit, or what rounding makes of its size."""
+    count = 60
+    pulse = np.asarray(0.5 * 0.9 ** np.arange(count), dtype=np.float64)
+    levels = trial_levels(count)
+    answer = np.column_stack([np.convolve(levels, pulse)[:count], np.full(count, 3e-16)])
+    both = np.column_stack([pulse, np.zeros(count)])
+    noise, rounding = np.array([1e-9, 1e-12]), np.array([1e-15, 1e-15])
+    still = MoveTrial("u", 0, ("y", "z"), levels, answer, both, noise, rounding)
+    found = realise(both[:, :, None], noise=1e-13)
+    assert not still.doubts(found)
+    assert not still.untested
+    moved = replace(still, rounding=np.array([1e-15, 1e-17]))
+    assert moved.untested == ("z",)
+    assert not moved.why_refused("use nfr")  # y is known
+    (doubt,) = moved.doubts(found)
+    assert (doubt.row, doubt.column) == ("z", "u")
+
+
+def test_an_fmu_whose_own_tolerance_is_too_coarse_is_told_another(lies: Path) -> None:
+    """Poles of x'' + D x' + K x over 10 ms; the FMU's runs scatter by the tolerance that it is told, 1e-3 by itself."""
+    with load(build_lying(lies, "coarse"), "cs") as model:
+        result = lin(model, inputs=["u"], outputs=["y"], du=1e-4).result
+    s = np.roots([1.0, DAMPING, STIFFNESS])
+    assert sorted(result.poles, key=lambda p: p.imag) == pytest.approx(
+        sorted(np.exp(0.01 * s), key=lambda p: p.imag), rel=1e-6
+    )
+    assert any(note.startswith("tolerance: 1e-10 in place of the FMU's own") for note in result.notes)
+    with (
+        load(build_lying(lies, "coarse"), "cs", tolerance=1e-3) as model,
+        pytest.raises(SimulationError, match="no more than the runs scatter"),
+    ):
+        lin(model, inputs=["u"], outputs=["y"], du=1e-4)
+
+
 def test_the_order_is_that_of_the_input_that_needs_the_most_states() -> None:
     """Each input moves an output of its own by one mode; the larger one alone predicts the first input."""
     pulses = markov(np.diag([0.9, -0.6]), np.diag([1.0, 0.1]), np.eye(2), np.zeros((2, 2)), 80)
     largest, levels = realise(pulses, noise=1e-13), trial_levels(80)
     answers = [np.column_stack([np.convolve(levels, h)[:80] for h in pulses[:, :, j].T]) for j in range(2)]
     trials = [
-        MoveTrial(f"u{j}", j, ("y0", "y1"), levels, answer, pulses[:, :, j], np.zeros(2))
+        MoveTrial(f"u{j}", j, ("y0", "y1"), levels, answer, pulses[:, :, j], np.zeros(2), np.zeros(2))
         for j, answer in enumerate(answers)
     ]
     found = smallest(largest, trials, given=False)

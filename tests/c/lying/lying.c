@@ -4,7 +4,8 @@
  * instantiated with, "{lying-leak}": one library serves all. What is wrong in the description alone is "honest" here.
  * Co-Simulation integrates by the classical Runge-Kutta method with short steps of its own, and takes input slopes.
  * "late-inputs" integrates on across communication points, as a solver does that is not restarted where inputs change:
- * it looks at its inputs only every 37 ms. "own-clock" begins to integrate at 0 whatever start time it is told.
+ * it looks at its inputs only every 37 ms. "own-clock" begins to integrate at 0 whatever start time it is told. Runs of
+ * "coarse" scatter by the tolerance that it is told.
  */
 #include <math.h>
 #include <stdbool.h>
@@ -27,7 +28,7 @@ enum { VR_X, VR_V, VR_DER_X, VR_DER_V, VR_U, VR_W, VR_Y, VR_F, N_VARIABLES };
 typedef enum {
     HONEST, FORGETFUL, WRONG_RESTORE, FAILING_RESTORE, WRONG_DERIVATIVE, NO_DERIVATIVE, CLOCK, RANDOM, SHARED, SINGLE,
     STICKY_RESET, REFUSED_RESET, EULER, DIVERGING, UNSTABLE, DEAF, REFUSED_SLOPES, IGNORED_SLOPES, WRONG_SLOPES,
-    ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, OWN_CLOCK,
+    ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, OWN_CLOCK, COARSE,
     N_LIES
 } Lie;
 
@@ -35,7 +36,7 @@ static const char *const names[N_LIES] = {
     "honest", "forgetful", "wrong-restore", "failing-restore", "wrong-derivative", "no-derivative", "clock", "random",
     "shared", "single", "sticky-reset", "refused-reset", "euler", "diverging", "unstable", "deaf", "refused-slopes",
     "ignored-slopes", "wrong-slopes", "zero-nominal", "tiny-nominal", "leak", "large-leak", "counter", "late-inputs",
-    "own-clock",
+    "own-clock", "coarse",
 };
 
 typedef struct {
@@ -48,6 +49,7 @@ typedef struct {
 typedef struct {
     Lie lie;
     State s;
+    double tolerance; /* of a coarse solver, as far as its runs scatter */
 } Model;
 
 static int alive;
@@ -64,6 +66,10 @@ static double force(const Model *m, const State *s)
     case RANDOM:
         noise = noise * 1103515245U + 12345U;
         extra = 1e-3 * ((double)(noise >> 16) / 65536.0 - 0.5);
+        break;
+    case COARSE:
+        noise = noise * 1103515245U + 12345U;
+        extra = m->tolerance * ((double)(noise >> 16) / 65536.0 - 0.5);
         break;
     case SHARED:
         extra = alive > 1 ? 0.01 : 0.0;
@@ -110,6 +116,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     Model *m = calloc(1, sizeof *m);
     if (m != NULL) {
         bool solver_lies = lie == LATE_INPUTS || lie == OWN_CLOCK;
+        m->tolerance = 1e-3;
         m->lie = solver_lies && type == fmi2ModelExchange ? HONEST : lie;
         begin(m);
         alive++;
@@ -141,11 +148,10 @@ fmi2Status fmi2Reset(fmi2Component c)
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean controlled, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean stop_defined, fmi2Real stop)
 {
-    (void)controlled;
-    (void)tolerance;
     (void)stop_defined;
     (void)stop;
     Model *m = c;
+    m->tolerance = controlled ? tolerance : m->tolerance;
     m->s.time = m->lie == OWN_CLOCK ? 0.0 : start;
     return fmi2OK;
 }

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Delayed", "Doubt", "Intersample", "LinResult", "Zero"]
 
+NOT_KNOWN = "not known"  # begins the reason of a doubt about whether there is an effect at all
+
 # Between samples: an interval's begin and end, by the names of the linear model around it.
 _OUTPUTS_OF_STATES = entry(dims=("intervals", 2, "output_names", "state_names"))
 _OUTPUTS_OF_INPUTS = entry(dims=("intervals", 2, "output_names", "input_names"))
@@ -185,6 +187,12 @@ class LinResult(Linear, Record):
         """Return the model with its inputs turned over."""
         delayed = None if self.delayed is None else self.delayed.negated()
         return replace(self, B=-self.B, D=-self.D, delayed=delayed)
+
+    @property
+    def without_effect(self) -> tuple[tuple[str, str], ...]:
+        """Inputs and outputs between which nothing acts, as far as that is known."""
+        unknown = {(d.column, d.row) for d in self.doubts if d.reason.startswith(NOT_KNOWN)}
+        return tuple(pair for pair in super().without_effect if pair not in unknown)
 
     @property
     def states(self) -> dict[str, int]:

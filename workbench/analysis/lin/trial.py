@@ -4,25 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.analysis.lin.realise import Realisation
-from workbench.analysis.lin.result import Doubt
+from workbench.analysis.lin.result import NOT_KNOWN, Doubt
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
 
-__all__ = ["MoveTrial", "accepted", "smallest", "trial_levels"]
+__all__ = ["DOUBT", "MoveTrial", "accepted", "smallest", "trial_levels"]
 
 # (first period, periods, height): no two the same, and no common divisor of the instants, so that steps that an FMU
 # makes inside are met at different places; the last goes on to the end.
 _MOVES = ((1, 2, -0.6), (4, 1, 0.7), (7, 5, 0.9), (17, 13, -1.0), (41, 2, 0.8), (61, 1, -0.9))
 _STEP_AT = 0.25  # of the run, where it is not shorter than the pulses
 _STEP = 0.5
-_DOUBT, _REFUSED = 0.05, 0.5
+DOUBT, _REFUSED = 0.05, 0.5
 _AS_WELL = 1.5  # times the error of the best order: what the chosen order may miss
 _EXACT = 1e-9  # what rounding makes of an exact prediction
 _SEEN = 10.0  # times the noise: smaller answers test nothing
+_REMEDY = "give the FMU a smaller --tolerance, or move the input further (--du)"
+
+Flags = NDArray[np.bool_]
 
 
 def trial_levels(count: int) -> Floats:
@@ -49,6 +54,7 @@ class MoveTrial:
         answer: of the outputs, beside the run that is left alone, shape (k, q).
         pulse: h, shape (k, q).
         noise: of h, shape (q,).
+        rounding: of the outputs, shape (q,).
     """
 
     input: str
@@ -58,6 +64,46 @@ class MoveTrial:
     answer: Floats
     pulse: Floats
     noise: Floats
+    rounding: Floats
+
+    @cached_property
+    def _size(self) -> Floats:
+        """Largest answer of each output, shape (q,)."""
+        size: Floats = np.abs(self.answer).max(axis=0)
+        return size
+
+    @cached_property
+    def _scatter(self) -> Floats:
+        """How far runs of the same inputs are from each other, as the noise of the pulse tells, shape (q,)."""
+        scatter: Floats = self.noise * np.abs(self.levels).max()
+        return scatter
+
+    @property
+    def _seen(self) -> Flags:
+        """Which outputs answer by more than the scatter of the runs: only they test anything."""
+        found: Flags = self._size > _SEEN * self._scatter
+        return found
+
+    @property
+    def _lost(self) -> list[int]:
+        """Outputs that moved, but not by more than the runs scatter: whether the input moves them is not known."""
+        return np.flatnonzero((self._size > self.rounding) & ~self._seen).tolist()
+
+    @property
+    def untested(self) -> tuple[str, ...]:
+        """Outputs of which this says nothing."""
+        return tuple(self.outputs[i] for i in self._lost)
+
+    def _lost_in_scatter(self) -> str:
+        """Return why nothing at all is known of this input; empty: something is."""
+        if not self._lost or self._seen.any():
+            return ""
+        i = self._lost[0]
+        return (
+            f"there is no linear model: {', '.join(self.untested)} {'move' if self._lost[1:] else 'moves'} when "
+            f"{self.input} does, but by no more than the runs scatter ({self.outputs[i]}: {self._size[i]:.3g}, "
+            f"scatter {self._scatter[i]:.3g}): {_REMEDY}"
+        )
 
     def why_refused(self, way: str) -> str:
         """Return why this input has no linear model, its pulse not predicting the answer; empty: it has one.
@@ -65,6 +111,8 @@ class MoveTrial:
         Args:
             way: what to do if the FMU's own solver is the cause.
         """
+        if lost := self._lost_in_scatter():
+            return lost
         shifted = self._gaps(self._folded())
         worst = int(shifted.argmax())
         if shifted[worst] <= _REFUSED:
@@ -93,13 +141,20 @@ class MoveTrial:
             )
 
     def doubts(self, found: Realisation) -> list[Doubt]:
-        """Return where the model, or any linear one, misses the answer by more than 5 %."""
+        """Return where the model, or any linear one, misses the answer by more than 5 %, or nothing can be said."""
         shifted, modelled = self._gaps(self._folded()), self._gaps(self._simulated(found))
         size = np.abs(self.pulse).max(axis=0)
-        result = []
+        result = [
+            Doubt(
+                self.outputs[i], self.input, float(size[i]), None,
+                f"{NOT_KNOWN}: it moves by {self._size[i]:.3g} when {self.input} moves, no more than the runs scatter "
+                f"({self._scatter[i]:.3g}); {_REMEDY}",
+            )
+            for i in self._lost
+        ]  # fmt: skip
         for i, name in enumerate(self.outputs):
-            if max(shifted[i], modelled[i]) > _DOUBT:
-                if shifted[i] > _DOUBT:
+            if max(shifted[i], modelled[i]) > DOUBT:
+                if shifted[i] > DOUBT:
                     why = f"pulses at other times and a step are missed by {100.0 * shifted[i]:.2g} %: "
                     why += "not linear over the width, moving at this point, or inputs act late (check tells)"
                 else:
@@ -127,10 +182,8 @@ class MoveTrial:
 
     def _gaps(self, predicted: Floats) -> Floats:
         """Return the largest difference for each output over its largest answer; 0 where noise is all, shape (q,)."""
-        size = np.abs(self.answer).max(axis=0)
-        seen = size > _SEEN * self.noise * np.abs(self.levels).max()
         gap = np.abs(predicted - self.answer).max(axis=0)
-        result: Floats = np.divide(gap, size, out=np.zeros_like(size), where=seen)
+        result: Floats = np.divide(gap, self._size, out=np.zeros_like(gap), where=self._seen)
         return result
 
 
