@@ -16,6 +16,7 @@ import numpy as np
 from workbench.analysis.motions.measures import Measure
 from workbench.analysis.motions.result import Motion
 from workbench.analysis.motions.units import Shown
+from workbench.core.record import spelled_out
 from workbench.reproduce.targets import Target
 
 
@@ -113,6 +114,7 @@ class Maker:
 
     def value(self, kind: Any, said: Mapping[str, Any]) -> Any:  # noqa: PLR0911 - a type each
         """Return a value of a type; `said` is the metadata of its field."""
+        kind = spelled_out(kind)
         base: Any = get_origin(kind) or kind
         inner = get_args(kind)
         if base in (Union, UnionType):

@@ -7,13 +7,14 @@ import csv
 import io
 import json
 import pkgutil
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, make_dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from typing_extensions import TypeAliasType
 
 import workbench
 from tests.platforms import needs_module
@@ -286,3 +287,14 @@ def test_the_table_of_a_frequency_response_counts_what_was_averaged() -> None:
     heading, *rows = csv.reader(io.StringIO(text.getvalue()))
     column = [row[heading.index("averaged")] for row in rows]
     assert column == [str(int(x)) for x in record.averaged.ravel()]
+
+
+def test_an_array_type_may_be_an_alias() -> None:
+    """As `NDArray` is since NumPy 2.5, which Python 3.12 and newer get."""
+    scalar = TypeVar("scalar", bound=np.generic)
+    alias = TypeAliasType("alias", np.ndarray[tuple[Any, ...], np.dtype[scalar]], type_params=(scalar,))
+    made = make_dataclass(
+        "Aliased", [("time", alias[np.float64])], bases=(Record,), frozen=True, eq=False, kw_only=True
+    )
+    read = made.from_dict({"time": [1.0, 2.5]})
+    np.testing.assert_array_equal(read.time, [1.0, 2.5])

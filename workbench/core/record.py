@@ -47,6 +47,7 @@ __all__ = [
     "plain",
     "read_json",
     "read_toml_table",
+    "spelled_out",
 ]
 
 # The module that knows pages and pictures, by name: it knows the records, they do not know it.
@@ -492,6 +493,7 @@ def _hints(kind: type) -> dict[str, Any]:
 
 def _value(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: Mapping[str, Any]) -> Any:  # noqa: ANN401, PLR0911
     """Return what JSON holds as the type of a field, or of something in it, says."""
+    kind = spelled_out(kind)
     base: Any = get_origin(kind) or kind
     inner = get_args(kind)
     if base is Any or base is object or base is Literal:
@@ -520,6 +522,12 @@ def _value(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
         }
     _refuse(isinstance(given, str) or not isinstance(given, Sequence), where, "a list", given)
     return tuple(_value(inner[0], v, lengths, where, said) for v in given)
+
+
+def spelled_out(kind: Any) -> Any:  # noqa: ANN401
+    """Return the type that an alias with parameters stands for: NumPy's `NDArray` is one since version 2.5."""
+    alias = getattr(get_origin(kind), "__value__", None)
+    return kind if alias is None else alias[get_args(kind)]
 
 
 def _one_of(kinds: Sequence[Any], given: Any, lengths: Mapping[str, int], where: str, said: Mapping[str, Any]) -> Any:  # noqa: ANN401
