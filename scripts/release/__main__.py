@@ -140,7 +140,11 @@ def wheel_for(files: Sequence[Path], tag: str) -> Path:
 
 
 def install_alone(wheel: Path, folder: Path) -> Path:
-    """Install a wheel and what it needs in an empty environment, where nothing can be compiled; return its Python."""
+    """Install a wheel and what it needs, in locked versions, in an empty environment, where nothing can be compiled.
+
+    Returns:
+        Its Python.
+    """
     venv.create(folder, with_pip=False)
     python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     pip: list[str | Path] = [
@@ -153,7 +157,8 @@ def install_alone(wheel: Path, folder: Path) -> Path:
         "--disable-pip-version-check",
         "install",
     ]
-    _call([*pip, "--only-binary=:all:", wheel], folder, {"PATH": ""})
+    locked = ("--constraint", ROOT / "requirements.lock")
+    _call([*pip, "--only-binary=:all:", *locked, wheel], folder, {"PATH": ""})
     return python
 
 
