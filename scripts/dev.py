@@ -249,22 +249,25 @@ def upgrade(packages: Sequence[str] = ()) -> int:
     """
     locks = (LOCK, JAVASCRIPT / "package.json", JAVASCRIPT / "package-lock.json")
     before = {file: file.read_bytes() for file in locks}
-    code = 1
+    kept = False
     try:
         NEWEST.resolve(start=LOCK.read_text(encoding="utf-8"), packages=packages)
         if not packages:
             move_eslint()
-        newest = NEWEST.lock.read_text(encoding="utf-8")
-        lines = moved(LOCK.read_text(encoding="utf-8"), newest)
-        print("\n".join(lines) or "the Python packages are the newest", flush=True)
-        code = everything(place=NEWEST)
+        lines = moved(LOCK.read_text(encoding="utf-8"), NEWEST.lock.read_text(encoding="utf-8"))
+        print("\n".join(lines) or "no Python package moves", flush=True)
+        kept = everything(place=NEWEST) == 0
     finally:
-        if code != 0:
+        if not kept:
             for file, content in before.items():
                 file.write_bytes(content)
-            print("the locked versions are as they were", flush=True)
-    LOCK.write_text(newest, encoding="utf-8")
-    print(f"moved {LOCK.name}; tried with Python {sys.version.split()[0]} only: run `test` with the others, commit")
+            print("all versions are as they were", flush=True)
+    if not kept:
+        return 1
+    LOCK.write_bytes(NEWEST.lock.read_bytes())
+    print(
+        f"moved {LOCK.name}; tried with Python {sys.version.split()[0]} only: run `test` with the others, then commit"
+    )
     return 0
 
 

@@ -93,7 +93,7 @@ class Environment:
         Raises:
             InstallError: a step failed.
         """
-        stamps = [self.folder / f"workbench-{name}" for name in ("installed", "runs")]  # runs: without the tools
+        stamps = [self._stamp(tools=True), self._stamp(tools=False)]
         fresh = [stamp.exists() and stamp.read_text(encoding="utf-8") == self._fingerprint() for stamp in stamps]
         if fresh[0] or (fresh[1] and not tools):
             return
@@ -103,7 +103,14 @@ class Environment:
             stamp.unlink(missing_ok=True)
         (self._install_all if tools else self._install_what_runs)()
         self._compare()
-        stamps[0 if tools else 1].write_text(self._fingerprint(), encoding="utf-8")
+        self.stamp(tools=tools)
+
+    def stamp(self, *, tools: bool = True) -> None:
+        """Remember of what it was made."""
+        self._stamp(tools=tools).write_text(self._fingerprint(), encoding="utf-8")
+
+    def _stamp(self, *, tools: bool) -> Path:
+        return self.folder / ("workbench-installed" if tools else "workbench-runs")
 
     def make(self) -> None:
         """Make it anew, with nothing but pip in it."""
@@ -149,8 +156,8 @@ class Environment:
     def _install_all(self) -> None:
         self._pip("installing the project and its tools", "install", "--editable", f"{ROOT}[dev]", locked=self.lock)
         self._pip("installing FMUs of other tools", "install", "--no-deps", THIRD_PARTY_FMUS)
-        archive: list[str | Path] = ["--no-deps", "--no-binary", ":all:", "--dest", self.folder / "foreign", ARCHIVE_OF_FMUS]
-        self._pip("fetching more of them", "download", *archive, locked=self.lock)
+        archive: list[str | Path] = ["--no-deps", "--no-binary", ":all:", "--dest", self.folder / "foreign"]
+        self._pip("fetching more of them", "download", *archive, ARCHIVE_OF_FMUS, locked=self.lock)
 
     def _install_what_runs(self) -> None:
         words: list[str | Path] = ["install", "--no-compile", "--editable", ROOT]
