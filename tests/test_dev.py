@@ -22,10 +22,11 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 def locked(python: str) -> dict[str, str]:
     """The versions that hold on a Python, here; each name stands once."""
-    here = {**default_environment(), "python_full_version": python, "python_version": python.rpartition(".")[0]}
+    here = {k: str(v) for k, v in default_environment().items()}
+    here |= {"python_full_version": python, "python_version": python.rpartition(".")[0]}
     lines = [Requirement(line) for line in LOCK.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     holding = [line for line in lines if line.marker is None or line.marker.evaluate(here)]
-    found = {canonicalize_name(line.name): str(line.specifier).removeprefix("==") for line in holding}
+    found = {str(canonicalize_name(line.name)): str(line.specifier).removeprefix("==") for line in holding}
     assert len(found) == len(holding)
     return found
 

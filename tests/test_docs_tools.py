@@ -98,3 +98,11 @@ def test_a_page_that_does_not_exist_is_one_line(capsys: pytest.CaptureFixture[st
     said = capsys.readouterr().err
     assert said.endswith("trm.md: no such page; did you mean docs/methods/trim.md?\n")
     assert said.count("\n") == 1
+
+
+def test_a_difference_between_gaps_is_told_by_its_own_line() -> None:
+    shown = "a 1\nb 22.5\nc 3\nd 4"
+    assert difference("a 1\nb 23.5\n…", shown) == "the page has 'b 23.5', shown was 'b 22.5'"
+    assert difference("…\nc 3\nd 5", shown) == "the page has 'd 5', shown was 'd 4'"
+    assert difference("…\nd 4\ne 5", shown) == "the page has 'e 5', shown was None"
+    assert difference("…\nx", shown) == "the page has 'x', shown was 'a 1' (or below)"

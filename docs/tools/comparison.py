@@ -7,7 +7,7 @@ Numbers below 1e-5 are what rounding leaves, and agree with each other. Blanks a
 from __future__ import annotations
 
 import re
-from itertools import zip_longest
+from itertools import takewhile, zip_longest
 
 __all__ = ["difference"]
 
@@ -42,8 +42,7 @@ def _with_gaps(wanted: list[str], got: list[str]) -> str:
             continue
         place = _find(stretch, got, begin, anywhere=gap)
         if place is None:
-            near = got[begin] if begin < len(got) else None
-            return _words(stretch[0], near) + (" (or below)" if gap else "")
+            return _nearest(stretch, got[begin:], anywhere=gap)
         begin, gap = place + len(stretch), False
     return "" if gap or begin == len(got) else _words(None, got[begin])
 
@@ -68,6 +67,17 @@ def _find(stretch: list[str], got: list[str], begin: int, *, anywhere: bool) -> 
         if len(part) == len(stretch) and all(map(_same, stretch, part)):
             return place
     return None
+
+
+def _nearest(stretch: list[str], got: list[str], *, anywhere: bool) -> str:
+    """Say what differs first where most lines before it agree."""
+    places = range(len(got) + 1 if anywhere else 1)
+    agreeing = [sum(1 for _ in takewhile(lambda p: _same(*p), zip(stretch, got[b:], strict=False))) for b in places]
+    most = max(agreeing)
+    line = agreeing.index(most) + most
+    return _words(stretch[most], got[line] if line < len(got) else None) + (
+        " (or below)" if anywhere and not most else ""
+    )
 
 
 def _words(wanted: str | None, got: str | None) -> str:
