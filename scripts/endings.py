@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -94,7 +94,7 @@ class _Place:
         """Return the names of what the store has finished: of a point of a sweep, amplitude and frequency."""
         found = set()
         for file in (self.folder / "store").glob("*.sqlite"):
-            with suppress(sqlite3.DatabaseError), sqlite3.connect(f"file:{file}?mode=ro", uri=True) as store:
+            with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as store:
                 found |= {name for (name,) in store.execute("select point from measurements")}
         return found
 

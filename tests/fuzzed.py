@@ -13,6 +13,7 @@ import sqlite3
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -320,7 +321,7 @@ def _database() -> bytes:
         with kept.store as store:
             store.save(str(_stored()[0][0]), json.loads(str(_stored()[0][1])))
         path = Path(name) / "measurements.sqlite"
-        with sqlite3.connect(path) as database:
+        with closing(sqlite3.connect(path)) as database, database:
             database.execute("PRAGMA journal_mode = DELETE")
         database.close()
         return path.read_bytes()

@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +92,7 @@ def measured(store: Path) -> bool:
 
 def points(folder: Path) -> int:
     """So many points are in a store; where the model stood, and how it moves by itself, are none."""
-    with sqlite3.connect(folder / FILE_NAME) as database:
+    with closing(sqlite3.connect(folder / FILE_NAME)) as database:
         try:
             names = [name for (name,) in database.execute("SELECT point FROM measurements")]
             return len(set(names) - {"operating point", "zero input"})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -111,7 +112,7 @@ def test_a_tampered_store_says_one_line(column: str, tmp_path: Path, capsys: pyt
     sound = (tmp_path / "measurements.sqlite").read_bytes()
     for value in GARBAGE:
         (tmp_path / "measurements.sqlite").write_bytes(sound)
-        with sqlite3.connect(tmp_path / "measurements.sqlite") as database:
+        with closing(sqlite3.connect(tmp_path / "measurements.sqlite")) as database, database:
             try:
                 database.execute(f"UPDATE OR REPLACE {table} SET {column} = ?", (value,))  # noqa: S608 - our own
             except sqlite3.IntegrityError:
@@ -141,7 +142,7 @@ def test_a_tampered_store_of_a_study_says_one_line(tmp_path: Path) -> None:
     sound = file.read_bytes()
     for value in [*GARBAGE, '{"findings": 3}', '{"findings": [{}]}', '{"result": 3, "code": "x", "notes": 1}']:
         file.write_bytes(sound)
-        with sqlite3.connect(file) as database:
+        with closing(sqlite3.connect(file)) as database, database:
             try:
                 database.execute("UPDATE measurements SET value = ?", (value,))
             except sqlite3.IntegrityError:

@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ def test_files_that_are_no_store_are_refused_in_one_line(tmp_path: Path) -> None
     with pytest.raises(wb.InputError, match="damaged or no store"):
         store(tmp_path)
     (tmp_path / FILE_NAME).unlink()
-    with sqlite3.connect(tmp_path / FILE_NAME) as foreign:
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as foreign, foreign:
         foreign.execute("CREATE TABLE theirs (x)")
     foreign.close()
     with pytest.raises(wb.InputError, match="another program"):
@@ -75,7 +76,7 @@ def test_files_that_are_no_store_are_refused_in_one_line(tmp_path: Path) -> None
 
 def test_a_newer_layout_is_refused(tmp_path: Path) -> None:
     store(tmp_path).close()
-    with sqlite3.connect(tmp_path / FILE_NAME) as database:
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database, database:
         database.execute("PRAGMA user_version = 99")
     database.close()
     with pytest.raises(wb.InputError, match="newer workbench"):
