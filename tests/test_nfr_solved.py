@@ -224,10 +224,8 @@ def test_a_second_stable_response_is_told_of_points_from_the_store_too(tmp_path:
     (measured, some), (kept, none) = found(), found()
     assert some == measured.periods.size
     assert none <= 1  # the last one, told at the end
-    with (
-        closing(sqlite3.connect(tmp_path / FILE_NAME)) as database,
-        database,
-    ):  # as if it had been stopped before it looked
+    # As if it had been stopped before it looked.
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database, database:
         assert database.execute("DELETE FROM measurements WHERE point LIKE 'second responses%'").rowcount == 1
     again, _ = found()
     assert "another stable response" in measured.warnings[0]
