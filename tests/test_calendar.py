@@ -30,6 +30,12 @@ class TestExact:
             for p in (1, 2, q + 1, 7 * q - 1):
                 assert exact(p / q) == Fraction(p, q)
 
+    def test_what_arithmetic_made_of_them_is_the_same(self) -> None:
+        for q in range(1, 200):
+            for p in range(1, 20):
+                assert exact(p * (1 / q)) == Fraction(p, q)
+                assert exact(p * 0.01) == Fraction(p, 100)
+
     def test_it_rounds_to_the_double_it_was_made_of(self) -> None:
         rng = np.random.default_rng(2)
         for value in (10.0 ** rng.uniform(-12, 12, 500)).tolist():

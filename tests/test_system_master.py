@@ -19,6 +19,8 @@ from tests.system_models import difference
 from workbench.analysis.simulate.request import simulate
 from workbench.core.calendar import Sampler
 from workbench.errors import InputError, SimulationError
+from workbench.fmi.clocks import clocks_of
+from workbench.fmi.declared import ClockVariable, Word
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
 from workbench.signals import Constant, Signal, Sine, Step
@@ -384,17 +386,19 @@ step = 0.05
         assert "0.05 s is given" in mastered(model).why_fixed_step()
 
 
-def test_clocks_of_a_description_are_instants(tmp_path: Path) -> None:
-    path = tmp_path / "modelDescription.xml"
-    path.write_text(
-        '<fmiModelDescription><ModelVariables><Clock name="a" intervalVariability="constant" intervalDecimal="0.02"/>'
-        '<Clock name="b" intervalVariability="constant" intervalDecimal="0.04" shiftDecimal="0.01"/>'
-        '<Clock name="c" intervalVariability="triggered"/></ModelVariables></fmiModelDescription>'
-    )
-    found = clock_ticks(path)
+def test_clocks_of_a_description_are_instants() -> None:
+    """Also those that count: one third of a second, which no decimal is."""
+    declared = [
+        ClockVariable(name="a", interval_variability=Word("constant"), interval_decimal=0.02),
+        ClockVariable(name="b", interval_variability=Word("constant"), interval_decimal=0.04, shift_decimal=0.01),
+        ClockVariable(name="c", interval_variability=Word("triggered")),
+        ClockVariable(name="d", interval_variability=Word("fixed"), interval_counter=1, shift_counter=2, resolution=3),
+    ]
+    found = clock_ticks(clocks_of(declared, {}).values())
     assert found is not None
-    assert found.samplers == (Sampler(Fraction(1, 50)), Sampler(Fraction(1, 25), Fraction(1, 100)))
-    assert found.longest_gap == 0.02
+    assert found.samplers == (
+        Sampler(Fraction(1, 50)), Sampler(Fraction(1, 25), Fraction(1, 100)), Sampler(Fraction(1, 3), Fraction(2, 3))
+    )  # fmt: skip
 
 
 def test_a_components_own_step_is_kept() -> None:

@@ -7,7 +7,6 @@ numbers that are meant are rounded once, so that those that coincide are the sam
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -26,27 +25,20 @@ _LONGEST = 10_000  # instants of one sampler in a basic period; beyond that nobo
 def exact(value: float) -> Fraction:
     """Return the rational number that is meant by a double: a simple fraction, or else its decimal literal.
 
-    The simplest fraction that rounds to this double is taken if it is too simple to lie there by chance: 1/3 s.
-    Otherwise a decimal of up to 15 digits, which a double always gives back, is what was written.
+    A fraction is meant if it is too simple to lie within two ulps by chance: 1/10, 1/3, also where arithmetic rounded
+    on the way to it.
 
     Args:
         value: finite.
 
     Example:
-    >>> exact(0.1), exact(1 / 3), exact(0.123456789012)
-    (Fraction(1, 10), Fraction(1, 3), Fraction(30864197253, 250000000000))
+    >>> exact(0.1), exact(1 / 3), exact(3 * 0.1), exact(0.123456789012)
+    (Fraction(1, 10), Fraction(1, 3), Fraction(3, 10), Fraction(30864197253, 250000000000))
     """
-    size = abs(value)
-    if size == 0.0:
-        return Fraction(0)
-    below, above = Fraction(math.nextafter(size, 0.0)), Fraction(math.nextafter(size, math.inf))
-    middle = Fraction(size)
-    found = simplest_between((below + middle) / 2, (middle + above) / 2)
-    written = Fraction(repr(size))
-    by_chance = found.denominator * found.numerator * sys.float_info.epsilon
-    if by_chance > _BY_CHANCE and float(f"{size:.{sys.float_info.dig}g}") == size:
-        found = written
-    return found if value > 0.0 else -found
+    reach = Fraction(2.0 * math.ulp(value))
+    found = simplest_between(Fraction(value) - reach, Fraction(value) + reach)
+    by_chance = 2 * reach * found.denominator**2
+    return Fraction(repr(value)) if by_chance > _BY_CHANCE else found
 
 
 def simplest_between(low: Fraction, high: Fraction) -> Fraction:

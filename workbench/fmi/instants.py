@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 
 from workbench.core.calendar import Sampler
+from workbench.errors import InputError
 
 __all__ = ["Instants"]
 
@@ -26,5 +27,13 @@ class Instants(ctypes.Structure):
 
     @classmethod
     def of(cls, sampler: Sampler) -> Instants:
-        """Return those of a sampler."""
-        return cls(*map(float, sampler.integers))
+        """Return those of a sampler.
+
+        Raises:
+            InputError: its numbers are too large to be counted.
+        """
+        try:
+            return cls(*map(float, sampler.integers))
+        except OverflowError:
+            period = float(sampler.period)
+            raise InputError(f"a sample period of {period:.6g} s cannot be counted; give a longer one") from None

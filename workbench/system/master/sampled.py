@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from lxml import etree
 
 from workbench.core.calendar import Calendar, Sampler, exact
 from workbench.errors import WorkbenchError
+from workbench.fmi.description import Clock
 from workbench.model.load import FmuRecipe
 from workbench.session.point import FmuPoint
 from workbench.system.description import FmuComponent
@@ -63,7 +62,7 @@ def _sampled(part: Part) -> Sampled | None:
     if "me" in part.description.interfaces:
         twin = dataclasses.replace(recipe, interface="me", solver="auto", step=None, hold_inputs=False)
         return _of_twin(twin)
-    ticks = clock_ticks(Path(recipe.folder) / "modelDescription.xml")
+    ticks = clock_ticks(part.description.clocks.values())
     return None if ticks is None else Sampled(ticks, held=part.description.state_count == 0)
 
 
@@ -93,10 +92,8 @@ def _stands_still(point: FmuPoint) -> bool:
     return True
 
 
-def clock_ticks(path: Path) -> Calendar | None:
-    """Return the instants of the clocks with a constant interval in an FMI 3.0 description; None if there are none."""
-    clocks = etree.parse(str(path)).getroot().iter("Clock")
-    pairs = [(c.get("shiftDecimal") or "0", c.get("intervalDecimal")) for c in clocks]
-    known = [(float(shift), float(interval)) for shift, interval in pairs if interval and float(interval) > 0.0]
-    samplers = tuple(Sampler(exact(interval), exact(shift)) for shift, interval in dict.fromkeys(known))
+def clock_ticks(clocks: Iterable[Clock]) -> Calendar | None:
+    """Return the instants of those clocks that have a constant interval; None if there are none."""
+    known = ((c.interval, c.shift) for c in clocks if c.interval)
+    samplers = tuple(Sampler(exact(interval), exact(shift)) for interval, shift in dict.fromkeys(known))
     return Calendar(samplers) if samplers else None
