@@ -136,3 +136,39 @@ def test_random_systems_of_blocks(seed: int) -> None:
 def test_random_systems_with_fmus(seed: int, interface: str, fmi: int) -> None:
     """The samplers of one FMU feed each other: at a common tick the second sees what the first has just computed."""
     assert Simulated.of(random_system(seed), interface=interface, fmi=fmi).error <= 1e-6
+
+
+# Without event mode: what it samples at an instant it may show only after its next step.
+PLAIN = """model Plain{kind}
+  {input}
+  output Real y;
+  discrete Real n(start = 0, fixed = true);
+equation
+  when sample(0, 0.1) then
+    n = pre(n) + {step};
+  end when;
+  y = n;
+end Plain{kind};
+"""
+
+
+@both
+@pytest.mark.parametrize("fed", [True, False])
+def test_what_is_shown_too_late_is_told(driver: str, fed: bool) -> None:  # noqa: F811
+    """An FMU of FMI 2.0 that is given an input shows its sample at once, others do after the step, and it is said."""
+    words = {"kind": "Fed", "input": "input Real u;", "step": "u"} if fed else {"kind": "", "input": "", "step": "1"}
+    b = wb.FmuComponent(name="b", file=built(PLAIN.format(**words), f"Plain{words['kind']}"), interface="cs")
+    inputs = {"u": "b.u"} if fed else {}
+    model = wb.connect({"b": b, "a": reader("a", 0.3)}, [("b.y", "a.u")], inputs=inputs, outputs={"y": "a.y"})
+    signals = {"u": wb.Constant(1.0)} if fed else {}
+    times: Floats = 0.3 * np.arange(20.0) + 0.15
+    with model, model.open_session(signals=signals) as session:
+        found = session.advance(float(times[-1]), signals=signals, record=["y"], points=times)
+        told = [note for note in model.remarks() if "it sees the sample before" in note]
+    seen = found.values["y"][np.searchsorted(found.time, times)]
+    assert seen.tolist() == [1.0] + [3.0 * k + fed for k in range(1, 20)]
+    late = (
+        "b.y → a.u: b shows what it samples only after its step, and a samples at the same instant: it sees the sample "
+    )
+    remedy = "before; give b interface me, or export it with event mode (FMI 3.0)"
+    assert driver == "python" or told == ([] if fed else [late + remedy])

@@ -334,7 +334,7 @@ static int32_t run_master(Bench *b, double until, MasterCase kind) {
     double group_numbers[5] = {0}, bias = 0.0;
     const double most = 1.0;
     const Instants ticks = {1.0, 3.0, 10.0};
-    int32_t known = 0, group_type = FLOAT64;
+    int32_t known = 0, late = 0, group_type = FLOAT64;
     void *states[2];
     Block inlets[2] = {block(b, b->components[0].version, U, &b->zero, &b->reals[0], 0),
                        block(b, b->components[0].version, U, &b->zero, &b->reals[3], 1)};
@@ -380,7 +380,7 @@ static int32_t run_master(Bench *b, double until, MasterCase kind) {
     }
     Control control = {.tolerance = 1e-4, .step = 1e-2, .least = 1e-6, .wires = &no_wire, .n_wires = 1,
                        .scale = &watched, .coarse = &coarse, .fine = &fine, .saved = saved, .states = states};
-    Master master = {.units = units, .n_units = 2, .order = order, .stages = stages, .n_stages = 2, .from_held = &no,
+    Master master = {.units = units, .n_units = 2, .order = order, .stages = stages, .n_stages = 2, .from_held = &yes, .late = &late,
                      .moves = &yes, .known = &known, .start = &start, .reached = &reached, .slopes = slopes, .spans = spans, .extrapolation = kind.held ? 0 : 2,
                      .ramps = ramps, .ramped = ramped, .bows = bows, .nobody = &nobody, .hold_inputs = kind.held,
                      .control = kind.controlled ? &control : NULL};

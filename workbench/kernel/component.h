@@ -65,6 +65,7 @@ typedef struct {
     const struct ComponentCalls *calls;
     Clocks *clocks; /* that the importer lets tick; NULL: none */
     struct Intermediate *intermediate; /* its environment, where it asks for inputs inside a step; NULL: it does not */
+    int32_t ticked;        /* it was due when the last event was evaluated */
     int32_t in_circle;     /* what it shows at an instant may change what it sees there, and its state can be saved */
     void *before;          /* in a circle: saved before it evaluated the present event; NULL: it was not */
     const double *longest; /* how long the next step of a solver may be [s]; NULL: it does not mind */

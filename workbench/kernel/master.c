@@ -458,6 +458,15 @@ static bool step_group(Cs *cs, Unit *unit, double end) {
 
 /* ---- all units ---- */
 
+/* What a held unit shows at the end of a step it has computed at its start. */
+static void note_late(Cs *cs, size_t wire) {
+    const Master *master = cs->master;
+    const bool news = master->from_held[wire] && !(master->reached[wire] == master->start[wire]);
+    if (news && cs->system->components[cs->system->wires.to[wire]].ticked) {
+        master->late[wire] = 1;
+    }
+}
+
 /* Read what the connections that leave a unit reach. */
 static bool read_ends(Cs *cs, Unit *unit) {
     const Wires *wires = &cs->system->wires;
@@ -470,6 +479,7 @@ static bool read_ends(Cs *cs, Unit *unit) {
             return fail_value(failure_of(cs), FAILED_WIRE, cs->time, wire, unit->raw[i]);
         }
         cs->master->reached[wire] = wires->closed[wire] ? wires->gains[wire] * unit->raw[i] + wires->offsets[wire] : 0.0;
+        note_late(cs, wire);
     }
     return true;
 }

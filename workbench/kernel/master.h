@@ -53,6 +53,7 @@ typedef struct Master {
     size_t n_stages;
     /* Connections, arrays [system->wires.n]. */
     const int32_t *from_held; /* their source is of a held unit */
+    int32_t *late;            /* a new value was shown after the step only, when the destination had ticked already */
     const int32_t *moves;     /* their source may change between events */
     int32_t *known;           /* what they reach at the end of the step is known: `reached` */
     double *start, *reached;

@@ -160,6 +160,7 @@ static bool update_one(System *system, size_t i, double time, Round *round, bool
     Component *component = &system->components[i];
     Answer answer = {0};
     bool anew = false;
+    component->ticked = round->first ? component->due <= time && isfinite(component->due) : component->ticked;
     if (!prepare_tick(system, i, time, round->first, &anew) ||
         !component_update(component, &answer, (int32_t)i, &system->failure)) {
         return false;

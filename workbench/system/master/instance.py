@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,7 @@ class MasterPlan:
         extrapolation: order by which values go on whose source has not been stepped yet: 0, 1 or 2.
         solver: group's unit → name of its solver.
         rtol: relative tolerance of the groups' integration.
+        late: connections that have shown a sample to others only after these had sampled, at the same instant.
     """
 
     units: Units
@@ -55,6 +56,7 @@ class MasterPlan:
     extrapolation: int
     solver: Mapping[int, str]
     rtol: float
+    late: set[int] = field(default_factory=set)
 
 
 @dataclass(frozen=True, eq=False)

@@ -178,10 +178,21 @@ class MasterModel(DescribedModel):
             self._probing = before
 
     def remarks(self) -> tuple[str, ...]:
-        told = super().remarks()
+        told = (*super().remarks(), *self._late())
         if self.recipe.system.master.extrapolation < 2 or not (why := self.why_replay()):
             return told
         return (*told, f"extrapolation: the first step cannot be repeated and knows no slope: {why}")
+
+    def _late(self) -> list[str]:
+        """Say where samples that coincide are not one event: what has no event mode shows its own after the step."""
+        names, connections = [p.name for p in self._opened.parts], self._units.connections
+        late = [connections[i] for i in sorted(self._decided.late)] if self._decided else []
+        return [
+            f"{c.label}: {names[c.from_component]} shows what it samples only after its step, and "
+            f"{names[c.to_component]} samples at the same instant: it sees the sample before; give "
+            f"{names[c.from_component]} interface me, or export it with event mode (FMI 3.0)"
+            for c in late
+        ]
 
     @property
     def delays(self) -> Callable[..., DelayReport]:

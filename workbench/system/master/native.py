@@ -74,6 +74,7 @@ class NativeMaster:
         crosses = set(decided.units.outer())
         held = [i in crosses and decided.units.ends(i)[0] in decided.held for i in range(n)]
         ends = np.cumsum([len(stage) for stage in decided.stages])
+        self._late = np.zeros(n, dtype=np.int32)
         nobody = NativeRecord(system, [])
         nobody.structure.keep = 0
         self._fixed = [nobody, master]
@@ -83,6 +84,7 @@ class NativeMaster:
             stages=self._fixed_array(ends.tolist(), np.uintp),
             n_stages=len(ends),
             from_held=self._fixed_array(held, np.int32),
+            late=self._late.ctypes.data,
             moves=self._fixed_array([moves(c.source) for c in connections], np.int32),
             known=self._fixed_array([0] * n, np.int32),
             start=self._fixed_array([0.0] * n, np.float64),
@@ -169,6 +171,7 @@ class NativeMaster:
         """Tell the instance where the run ended [s]."""
         master, components = self._instance, self._system.components
         master.stands(time, {number: float(components[number].due) for number in master.next_events})
+        master.decided.late.update(np.flatnonzero(self._late).tolist())
 
     def takes(self, number: int) -> str:
         """Return how a unit takes its inputs over a step: "start" or "middle" value, or "slope"."""
