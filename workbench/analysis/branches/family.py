@@ -10,8 +10,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from workbench.analysis.harmonics import fundamental
 from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap
 from workbench.analysis.periodic.place import Family
+from workbench.analysis.periodic.timed import changes_with_time
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.varied import with_parameters
@@ -125,6 +127,23 @@ class Forced(Family):
         except (SimulationError, InputError) as error:
             self.close()
             raise SimulationError(str(error)) from error
+
+    def refuse_timed(self, lap: Lap, p: float) -> None:
+        """Refuse a model whose period map is another one in each period.
+
+        Args:
+            lap: the last one that was run.
+            p: its parameter.
+
+        Raises:
+            InputError: the model changes with time itself.
+        """
+        moved, size = np.maximum(lap.unit, np.abs(lap.x1 - lap.x0)), abs(fundamental(lap.period.harmonics))
+        if changes_with_time(self._at(p).session, self.output, moved, size, 1.0 / self.forcing(p)[0]):
+            raise InputError(
+                f"branches: {self.model.name} changes with time itself (a ripple, a gust, a ramp), so that no response "
+                "repeats; use nfr, which tells that apart, or set it to zero (--set)"
+            )
 
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
         """Run one period from x; return it with its derivative, and ∂x1/∂p; see `Family`."""

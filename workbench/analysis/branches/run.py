@@ -154,18 +154,18 @@ class _Search:
 
     def _reach(self, family: Forced, x: Floats | None, p: float) -> Place:
         """Return a periodic response that a few periods and Newton's method lead to."""
-        start = family.start(p) if x is None else x
-        for _ in range(_WARM):
-            lap = family.run(start, p)
-            start = lap.x1
+        lap = family.run(family.start(p) if x is None else x, p)
+        for _ in range(_WARM - 1):
+            lap = family.run(lap.x1, p)
+        family.refuse_timed(lap, p)
         try:
-            return arrive(family, start, p)
+            return arrive(family, lap.x1, p)
         except SimulationError:
             if not family.may_differ:
                 raise
         family.by_differences = True
         try:
-            return arrive(family, start, p)
+            return arrive(family, lap.x1, p)
         except SimulationError:
             family.by_differences = False
             raise

@@ -11,9 +11,8 @@ import numpy as np
 from workbench.analysis.harmonics import Period, distortion, fundamental
 from workbench.analysis.nfr.settling import Outcome, PointResponse, Settling
 from workbench.session.base import Floats
-from workbench.session.compiled import CompiledMeSession
 
-__all__ = ["OWN", "Apart", "changes_with_time"]
+__all__ = ["OWN", "Apart"]
 
 # A response that differs from the linear model's, or has harmonics, by a part δ of itself may take up so many times δ
 # of the model's own motion. With u³ beside u both are 3/4 δ at most; harmonics behind a low pass are smaller.
@@ -26,13 +25,6 @@ OWN = (
     "the model moves by itself, and how much of that the input changes is not known better: its error says how much it "
     "may be (a larger amplitude makes it smaller)"
 )
-
-# Times ahead at which a model is asked whether it changes with time, in periods: irrational parts, none the sum of
-# others.
-_AHEAD = np.sqrt(np.array([0.05, 0.23, 0.61, 1.3, 7.1]))
-
-# Iterations inside a model end where they like: so many times what they leave is a change.
-_CLEARLY = 10.0
 
 
 @dataclass
@@ -111,31 +103,3 @@ def _settled(found: PointResponse) -> bool:
 
 def _scatter(harmonics: Floats) -> float:
     return float(np.linalg.norm((harmonics - harmonics.mean(axis=0))[:, 1:]))
-
-
-def changes_with_time(session: CompiledMeSession, output: str, motion: Floats, response: float, period: float) -> bool:
-    """Return whether derivatives or output depend on time itself, by more than the integration tolerates.
-
-    The model is asked for both where it stands, at five later times with states, inputs and relations held. A
-    derivative may be off by the relative tolerance of what moves the state by as much as it moves in a period.
-
-    Args:
-        session: stands where a period has ended.
-        output: measured.
-        motion: how far each state moves in a period, shape (n,).
-        response: amplitude of the output [unit of the output].
-        period: of the forcing [s].
-    """
-    instance, access = session.instance, session.instance.access([session.setup.variables[output]])
-
-    def asked(time: float) -> Floats:
-        instance.set_time(time)
-        y = [float(v) for v in access.read()]
-        instance.get_derivatives()
-        return np.concatenate([instance.dx, y])
-
-    time, small = session.time, np.append(2.0 * math.pi / period * motion, response) * session.setup.rtol
-    here = asked(time)
-    later = [asked(time + float(part) * period) for part in _AHEAD]
-    small = np.maximum(small, _CLEARLY * np.abs(asked(time) - here))
-    return any(bool(np.any(np.abs(found - here) > small)) for found in later)

@@ -11,7 +11,6 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from workbench.analysis.harmonics import distortion, fundamental
-from workbench.analysis.nfr.apart import changes_with_time
 from workbench.analysis.nfr.certificate import Certificate, finite
 from workbench.analysis.nfr.error import (
     BELIEVED,
@@ -27,6 +26,7 @@ from workbench.analysis.nfr.point import NfrPoint, PointTask
 from workbench.analysis.periodic.monodromy import Tangent
 from workbench.analysis.periodic.period_map import FEW_STATES, Lap, PeriodMap, correction, resolvent_rows
 from workbench.analysis.periodic.stability import is_stable
+from workbench.analysis.periodic.timed import changes_with_time
 from workbench.core.blas import one_thread
 from workbench.errors import WorkbenchError
 from workbench.session.base import Floats, Session
