@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+import workbench as wb
 from scripts.coverage_cosimulation import Loop, trials
+from tests.lying_fmus import build_lying
 
 
 @pytest.mark.parametrize(
@@ -27,3 +29,15 @@ def test_errors_hold_in_random_loops() -> None:
     found = [t for *_, t in trials(6, seed=11) if t.status == "settled"]
     assert len(found) >= 12
     assert sum(t.true <= t.stated for t in found) >= 0.95 * len(found)
+
+
+@pytest.mark.parametrize(
+    ("lie", "frequency", "told"), [("late-inputs", 2.5, True), ("euler", 2.5, False), ("honest", 20.0, False)]
+)
+def test_a_solver_that_nothing_shows_is_said_to_be_unknown(
+    tmp_path: Path, lie: str, frequency: float, told: bool
+) -> None:
+    """Steps of 1 ms inside, whatever is asked; Euler's method at the communication step; Runge's, good to rounding."""
+    with wb.load(build_lying(tmp_path, lie), "cs") as model:
+        found = wb.nfr(model, "u", "y", [frequency], 1.0, workers=wb.Workers(in_process=True))
+    assert any("own solver leaves is not known" in w for w in found.warnings) == told

@@ -13,6 +13,7 @@ from workbench.analysis.branches.result import BranchesResult
 from workbench.analysis.branches.run import run as follow_branches
 from workbench.analysis.nfr.apart import OWN
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, PER_PERIOD, Evidence
+from workbench.analysis.nfr.own_solver import hidden
 from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
 from workbench.analysis.nfr.solved import NotSolvedError, Search, can_solve, solve_point
 from workbench.analysis.nfr.step import SHORTER, at_step, at_step_of, checked, refine, wider
@@ -43,10 +44,10 @@ _TIGHTER = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class StartJob(Job):
-    """Look where the model stands, and watch it while the input is held.
+    """Look where the model stands, watch it while the input is held, and how its own solver shows.
 
     Attributes:
-        task: names and the lowest frequency; its amplitude is not used.
+        task: names, the lowest frequency and the smallest amplitude.
         watched: False: look only.
     """
 
@@ -59,6 +60,8 @@ class StartJob(Job):
             yield standing(model, session)
             if self.watched:
                 yield watch(session, self.task)
+        if self.watched and (words := hidden(model, self.task)):
+            yield Remark(words)
         yield from map(Remark, model.remarks())
 
 

@@ -266,7 +266,7 @@ class Sweep:
         jobs: list[Job] = [SurroundingsJob(input=self._asked.input, output=self._asked.output)]
         watched = self._asked.drift_check and self._zero_input is None
         if watched or self._standing is None:
-            jobs.append(StartJob(task=self._task(min(self._frequencies), 0.0), watched=watched))
+            jobs.append(StartJob(task=self._task(min(self._frequencies), self._amplitudes[0]), watched=watched))
         for event in runner.run(perform, deque(jobs)):
             if isinstance(event, Lost) and isinstance(event.job, SurroundingsJob):
                 self.notes.append(f"the linear model could not be found, so errors are larger: {event.reason}")
