@@ -187,3 +187,13 @@ def test_an_input_that_changes_at_events_only_follows_in_steps_and_the_error_cou
     assert result.status == (("settled",) * 3,)
     assert (off <= result.error[0]).all()
     assert (result.error[0] <= 3e-3).all()
+
+
+@pytest.mark.parametrize("step", [0.05, 0.01, 0.002])
+def test_halving_begins_at_the_models_own_step_where_that_is_shorter(step: float) -> None:
+    """A first run of 200 steps a period and a second of 400 would both have had the model's own step: no change."""
+    model = wb.load("fmu:FirstOrderLag", interface="cs", step=step)
+    result = nfr(model, "u", "y", [0.1], 1.0)
+    truth = 1.0 / (1.0 + 0.2j * math.pi)  # its time constant is 1 s
+    assert result.step[0, 0] < 0.75 * min(step, 10.0 / 200)
+    assert abs(result.response[0, 0] - truth) <= result.error[0, 0] * abs(truth)

@@ -64,7 +64,7 @@ def refine(tasks: Sequence[PointTask], run: Run, way: str) -> list[NfrPoint]:
     budget = _MOST_STEPS * len(tasks) - _cost(tasks, new)
     while True:
         before, old = old, new
-        tasks = [replace(t, rows=2 * t.rows) for t in tasks]
+        tasks = [replace(t, rows=2 * _rows(t, p)) for t, p in zip(tasks, new, strict=True)]
         new = run(tasks)
         budget -= _cost(tasks, new)
         limits = [_limit(*runs) for runs in zip(before, old, new, strict=True)] if before else [None] * len(new)
@@ -72,6 +72,11 @@ def refine(tasks: Sequence[PointTask], run: Run, way: str) -> list[NfrPoint]:
         ends = [_end(*of_point, last=last, way=way) for of_point in zip(old, new, limits, tasks, strict=True)]
         if last or all(found is not None for found in ends):
             return [found or _unconverged(o, n, way) for found, o, n in zip(ends, old, new, strict=True)]
+
+
+def _rows(task: PointTask, point: NfrPoint) -> int:
+    """Return how many steps a period had: more than the rows asked for where the model's own step is shorter."""
+    return task.rows if not point.step else max(task.rows, round(1.0 / (task.frequency * point.step)))
 
 
 def _end(
