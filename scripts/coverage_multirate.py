@@ -7,7 +7,9 @@
 Each has two to four rates, nested, coprime and with offsets: linear components, blocks, FMUs with one and two samplers,
 around one or two continuous plants (tests/multirate.py). FMUs are driven by model exchange, and by co-simulation with
 events (FMI 3.0). `simulate` is compared with an exact event simulation: the largest difference at 40 times, relative to
-the largest value. Run it with the project's Python (see scripts/dev.py).
+the largest value. `lin` is compared with Kalman and Bertram's map by hand, the verdict of `loop`, opened behind one of
+the parts, with a long run, and its gain margin with the spectral radius on both sides of it. Run it with the project's
+Python (see scripts/dev.py).
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ sys.path.insert(0, str(ROOT))
 import numpy as np  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from tests.multirate import System, connected, random_system  # noqa: E402
+from tests.multirate import System, connected, departure, random_system, verdict_fault  # noqa: E402
 
 _TOLERANCE = 1e-10  # of the integration, so that what is left is a matter of events
 _ALLOWED = 1e-6
@@ -65,6 +67,51 @@ class Simulated:
         return cls(float(np.abs(seen - truth).max() / np.abs(truth).max()))
 
 
+@dataclass
+class Analyses:
+    """What `lin` and `loop` say of the systems.
+
+    Attributes:
+        systems: that were looked at.
+        worst: largest departure of a linear model that is right.
+        stated: verdicts "stable" or "unstable".
+        margins: gain margins that were stated.
+        faults: what was wrong.
+    """
+
+    systems: int = 0
+    worst: float = 0.0
+    stated: int = 0
+    margins: int = 0
+    faults: int = 0
+
+    def add(self, system: System, number: int) -> list[str]:
+        """Linearise a system, and open its loop behind a node; return what is wrong.
+
+        Args:
+            system: the system.
+            number: of the node.
+        """
+        self.systems += 1
+        with connected(system) as model:
+            off = departure(system, wb.lin(model).result)
+            margins = wb.loop(model, system.nodes[number].y).margins
+        self.worst = max(self.worst, off if off <= _ALLOWED else 0.0)
+        self.stated += margins.verdict in ("stable", "unstable")
+        self.margins += 0.0 < margins.gain_margin < np.inf
+        fault = verdict_fault(system, number, margins)
+        found = [*([f"lin is off by {off:.1e}"] if not off <= _ALLOWED else []), *([f"loop: {fault}"] if fault else [])]
+        self.faults += len(found)
+        return found
+
+    def __str__(self) -> str:
+        """Return the counts in one line."""
+        return (
+            f"lin and loop: {self.systems} systems, {self.faults} faults; largest departure {self.worst:.1e}, "
+            f"{self.stated} verdicts, {self.margins} gain margins"
+        )
+
+
 def _ways(system: System) -> tuple[tuple[str, int], ...]:
     return _WAYS if any(n.kind == "fmu" for n in system.nodes) else _WAYS[:1]
 
@@ -75,7 +122,7 @@ def main() -> int:
     parser.add_argument("--systems", type=int, default=300, help="number of random systems")
     parser.add_argument("--seed", type=int, default=0, help="of the first of them")
     asked = parser.parse_args()
-    worst, wrong, runs = 0.0, 0, 0
+    worst, wrong, runs, analyses = 0.0, 0, 0, Analyses()
     for seed in range(asked.seed, asked.seed + asked.systems):
         system = random_system(seed)
         for interface, fmi in _ways(system):
@@ -84,8 +131,11 @@ def main() -> int:
             if not error <= _ALLOWED:
                 wrong += 1
                 print(f"seed {seed}, {interface}, FMI {fmi}: {error:.1e}: {system}", flush=True)
+        for fault in analyses.add(system, seed % len(system.nodes)):
+            print(f"seed {seed}: {fault}: {system}", flush=True)
     print(f"simulate: {runs} runs of {asked.systems} systems, {wrong} wrong, largest difference {worst:.1e}")
-    return int(wrong > 0)
+    print(analyses)
+    return int(wrong + analyses.faults > 0)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
@@ -31,12 +31,15 @@ from scipy.linalg import expm
 
 import workbench as wb
 from tests.lin_fmus import built
+from workbench.analysis.lin.result import LinResult
+from workbench.core.margins import Margins
 
-__all__ = ["Node", "Rate", "System", "Truth", "connected", "random_system"]
+__all__ = ["Node", "Rate", "System", "Truth", "connected", "departure", "random_system", "verdict_fault"]
 
 Floats = NDArray[np.float64]
 
 _FAR_FROM_BORDER = 0.03  # of the spectral radius from 1: a long run must be able to tell
+_LONG = 300  # basic periods of a long run
 _LARGEST = 3.0  # spectral radius over a basic period: what an unstable run may grow by
 
 
@@ -294,10 +297,18 @@ class Truth:
         """Spectral radius of the map, of what does not vanish: above 1 it is unstable."""
         return float(np.abs(self.multipliers).max(initial=0.0))
 
-    @property
+    @cached_property
     def stable(self) -> bool:
-        """Whether a long run comes to rest."""
-        return self.radius < 1.0
+        """Whether a long run without input comes to rest: event by event, from anywhere, over 300 basic periods."""
+        start, period = self.settled, self.system.basic_period
+        once = [Phi for Phi, _ in self.steps(start, start + period)]
+        s = np.random.default_rng(3).standard_normal(len(self.names))
+        sizes = []
+        for _ in range(_LONG):
+            for Phi in once:
+                s = Phi @ s
+            sizes.append(float(np.linalg.norm(s)))
+        return sizes[-1] < sizes[_LONG // 2] or sizes[-1] == 0.0
 
 
 # -- random systems ---------------------------------------------------------------------------------------------------
@@ -492,3 +503,62 @@ def _component(out: _Written, system: System, node: Node, interface: str, fmi: i
 def node_states(node: Node) -> tuple[str, ...]:
     """Return the names of a node's states inside its component."""
     return tuple(f"x{i + 1}" for i in range(len(node.A)))
+
+
+# -- what the workbench says, beside the truth -------------------------------------------------------------------------
+
+
+def departure(system: System, found: LinResult) -> float:
+    """Return the largest difference of A, B, C, D from Kalman and Bertram's map, relative to the largest entry of A.
+
+    Infinite where the basic period or a pole is missing.
+
+    Args:
+        system: whose all inputs and outputs were linearised.
+        found: its linear model.
+    """
+    truth = system.truth
+    A, B, C, D = truth.period_map()
+    rows = [truth.names.index(name) for name in found.state_names]
+    every = [n.y.replace(".", "_") for n in system.nodes]
+    outputs = [every.index(name) for name in found.output_names]
+    differences = (
+        found.A - A[np.ix_(rows, rows)], found.B[:, 0] - B[rows], found.C - C[np.ix_(outputs, rows)],
+        found.D[:, 0] - D[outputs],
+    )  # fmt: skip
+    missed = np.sum(np.abs(found.poles) > _SEEN) != np.sum(np.abs(truth.multipliers) > _SEEN)
+    if missed or not math.isclose(found.dt, float(system.basic_period), rel_tol=1e-9):
+        return math.inf
+    return max(float(np.abs(d).max(initial=0.0)) for d in differences) / max(1.0, float(np.abs(A).max()))
+
+
+def verdict_fault(system: System, number: int, margins: Margins) -> str:
+    """Return what is wrong with what is said of a loop, opened behind a node; empty: nothing.
+
+    A factor on the node's output that is a little smaller than a gain margin must leave the loop stable, one that is a
+    little larger must not.
+
+    Args:
+        system: the system.
+        number: of the node.
+        margins: what `loop` says.
+    """
+    if margins.verdict != ("stable" if system.truth.stable else "unstable"):
+        return f"is said to be {margins.verdict}, and a long run is not; spectral radius {system.truth.radius:.4f}"
+    for factor, turn in ((margins.gain_margin, 1.0), (margins.gain_reduction, -1.0)):
+        if math.isfinite(factor) and factor > 0.0:
+            inside, outside = (_radius(system, number, factor * (1.0 + s * turn * _NEAR)) for s in (-1.0, 1.0))
+            if not inside < 1.0 < outside:
+                return f"gain margin {factor:.6g}: spectral radius {inside:.6f} below and {outside:.6f} above it"
+    return ""
+
+
+_SEEN = 1e-2  # size of a multiplier that must be found: multiple ones at 0 are spread by differences
+_NEAR = 1e-3
+
+
+def _radius(system: System, number: int, factor: float) -> float:
+    """Return the spectral radius with a factor on the output of a node."""
+    K = system.K.copy()
+    K[:, number] *= factor
+    return replace(system, K=K).truth.radius
