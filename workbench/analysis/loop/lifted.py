@@ -23,7 +23,7 @@ from workbench.analysis.lin.kalman_bertram import period_map
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask
 from workbench.analysis.loop.stability import Stability
-from workbench.core.linear import Complex, Linear, LinearPart
+from workbench.core.linear import Complex, LinearPart
 from workbench.core.margins import GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.core.matrices import resolvent
 from workbench.session.base import Floats
@@ -59,12 +59,6 @@ class Lifted:
     def single(self) -> LinearPart | None:
         """L as a transfer function; None: the signal acts several times in a period."""
         return LinearPart(self.A, self.B, self.C, self.D, dt=self.dt) if self.D.size == 1 else None
-
-    def sensitivity(self) -> Linear:
-        """Return a linear model with the poles of the closed loop."""
-        back = np.linalg.solve(np.eye(len(self.D)) + self.D, self.C)
-        n = len(self.A)
-        return Linear(self.A - self.B @ back, np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1)), dt=self.dt)
 
     def closed(self, factor: complex = 1.0) -> Complex:
         """Return the poles of the closed loop with a factor on the signal, shape (n,).
@@ -179,7 +173,10 @@ def _first(loop: Lifted, values: Floats, factor: Callable[[float], complex]) -> 
     """Return the first of rising or falling values at which the closed loop changes its stability, and where [Hz]."""
 
     def outside(value: float) -> float:
-        return float(np.abs(loop.closed(factor(value))).max(initial=0.0)) - 1.0
+        try:
+            return float(np.abs(loop.closed(factor(value))).max(initial=0.0)) - 1.0
+        except np.linalg.LinAlgError:  # no solution: a pole at infinity
+            return math.inf
 
     before, begin = float(values[0]), outside(float(values[0]))
     for value in values[1:].tolist():

@@ -84,6 +84,11 @@ class LinearLoop(Part):
         band: Floats = np.geomspace(min(every.min() / 10.0, high / 100.0), high, count)
         return band
 
+    @property
+    def closes(self) -> bool:
+        """Whether the closed loop is 1/(1 + L): not of a sampled one whose signal acts several times in its period."""
+        return self.transfer.dt == 0.0 or same_poles(self.transfer.sensitivity().poles, self.stability.poles)
+
     def response(self, frequency_hz: Floats) -> Complex:
         """Return L at frequencies [Hz], shape (k,)."""
         return self.transfer.response(frequency_hz)
@@ -119,7 +124,7 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
         transfer = (whole and whole.single) or transfer
         alone = replace(asked, u0=u0, inputs=[], outputs=None, dx=None, du=None)
         closed = run(replace(make_task(cut.model, alone), explained=False), result.method)
-        margins, more = _sampled(cut, transfer, whole, closed)
+        margins, more = _sampled(cut, result, transfer, whole, closed)
         return LinearLoop(result, transfer, judged(closed, transfer), margins, (*notes, *more))
     rates = sampled(cut.model, cut.point)
     if result.dt == 0.0 and (rates.periods or rates.notes):
@@ -129,27 +134,30 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
     return LinearLoop(result, transfer, stability_of(transfer), margins_of(transfer), notes, absolute)
 
 
-def _sampled(cut: CutLoop, transfer: LinearPart, whole: Lifted | None, closed: LinResult) -> tuple[Margins, list[str]]:
+def _sampled(
+    cut: CutLoop, result: LinResult, transfer: LinearPart, whole: Lifted | None, closed: LinResult
+) -> tuple[Margins, list[str]]:
     """Return the margins of a sampled loop, and what is to be said of them.
 
     The closed loop is known by itself, from its own map over a basic period. Margins are stated where the open loop,
     closed again, has its poles.
     """
     found, source = judged(closed, transfer), cut.place.source
-    if same_poles(transfer.sensitivity(), closed):
+    if same_poles(transfer.sensitivity().poles, closed.poles):
         return margins_of(transfer), []
-    if whole is not None and same_poles(whole.sensitivity(), closed):
+    if whole is not None and same_poles(whole.closed(), closed.poles):
         note = (
             f"{source} acts {len(whole.D)} times in a basic period of {transfer.dt:.6g} s: the margins are those of a "
-            "factor on it, for the phase of exp(−jφ); the curve of L shows it held over the basic period, which it is "
-            "not: open the loop where the signal acts once in that time, to see L"
+            "factor on it, for the phase of exp(−jφ); the curves of L, |S| and |T| show it held over the basic period, "
+            "which it is not: open the loop where the signal acts once in that time, to see L"
         )
         return margins_of_lifted(whole, found), [note]
-    note = (
-        f"{source} is continuous and acts between the samples too; opened there, L holds it over {transfer.dt:.6g} s, "
-        "a delay that the closed loop does not have: there are no margins; open the loop at a sampled signal instead"
-    )
-    return withheld(found), [note]
+    held = f"opened there, L holds it over {transfer.dt:.6g} s"
+    if cut.place.discrete or (result.intersample is not None and result.intersample.sampled):
+        why = f"{source} acts at several instants; {held}, and closed again it has other poles than the loop"
+    else:
+        why = f"{source} is continuous and acts between the samples too; {held}, a delay that the loop does not have"
+    return withheld(found), [f"{why}: there are no margins; open the loop at a sampled signal instead"]
 
 
 def _notes(cut: CutLoop, result: LinResult) -> list[str]:

@@ -130,12 +130,12 @@ def _known(points: Points, amplitude: float) -> list[LoopPoint]:
 
 
 def _margins(found: Sequence[LoopPoint], linear: LinearLoop | None) -> Margins:
-    good = [p for p in found if p.value is not None]
+    good, known = [p for p in found if p.value is not None], linear if linear is not None and linear.closes else None
     return curve_margins(
         np.array([p.frequency_hz for p in good]),
         np.array([p.value for p in good], dtype=np.complex128),
-        linear=None if linear is None else linear.margins,
-        stability=None if linear is None else linear.stability,
+        linear=None if known is None else known.margins,
+        stability=None if known is None else known.stability,
     )
 
 

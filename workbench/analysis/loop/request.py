@@ -44,7 +44,9 @@ class Loop(InWorkers, Analysis["LoopResult"]):
 
     The linear L is that of `lin` for the opened system: exact, a state space, for sampled loops in z at their basic
     period. Its crossovers are found over all frequencies, not on a grid. Stability of the closed loop follows from all
-    its poles; if it is not stable, margins are meaningless and NaN.
+    its poles; if it is not stable, margins are meaningless and NaN. The poles of a sampled loop are those of its own
+    map over the basic period; margins are stated where L, closed again, has these. Where the signal acts several times
+    in that period, they are those of a factor on it; where it acts between the samples too, there are none.
 
     With amplitudes, L is measured too, by sines (as by `nfr`), at an amplitude of the signal z that is passed on, once
     or both ways: "break" opens the loop at the operating point, z biased at its value there, and measures the
