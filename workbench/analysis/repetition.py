@@ -31,6 +31,7 @@ __all__ = ["BEFORE", "Repetition", "repetition"]
 
 BEFORE = 1e-9  # of the period: how long before the next sample a run ends, whatever rounding does to its time
 _EVENTS = 400  # that a run may have: it is so long that rates of one to a hundred show
+_MOST = 32  # multiples of the least number of periods that are tried
 _SHORTEST = 8  # periods of a run at least
 _WIDTH = 1e-3  # of a variable's size: models are linear within it, and errors of the integration small beside it
 _TOLERANCE = 1e-9  # of the integration
@@ -74,9 +75,12 @@ def repetition(
     least = runs.least
     if least == 1 and runs.alike(0, 1):
         return Repetition(1, periods=length)
-    for count in range(least, length // 2 + 1, least):
+    half = length // 2
+    for count in range(least, min(half, _MOST * least) + 1, least):
         if runs.alike(1, 1 + count):
             return Repetition(count, late=not runs.alike(0, count), periods=length)
+        if count == least and runs.alike(half, half + least):  # a motion on the way has come to rest
+            return Repetition(least, periods=length)
     return Repetition(None, periods=length)
 
 
