@@ -59,6 +59,8 @@ def test_periods_are_taken_apart() -> None:
     times = times[times < 1.9]
     assert sample_periods(times) == pytest.approx((1 / 208, 1 / 131), rel=1e-9)
     assert sample_periods(0.022 * np.arange(1.0, 10.0)) == pytest.approx((0.022,))
+    three: Floats = np.unique(np.round(np.concatenate([p * np.arange(1.0, 1.5 / p) for p in (0.04, 0.06, 0.1)]), 9))
+    assert sample_periods(three) == pytest.approx((0.04, 0.06, 0.1))
     offset: Floats = np.sort(np.concatenate([0.03 + 0.1 * np.arange(20), 0.5 * np.arange(1, 4)]))
     assert sample_periods(offset) == pytest.approx((0.1, 0.5))
 

@@ -18,7 +18,7 @@ import numpy as np
 from workbench.analysis.repetition import repetition
 from workbench.core.calendar import exact, simplest_between
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import InputError, WorkbenchError
+from workbench.errors import FmuError, InputError, SimulationError, WorkbenchError
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
 
@@ -98,12 +98,12 @@ def rates_of(
         with equations:
             return rates_of(equations, time=time, values=values, btptol=btptol)
     known = _declared(model, start)
-    shy = any(len(_ticks(part, part.start_time, None, 1)) for part in model.declared_rates().others)
-    if not (known or shy):
+    shown = _shown(model, known, start, values)
+    if not (known or shown):
         return Rates()
-    ticks, every = _sequences(model, known, start, values) if shy else (_ticks(model, start, values, _LOOKS[0]), known)
-    found = _found(every, start, ticks, btptol)
-    found = _confirmed(model, found, start, values) if shy else found
+    ticks = _ticks(model, start, values, _LOOKS[0])
+    found = _found([*known, *shown], start, ticks, btptol)
+    found = _confirmed(model, found, start, values) if shown else found
     if len(ticks) == _LOOKS[0] and ticks[-1] < found.start(start) + 2.0 * found.period:
         return replace(found, ticks=_ticks(model, start, values, _LOOKS[-1]))
     return found
@@ -154,18 +154,29 @@ def _found(every: Sequence[_Sequence], start: float, ticks: Floats, btptol: floa
     return Rates(periods, period, max(f for f, _ in every) if late else -math.inf, ticks)
 
 
-def _sequences(
+def _shown(
     model: Model, known: Sequence[_Sequence], start: float, values: Mapping[str, float] | None
-) -> tuple[Floats, list[_Sequence]]:
-    """Return the first events of a model, and the samplers that they belong to."""
+) -> list[_Sequence]:
+    """Return the samplers that events show of a model's parts, each by itself where it runs alone."""
+    others = model.declared_rates().others
+    try:
+        return [s for part in others for s in _sequences(part, start, values if part is model else None)]
+    except (FmuError, SimulationError):
+        return _sequences(model, start, values, known)
+
+
+def _sequences(
+    model: Model, start: float, values: Mapping[str, float] | None, known: Sequence[_Sequence] = ()
+) -> list[_Sequence]:
+    """Return the samplers that a model's events belong to, besides those known."""
     for most in _LOOKS:
         ticks = _ticks(model, start, values, most)
         try:
-            return ticks, [*known, *sequences(ticks, known)]
+            return sequences(ticks, known)
         except NoRatesError:
             if most == _LOOKS[-1] or len(ticks) < most:
                 raise
-    return np.zeros(0), []
+    return []
 
 
 def _confirmed(model: Model, found: Rates, start: float, values: Mapping[str, float] | None) -> Rates:
@@ -235,8 +246,8 @@ def sample_periods(times: Floats) -> tuple[float, ...]:
 def sequences(times: Floats, known: Sequence[_Sequence] = ()) -> list[_Sequence]:
     """Take event times apart into periodic sequences: first instants and periods [s].
 
-    The first event left over and the nearest later one that both belong to a sequence without gaps
-    begin a sequence; its events that no other sequence needs are taken out, and so on.
+    The first event left over and the nearest later one that both belong to a sequence without gaps begin a sequence,
+    to which events of others may belong as well; its events are taken out, and so on.
 
     Args:
         times: shape (n,) [s], rising, all events of a stretch of time.
@@ -267,7 +278,7 @@ def _without(left: Floats, first: float, period: float, tolerance: float) -> Flo
 
 def _period(left: Floats, times: Floats, tolerance: float) -> float:
     """Return the period of the sequence that the first of `left` begins."""
-    for candidate in left[1:] if len(left) > 1 else ():
+    for candidate in times[times > left[0]]:
         period = float(candidate - left[0])
         points = (times[-1] - left[0] + tolerance) / period
         if not points < len(times):  # each belongs to an event, and events may go on to the end of all numbers
