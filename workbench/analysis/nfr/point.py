@@ -190,7 +190,7 @@ def run_point(
         point, response = _failed(task, len(settling.periods), error), None
     else:
         point = _point(task, response, len(settling.periods))
-    warning = _aliasing(task.rates[0]) if task.rates and 2.0 * task.frequency * task.rates[0] >= 1.0 else None
+    warning = _aliasing(task.rates) if 2.0 * task.frequency * max(task.rates, default=0.0) >= 1.0 else None
     return replace(point, step=longest, certificate=certify(settling, response), warning=warning)
 
 
@@ -207,10 +207,12 @@ def _settling(session: Session, task: PointTask, evidence: Evidence, still: Sess
     return Apart(errcrit=task.errcrit, most=task.max_periods, evidence=evidence, own=own)
 
 
-def _aliasing(dt: float) -> str:
+def _aliasing(rates: tuple[float, ...]) -> str:
+    which, are = ("", "are") if len(rates) == 1 else ("slowest ", "may be")
     return (
-        f"points at or above {0.5 / dt:.6g} Hz, half the rate at which the model samples, are aliased: each sine looks "
-        "like one below that frequency to it, and exactly there the answer depends on when it samples"
+        f"points at or above {0.5 / max(rates):.6g} Hz, half the {which}rate at which the model samples, {are} "
+        "aliased: each sine looks like one below that frequency to it, and exactly there the answer depends "
+        "on when it samples"
     )
 
 
