@@ -30,6 +30,7 @@ class Lie:
 
 
 _ME, _CS = ("me",), ("cs",)
+_UNREPEATED = (("me", "processes", "broken"), ("cs", "processes", "broken"))
 
 LIES = {
     "forgetful": Lie(
@@ -41,8 +42,11 @@ LIES = {
     "no-derivative": Lie("directional", "broken", _ME, "fmi2GetDirectionalDerivative returned error"),
     "undeclared": Lie("dependencies", "broken", _ME, r"der\(v\) depends on w, which it does not declare"),
     "clock": Lie("start-time", "watch", evidence="s later . is"),
-    "random": Lie("determinism", "broken", evidence="in a second run . is"),
-    "coarse": Lie("determinism", "broken", evidence="in a second run . is"),
+    "random": Lie("determinism", "broken", evidence="in a second run . is", others=_UNREPEATED),
+    "coarse": Lie("determinism", "broken", evidence="in a second run . is", others=_UNREPEATED),
+    "pid": Lie("processes", "broken", evidence="in a second process . is"),
+    "unset": Lie("processes", "broken", evidence="in a second process . is"),
+    "first": Lie("processes", "broken", evidence="in the second instance of a process . is"),
     "shared": Lie("instances", "broken", evidence="beside a second instance . is"),
     "single": Lie("instances", "broken", evidence="two instances at once fail: .*cannot be instantiated"),
     "sticky-reset": Lie("reset", "broken", evidence="after a reset . is"),

@@ -221,7 +221,8 @@ def test_an_fmu_that_dies_at_once_is_given_up(tmp_path: Path) -> None:
     verdicts = [c.verdict for c in card.checks]
     assert verdicts[:3] == ["broken"] * 3
     assert set(verdicts[3:]) == {"not applicable"}
-    assert card.checks[3].evidence == "stopped after 3 crashes or hangs"
+    assert card.line("instances", "me").evidence == "stopped after 3 crashes or hangs"
+    assert card.line("processes", "me").evidence == "another check lost the process that it ran in"
 
 
 def test_a_failing_run_leaves_the_other_checks_a_shorter_one(tmp_path: Path) -> None:

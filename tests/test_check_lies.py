@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,8 @@ from workbench.analysis.branches.request import Branches
 from workbench.analysis.check.registry import CHECKS
 from workbench.analysis.check.request import Check, check
 from workbench.analysis.check.result import HealthCard, HealthLine
-from workbench.analysis.lin.request import Lin, lin
-from workbench.analysis.nfr.request import Nfr
+from workbench.analysis.lin.request import Lin, lin, lin_over
+from workbench.analysis.nfr.request import Nfr, nfr
 from workbench.analysis.nfr.surroundings import surroundings
 from workbench.analysis.request import asked_options
 from workbench.analysis.simulate.request import Simulate, simulate
@@ -38,7 +39,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def card(folder: Path, name: str, *only: str) -> HealthCard:
-    return check(build_lying(folder, name), only=only or None, workers=HERE)
+    where = None if "processes" in only else HERE
+    return check(build_lying(folder, name), only=only or None, workers=where)
 
 
 def assert_found(line: HealthLine, name: str) -> None:
@@ -61,6 +63,37 @@ def test_an_honest_fmu_is_good_in_all(folder: Path) -> None:
 
 def test_an_unstable_model_is_no_broken_fmu(folder: Path) -> None:
     assert card(folder, "unstable", *(n for n in CHECKS if n != "memory")).worst == "good"
+
+
+def test_in_one_process_nothing_is_said_of_others(folder: Path) -> None:
+    found = check(build_lying(folder, "pid"), only=["processes"], workers=HERE)
+    assert {line.verdict for line in found.checks} == {"not applicable"}
+
+
+@pytest.mark.parametrize("name", ["honest", "pid"])
+def test_a_sweep_takes_one_point_in_two_processes(folder: Path, name: str) -> None:
+    """The stiffness of "pid" is another one in each process."""
+    with load(build_lying(folder, name), "me") as model:
+
+        def linear() -> tuple[str, ...]:
+            found = lin_over(model, over={"u": np.linspace(0.0, 1.0, 24).tolist()}, workers=Workers(jobs=2))
+            assert [dict(p.values) for p in found.points] == [{"u": u} for u in np.linspace(0.0, 1.0, 24)]
+            return found.notes
+
+        def sines() -> tuple[str, ...]:
+            found = nfr(model, "u", "y", np.linspace(0.3, 0.6, 24), [0.01], workers=Workers(jobs=2))
+            assert found.frequency_hz == pytest.approx(np.linspace(0.3, 0.6, 24))
+            return found.warnings
+
+        for sweep in (linear, sines):
+            told, until = list[str](), time.monotonic() + (60.0 if name == "pid" else 0.0)
+            while not told:  # where the second worker is late, the first one does all, and nothing has to fit together
+                told = [text for text in sweep() if "taken in two worker processes, differs by" in text]
+                if time.monotonic() > until:
+                    break
+            assert len(told) == (name == "pid")
+        few = lin_over(model, over={"u": [0.0, 0.5, 1.0]}, workers=Workers(jobs=2))
+    assert not few.notes  # one more would be a third of the work
 
 
 @pytest.mark.parametrize("name", QUICK)

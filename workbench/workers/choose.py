@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from workbench.core.job import Job
 from workbench.core.where import Limits, Workers
@@ -21,19 +21,24 @@ __all__ = ["at_work", "choose", "runner_for"]
 
 
 @contextmanager
-def at_work(model: Model, workers: Workers, job: Job) -> Iterator[Runner]:
+def at_work(
+    model: Model, workers: Workers, job: Job, *, numbers: Callable[[Sequence[Any]], Any] | None = None
+) -> Iterator[Runner]:
     """Enter what runs the tasks; the job ends them, and gets what the user should know of how they ran.
 
     Args:
         model: what the tasks get.
         workers: what was asked for.
         job: whose tasks they are.
+        numbers: of the items of a task: where several worker processes do ten or more, one task is done in two of them,
+            and the job notes if these differ.
 
     Raises:
         InputError: the cluster cannot be reached; the model cannot be confined.
     """
     runner, notes = choose(model, workers)
     job.notes += notes
+    runner.numbers = numbers
     try:
         with runner, job.ended_by(runner.stop):
             yield runner

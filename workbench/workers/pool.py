@@ -29,6 +29,7 @@ from workbench.model.recipe import LoadRecipe, Recipe
 from workbench.workers.child import BEGUN, BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
 from workbench.workers.process import AFTERWARDS, WorkerProcess, keep, kept
 from workbench.workers.runner import Lost, Reply, Runner
+from workbench.workers.twice import ENOUGH, Sample
 
 __all__ = ["Pool", "died"]
 
@@ -63,22 +64,25 @@ class Pool(Runner):
         recipe: of the model, which each worker opens; None: the tasks have no model.
         jobs: most processes at a time.
         limits: time for each item, memory for each process, and whether these are confined.
+        fresh: begin with processes that have done nothing yet.
 
     Raises:
         InputError: this system cannot confine a process.
     """
 
-    def __init__(self, recipe: Recipe | None, *, jobs: int, limits: Limits) -> None:
+    def __init__(self, recipe: Recipe | None, *, jobs: int, limits: Limits, fresh: bool = False) -> None:
         if limits.confine and (why := why_not()):
             raise InputError(f"confine: not possible here: {why}")
-        self._recipe, self._jobs, self._limits = recipe, jobs, limits
+        self._recipe, self._jobs, self._limits, self._fresh = recipe, jobs, limits, fresh
         self._workers: list[WorkerProcess] = []
         self._in_work: dict[int, Any] = {}
         self._again: deque[Any] = deque()  # jobs that were not begun, for a worker that was broken before
-        self._begun = 0
+        self._begun = self._before = 0  # jobs; before this run
         self._ending = False  # by `end_soon`
         self._patient_until: float | None = None  # after it
         self.afterwards: list[str] = []
+        self._sample: Sample | None = None  # a job that is done once more, by the next
+        self._twin: WorkerProcess | None = None
 
     @property
     def _source(self) -> str:
@@ -86,14 +90,18 @@ class Pool(Runner):
         return self._recipe.source if isinstance(self._recipe, LoadRecipe) else "the FMU"
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
+        self._before = self._begun
         try:
-            while jobs or self._again or any(worker.index is not None for worker in self._workers):
+            while jobs or self._again or self._second() or any(w.index is not None for w in self._workers):
                 self._dispatch(task, jobs)
                 self._raise_if_stopped()
                 for worker in self._speaking():
                     # What a worker yields is taken, and the caller has it on disk, before the worker gets more.
-                    yield from self._hear(worker)
-                yield from self._late()
+                    yield from self._told(self._hear(worker), worker)
+                yield from self._told(self._late())
+            if self._sample is not None and self.numbers is not None:
+                self.afterwards += filter(None, [self._sample.remark(self.numbers)])
+                self._sample = None
         finally:
             if self._in_work:
                 self.close()  # in the middle of it
@@ -132,13 +140,38 @@ class Pool(Runner):
                 worker.kill()
         wanted = min(self._jobs, len(jobs) + len(self._again) + len(self._in_work))
         while len(self._workers) < wanted:
-            own = WorkerProcess(confine=self._limits.confine) if self._limits.apart else kept(self._recipe)
+            new = self._limits.apart or self._fresh
+            own = WorkerProcess(confine=self._limits.confine) if new else kept(self._recipe)
             self._workers.append(own)
         for worker in self._workers:
             if worker.ready and (queue := self._again or jobs):
                 self._begun += 1
                 self._in_work[self._begun] = job = queue.popleft()
                 worker.begin(self._begun, self._recipe, task, job, self._limits)
+                if self._sample is None and self.numbers is not None:
+                    self._sample = Sample(job, worker.pid)
+        if not (jobs or self._again) and (other := self._second()) is not None and self._sample is not None:
+            self._begun += 1
+            self._in_work[self._begun], self._sample.again, self._twin = self._sample.job, [], other
+            other.begin(self._begun, self._recipe, task, self._sample.job, self._limits)
+
+    def _second(self) -> WorkerProcess | None:
+        """Return the worker that is to do the sample once more; None: none is free, or it is not worth it."""
+        sample = self._sample
+        if sample is None or sample.again is not None or self._begun - self._before < ENOUGH or self._ending:
+            return None
+        if not sample.items or any(job is sample.job for job in self._in_work.values()):
+            return None
+        return next((w for w in self._workers if w.ready and w.usable and w.pid != sample.pid), None)
+
+    def _told(self, events: Iterator[Reply | Lost], worker: WorkerProcess | None = None) -> Iterator[Reply | Lost]:
+        """Yield what is told of jobs, not of one that is done once more."""
+        try:
+            yield from events if self._sample is None else self._sample.passed_on(events)
+        except WorkbenchError as error:
+            if worker is None or worker is not self._twin or self._sample is None:
+                raise
+            self._sample.failed(error)
 
     def _speaking(self) -> list[WorkerProcess]:
         """Wait a little; return the workers that sent something or died."""

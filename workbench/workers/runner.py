@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -91,6 +91,7 @@ class Runner(Closable):
     printed = ""  # by the FMU itself, besides the log that FMI has
     stray = 0  # bytes that it wrote into what is not its own
     afterwards: Sequence[str] = ()  # what went wrong when all was told
+    numbers: Callable[[Sequence[Any]], Any] | None = None  # of the items of a job: what two processes must agree in
 
     def remarks(self) -> list[str]:
         """Return what went wrong when all was told, and what the FMU printed, in a line."""

@@ -5,12 +5,14 @@
  * Co-Simulation integrates by the classical Runge-Kutta method with short steps of its own, and takes input slopes.
  * "late-inputs" integrates on across communication points, as a solver does that is not restarted where inputs change:
  * it looks at its inputs only every 37 ms. "own-clock" begins to integrate at 0 whatever start time it is told. Runs of
- * "coarse" scatter by the tolerance that it is told.
+ * "coarse" scatter by the tolerance that it is told. The stiffness of "pid" depends on the number of the process, the
+ * force of "unset" on memory that nobody has set, that of "first" on whether this is the first instance of the process.
  */
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "fmi2_stub.h"
 
@@ -18,6 +20,7 @@
 #define DAMPING 0.8
 #define HARD 1e4
 #define LONGEST 1e-3 /* of the steps inside */
+#define USED 4000    /* bytes: more than the C library keeps apart */
 #define LATE 60      /* calls after which a forgotten variable shows */
 #define LOOKS 37     /* steps inside after which a late FMU looks at its inputs */
 #define SMALL_LEAK ((size_t)64 << 10)
@@ -28,7 +31,7 @@ enum { VR_X, VR_V, VR_DER_X, VR_DER_V, VR_U, VR_W, VR_Y, VR_F, N_VARIABLES };
 typedef enum {
     HONEST, FORGETFUL, WRONG_RESTORE, FAILING_RESTORE, WRONG_DERIVATIVE, NO_DERIVATIVE, CLOCK, RANDOM, SHARED, SINGLE,
     STICKY_RESET, REFUSED_RESET, EULER, DIVERGING, UNSTABLE, DEAF, REFUSED_SLOPES, IGNORED_SLOPES, WRONG_SLOPES,
-    ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, OWN_CLOCK, COARSE,
+    ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, OWN_CLOCK, COARSE, PID, FIRST, UNSET,
     N_LIES
 } Lie;
 
@@ -36,7 +39,7 @@ static const char *const names[N_LIES] = {
     "honest", "forgetful", "wrong-restore", "failing-restore", "wrong-derivative", "no-derivative", "clock", "random",
     "shared", "single", "sticky-reset", "refused-reset", "euler", "diverging", "unstable", "deaf", "refused-slopes",
     "ignored-slopes", "wrong-slopes", "zero-nominal", "tiny-nominal", "leak", "large-leak", "counter", "late-inputs",
-    "own-clock", "coarse",
+    "own-clock", "coarse", "pid", "first", "unset",
 };
 
 typedef struct {
@@ -50,9 +53,10 @@ typedef struct {
     Lie lie;
     State s;
     double tolerance; /* of a coarse solver, as far as its runs scatter */
+    double own;       /* force, or change of the stiffness, of those that are not the same everywhere */
 } Model;
 
-static int alive;
+static int alive, begun;
 static unsigned noise;
 static void *volatile hoard;
 
@@ -71,6 +75,10 @@ static double force(const Model *m, const State *s)
         noise = noise * 1103515245U + 12345U;
         extra = m->tolerance * ((double)(noise >> 16) / 65536.0 - 0.5);
         break;
+    case FIRST:
+    case UNSET:
+        extra = m->own;
+        break;
     case SHARED:
         extra = alive > 1 ? 0.01 : 0.0;
         break;
@@ -85,7 +93,10 @@ static double force(const Model *m, const State *s)
 
 static double stiffness(const Model *m)
 {
-    return m->lie == DIVERGING ? HARD : m->lie == UNSTABLE ? -STIFFNESS : STIFFNESS;
+    return m->lie == DIVERGING  ? HARD
+           : m->lie == UNSTABLE ? -STIFFNESS
+           : m->lie == PID      ? STIFFNESS * (1.0 + m->own)
+                                : STIFFNESS;
 }
 
 static double rate(const Model *m, const State *s)
@@ -97,6 +108,39 @@ static void begin(Model *m)
 {
     State s = {.x = m->lie == STICKY_RESET ? m->s.x : 0.0};
     m->s = s;
+}
+
+/* What memory that was used before holds: addresses, which differ from process to process. */
+static double forgotten_to_set(void)
+{
+    unsigned char *block = malloc(USED), *after = malloc(USED);
+    double sum = 0.0;
+    free(block);
+    volatile unsigned char *again = malloc(USED);
+    for (size_t i = 0; again != NULL && i < 2 * sizeof(void *); i++) {
+        sum += (double)again[i] * (double)(i + 1);
+    }
+    free((void *)again);
+    free(after);
+    return 1e-5 * sum;
+}
+
+static double own_part(Lie lie, int before)
+{
+    static double unset; /* as long as the process lives */
+    if (lie == UNSET && before == 0) {
+        unset = forgotten_to_set();
+    }
+    switch (lie) {
+    case PID:
+        return 1e-5 * (double)(getpid() % 10007 + 1);
+    case FIRST:
+        return before == 0 ? 0.01 : 0.0;
+    case UNSET:
+        return unset;
+    default:
+        return 0.0;
+    }
 }
 
 /* ---- life ---- */
@@ -117,6 +161,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     if (m != NULL) {
         bool solver_lies = lie == LATE_INPUTS || lie == OWN_CLOCK;
         m->tolerance = 1e-3;
+        m->own = own_part(lie, begun++);
         m->lie = solver_lies && type == fmi2ModelExchange ? HONEST : lie;
         begin(m);
         alive++;

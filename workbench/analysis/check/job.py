@@ -15,7 +15,7 @@ from workbench.model import Model
 from workbench.model.described import DescribedModel
 from workbench.workers import Job
 
-__all__ = ["CheckJob", "Done"]
+__all__ = ["CheckJob", "Done", "adapted"]
 
 _SHORTER = 0.1  # of a test run, for the checks after a run that failed on its way
 _LONG = 3.0  # [s] that a run may take; others make a dozen of them, and shorter ones where it takes longer
@@ -68,7 +68,7 @@ class CheckJob(Job):
     def _all(self, subject: CheckedFmu) -> Iterator[Done]:
         for name in self.names:
             done = _one(name, subject)
-            subject = _adapted(subject, done)
+            subject = adapted(subject, done)
             if name == "runs":
                 end_now()  # its instances: a crash then is this check's, and not told by nobody
             yield done
@@ -91,8 +91,13 @@ class CheckJob(Job):
         return self.crashes >= _PATIENCE
 
 
-def _adapted(subject: CheckedFmu, done: Done) -> CheckedFmu:
-    """Return what the checks after this one look at: less of a run that fails or takes long, a step that converges."""
+def adapted(subject: CheckedFmu, done: Done) -> CheckedFmu:
+    """Return what the checks after this one look at: less of a run that fails or takes long, a step that converges.
+
+    Args:
+        subject: what this one looked at.
+        done: it.
+    """
     if done.name == "runs" and (done.finding.verdict == "broken" or "ended" in done.finding.numbers):
         return subject.shortened(_SHORTER)
     if done.name == "runs" and done.seconds > _LONG:

@@ -19,9 +19,9 @@ from workbench.analysis.check.step import step
 from workbench.analysis.check.subject import CheckedFmu
 from workbench.errors import InputError, suggest
 
-__all__ = ["CHECKS", "FILE", "VALIDATION", "CheckEntry", "choose"]
+__all__ = ["CHECKS", "FILE", "PROCESSES", "VALIDATION", "CheckEntry", "choose"]
 
-FILE, VALIDATION = "file", "validation"
+FILE, VALIDATION, PROCESSES = "file", "validation", "processes"
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class CheckEntry:
 
     Attributes:
         question: that it answers.
-        run: does it; None: on the file, without running the FMU.
+        run: does it; None: on the file, without running the FMU, or beside the other checks, in processes of its own.
         interfaces: for which it makes sense.
     """
 
@@ -49,6 +49,7 @@ CHECKS: Mapping[str, CheckEntry] = {
     "step": CheckEntry("Does it converge with the communication step?", step, _CS),
     "reset": CheckEntry("Does a reset restore the initial state?", reset),
     "determinism": CheckEntry("Does the same run give the same numbers?", determinism),
+    PROCESSES: CheckEntry("Does another process give the same numbers?", None),
     "instances": CheckEntry("Can two instances exist at once?", instances),
     "snapshots": CheckEntry("Does restoring a saved state work?", snapshots),
     "directional": CheckEntry("Are its directional derivatives correct?", directional, _ME),

@@ -82,7 +82,7 @@ def determinism(subject: CheckedFmu) -> Answer:
 
     The inputs swing as in `runs`; the run between swings the other way. Chaotic and unstable models pass: equal
     operations on equal numbers give equal results. Broken: the runs differ by more than 1e-12 of a range; watch:
-    by less (sums whose order changes, as with threads). What differs only from one process to the next is not seen.
+    by less (sums whose order changes, as with threads). What differs from one process to the next: see `processes`.
     """
     first = subject.run(subject.sines())
     subject.run(subject.sines(-1.0))

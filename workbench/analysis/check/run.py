@@ -10,10 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from workbench.analysis.check.job import CheckJob, Done
-from workbench.analysis.check.registry import CHECKS, FILE, VALIDATION, choose
+from workbench.analysis.check.job import CheckJob, Done, adapted
+from workbench.analysis.check.processes import processes
+from workbench.analysis.check.registry import CHECKS, FILE, PROCESSES, VALIDATION, choose
 from workbench.analysis.check.request import Check
 from workbench.analysis.check.result import Answer, HealthCard, HealthLine
+from workbench.analysis.check.subject import CheckedFmu
 from workbench.core.job import Job
 from workbench.core.loading import Loading
 from workbench.core.option import options_of
@@ -33,6 +35,7 @@ _V = TypeVar("_V")
 
 _HANG = "such points are lost after --timeout; simulate also shows chattering or a solver in trouble"
 _SLOW = "not checked, so that the card is not passed: give it longer (--timeout), or leave it out (--skip {name})"
+_UNKNOWN = Answer("not applicable", "another check lost the process that it ran in", finished=False)
 _CRASH = "it ends its process: keep the worker processes (never --in-process); such points are lost"
 
 
@@ -159,22 +162,30 @@ def _line(interface: str, done: Done) -> HealthLine:
 
 def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers, job: Job) -> Iterator[HealthLine]:
     """Yield the lines as they are finished; what a crash cuts off goes on in a new worker."""
-    jobs = deque(CheckJob(interface=i, names=names) for i, names in wanted.items() if names)
-    open_names = {i: list(names) for i, names in wanted.items()}
+    open_names = {i: [n for n in names if n != PROCESSES] for i, names in wanted.items()}
+    jobs = deque(CheckJob(interface=i, names=tuple(names)) for i, names in open_names.items() if names)
+    subjects, lost = {i: CheckedFmu(model) for i in wanted}, set[str]()
     with at_work(model, where, job) as runner:
         try:
             for event in runner.run(perform, jobs):
                 of = event.job
                 if isinstance(event, Reply) and isinstance(event.value, Done):
                     open_names[of.interface].remove(event.value.name)
+                    subjects[of.interface] = adapted(subjects[of.interface], event.value)
                     yield _line(of.interface, event.value)
                 elif isinstance(event, Lost):
+                    lost.add(of.interface)
                     yield from _lost(event, open_names[of.interface], jobs)
         except WorkbenchError as error:
             for interface, names in open_names.items():
                 yield from (
                     _line(interface, Done(n, Answer("broken", str(error), _CRASH, finished=False), 0.0)) for n in names
                 )
+    for interface, subject in subjects.items():
+        if PROCESSES in wanted[interface]:
+            begin = time.monotonic()
+            answer = _UNKNOWN if interface in lost else processes(subject, interface, where, job)
+            yield _line(interface, Done(PROCESSES, answer, time.monotonic() - begin))
 
 
 def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[HealthLine]:

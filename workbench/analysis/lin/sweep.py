@@ -10,6 +10,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin, LinAlong, LinOver
 from workbench.analysis.lin.result import LinResult
@@ -22,6 +24,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.names import check_variables, forced_inputs
 from workbench.model.varied import with_parameters
+from workbench.session.base import Floats
 from workbench.store import Store
 from workbench.workers import Lost, Reply, Workers, at_work
 from workbench.workers.stamp import stamp
@@ -189,12 +192,22 @@ def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | Non
         if kept is not None and _label(one.varied) in done:
             yield LinPoint(one.varied, _kept(kept, done[_label(one.varied)]))
     queue = deque(j for j in todo if _label(j.varied) not in done)
-    with at_work(model, workers, job) as runner:
+    with at_work(model, workers, job, numbers=matrices_of) as runner:
         for answer in runner.run(linearise_one, queue):
             point = _point(answer)
             if kept is not None and point.result is not None:
                 kept.save(str(point), point.result.to_dict())
             yield point
+
+
+def matrices_of(points: Sequence[LinPoint]) -> Floats:
+    """Return all entries of the matrices of linear models, shape (n,).
+
+    Args:
+        points: those that failed have none.
+    """
+    found = [m.ravel() for p in points if (r := p.result) is not None for m in (r.A, r.B, r.C, r.D)]
+    return np.concatenate(found) if found else np.zeros(0)
 
 
 def _kept(kept: Store, value: Any) -> LinResult:  # noqa: ANN401 - whatever stands there

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from workbench.analysis.lin.linearise import run
 from workbench.analysis.lin.request import Lin, LinOver
 from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.sweep import LinPoint, points_over
+from workbench.analysis.lin.sweep import LinPoint, matrices_of, points_over
 from workbench.analysis.lin.task import make_task
 from workbench.analysis.trim.request import trim
 from workbench.core.job import Job
@@ -174,7 +174,7 @@ class ModelSource:
             yield from points_over(self._model, over, workers, job, explained=False)
             return
         jobs = deque(_Single(vary=self._vary, value=v, lin=self._lin, trimmed=self._trimmed) for v in values)
-        with at_work(self._model, workers, job) as runner:
+        with at_work(self._model, workers, job, numbers=matrices_of) as runner:
             for event in runner.run(_linearised, jobs):
                 yield (
                     LinPoint({self._vary: event.job.value}, None, event.reason, event.kind)

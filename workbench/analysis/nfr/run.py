@@ -29,6 +29,7 @@ from workbench.analysis.nfr.surroundings import Surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, doubt
 from workbench.core import job as telling
 from workbench.core.forms import several
+from workbench.core.matrices import Complex
 from workbench.core.operating_point import OperatingPoint
 from workbench.core.option import with_options
 from workbench.errors import InputError, WorkbenchError
@@ -181,6 +182,7 @@ class Sweep:
                 return
             runner, notes = choose(self._model, self._workers)
             self._runner = stack.enter_context(runner)
+            runner.numbers = _responses
             self.notes += notes
             if self._stopped:
                 runner.stop()
@@ -428,3 +430,9 @@ NfrSweep = with_options(
     first=("model", "Model", "The model to analyse; it stays open."),
     words="Begin a sweep: `for point in sweep.run(): …`, then `sweep.result()`.",
 )
+
+
+def _responses(items: Sequence[object]) -> Complex:
+    """Return what two worker processes must agree in: responses and means of points [of the output], shape (n,)."""
+    found = [p for p in items if isinstance(p, NfrPoint) and p.response is not None]
+    return np.array([x for p in found for x in (p.amplitude * (p.response or 0.0), p.offset or 0.0)], dtype=complex)
