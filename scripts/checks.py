@@ -63,9 +63,9 @@ def add(words: str) -> Change:
     return lambda text: text + words
 
 
-def one_test(body: str, *, imports: str = "import pytest") -> str:
-    """Return a module with one test."""
-    return f"from __future__ import annotations\n\n{imports}\n\n\ndef test_planted() -> None:\n    {body}\n"
+def one_test(body: str, *, imports: str = "") -> str:
+    """Return a module with one test, as lint and formatter want it."""
+    return f"{imports}\n\n\ndef test_planted() -> None:\n    {body}\n".lstrip("\n")
 
 
 PLANTED = "tests/test_loop_planted.py"  # a name that `numerical` runs, too
@@ -73,7 +73,7 @@ PAGE = "docs/troubleshooting.md"
 CODE = "workbench/gusts.py"
 ONLY = dict.fromkeys((f.relative_to(ROOT).as_posix() for f in (ROOT / "tests").glob("test_*.py")), lambda _: "")
 ONLY |= {PLANTED: add(one_test("assert True"))}
-FAILS = {PLANTED: lambda _: one_test("assert 1 + 1 == 3")}
+FAILS = {PLANTED: lambda _: one_test("assert sum([1, 1]) == 3")}
 
 
 def page(name: str, words: str, says: str) -> Check:
@@ -81,7 +81,7 @@ def page(name: str, words: str, says: str) -> Check:
     return Check(f"docs: {name}", ("test", "docs"), {PAGE: add(f"\n{words}\n")}, says)
 
 
-def planted(name: str, body: str, says: str, imports: str = "import pytest") -> Check:
+def planted(name: str, body: str, says: str, imports: str = "") -> Check:
     """A test that must end the run."""
     return Check(f"tests: {name}", ("test", PLANTED), {PLANTED: lambda _: one_test(body, imports=imports)}, says, ONLY)
 
