@@ -105,7 +105,10 @@ CHECKS = (
     Check("lint: an import that is not used", ("test", "lint"), {CODE: add("\n\nimport json\n")}, r"F401.*\n.*gusts"),
     Check("lint: in a test", ("test", "lint"), {"tests/fakes.py": add("\n\nx = lambda: 1\n")}, r"E731.*\n.*fakes"),
     Check(
-        "lint: a line that is not formatted", ("test", "lint"), {CODE: add('\n\nX = {  "a": 1 }\n')}, r"reformat.*gusts"
+        "lint: a line that is not formatted",
+        ("test", "lint"),
+        {CODE: add('\n\nX = {  "a": 1 }\n')},
+        r"reformatted\n.*gusts",
     ),
     Check(
         "lint: JavaScript",
