@@ -188,8 +188,12 @@ class Environment:
 
     def _fingerprint(self) -> str:
         """What an installation depends on: settings, versions, the folder, the Python."""
-        digest = hashlib.sha256()
-        for file in (ROOT / "pyproject.toml", ROOT / "hatch_build.py", self.lock):
+        import tomllib  # noqa: PLC0415 - an older Python gets as far as the line that says so
+
+        settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+        settings["tool"] = settings.get("tool", {}).get("hatch")  # those of linters install nothing
+        digest = hashlib.sha256(json.dumps(settings).encode())
+        for file in (ROOT / "hatch_build.py", self.lock):
             digest.update(file.read_bytes() if file.exists() else b"")
         digest.update(f"{THIRD_PARTY_FMUS} {ARCHIVE_OF_FMUS} {ROOT}{sys.version}".encode())
         return digest.hexdigest()

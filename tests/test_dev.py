@@ -70,7 +70,7 @@ def test_an_environment_is_made_anew_when_its_settings_change(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for file in ("pyproject.toml", "hatch_build.py", "requirements.lock"):
-        (tmp_path / file).write_text("1")
+        (tmp_path / file).write_text("a = 1\n[tool.ruff]\n")
     monkeypatch.setattr(environment, "ROOT", tmp_path)
     monkeypatch.setattr(environment, "LOCK", tmp_path / "requirements.lock")
     made: list[str] = []
@@ -81,7 +81,10 @@ def test_an_environment_is_made_anew_when_its_settings_change(
     for _ in range(2):
         Environment().ensure()
     assert made == [".venv"]
-    (tmp_path / name).write_text("2")
+    (tmp_path / "pyproject.toml").write_text("a = 1\n[tool.ruff]\nline-length = 100\n")
+    Environment().ensure()
+    assert made == [".venv"]
+    (tmp_path / name).write_text("a = 2\n[tool.ruff]\n")
     Environment().ensure()
     assert made == [".venv", ".venv"]
 
