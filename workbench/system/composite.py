@@ -255,6 +255,8 @@ class CompositeInstance(Instance):
 
     def _ticks_anew(self, number: int) -> bool:
         """Save what ticks now in a circle; take it back, which is True, if it has ticked with other inputs."""
+        if number not in self._before and not self._may_tick_anew(number):
+            return False
         part, wiring = self._parts[number], self._wiring
         mine = [w for w, c in enumerate(wiring.connections) if c.to_component == number]
         again = number in self._before and not np.array_equal(wiring.seen[mine], wiring.values[mine])
@@ -262,7 +264,7 @@ class CompositeInstance(Instance):
             part.set_state(self._before[number])
             ends = [wiring.connections[w].destination for w in mine]
             part.access(ends).write([convert(v, float(wiring.values[w])) for v, w in zip(ends, mine, strict=True)])
-        elif number not in self._before and self._may_tick_anew(number):
+        elif number not in self._before:
             with suppress(WorkbenchError):  # one that claims to and does not ticks with what it sees first
                 self._before[number] = part.get_state()
         wiring.seen[mine] = wiring.values[mine]
