@@ -37,6 +37,12 @@ class Certificate(Part):
         multipliers: Floquet multipliers of the periodic motion, at most six, largest first: what a small deviation is
             multiplied by in a period; none where they are not known.
         fold_distance: distance of the nearest one from 1, where the response folds back; None where not known.
+        reached: how it is known that the model comes to this motion when the sine is switched on: "run": it was run
+            from there until it did; "contracts": it has no events, and its derivatives along that run are those of a
+            linear model, whose transients decay; None: it is not known.
+        other_gain: gain of another periodic response, which was solved for and which that run has not come to; None:
+            there was none.
+        other_phase_deg: its phase [deg].
     """
 
     errcrit: float
@@ -54,6 +60,9 @@ class Certificate(Part):
     method: str = "settled"
     multipliers: tuple[complex, ...] = ()
     fold_distance: float | None = None
+    reached: str | None = None
+    other_gain: float | None = None
+    other_phase_deg: float | None = None
 
 
 def certify(settling: Settling, response: PointResponse | None) -> Certificate:
@@ -76,6 +85,7 @@ def certify(settling: Settling, response: PointResponse | None) -> Certificate:
         harmonics=tuple(finite(h) for h in harmonics),
         thd=finite(math.hypot(*known)) if known else None,
         why=None if response is None else response.why,
+        reached=None if response is None else "run",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
@@ -14,7 +15,8 @@ from workbench.analysis.branches.run import run as follow_branches
 from workbench.analysis.nfr.apart import OWN
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, PER_PERIOD, Evidence
 from workbench.analysis.nfr.own_solver import hidden
-from workbench.analysis.nfr.point import NfrPoint, PointTask, run_point
+from workbench.analysis.nfr.point import ArrivedError, NfrPoint, PointTask, run_point
+from workbench.analysis.nfr.reached import Approach, contracts
 from workbench.analysis.nfr.solved import NotSolvedError, Search, can_solve, solve_point
 from workbench.analysis.nfr.step import SHORTER, at_step, at_step_of, checked, refine, wider
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
@@ -169,11 +171,12 @@ class PointsJob(Job):
                     still = _beside(stack, model, task, max(steps, default=None)) if task.moves else None
                 evidence = (task if still is None else task.from_rest).evidence(known)
                 if not self.carry and can_solve(session, task):
+                    origin = session.stand()
                     search = Search(session, task, evidence)
                     with search.trying():
                         while search.found is None:
                             search.add(search.periods.lap(**search.next))
-                    point = self._solved(model, session, task, search)
+                    point = self._solved(model, session, task, search, origin)
                 else:
                     point = run_point(session, task, evidence, still)
                     point = _unparted(point, task) if task.moves and still is None else point
@@ -184,27 +187,26 @@ class PointsJob(Job):
                     session = still = known = None
                 yield point if model.interface == "cs" else replace(point, step=None)
 
-    def _solved(self, model: Model, session: Session, task: PointTask, search: Search) -> NfrPoint:
-        """Return what was solved for; where that did not work, or found what is unstable, wait in a new session."""
-        found = None if search.found is None else search.found.point(task)
-        if found is not None and found.stable is not False:
-            return found
+    def _solved(
+        self, model: Model, session: CompiledMeSession, task: PointTask, search: Search, origin: Floats
+    ) -> NfrPoint:
+        """Return the motion that the model reaches from its operating point: what was solved for, or another one."""
+        found = search.found
+        stands = found is not None and len(found.x) == 0
+        if found is not None and found.stable is not False and (stands or contracts(session, task, found, origin)):
+            return found.point(task, reached="contracts")
         session.close()
+        watch = Approach([] if found is None or found.stable is False else [found])
         with ExitStack() as stack:
             other = stack.enter_context(model.open_session(signals={task.input: task.sine(model.start_time)}))
-            still = _beside(stack, model, task, None) if task.moves or search.timed else None
-            waited = run_point(other, task, (task if still is None else task.from_rest).evidence(), still)
-            waited = _unparted(waited, task) if (task.moves or search.timed) and still is None else waited
-            if found is not None:
-                return _with(waited, found)
-            if search.timed:
-                return waited
-            if waited.status == "averaged" and isinstance(other, CompiledMeSession):
-                with suppress(NotSolvedError, WorkbenchError):
-                    again = solve_point(other, task, task.evidence(), warm=1)
-                    if again.stable:
-                        return replace(again.point(task), periods=again.periods + waited.periods)
-            return waited
+            own = bool(task.moves) or search.timed
+            still = _beside(stack, model, task, None) if own else None
+            point = _follow(other, task, (task if still is None else task.from_rest).evidence(), watch, still)
+            point = _unparted(point, task) if own and still is None else point
+            ran = point.certificate is not None and point.certificate.reached is not None and point.stable is not False
+            if ran and point.status != "settled" and not own and isinstance(other, CompiledMeSession):
+                point = _further(other, task, watch, point)
+        return _with(point, [m.point(task) for m in ([] if found is None else [found]) + watch.motions])
 
 
 def _beside(stack: ExitStack, model: Model, task: PointTask, step: float | None) -> Session | None:
@@ -223,13 +225,63 @@ def _unparted(point: NfrPoint, task: PointTask) -> NfrPoint:
     return wider(point, (task.moves or math.inf) / (task.amplitude * abs(point.response)), OWN)
 
 
-def _with(waited: NfrPoint, unstable: NfrPoint) -> NfrPoint:
-    """Return what was waited for, telling of the unstable response that was solved for."""
-    size = abs(unstable.response or 0.0)
-    words = f"there is an unstable periodic response of gain {size:.6g}"
-    if waited.reason is not None:
-        return replace(waited, reason=f"{waited.reason}; {words}", stable=False)
-    return replace(waited, warning="; ".join(filter(None, [waited.warning, words])))
+def _follow(
+    session: Session, task: PointTask, evidence: Evidence, watch: Approach, still: Session | None = None
+) -> NfrPoint:
+    """Return the motion that is watched where the run reaches it, else what the run comes to."""
+    try:
+        ran = run_point(session, task, evidence, still, watch)
+    except ArrivedError:
+        return watch.reached(task)
+    same = ran.status == "settled" and ran.response is not None and watch.agrees(ran.response, ran.error or 0.0)
+    return watch.reached(task) if same else replace(ran, periods=max(ran.periods, len(watch.seen)))
+
+
+def _further(session: CompiledMeSession, task: PointTask, watch: Approach, ran: NfrPoint) -> NfrPoint:
+    """Return what a run that has not settled comes to: solved for where it stands, and followed as long again."""
+    there = session.snapshot()
+    with suppress(NotSolvedError, WorkbenchError):
+        again = solve_point(session, task, task.evidence(), warm=1)
+        if again.stable is False:
+            return ran
+        watch.motions.append(again)
+        if watch.reaches(again):
+            return watch.reached(task)
+        session.restore(there)
+        longer = _follow(session, task, replace(task.evidence(), twin=None), watch)
+        return ran if longer.reason is not None else longer
+    return ran
+
+
+def _with(point: NfrPoint, solved: Sequence[NfrPoint]) -> NfrPoint:
+    """Return what the model does, telling of a response that was solved for, and that it has not come to."""
+    other = next((p for p in reversed(solved) if not _same(point, p)), None)
+    if other is None:
+        return point
+    gain, phase = cmath.polar(other.response or 0.0)
+    kind = "an unstable" if other.stable is False else "another stable" if other.stable else "another"
+    words = f"there is {kind} periodic response of gain {gain:.6g}"
+    if other.stable is not False:
+        known = point.error is not None and point.reason is None
+        words += (
+            ", which the model does not come to from its operating point"
+            if known
+            else "; whether the model comes to it from its operating point is not known: look longer (--max-periods)"
+        )
+    if point.certificate is not None:
+        certificate = replace(point.certificate, other_gain=gain, other_phase_deg=math.degrees(phase))
+        point = replace(point, certificate=certificate)
+    if point.reason is not None:
+        return replace(point, reason=f"{point.reason}; {words}", stable=False if other.stable is False else None)
+    words = f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}: {words}"
+    return replace(point, warning="; ".join(filter(None, [point.warning, words])))
+
+
+def _same(point: NfrPoint, other: NfrPoint) -> bool:
+    """Whether two are the same response, as far as their errors tell."""
+    if point.response is None or other.response is None or point.error is None:
+        return False
+    return abs(point.response - other.response) <= (point.error + (other.error or 0.0)) * abs(other.response)
 
 
 def _standing(evidence: Evidence, point: NfrPoint) -> Floats | None:

@@ -203,7 +203,8 @@ def another(points: Mapping[tuple[float, float], NfrPoint], second: Sequence[Nfr
     missed: dict[tuple[float, float], NfrPoint] = {}
     for p in second:
         mine = points.get((p.amplitude, p.frequency))
-        if p.stable and mine is not None and (mine.response is None or _contradict(p, mine)):
+        unknown = mine is None or (mine.response is not None and mine.error is None)
+        if p.stable and mine is not None and not unknown and (mine.response is None or _contradict(p, mine)):
             (missed if mine.response is None else beside).setdefault((p.amplitude, p.frequency), p)
     found = []
     if beside:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -20,10 +21,10 @@ from workbench.core.record import Part
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.session import Session
 from workbench.session.base import Floats
-from workbench.session.compiled import CompiledSession
+from workbench.session.compiled import CompiledMeSession, CompiledSession
 from workbench.signals import Sine
 
-__all__ = ["ROWS", "NfrPoint", "PointTask", "change", "failed_point", "run_point"]
+__all__ = ["ROWS", "ArrivedError", "NfrPoint", "PointTask", "Watch", "change", "failed_point", "run_point"]
 
 _REASONS = {
     Outcome.DIVERGED: (
@@ -151,8 +152,26 @@ class NfrPoint(Part):
         return "failed" if self.reason is not None else "averaged" if self.averaged else "settled"
 
 
+class Watch(Protocol):
+    """Says where the run of a point goes."""
+
+    def add(self, session: CompiledMeSession, period: Period) -> bool:
+        """Take one more period; return whether it is known where the run ends: it is then not needed any more."""
+
+    def agrees(self, response: complex, error: float) -> bool:
+        """Return whether a response is the one that is looked for, so that it can wait for `add` to know."""
+
+
+class ArrivedError(Exception):
+    """It is known where the run of a point ends, so that it need not be waited for."""
+
+
 def run_point(
-    session: Session, task: PointTask, evidence: Evidence | None = None, still: Session | None = None
+    session: Session,
+    task: PointTask,
+    evidence: Evidence | None = None,
+    still: Session | None = None,
+    watch: Watch | None = None,
 ) -> NfrPoint:
     """Measure a point in `session` from where it stands; the sine begins there with phase zero.
 
@@ -166,6 +185,10 @@ def run_point(
         evidence: what is known of the point; None: what `task` knows of a fresh start.
         still: where the same model stands at the same time, and is run with the input at rest, period by period: what
             it does by itself is subtracted, see `Apart`; None: nothing is.
+        watch: says where the run goes; None: that is not asked.
+
+    Raises:
+        ArrivedError: `watch` knows where it ends.
     """
     evidence = task.evidence() if evidence is None else evidence
     settling = _settling(session, task, evidence, still)
@@ -186,6 +209,12 @@ def run_point(
                     period, longest = _recorded(session, task, sine, k)
                 _check(period, task, time=session.time)
                 response = settling.add(period)
+                if watch is not None and isinstance(session, CompiledMeSession):
+                    if watch.add(session, period):
+                        raise ArrivedError
+                    early = response is not None and len(settling.periods) < task.max_periods
+                    if response is not None and early and watch.agrees(response.value, response.error):
+                        response = None
     except SimulationError as error:
         point, response = _failed(task, len(settling.periods), error), None
     else:

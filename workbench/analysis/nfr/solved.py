@@ -108,6 +108,7 @@ class Solved:
         error: of the response, relative to the true one.
         periods: number run.
         stable: whether the motion is; None: that is not known.
+        x: states at its begin, shape (n,).
         coarse: whether the states move by too little for the integration.
     """
 
@@ -117,10 +118,16 @@ class Solved:
     error: float
     periods: int
     stable: bool | None
+    x: Floats
     coarse: bool = False
 
-    def point(self, task: PointTask) -> NfrPoint:
-        """Return it as a point of the sweep."""
+    def point(self, task: PointTask, reached: str | None = None) -> NfrPoint:
+        """Return it as a point of the sweep.
+
+        Args:
+            task: what was asked for.
+            reached: see `Certificate`.
+        """
         harmonics, drive = distortion(self.harmonics), self.lap.period.drive
         known = [h for h in harmonics if h is not None]
         return NfrPoint(
@@ -137,6 +144,7 @@ class Solved:
                 errcrit=task.errcrit,
                 max_periods=task.max_periods,
                 method="solved",
+                reached=reached,
                 multipliers=self.at.kept,
                 fold_distance=finite(float(np.min(np.abs(self.at.multipliers - 1.0), initial=math.inf))),
                 defect=finite(float(np.linalg.norm(self.lap.defect / self.lap.unit))) if len(self.lap.unit) else 0.0,
@@ -372,7 +380,8 @@ class Search:
             change + self._integration(lap, at, harmonics) + quadrature(harmonics, self._task.rows)
         )
         coarse = below_scale(size, self._evidence) > BELIEVED
-        return Solved(lap, at, harmonics, error, self._count, is_stable(at.multipliers, at.doubt), coarse)
+        stable = is_stable(at.multipliers, at.doubt)
+        return Solved(lap, at, harmonics, error, self._count, stable, lap.x0 + e, coarse)
 
     def _integration(self, lap: Lap, at: Tangent, harmonics: Floats) -> float:
         """Return what the integration gets wrong, relative to the response."""

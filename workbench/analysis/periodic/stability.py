@@ -6,12 +6,12 @@ import numpy as np
 
 from workbench.core.matrices import Complex
 
-__all__ = ["is_stable"]
+__all__ = ["NEUTRAL", "is_stable"]
 
 # So near to 1 a multiplier is that of an integrator, or of a family of motions. Along slopes that of an integrator is 1
 # exactly; from differences, of periods integrated at 1e-6, it is off by some 1e-6. One that were to grow by 1e-5 in a
 # period would take 70 000 of them to double: no run tells it from standing still.
-_NEUTRAL = 1e-5
+NEUTRAL = 1e-5
 
 
 def is_stable(multipliers: Complex | None, doubt: float = 0.0) -> bool | None:
@@ -26,7 +26,7 @@ def is_stable(multipliers: Complex | None, doubt: float = 0.0) -> bool | None:
     """
     if multipliers is None or not np.isfinite(multipliers).all():
         return None
-    size = np.abs(multipliers[np.abs(multipliers - 1.0) > _NEUTRAL])
+    size = np.abs(multipliers[np.abs(multipliers - 1.0) > NEUTRAL])
     if (size - doubt > 1.0).any():
         return False
     return True if (size + doubt < 1.0).all() else None
