@@ -21,7 +21,9 @@ import workbench as wb
 from workbench.analysis.bla.design import RandomPhase, lines_of
 from workbench.analysis.identified.march import march_one
 
-__all__ = ["Modes", "Plant", "pole_error", "random_modes", "random_plant"]
+__all__ = [
+    "Modes", "Plant", "pole_error", "random_modes", "random_plant", "random_response", "scattered",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -167,3 +169,41 @@ def pole_error(found: ArrayLike, true: ArrayLike) -> float:
     distance = np.abs(one[:, None] - other[None])
     rows, columns = linear_sum_assignment(distance)
     return float(np.max(distance[rows, columns], initial=0.0))
+
+
+def random_response(random: np.random.Generator, order: int, frequency_hz: Floats) -> NDArray[np.complex128]:
+    """Return the response of a random stable system with poles of 0.1 to 10 Hz, damping ratios from 0.01, shape (k,).
+
+    Args:
+        random: draws it.
+        order: number of poles.
+        frequency_hz: shape (k,).
+    """
+    s, found, left = 2j * np.pi * frequency_hz, np.zeros(len(frequency_hz), dtype=np.complex128), order
+    while left > 0:
+        w = 2.0 * np.pi * 10.0 ** random.uniform(-1.0, 1.0)
+        if left >= 2 and random.random() < 0.6:
+            z = 10.0 ** random.uniform(-2.0, -0.1)
+            pole = w * (-z + 1j * np.sqrt(1.0 - z * z))
+            residue = (random.normal() + 1j * random.normal()) * w * np.sqrt(z)
+            found += residue / (s - pole) + np.conj(residue) / (s - np.conj(pole))
+            left -= 2
+        else:
+            found += w * (1.0 + abs(random.normal())) * random.choice([-1.0, 1.0]) / (s + w)
+            left -= 1
+    return found + (random.normal() if random.random() < 0.3 else 0.0)
+
+
+def scattered(
+    random: np.random.Generator, response: NDArray[np.complex128], size: float, *, level: bool
+) -> NDArray[np.complex128]:
+    """Return a response with complex normal noise, in proportion to the gain or of one level over frequency.
+
+    Args:
+        random: draws it.
+        response: shape (k,).
+        size: of the noise, over the gain or the largest gain.
+        level: one level.
+    """
+    e = (random.standard_normal(len(response)) + 1j * random.standard_normal(len(response))) / np.sqrt(2.0)
+    return np.asarray(response + size * e * (np.abs(response).max() if level else np.abs(response)))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 import workbench as wb
+from tests.random_systems import random_response, scattered
 from workbench.analysis.fit.rational import fitted, paired
 from workbench.cli.app import run
 from workbench.errors import InputError
@@ -60,6 +61,37 @@ def test_the_order_is_right_under_noise() -> None:
     # At 0.5 % all four poles show; at 2 % the two slow ones and the zero beside them may be three states' worth.
     orders = [wb.fit(noisy(seed, 0.005), accuracy=0.0).order for seed in range(10)]
     assert np.mean(np.array(orders) == 4) >= 0.8
+
+
+def test_noise_is_no_dynamics_where_no_errors_are_given() -> None:
+    """Random responses with noise in proportion to the gain, and of one level: the order, and how far values scatter.
+
+    Taken as exact to 0.3 %, all of them would have the highest orders tried.
+    """
+    frequency = np.geomspace(0.02, 50.0, 30)
+    right, sizes = [], []
+    for seed in range(4):
+        random = np.random.default_rng(seed)
+        true = random_response(random, 1 + seed % 4, frequency)
+        for level in (False, True):
+            found = wb.fit(wb.Response(frequency, scattered(random, true, 0.01, level=level)), max_order=6)
+            right.append(found.order == 1 + seed % 4)
+            sizes.append(np.median(found.sigma / (0.01 * (np.abs(true).max() if level else np.abs(true)))))
+            assert any("rest on the scatter" in note for note in found.notes)
+    assert np.mean(right) >= 0.75  # with the errors given it is 0.9
+    assert np.median(sizes) == pytest.approx(1.0, rel=0.2)
+
+
+def test_a_fit_says_where_its_order_rests_on_no_error() -> None:
+    few = np.geomspace(0.1, 10.0, 6)
+    plain = wb.fit(wb.Response(few, 1.0 / (2j * np.pi * few + 1.0)))
+    assert plain.order == 1
+    assert any("no noise" in note or "rests on no error" in note for note in plain.notes)
+    random = np.random.default_rng(0)
+    four = scattered(random, random_response(random, 4, few), 0.01, level=False)
+    assert any("rests on no error" in note for note in wb.fit(wb.Response(few, four)).notes)
+    given = wb.fit(wb.Response(few, four, np.full(6, 0.0173)))
+    assert not any("no errors" in note for note in given.notes)
 
 
 def test_slopes_are_exact() -> None:

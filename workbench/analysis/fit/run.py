@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.analysis.bla.result import BlaResult
 from workbench.analysis.fit.matrix import Points, StateSpaceFit, fitted_matrix
+from workbench.analysis.fit.noise import course, judged
 from workbench.analysis.fit.rational import Rational, fitted
 from workbench.analysis.fit.reading import Measured, measured
 from workbench.analysis.fit.request import Fit
@@ -31,6 +33,7 @@ Complex = NDArray[np.complex128]
 
 _CIRCLE = 1.7308  # radius of the 95 % circle over σ of a complex normal error: √(−ln 0.05)
 _LEAST = 1e-6  # of the largest gain: no response is known better
+_ENOUGH = 10  # numbers beyond those fitted: with fewer the size of noise is known to no better than half of itself
 
 
 def run(
@@ -46,13 +49,8 @@ def run(
     if asked.order != "auto" and asked.order > most:
         raise InputError(f"order {asked.order} is too high: {len(data.f)} points allow {most}")
     orders = range(min(asked.max_order, most) + 1) if asked.order == "auto" else (asked.order,)
-    tried: list[Rational | StateSpaceFit] = []
-    for n in orders:
-        tried.append(_fitted(data.points, n, asked))
-        job.done(f"order {n}", len(tried), len(orders))
-    # The misfits of real and imaginary parts over their σ/√2 have χ² of 2 k numbers.
-    criterion = np.array([2.0 * r.cost + r.freedom * np.log(2.0 * len(data.f)) for r in tried])
-    best = tried[int(np.argmin(criterion))]
+    found = _chosen(data, orders, asked, job)
+    best, criterion = found.best, found.criterion
     A, B, C, D = best.matrices if source.dt == 0.0 else _sampled(best.matrices, source.dt)
     amplitudes = {curve.amplitude for curve in source.curves}
     return FitResult(
@@ -61,9 +59,83 @@ def run(
         model=source.model, order=best.order, order_reason=_reason(criterion, best.order, asked),
         order_criterion=criterion if asked.order == "auto" else np.zeros(0), delay=asked.delay,
         amplitude=amplitudes.pop() if len(amplitudes) == 1 else None, frequency_hz=data.f, measured=data.value,
-        sigma=data.points.sigma, pole_spread=best.pole_spread(), of_output=data.points.row,
-        of_input=data.points.column, notes=_notes(source, best, criterion, asked),
+        sigma=found.sigma, pole_spread=best.pole_spread(), of_output=data.points.row,
+        of_input=data.points.column, notes=(*_notes(source, best, criterion, asked), *_noise_notes(found, data)),
     )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Chosen:
+    """The best order.
+
+    Attributes:
+        best: its fit, with the errors that are known of the values.
+        criterion: shape (o,), of each order.
+        sigma: shape (k,), standard deviation of the values.
+        free: numbers left to chance.
+    """
+
+    best: Rational | StateSpaceFit
+    criterion: Floats
+    sigma: Floats
+    free: float
+
+
+def _chosen(data: _Data, orders: Sequence[int], asked: Fit, job: Job) -> _Chosen:
+    """Return the order of the least criterion; where errors are not known, with the course of noise of the least."""
+    courses = [data.points] if data.known else [data.points, *_scattered(data)]
+    found: list[_Chosen] = []
+    for part, points in enumerate(courses, 1):
+        tried: list[Rational | StateSpaceFit] = []
+        job.stage(part, len(courses))
+        for n in orders:
+            tried.append(_fitted(points, n, asked))
+            job.done(f"order {n}", len(tried), len(orders))
+        found.append(_of_course(tried, points, data))
+    return min(found, key=lambda one: float(np.min(one.criterion)))
+
+
+def _of_course(tried: Sequence[Rational | StateSpaceFit], points: Points, data: _Data) -> _Chosen:
+    """Return the best of several orders with one course of the noise."""
+    count = 2.0 * len(points.s)
+    if data.known:
+        # The misfits of real and imaginary parts over their σ/√2 have χ² of 2 k numbers.
+        criterion = np.array([2.0 * r.cost + r.freedom * np.log(count) for r in tried])
+        best = tried[int(np.argmin(criterion))]
+        return _Chosen(best, criterion, points.sigma, count - best.freedom)
+    noise = judged(tried, points, data.points.sigma)
+    place = int(np.argmin(noise.criterion))
+    scale, best = float(noise.scale[place]), tried[place]
+    own = replace(best, cost=best.cost / scale**2, covariance=best.covariance * scale**2)
+    return _Chosen(own, noise.criterion, scale * points.sigma, float(noise.free[place]))
+
+
+def _scattered(data: _Data) -> Iterator[Points]:
+    """Yield the points of a single channel with noise of another course than the gain's, where neighbours show one."""
+    points = data.points
+    if points.shape == (1, 1):
+        found = course(data.f, points.value)
+        if found is not None:
+            yield replace(points, sigma=found * float(np.median(points.sigma / found)))
+
+
+def _noise_notes(found: _Chosen, data: _Data) -> Iterator[str]:
+    """Yield what the order and the errors rest on where the response comes without errors."""
+    if data.known:
+        return
+    part = 100.0 * float(np.median(found.sigma / np.abs(data.value)))
+    if found.free < _ENOUGH:
+        yield (
+            f"no errors of the response are given, and {found.free:.0f} numbers beyond those fitted do not tell noise "
+            "from dynamics: the order rests on no error (give errors, or the order)"
+        )
+    elif np.allclose(found.sigma, data.points.sigma):
+        yield f"no errors of the response are given; beyond the accuracy of {part:.2g} % it shows no noise"
+    else:
+        yield (
+            f"no errors of the response are given: order and errors rest on the scatter about the model, {part:.2g} % "
+            "of the gain (median)"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +146,13 @@ class _Data:
         f: shape (k,) [Hz].
         value: shape (k,), as measured.
         points: the same without the known delay.
+        known: whether there are errors.
     """
 
     f: Floats
     value: Complex
     points: Points
+    known: bool
 
 
 def _data(source: Measured, asked: Fit) -> _Data:
@@ -98,7 +172,8 @@ def _data(source: Measured, asked: Fit) -> _Data:
         parts.append((f, value, sigma, *(np.full(len(f), number) for number in place)))
     f, value, sigma, row, column = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     plain = value * np.exp(2j * np.pi * f * asked.delay)
-    return _Data(f, value, Points(_laplace(f, source.dt), row, column, plain, sigma))
+    known = any(curve.error is not None and np.isfinite(curve.error).any() for curve in source.curves)
+    return _Data(f, value, Points(_laplace(f, source.dt), row, column, plain, sigma), known)
 
 
 def _fitted(points: Points, order: int, asked: Fit) -> Rational | StateSpaceFit:
