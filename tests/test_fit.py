@@ -84,7 +84,7 @@ def test_noise_is_no_dynamics_where_no_errors_are_given() -> None:
 
 def test_a_fit_says_where_its_order_rests_on_no_error() -> None:
     few = np.geomspace(0.1, 10.0, 6)
-    plain = wb.fit(wb.Response(few, 1.0 / (2j * np.pi * few + 1.0)))
+    plain = wb.fit(wb.Response(few, np.asarray(1.0 / (2j * np.pi * few + 1.0), dtype=np.complex128)))
     assert plain.order == 1
     assert any("no noise" in note or "rests on no error" in note for note in plain.notes)
     random = np.random.default_rng(0)
