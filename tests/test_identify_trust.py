@@ -16,6 +16,7 @@ from tests.random_systems import Plant
 from workbench.analysis.subspace import METHODS, SubspaceEstimate, estimate
 from workbench.analysis.subspace.delivered import cost
 from workbench.analysis.subspace.simulated import fit_inputs
+from workbench.analysis.validate.spread import enclosing
 from workbench.cli.app import run
 
 Floats = NDArray[np.float64]
@@ -286,3 +287,39 @@ def test_what_grows_beyond_all_numbers_fits_nothing() -> None:
     found = fit_inputs(u, u, np.array([[10.0]]), np.array([[1.0]]), feedthrough=True)
     assert np.all(np.isnan(found.B))
     assert cost(np.full((500, 1), np.nan)) == np.inf
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_regions_allow_for_the_order_that_the_criterion_left_out(seed: int) -> None:
+    """A lag and a second mode too weak for the Bayesian criterion: the lag's own regions hold a fifth of the truth."""
+    random = np.random.default_rng(seed)
+    u = random.standard_normal(600)
+    y = signal.lfilter([0.0, 0.2], [1.0, -0.8], u) + 0.08 * signal.lfilter([0.0, 0.5], [1.0, 0.5], u)
+    data = wb.make_experiment(1.0, u, y + 0.3 * random.standard_normal(600))
+    found = wb.identify(data, max_order=4, detrend="none", refine="always", feedthrough=False)
+    regions = found.uncertainty
+    assert regions is not None
+    z = np.exp(2j * np.pi * regions.frequency_hz)
+    true = (0.2 / (z - 0.8) + 0.04 / (z + 0.5))[:, None, None]
+    alone = wb.model_spread(found.model)
+    assert found.order == 1
+    assert regions.rival_order is not None
+    assert alone.rival_order is None
+    assert alone.holds_response(true).mean() < 0.8
+    assert regions.holds_response(true).mean() > 0.9
+    assert any("explains significantly more" in line for line in regions.words)
+
+
+def test_an_ellipse_around_both_holds_the_other() -> None:
+    """Ends of the other ellipse in 36 directions, centres far away, too; and it touches the far end."""
+    random = np.random.default_rng(0)
+    turn = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
+    circle = np.vstack([np.cos(turn), np.sin(turn)])
+    for _ in range(50):
+        root = random.standard_normal((2, 2))
+        shape, away = root @ root.T + 0.01 * np.eye(2), 3.0 * random.standard_normal(2)
+        found = enclosing(np.array([[[complex(*away)]]]), shape[None, None, None])[0, 0, 0]
+        ends = away[:, None] + np.linalg.cholesky(shape) @ circle
+        assert np.max(np.sum(ends * np.linalg.solve(found, ends), axis=0)) <= 1.0 + 1e-9
+        far = away * (1.0 + 1.0 / np.sqrt(away @ np.linalg.solve(shape, away)))
+        assert far @ np.linalg.solve(found, far) == pytest.approx(1.0)

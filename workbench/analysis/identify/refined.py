@@ -34,8 +34,10 @@ _WORSE = {"other": 0.02, "own": 0.1}
 
 def refined(
     found: SubspaceEstimate, prepared: Prepared, other: Experiment | None, asked: Identify
-) -> tuple[SubspaceEstimate, Refinement, Estimator]:
-    """Return the better estimate, how it was refined, and what finds poles in other records in the same way.
+) -> tuple[SubspaceEstimate, Refinement, Estimator, IdentifiedModel | None]:
+    """Return the better estimate, how it was refined, what finds poles in other records in the same way, and a rival.
+
+    The rival is a model of a higher order that explains significantly more; the regions of the response allow for it.
 
     Args:
         found: of the subspaces.
@@ -46,17 +48,17 @@ def refined(
     same = found, same_settings(found)
     gains = _gains(asked, prepared)
     if asked.refine == "never":
-        return found, NOT_REFINED, same[1]
+        return found, NOT_REFINED, same[1], None
     if _noise_free(found.model, prepared):
         if asked.refine == "always" or gains is not None:
             raise InputError(f"{prepared.data.name}: the data are free of noise: there is nothing to refine")
-        return found, Refinement(taken=False, reason="the data are free of noise"), same[1]
+        return found, Refinement(taken=False, reason="the data are free of noise"), same[1], None
     direct = asked.closed_loop == "direct"
     best = refined_model(found.model, prepared.u, prepared.y, wished(found, prepared, asked))
     if best is None and gains is not None:
         raise InputError(f"{prepared.data.name}: no model of this order has the gains {_told(asked)}; leave gains out")
     if best is None:
-        return found, Refinement(taken=False, reason="no model has a finite prediction of these data"), same[1]
+        return found, Refinement(taken=False, reason="no model has a finite prediction of these data"), same[1], None
     taken, reason = _judged(found.model, best, prepared, other, closed=direct)
     if asked.refine == "always" or asked.closed_loop is not None or gains is not None:
         taken = True
@@ -67,8 +69,8 @@ def refined(
     reason += _agreement(best, asked)
     words = _refinement(best, taken=taken, reason=reason)
     if not taken:
-        return found, words, same[1]
-    return _in_place(found, best), words, refining(best, prepared.u, prepared.y)
+        return found, words, same[1], None
+    return _in_place(found, best), words, refining(best, prepared.u, prepared.y), best.above
 
 
 def wished(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> Wish:

@@ -55,7 +55,7 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         stable=asked.stable,
     )
     other = _other(asked, prepared.data)
-    better, refinement, again = refined(found, driving, other, asked)
+    better, refinement, again, rival = refined(found, driving, other, asked)
     if reference is not None:
         better = with_disturbance(better, prepared, driving, asked)
     better = better.with_model(without_joints(better.model, prepared.u.shape[1]))
@@ -75,11 +75,16 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         settle=asked.settle,
         own=validate(model, prepared.data, lags=asked.lags, bootstrap=regions),
         other=None if other is None else validate(model, other, lags=asked.lags, bootstrap=regions),
-        uncertainty=None if model.spread is None else model_spread(model),
+        uncertainty=None if model.spread is None else model_spread(model, rival=_rival(rival, model)),
         overlay=_overlay(model, asked),
     )
     job.done("model validated", 3, 3)
     return result
+
+
+def _rival(rival: IdentifiedModel | None, model: IdentifiedModel) -> IdentifiedModel | None:
+    """Return a model that may be right in place of another, of the same inputs; None: there is none."""
+    return None if rival is None else without_joints(rival, len(model.input_names))
 
 
 def _delays(asked: Identify, advice: Advice, inputs: int) -> tuple[int, ...]:

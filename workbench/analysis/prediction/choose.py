@@ -42,6 +42,7 @@ _MOST_NOISE = 4  # states of the disturbance that auto tries for one output
 _IN_A_ROW = 2  # orders of the disturbance without an improvement that end the search
 _LONG = 20000  # samples on which choices are made; the whole record is used for the last refinement only
 _QUICK = 25  # steps of candidates
+_PAIR, _SIGNIFICANT = 2, 0.05  # orders above the chosen one that may change its regions, and at which probability
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +78,14 @@ class Chosen:
         tried: all candidates, in the order in which they were tried, each with the best of its starts.
         agree: probability that data as far from the gains that are held come by chance, where they are right
             (likelihood ratio with the same structure, its gains free); None: none are held, or not known.
+        above: a model of a higher order that explains more than chance does, though not as much more as the Bayesian
+            criterion asks for; None: the order was given, or there is none.
     """
 
     refined: Refined
     tried: tuple[Candidate, ...]
     agree: float | None = None
+    above: Refined | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -130,7 +134,10 @@ def choose(record: Record, plants: Sequence[Plant], wish: Wish) -> Chosen | None
     if final is None:
         return None
     agree = None if wish.gains is None else _agreement(final, record, search)
-    return Chosen(final, tuple(search.tried.values()), agree)
+    above = None if wish.order is not None else search.above(best)
+    if above is not None:
+        above = refine(above.model, record, stable=wish.stable)
+    return Chosen(final, tuple(search.tried.values()), agree, above)
 
 
 def _agreement(found: Refined, record: Record, search: _Search) -> float | None:
@@ -171,6 +178,23 @@ class _Search:
                     best, n = other, k
                 k += way
         return best
+
+    def above(self, best: Refined) -> Refined | None:
+        """Return the model of a higher order that explains significantly more, by Akaike's criterion the best; or None.
+
+        Under the order that was chosen, N times the difference in log det has χ² with as many degrees of freedom as
+        numbers are fitted more. A pair of poles takes two orders, and one alone may explain nothing.
+        """
+        n, found = best.model.plant, list[tuple[float, Refined]]()
+        for k in range(n + 1, min(n + _PAIR, self.wish.most) + 1):
+            other = self._at(k)
+            if other is None:
+                continue
+            more = max(other.freedom - best.freedom, 1)
+            gained = other.samples * (best.cost - other.cost)
+            if scipy.special.chdtrc(more, max(gained, 0.0)) < _SIGNIFICANT:
+                found.append((2.0 * more - gained, other))
+        return min(found, key=lambda pair: pair[0])[1] if found else None
 
     def _first(self) -> int:
         """Return the order that the subspaces of the whitened signals show."""

@@ -38,10 +38,12 @@ class RefinedModel:
     Attributes:
         model: without names.
         chosen: how it was found, of signals of size one.
+        above: the model of a higher order that explains significantly more; None: there is none.
     """
 
     model: IdentifiedModel
     chosen: Chosen
+    above: IdentifiedModel | None = None
 
 
 def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: Wish) -> RefinedModel | None:
@@ -62,7 +64,8 @@ def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: Wish) -> R
         chosen = choose(advance(record.u, record.y, delays), [plant], scaled)
     if chosen is None:
         return None
-    return RefinedModel(_in_units(chosen.refined, record, delays, start.dt), chosen)
+    above = None if chosen.above is None else _in_units(chosen.above, record, delays, start.dt)
+    return RefinedModel(_in_units(chosen.refined, record, delays, start.dt), chosen, above)
 
 
 def instrumented_model(

@@ -16,7 +16,7 @@ from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["ModelSpread", "model_spread"]
+__all__ = ["ModelSpread", "enclosing", "model_spread"]
 
 Complex = NDArray[np.complex128]
 
@@ -40,6 +40,8 @@ class ModelSpread(Record):
         output_names: p names.
         dt: sampling interval [s].
         name: of the model.
+        rival_order: of a model that explains significantly more, whose regions of the response are held, too; None:
+            there is none. The regions of the poles are those of the order that was chosen.
     """
 
     regions: tuple[PoleRegion, ...]
@@ -51,6 +53,7 @@ class ModelSpread(Record):
     output_names: tuple[str, ...]
     dt: float
     name: str
+    rival_order: int | None = None
 
     @property
     def determined(self) -> int:
@@ -72,6 +75,11 @@ class ModelSpread(Record):
     def words(self) -> tuple[str, ...]:
         """Regions of poles and gains, one line each."""
         lines = [_words(r, self.confidence) for r in self.regions if r.pole.imag >= -ON_AXIS]
+        if self.rival_order is not None:
+            lines.append(
+                f"order {self.rival_order} explains significantly more: the regions of the response hold that model's, "
+                f"too; those of the poles are of order {len(self.regions)}"
+            )
         for i, j in np.ndindex(self.response.shape[1:]):
             gain = self.gain_error[:, i, j]
             at = int(np.argmin(gain))
@@ -105,11 +113,20 @@ class ModelSpread(Record):
         return {"gain_error": self.gain_error, "words": self.words}
 
 
-def model_spread(model: IdentifiedModel, *, frequencies: Floats | None = None, confidence: float = 0.95) -> ModelSpread:
+def model_spread(
+    model: IdentifiedModel,
+    *,
+    frequencies: Floats | None = None,
+    confidence: float = 0.95,
+    rival: IdentifiedModel | None = None,
+) -> ModelSpread:
     """Return regions of the poles and of the frequency response of a model that knows its parameters' covariance.
 
     The response is taken as linear in the parameters. Poles are not: a number is in a pole's region where the
     characteristic polynomial may vanish there by the covariance of its coefficients (`compatible_regions`).
+
+    The regions are those of the model's order. Where a higher one explains significantly more, `identify` has them hold
+    the regions of the response of that model, too.
 
     Not for: models whose prediction errors are not white, as the residual tests tell: their covariance is another.
 
@@ -117,6 +134,7 @@ def model_spread(model: IdentifiedModel, *, frequencies: Floats | None = None, c
         model: refined (`identify` does it).
         frequencies: rising, below half the sampling rate [Hz]; None: three decades up to there.
         confidence: of each region.
+        rival: refined model of another order, with the same channels, which may be the right one; None: there is none.
 
     Raises:
         InputError: the model knows no covariance; confidence out of range.
@@ -148,7 +166,11 @@ def model_spread(model: IdentifiedModel, *, frequencies: Floats | None = None, c
         G, dG = parameters.response(at[part])
         response[part] = G * late[part, None]
         shape[part] = chi2 * _response_shapes(dG * late[part, None, :, None])
+    if rival is not None and rival.spread is not None:
+        other = model_spread(rival, frequencies=f, confidence=confidence)
+        shape = enclosing(other.response - response, other.shape)
     return ModelSpread(
+        rival_order=None if rival is None or rival.spread is None else rival.undelayed().order,
         regions=compatible_regions(parameters, core.poles, confidence=confidence),
         confidence=confidence,
         frequency_hz=f,
@@ -158,6 +180,23 @@ def model_spread(model: IdentifiedModel, *, frequencies: Floats | None = None, c
         output_names=model.output_names,
         dt=model.dt,
         name=model.name,
+    )
+
+
+def enclosing(away: Complex, shape: Floats) -> Floats:
+    """Return ellipses about 0 that hold other ones, shape (k, p, m, 2, 2).
+
+    The sum of dᵀ S⁻¹ d ≤ 1 and the segment from −a to a lies in dᵀ ((1 + t) S + (1 + 1/t) a aᵀ)⁻¹ d ≤ 1, any t > 0;
+    with t² = aᵀ S⁻¹ a both have the same end (A. B. Kurzhanski, I. Vályi, Ellipsoidal Calculus, 1997, section 2.2).
+
+    Args:
+        away: shape (k, p, m), their centres.
+        shape: S of each.
+    """
+    a = np.stack([away.real, away.imag], axis=-1)
+    t = np.sqrt(np.maximum(np.einsum("...i,...i->...", a, np.linalg.solve(shape, a[..., None])[..., 0]), 1e-12))
+    return np.asarray(
+        (1.0 + t)[..., None, None] * shape + (1.0 + 1.0 / t)[..., None, None] * a[..., None] * a[..., None, :]
     )
 
 
