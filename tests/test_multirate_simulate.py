@@ -172,3 +172,28 @@ def test_what_is_shown_too_late_is_told(driver: str, fed: bool) -> None:  # noqa
     )
     remedy = "before; give b interface me, or export it with event mode (FMI 3.0)"
     assert driver == "python" or told == ([] if fed else [late + remedy])
+
+
+HOLD = """model Hold
+  input Real u;
+  output Real y;
+  discrete Real h(start = 0, fixed = true);
+equation
+  when sample(0, 0.3) then
+    h = u;
+  end when;
+  y = h;
+end Hold;
+"""
+
+
+@both
+@pytest.mark.parametrize(("interface", "fmi"), [("me", 2), ("cs", 3)])
+def test_an_fmu_ticks_after_those_that_feed_it(driver: str, interface: str, fmi: int) -> None:  # noqa: F811
+    """However they are listed: an FMU ticks once."""
+    source = PLAIN.format(kind="Fed", input="input Real u;", step="u")
+    files = {"a": built(HOLD, "Hold", fmi=fmi), "b": built(source, "PlainFed", fmi=fmi)}
+    parts = {name: wb.FmuComponent(name=name, file=file, interface=interface) for name, file in files.items()}
+    model = wb.connect(parts, [("b.y", "a.u")], inputs={"u": "b.u"}, outputs={"y": "a.y"})
+    times: Floats = 0.3 * np.arange(30.0) + 0.15
+    assert held(model, times, ["y"], {"u": wb.Constant(1.0)})[0].tolist() == [3.0 * k + 1.0 for k in range(30)]
