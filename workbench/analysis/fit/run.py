@@ -33,6 +33,7 @@ Complex = NDArray[np.complex128]
 
 _CIRCLE = 1.7308  # radius of the 95 % circle over σ of a complex normal error: √(−ln 0.05)
 _LEAST = 1e-6  # of the largest gain: no response is known better
+_EVEN = 2.0 * np.log(20.0)  # criteria nearer than this are even: the odds are below 20 to 1
 _ENOUGH = 10  # numbers beyond those fitted: with fewer the size of noise is known to no better than half of itself
 
 
@@ -136,6 +137,11 @@ def _noise_notes(found: _Chosen, data: _Data) -> Iterator[str]:
             f"no errors of the response are given: order and errors rest on the scatter about the model, {part:.2g} % "
             "of the gain (median)"
         )
+    near = np.flatnonzero(found.criterion - np.min(found.criterion) < _EVEN)
+    near = near[near != np.argmin(found.criterion)]
+    if len(near):
+        orders = ", ".join(str(n) for n in near)
+        yield f"order {orders} explains the values about as well; without errors they do not tell which: give errors"
 
 
 @dataclass(frozen=True, eq=False)
