@@ -258,7 +258,7 @@ def test_the_linear_model_is_the_map_over_the_basic_period(seed: int) -> None:
     assert seen == pytest.approx(every, rel=1e-3)
 
 
-@pytest.mark.parametrize("seed", range(20, 28))
+@pytest.mark.parametrize("seed", [*range(20, 27), 236])  # 236: at factor 1, L held has almost the loop's poles
 def test_verdict_and_gain_margin_are_those_of_the_loop(seed: int) -> None:
     system = random_system(seed)
     number = seed % len(system.nodes)

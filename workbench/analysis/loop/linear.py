@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -87,7 +88,10 @@ class LinearLoop(Part):
     @property
     def closes(self) -> bool:
         """Whether the closed loop is 1/(1 + L): not of a sampled one whose signal acts several times in its period."""
-        return self.transfer.dt == 0.0 or same_poles(self.transfer.sensitivity().poles, self.stability.poles)
+        known = self.margins.everywhere and not any(math.isnan(c.delay_s) for c in self.margins.gain_crossovers)
+        return self.transfer.dt == 0.0 or (
+            known and same_poles(self.transfer.sensitivity().poles, self.stability.poles)
+        )
 
     def response(self, frequency_hz: Floats) -> Complex:
         """Return L at frequencies [Hz], shape (k,)."""
@@ -143,7 +147,9 @@ def _sampled(
     closed again, has its poles.
     """
     found, source = judged(closed, transfer), cut.place.source
-    if same_poles(transfer.sensitivity().poles, closed.poles):
+    # Poles alone do not tell: where the loop is weak, L held over the period has almost those of the loop as it is.
+    once = result.delayed is not None if whole is None else whole.single is not None
+    if once and same_poles(transfer.sensitivity().poles, closed.poles):
         return margins_of(transfer), []
     if whole is not None and same_poles(whole.closed(), closed.poles):
         note = (
