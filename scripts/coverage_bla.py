@@ -26,6 +26,7 @@ import numpy as np  # noqa: E402
 
 import workbench as wb  # noqa: E402
 from tests.random_systems import Modes, random_modes  # noqa: E402
+from workbench.toolchain import host_only  # noqa: E402
 
 BAND, NOISES = (0.1, 8.0), (0.0, 0.001, 0.01)
 
@@ -39,7 +40,7 @@ def simulated(plant: Modes, interface: str, folder: Path) -> wb.BlaResult:
         folder: for the FMU.
     """
     path = folder / f"{interface}{len(list(folder.iterdir()))}.fmu"
-    wb.export(plant.linear, path)
+    wb.export(plant.linear, path, platforms=[host.name for host in host_only()])
     with wb.load(path, interface=interface, tolerance=1e-8) as model:
         return wb.bla(model, "u", "y", rms=[1.0], band=BAND)
 
