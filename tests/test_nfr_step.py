@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,13 @@ import workbench as wb
 from tests.fakes import EulerOscillator, FakeModel, Rows
 from tests.reference_fmus import build_reference
 from workbench.analysis.nfr.certificate import Certificate
-from workbench.analysis.nfr.point import NfrPoint, PointTask
+from workbench.analysis.nfr.job import PointsJob
+from workbench.analysis.nfr.point import NfrPoint, PointTask, failed_point
 from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.step import refine
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
+from workbench.model import Model
+from workbench.model.recipe import LoadRecipe
 from workbench.session.base import Floats
 from workbench.signals import Sine
 
@@ -86,7 +90,7 @@ def test_the_error_left_by_the_step_is_stated(errcrit: float) -> None:
             input="u", output="y", frequency=frequency, amplitude=1.0, errcrit=errcrit, max_periods=20, rows=200
         )
 
-        def run(tasks: Sequence[PointTask], model: tuple[Floats, Floats, Floats] = (a, b, c)) -> list[NfrPoint]:
+        def run(tasks: Sequence[PointTask], _: int, model: tuple[Floats, Floats, Floats] = (a, b, c)) -> list[NfrPoint]:
             known = Certificate(errcrit=errcrit, max_periods=20)
             return [
                 NfrPoint(
@@ -197,3 +201,37 @@ def test_halving_begins_at_the_models_own_step_where_that_is_shorter(step: float
     truth = 1.0 / (1.0 + 0.2j * math.pi)  # its time constant is 1 s
     assert result.step[0, 0] < 0.75 * min(step, 10.0 / 200)
     assert abs(result.response[0, 0] - truth) <= result.error[0, 0] * abs(truth)
+
+
+@pytest.mark.parametrize("step", [None, 0.002])
+def test_the_tolerance_falls_with_each_halving(step: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the first run had more steps than were asked for, since the model's own is shorter."""
+    factors, whole = [1.0], LoadRecipe.tighter
+
+    def tighter(self: LoadRecipe, factor: float) -> LoadRecipe:
+        factors.append(factor)
+        return whole(self, factor)
+
+    monkeypatch.setattr(LoadRecipe, "tighter", tighter)
+    with wb.load("fmu:FirstOrderLag", interface="cs", step=step) as model:
+        nfr(model, "u", "y", [0.1], 1.0, drift_check=False, workers=wb.Workers(in_process=True))
+    assert factors == [0.125**k for k in range(len(factors))]
+    assert len(factors) > 1
+
+
+def test_an_fmu_that_fails_at_a_tighter_tolerance_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = PointsJob._pass
+
+    def passes(
+        self: PointsJob, opened: AbstractContextManager[Model], tasks: Sequence[PointTask]
+    ) -> Iterator[NfrPoint]:
+        if isinstance(opened, nullcontext):
+            yield from whole(self, opened, tasks)
+        else:
+            error = SimulationError("no such tolerance")
+            yield from (failed_point(t.frequency, t.amplitude, error) for t in tasks)
+
+    monkeypatch.setattr(PointsJob, "_pass", passes)
+    with wb.load("fmu:FirstOrderLag", interface="cs") as model:
+        result = nfr(model, "u", "y", [0.1], 1.0, workers=wb.Workers(in_process=True))
+    assert any("own solver gets wrong is not in the error" in w and "no such tolerance" in w for w in result.warnings)

@@ -18,7 +18,7 @@ from workbench.analysis.nfr.own_solver import hidden
 from workbench.analysis.nfr.point import ArrivedError, NfrPoint, PointTask, run_point
 from workbench.analysis.nfr.reached import Approach, contracts
 from workbench.analysis.nfr.solved import NotSolvedError, Search, can_solve, solve_point
-from workbench.analysis.nfr.step import SHORTER, at_step, at_step_of, checked, refine, wider
+from workbench.analysis.nfr.step import NOT_TIGHTER, OF_HALVING, SHORTER, at_step, checked, refine, wider
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
 from workbench.core import job as telling
@@ -36,9 +36,6 @@ __all__ = ["BranchesJob", "PointsJob", "StartJob", "SurroundingsJob"]
 _SHARE = 0.2
 
 _EVENTS_ONLY = "the input may change at events only, and follows the sine in steps"
-
-# A tolerance of a step is this power of its length, with extrapolation of order 1; of order 0 they become shorter.
-_OF_STEP = 3
 
 # A check by the tolerance takes so much of the one that the model has.
 _TIGHTER = 0.01
@@ -113,21 +110,23 @@ class PointsJob(Job):
             return iter(refine(self.tasks, measured, model.way_out(SHORTER)))
         return iter(at_step(self.tasks, self.step, measured, model.way_out(SHORTER)))
 
-    def _finer(self, model: Model, tasks: Sequence[PointTask]) -> list[NfrPoint]:
-        """Measure co-simulation; where steps are shorter than those of the first run, with a tighter tolerance, too.
+    def _finer(self, model: Model, tasks: Sequence[PointTask], halvings: int) -> list[NfrPoint]:
+        """Measure co-simulation; the tolerance falls with the step, as often as that was halved.
 
         What the parts' own solvers leave does not follow the step, and a controlled step does not follow the rows.
         """
-        first = self.tasks[0].rows if self.step is None else at_step_of(self.tasks[0], self.step).rows
-        part = first / tasks[0].rows
-        if part == 1.0 or model.recipe is None:
+        if not halvings or model.recipe is None:
             return list(self._pass(nullcontext(model), tasks))
-        found = list(self._pass(model.recipe.tighter(part**_OF_STEP).open(), tasks))
+        found = list(self._pass(model.recipe.tighter(OF_HALVING**halvings).open(), tasks))
         if model.controls_step() or all(p.reason is None for p in found):
             return found
-        return list(self._pass(nullcontext(model), tasks))  # its solver may not reach such a tolerance
+        reason = next(p.reason for p in found if p.reason is not None)
+        return [
+            replace(p, warning=p.warning or f"{p.frequency:.6g} Hz, amplitude {p.amplitude:g}: {NOT_TIGHTER}: {reason}")
+            for p in self._pass(nullcontext(model), tasks)
+        ]
 
-    def _held(self, model: Model, tasks: Sequence[PointTask]) -> list[NfrPoint]:
+    def _held(self, model: Model, tasks: Sequence[PointTask], _: int) -> list[NfrPoint]:
         """Measure model exchange whose input changes at events only: at each row, so that rows are as steps are."""
         return list(self._pass(nullcontext(model), [replace(t, rtol=model.rtol) for t in tasks]))
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.analysis.nfr.point import PointTask
+from workbench.analysis.nfr.step import OF_HALVING
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.session.base import Floats
 
 __all__ = ["hidden"]
 
-# Communication steps that are watched, and by what the tolerance falls with half of them.
-_STEPS, _TIGHTER = 64, 0.125
+_STEPS = 64  # communication steps that are watched
 
 
 def hidden(model: Model, task: PointTask) -> str:
@@ -34,7 +34,7 @@ def hidden(model: Model, task: PointTask) -> str:
     step = 1.0 / (task.frequency * task.rows)
     try:
         once = _watched(model, task, step, 1)
-        with model.recipe.tighter(_TIGHTER).open() as other:
+        with model.recipe.tighter(OF_HALVING).open() as other:
             again = _watched(other, task, step, 2)
     except WorkbenchError:  # the points tell
         return ""

@@ -10,7 +10,7 @@ from workbench.analysis.nfr.certificate import finite
 from workbench.analysis.nfr.point import NfrPoint, PointTask, change
 from workbench.errors import EndedError, InputError
 
-__all__ = ["at_step", "at_step_of", "checked", "refine", "rows_of_step", "wider"]
+__all__ = ["NOT_TIGHTER", "OF_HALVING", "at_step", "checked", "refine", "rows_of_step", "wider"]
 
 # Points may cost this many communication steps each, all repetitions together.
 _MOST_STEPS = 400_000
@@ -24,6 +24,10 @@ _LEFT = 1.25
 # Each halving changes a method of first order by half as much as the one before: by 2 within this, it is taken for one.
 _FIRST_ORDER = 0.35
 
+# What half the step makes of a tolerance: one of a step is the third power of its length, with extrapolation of order 1
+# (of order 0 steps become shorter).
+OF_HALVING = 0.125
+
 # With an explicit step a change beyond this is told (gain relative; phase in rad: the same error of the phasor).
 _TELL = 0.01
 
@@ -31,9 +35,10 @@ _FEWEST_ROWS = 4
 
 # Why a point that settled by itself is not called so.
 _DEPENDS = "half the communication step gives a different result"
+NOT_TIGHTER = "what its own solver gets wrong is not in the error, since the FMU fails at a tighter tolerance"
 SHORTER = "use a smaller --step"  # what helps, where model exchange is not offered
 
-Run = Callable[[Sequence[PointTask]], list[NfrPoint]]
+Run = Callable[[Sequence[PointTask], int], list[NfrPoint]]  # what to measure, and how often its step was halved
 
 
 def refine(tasks: Sequence[PointTask], run: Run, way: str) -> list[NfrPoint]:
@@ -54,18 +59,19 @@ def refine(tasks: Sequence[PointTask], run: Run, way: str) -> list[NfrPoint]:
 
     Args:
         tasks: one point, or the points of a carried sweep, which are run together.
-        run: measures them in the order given.
+        run: measures them in the order given, at a step that was halved so often.
         way: what helps where the step matters.
 
     Source: Richardson extrapolation, e.g. Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, II.9.
     """
     old: list[NfrPoint] = []
-    new = run(tasks)
+    new, halvings = run(tasks, 0), 0
     budget = _MOST_STEPS * len(tasks) - _cost(tasks, new)
     while True:
         before, old = old, new
         tasks = [replace(t, rows=2 * _rows(t, p)) for t, p in zip(tasks, new, strict=True)]
-        new = run(tasks)
+        halvings += 1
+        new = run(tasks, halvings)
         budget -= _cost(tasks, new)
         limits = [_limit(*runs) for runs in zip(before, old, new, strict=True)] if before else [None] * len(new)
         last = budget < 2 * _cost(tasks, new)
@@ -121,7 +127,7 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run, way: str) -> list
     Args:
         tasks: one point, or the points of a carried sweep.
         step: communication step [s].
-        run: measures them in the order given.
+        run: measures them in the order given, at a step that was halved so often.
         way: what helps where the step matters.
 
     Returns:
@@ -131,15 +137,15 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run, way: str) -> list
     Raises:
         InputError: fewer than four steps make a period.
     """
-    tasks = [at_step_of(t, step) for t in tasks]
-    points = run(tasks)
-    halved = run([replace(t, rows=2 * t.rows) for t in tasks])
+    tasks = [_at_step_of(t, step) for t in tasks]
+    points = run(tasks, 0)
+    halved = run([replace(t, rows=2 * t.rows) for t in tasks], 1)
     pairs = zip(points, halved, strict=True)
     words, why = "half the communication step", f"{_DEPENDS}; {way}"
     return [checked(p, h, by="step", words=words, why=why, times=1.0 + _LEFT) for p, h in pairs]
 
 
-def at_step_of(task: PointTask, step: float) -> PointTask:
+def _at_step_of(task: PointTask, step: float) -> PointTask:
     """Return a task with so long a communication step, or slightly less [s].
 
     Raises:
@@ -168,7 +174,7 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, why: str, 
         return replace(point, warning=f"{where}: {words} fails: {other.reason}")
     told = point.averaged and point.certificate is not None and point.certificate.why == why
     if told or max(gain, math.radians(phase_deg)) <= _TELL:
-        return point
+        return replace(point, warning=point.warning or other.warning)
     warning = (
         f"{where}: {words} changes the gain by {100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; "
         f"the result depends on --{by}"
