@@ -33,12 +33,16 @@ def lost(path: Path, tree: ast.Module) -> Iterator[str]:
             yield f"{path.relative_to(TESTS)}:{found.lineno}: {found.name} is never run"
 
 
+def is_fixture(found: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    return any("fixture" in ast.unparse(decorator) for decorator in found.decorator_list)
+
+
 def unused(path: Path, tree: ast.Module, used: dict[str, int]) -> Iterator[str]:
     """Yield functions of a module with tests that are none and stand nowhere else: misspelt tests, or dead."""
     if not path.name.startswith("test_"):
         return
     for found in tree.body:
-        called = isinstance(found, Function) and (found.name.startswith(("test_", "pytest_")) or found.decorator_list)
+        called = isinstance(found, Function) and (found.name.startswith(("test_", "pytest_")) or is_fixture(found))
         if isinstance(found, Function) and not called and used[found.name] == 1:
             yield f"{path.relative_to(TESTS)}:{found.lineno}: {found.name} is no test, and nothing uses it"
 
