@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import signal
+from scipy.linalg import eigvalsh
 
 import workbench as wb
 from tests.random_systems import Plant
 from workbench.analysis.subspace import METHODS, SubspaceEstimate, estimate
 from workbench.analysis.subspace.delivered import cost
 from workbench.analysis.subspace.simulated import fit_inputs
-from workbench.analysis.validate.spread import enclosing
+from workbench.analysis.validate.spread import around_both, enclosing
 from workbench.cli.app import run
 
 Floats = NDArray[np.float64]
@@ -323,3 +324,34 @@ def test_an_ellipse_around_both_holds_the_other() -> None:
         assert np.max(np.sum(ends * np.linalg.solve(found, ends), axis=0)) <= 1.0 + 1e-9
         far = away * (1.0 + 1.0 / np.sqrt(away @ np.linalg.solve(shape, away)))
         assert far @ np.linalg.solve(found, far) == pytest.approx(1.0)
+
+
+def test_an_ellipse_around_both_is_no_smaller_than_either() -> None:
+    """Result minus each is positive semidefinite, its area the least: random ones, crossing ones, nearly a line."""
+    random = np.random.default_rng(0)
+    roots = random.standard_normal((200, 2, 2, 2)) * 10.0 ** random.uniform(-1.0, 1.0, (200, 2, 1, 1))
+    one, other = np.moveaxis(roots @ np.swapaxes(roots, -1, -2), 1, 0)
+    line = np.array([[1.0, 2.0], [2.0, 4.0 + 1e-9]])
+    one, other = (
+        np.concatenate([one, [np.diag([4.0, 1.0]), line]]),
+        np.concatenate([other, [np.diag([1.0, 4.0]), line]]),
+    )
+    found = around_both(one, other)
+    for held in (one, other):
+        size = np.linalg.norm(held, axis=(-2, -1), keepdims=True)
+        assert np.linalg.eigvalsh((found - held) / size).min() > -1e-9
+    for k in range(200):
+        longer = np.maximum(eigvalsh(other[k], one[k]), 1.0)  # half axes' squares where the one is a circle
+        assert np.linalg.det(found[k]) == pytest.approx(np.linalg.det(one[k]) * longer.prod(), rel=1e-5)
+    assert found[-2] == pytest.approx(np.diag([4.0, 4.0]))
+
+
+def test_regions_with_another_order_hold_those_of_the_own() -> None:
+    random = np.random.default_rng(0)
+    u, noise = random.standard_normal((2, 600))
+    data = wb.make_experiment(1.0, u, signal.lfilter([0.0, 0.2], [1.0, -0.8], u) + 0.3 * noise)
+    low, high = (wb.identify(data, order=n, detrend="none", refine="always", feedthrough=False).model for n in (1, 2))
+    for model, rival in ((low, high), (high, low)):
+        own, widened = wb.model_spread(model), wb.model_spread(model, rival=rival)
+        more = widened.shape - own.shape
+        assert np.all(np.linalg.eigvalsh(more)[..., 0] >= -1e-9 * np.trace(own.shape, axis1=-2, axis2=-1))

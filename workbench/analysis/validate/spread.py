@@ -16,7 +16,7 @@ from workbench.core.record import Record, entry
 from workbench.errors import InputError
 from workbench.session.base import Floats
 
-__all__ = ["ModelSpread", "enclosing", "model_spread"]
+__all__ = ["ModelSpread", "around_both", "enclosing", "model_spread"]
 
 Complex = NDArray[np.complex128]
 
@@ -168,7 +168,7 @@ def model_spread(
         shape[part] = chi2 * _response_shapes(dG * late[part, None, :, None])
     if rival is not None and rival.spread is not None:
         other = model_spread(rival, frequencies=f, confidence=confidence)
-        shape = enclosing(other.response - response, other.shape)
+        shape = around_both(shape, enclosing(other.response - response, other.shape))
     return ModelSpread(
         rival_order=None if rival is None or rival.spread is None else rival.undelayed().order,
         regions=compatible_regions(parameters, core.poles, confidence=confidence),
@@ -198,6 +198,22 @@ def enclosing(away: Complex, shape: Floats) -> Floats:
     return np.asarray(
         (1.0 + t)[..., None, None] * shape + (1.0 + 1.0 / t)[..., None, None] * a[..., None] * a[..., None, :]
     )
+
+
+def around_both(one: Floats, other: Floats) -> Floats:
+    """Return the smallest ellipses about 0 that hold two others about 0, shape (..., 2, 2).
+
+    Where one + other is a circle both have the same axes, of which the longer ones are the result's.
+
+    Args:
+        one: S of dᵀ S⁻¹ d ≤ 1, shape (..., 2, 2).
+        other: likewise.
+    """
+    root = np.linalg.cholesky(one + other)
+    half = np.linalg.solve(root, one)
+    part, turn = np.linalg.eigh(np.linalg.solve(root, np.swapaxes(half, -1, -2)))
+    axes = root @ turn * np.sqrt(np.maximum(part, 1.0 - part))[..., None, :]
+    return np.asarray(axes @ np.swapaxes(axes, -1, -2))
 
 
 def _frequencies(dt: float) -> Floats:
