@@ -215,6 +215,17 @@ def test_an_error_column_weights_a_table(tmp_path: Path) -> None:
     assert wb.fit(tmp_path / "r.csv", order=1).poles == pytest.approx([-1.0], abs=1e-3)
 
 
+def test_channels_without_errors_beside_others_that_have_them_are_named() -> None:
+    first, second, *others = curves(plant(1, 2, 2, 2), 0.02)
+    bare = wb.Response(F, second.value, input=second.input, output=second.output)
+    gap = wb.Response(F, first.value, np.where(F < 0.1, np.nan, CIRCLE * 0.02), input=first.input, output=first.output)
+    assert not any("no error" in note for note in wb.fit(first, also=[second, *others], order=2).notes)
+    said = [note for note in wb.fit(gap, also=[bare, *others], order=2).notes if "no error" in note]
+    assert len(said) == 2
+    assert f"from u0 to y0 is given at {np.count_nonzero(F < 0.1)} of {len(F)} frequencies" in said[0]
+    assert "from u1 to y0 is given, and other values have theirs: the accuracy of 0.3 % alone" in said[1]
+
+
 def test_channels_that_make_no_matrix_are_refused() -> None:
     first, *others = curves(plant(1, 2, 2, 2))
     unnamed = wb.Response(F, first.value)

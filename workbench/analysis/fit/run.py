@@ -123,6 +123,7 @@ def _scattered(data: _Data) -> Iterator[Points]:
 def _noise_notes(found: _Chosen, data: _Data) -> Iterator[str]:
     """Yield what the order and the errors rest on where the response comes without errors."""
     if data.known:
+        yield from data.bare
         return
     part = 100.0 * float(np.median(found.sigma / np.abs(data.value)))
     if found.free < _ENOUGH:
@@ -153,33 +154,42 @@ class _Data:
         value: shape (k,), as measured.
         points: the same without the known delay.
         known: whether there are errors.
+        bare: words about each channel with values that have none.
     """
 
     f: Floats
     value: Complex
     points: Points
     known: bool
+    bare: tuple[str, ...]
 
 
 def _data(source: Measured, asked: Fit) -> _Data:
     """Return the points with a value of all channels, one channel after the other."""
-    parts = []
+    parts, bare, known = [], [], False
     for curve in source.curves:
         good = np.isfinite(curve.value) & (np.abs(curve.value) > 0.0) & (curve.frequency_hz > 0.0)
         if source.dt > 0.0:
             good &= curve.frequency_hz < 0.4999 / source.dt
         f, value = curve.frequency_hz[good], curve.value[good]
-        error = np.zeros(len(f)) if curve.error is None else np.nan_to_num(curve.error[good], nan=0.0)
-        sigma = np.abs(value) * np.hypot(error / _CIRCLE, asked.accuracy)
+        error = np.full(len(f), np.nan) if curve.error is None else curve.error[good]
+        sigma = np.abs(value) * np.hypot(np.nan_to_num(error, nan=0.0) / _CIRCLE, asked.accuracy)
         sigma = np.maximum(sigma, _LEAST * np.abs(value).max(initial=0.0))
         if len(source.curves) > 1 and not len(f):
             raise InputError(f"{source.model}: no point from {curve.input} to {curve.output} has a value")
+        known = known or bool(np.isfinite(error).any())
+        if np.isnan(error).any():
+            of = f" of the response from {curve.input} to {curve.output}" if len(source.curves) > 1 else ""
+            at = "" if np.isnan(error).all() else f" at {np.count_nonzero(np.isnan(error))} of {len(f)} frequencies"
+            bare.append(
+                f"no error{of} is given{at}, and other values have theirs: the accuracy of "
+                f"{100.0 * max(asked.accuracy, _LEAST):.2g} % alone counts there (give errors, or a larger accuracy)"
+            )
         place = source.outputs.index(curve.output or "y"), source.inputs.index(curve.input or "u")
         parts.append((f, value, sigma, *(np.full(len(f), number) for number in place)))
     f, value, sigma, row, column = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     plain = value * np.exp(2j * np.pi * f * asked.delay)
-    known = any(curve.error is not None and np.isfinite(curve.error).any() for curve in source.curves)
-    return _Data(f, value, Points(_laplace(f, source.dt), row, column, plain, sigma), known)
+    return _Data(f, value, Points(_laplace(f, source.dt), row, column, plain, sigma), known, tuple(bare))
 
 
 def _fitted(points: Points, order: int, asked: Fit) -> Rational | StateSpaceFit:
