@@ -23,7 +23,7 @@ from workbench.analysis.bla.run import run as measure
 from workbench.analysis.bla.transient import steady
 from workbench.cli.app import run
 from workbench.core.job import Job
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
 from workbench.session.base import Floats
 
 Complex = NDArray[np.complex128]
@@ -189,6 +189,21 @@ def test_circles_are_those_of_the_integration_where_there_is_no_noise() -> None:
     assert np.mean(away <= found.error[0]) > 0.85
     assert np.median(found.error[0] / np.abs(found.response[0])) < 1e-5  # a circle that is too wide says nothing
     assert any("what the integration makes" in note for note in found.notes)
+
+
+def test_a_tighter_tolerance_that_fails_is_not_said_to_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise SimulationError("p: the step became too small at 1.5 s")
+
+    lag = wb.connect({"p": control.ss(-1.0, 1.0, 1.0, 0.0)}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"})
+    with lag as model:
+        monkeypatch.setattr(type(model.recipe), "tighter", fails)
+        asked = Bla(input="u", output="y", rms=(1.0,), band=(0.1, 1.0), realisations=2, transient=1)
+        found = measure(model, asked, Job())
+    assert not np.any(found.integration)
+    said = [note for note in found.notes if "integration error is not included" in note]
+    assert len(said) == 1
+    assert said[0].endswith("a tighter tolerance fails (p: the step became too small at 1.5 s)")
 
 
 def test_what_a_cubic_leaves_is_two_fifths_of_its_power() -> None:

@@ -13,6 +13,7 @@ from workbench.analysis.bla.design import Lines, RandomPhase, lines_of
 from workbench.analysis.bla.estimate import Approximation, approximate, response_of
 from workbench.analysis.bla.request import Bla
 from workbench.analysis.bla.result import BlaResult
+from workbench.analysis.bla.transient import MATTERS
 from workbench.analysis.excite.playing import Begin, Samples, measure, sampling_of
 from workbench.analysis.excite.request import Excite
 from workbench.core.job import Job
@@ -26,7 +27,6 @@ from workbench.session.base import Floats
 __all__ = ["Grid", "gathered", "run"]
 
 _PER_PERIOD = 8.0  # samples of the highest frequency's period
-_SETTLED = 1e-3  # of the output: periods that differ by more, and transients above it, are told
 # With this part of the tolerance the first realisation has about this part of the integration's error; the change is
 # the rest of it.
 _TIGHTER = 0.1
@@ -64,10 +64,10 @@ def run(model: Model, asked: Bla, job: Job) -> BlaResult:
             if number + 1 == asked.realisations:
                 found = approximate(np.array(inputs), np.array(outputs), lines, rest=rest)
                 finer = _finer(model, asked, designs[0], point, dt)
-                if finer is not None:
+                if not isinstance(finer, str):
                     away = np.abs(response_of(*finer, lines) - response_of(inputs[0], outputs[0], lines))
                     found = _with_integration(found, away)
-                under_way.take_integration(found, float(rms))
+                under_way.take_integration(found, float(rms), finer if isinstance(finer, str) else "changes nothing")
                 under_way.found.append(found)
                 job.partial = under_way.result
             done = len(under_way.found) * asked.realisations + (number + 1) % asked.realisations
@@ -108,11 +108,10 @@ class _UnderWay:
         self.where = self.where or begin.operating_point
         self.notes += [note for note in begin.notes if note not in self.notes]
 
-    def take_integration(self, found: Approximation, rms: float) -> None:
-        """Say what the errors are where they are not statistics."""
+    def take_integration(self, found: Approximation, rms: float, why: str) -> None:
+        """Say what the errors are where they are not statistics; `why`: what became of a tighter tolerance."""
         if not found.integration.any():
-            words = "what the integration gets wrong is not in the errors: a tighter tolerance "
-            words += "cannot be tried" if self.model.recipe is None else "changes nothing"
+            words = f"the integration error is not included in the error: a tighter tolerance {why}"
             self.notes += [words] * (self.model.solver != "none" and words not in self.notes)
         elif np.median(found.integration / found.error) > _DOMINATES:
             self.notes.append(
@@ -166,15 +165,15 @@ def _played(
 
 def _finer(
     model: Model, asked: Bla, design: RandomPhase, point: OperatingPoint | None, dt: float
-) -> tuple[Floats, Floats] | None:
-    """Return a realisation with a tighter tolerance; None: it cannot be had."""
+) -> tuple[Floats, Floats] | str:
+    """Return a realisation with a tighter tolerance, or words why there is none."""
     if model.recipe is None or model.solver == "none":
-        return None
+        return "cannot be tried"
     try:
         with model.recipe.tighter(_TIGHTER).open() as exact:
             u, y, _ = _played(exact, asked, design, point, dt)
-    except (FmuError, SimulationError):
-        return None
+    except (FmuError, SimulationError) as error:
+        return f"fails ({error})"
     return u, y
 
 
@@ -203,15 +202,15 @@ def _doubts(found: Approximation, size: float) -> Iterator[str]:
         size: root mean square of the output.
     """
     removed, unsettled, noise = (part / size for part in (found.removed_rms, found.unsettled_rms, found.noise_rms))
-    if removed > _SETTLED:
+    if removed > MATTERS:
         later = f"; about {max(found.wait, 1.0):.2g} more transient periods let it decay" if found.wait < _LONG else ""
         yield f"a transient of {100.0 * removed:.3g} % of the output was estimated and taken off{later}"
-    if unsettled > _SETTLED:
+    if unsettled > MATTERS:
         yield (
             f"the periods have not settled: up to {100.0 * unsettled:.3g} % of the output may still be a transient "
             "(more transient periods)"
         )
-    elif noise > _SETTLED:
+    elif noise > MATTERS:
         yield (
             f"the periods differ by {100.0 * noise:.3g} % of the output, which does not decay: noise, or no answer "
             "with this period"

@@ -26,7 +26,7 @@ from scipy import stats
 from workbench.core.blas import one_thread
 from workbench.session.base import Floats
 
-__all__ = ["Steady", "steady"]
+__all__ = ["MATTERS", "Steady", "steady"]
 
 _MOST_MODES = 20  # looked for together, in all realisations
 _ROWS, _COLUMNS = 200, 2000  # of the Hankel matrix at most: a tenth of a second; twice as many hold no more circles
@@ -34,7 +34,7 @@ _GROWTH = 1e3  # a motion that grows by more within the record is another one's 
 _CLEAR = 0.999  # of the noise's distribution lies below what a direction of the transient has to have
 _SEGMENTS = 8  # of the differences, whose powers tell whether they decay
 _ROUNDING = 1e-13  # of the largest value
-_SMALL = 1e-3  # of the output: a transient that does not matter
+MATTERS = 1e-3  # of the output: a transient below it does not matter; more of it, and of noise, is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +141,11 @@ def _wait(transient: Floats, size: float) -> float:
         size: root mean square of the output.
     """
     first, last = (float(np.sqrt(np.mean(transient[:, p] ** 2))) for p in (0, -1))
-    if last <= _SMALL * size:
+    if last <= MATTERS * size:
         return 0.0
     if last >= first:
         return float(np.inf)
-    return float((transient.shape[1] - 1) * np.log(last / (_SMALL * size)) / np.log(first / last))
+    return float((transient.shape[1] - 1) * np.log(last / (MATTERS * size)) / np.log(first / last))
 
 
 def _unsettled(periods: Floats) -> float:
