@@ -16,8 +16,10 @@ from tests.multirate import connected, departure, random_system, verdict_fault
 from workbench.analysis.excite.playing import sampling_of
 from workbench.analysis.lin.request import lin_result
 from workbench.analysis.loop.request import loop
-from workbench.analysis.rates import rates_of, sampled
+from workbench.analysis.rates import basic_period, rates_of, sampled
+from workbench.core.calendar import TOGETHER
 from workbench.core.margins import STABLE, UNSTABLE
+from workbench.errors import InputError
 from workbench.model.load import load
 from workbench.session.compiled import CompiledMeSession
 
@@ -272,3 +274,10 @@ def test_the_basic_period_of_random_systems_is_exact() -> None:
         system = random_system(seed, fmus=False)
         with connected(system) as model:
             assert Fraction(rates_of(model).period).limit_denominator(10_000) == system.basic_period
+
+
+def test_periods_that_are_nearly_multiples_are_refused() -> None:
+    """0.0333333 s is not a third of 0.1 s: a period of either, or of a mean of them, would hold four of its ticks."""
+    with pytest.raises(InputError, match=r"3\.000003 .*never repeat together; round them"):
+        basic_period([0.1, 0.0333333], TOGETHER)
+    assert basic_period([0.1, 1.0 / 30.0], TOGETHER) == pytest.approx(0.1, rel=1e-15)

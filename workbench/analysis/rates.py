@@ -16,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 
 from workbench.analysis.repetition import repetition
-from workbench.core.calendar import exact, simplest_between
+from workbench.core.calendar import TOGETHER, exact, simplest_between
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import FmuError, InputError, SimulationError, WorkbenchError
 from workbench.model import DescribedModel, Model
@@ -24,7 +24,6 @@ from workbench.session.base import Floats
 
 __all__ = ["FewEventsError", "NoRatesError", "Rates", "basic_period", "rates_of", "sample_periods", "sampled"]
 
-TOGETHER = 1e-6  # relative tolerance in which rates have a common multiple
 _LARGEST_FACTOR = 10_000  # of a period in the basic period
 _AGREE = 1e-6  # of the smallest distance: how exactly events keep their rate
 _LOOKS = (100, 400, 2000)  # events that are looked at, until each belongs to a rate
@@ -341,4 +340,7 @@ def _simplest(ratio: float, tolerance: float) -> Fraction:
         candidate = Fraction(round(ratio * denominator), denominator)
         if abs(float(candidate) - ratio) <= tolerance * ratio:
             return candidate
-    raise InputError(f"the ratio {ratio:.9g} of two sample periods is not a fraction of small numbers; give periods")
+    raise InputError(
+        f"the ratio {ratio:.9g} of two sample periods is no fraction of small numbers: they never repeat together; "
+        "round them"
+    )

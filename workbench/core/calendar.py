@@ -15,7 +15,11 @@ from itertools import pairwise
 
 from workbench.errors import InputError
 
-__all__ = ["Calendar", "Sampler", "exact", "gathered", "is_due", "rounding", "simplest_between"]
+__all__ = ["TOGETHER", "Calendar", "Sampler", "exact", "gathered", "is_due", "rounding", "simplest_between"]
+
+# Relative: periods within this have a common multiple. A thousand times what arithmetic leaves of a period that an FMU
+# shows; 0.0333333 s three times is not 0.1 s, and a run over either holds four of its ticks.
+TOGETHER = 1e-9
 
 _BY_CHANCE = 1e-3  # expected number of fractions as simple within rounding, below which one is taken as meant
 _MOST_ROUNDED = 2.0**20  # ulps; whoever adds up its period is off by half of one a tick at most: two million ticks

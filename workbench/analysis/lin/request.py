@@ -6,6 +6,7 @@ from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Any
 
 from workbench.analysis.request import Analysis, function
+from workbench.core.calendar import TOGETHER
 from workbench.core.forms import Amount, File, Grid, Names, Numbers, Values, Widths
 from workbench.core.job import Job
 from workbench.core.operating_point import AtPoint
@@ -87,7 +88,7 @@ class _Sampled(Options):
     group = _HOW
 
     _: KW_ONLY
-    btptol: float = option("Relative tolerance within which sample periods have a common multiple.", default=1e-6)
+    btptol: float = option("Relative tolerance within which sample periods have a common multiple.", default=TOGETHER)
 
 
 class _Chosen(Options):

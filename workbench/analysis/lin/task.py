@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.analysis.lin.request import Lin, PointOptions
+from workbench.core.calendar import TOGETHER
 from workbench.core.forms import Widths
 from workbench.core.names import check_names
 from workbench.core.operating_point import OperatingPoint
@@ -62,7 +63,7 @@ class LinTask:
     time: float = 0.0
     dx: Width = None
     du: Width = None
-    btptol: float = 1e-6
+    btptol: float = TOGETHER
     period: float | None = None
     points: int = 400
     order: int | None = None
