@@ -101,3 +101,7 @@ class TestCalendar:
     def test_a_period_must_be_positive(self) -> None:
         with pytest.raises(InputError, match="positive"):
             Sampler(exact(0.0))
+
+
+def test_a_number_of_numpy_is_as_exact_as_one_of_python() -> None:
+    assert exact(np.float64(0.004554244107364149)) == exact(0.004554244107364149)

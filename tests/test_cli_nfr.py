@@ -80,9 +80,8 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
     mass_damper = ["nfr", str(gemseo_fmu("Mass_Damper")), "--input", "f", "--output", "y", "--amplitude", "1"]
     assert run([*mass_damper, "--interface", "cs", "--step", "2e-4", "--freq", "15", "--json", "-"]) == 0
     captured = capsys.readouterr()
-    warnings = json.loads(captured.out)["warnings"]
-    assert len(warnings) == 1
-    assert f"note: {warnings[0]}" in captured.err
+    (warning,) = [w for w in json.loads(captured.out)["warnings"] if "half the communication step" in w]
+    assert f"note: {warning}" in captured.err
 
 
 @pytest.mark.parametrize(

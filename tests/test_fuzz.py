@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sqlite3
 import sys
 from contextlib import closing
@@ -106,22 +107,19 @@ GARBAGE = [None, 3, "x", b"\xff\x00", "[]", "{}", "null", "NaN", HUGE, DEEP, '{"
 @pytest.mark.parametrize("column", ["value", "point", "text", "subject"])
 def test_a_tampered_store_says_one_line(column: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["nfr", "fmu:FirstOrderLag", "--input", "u", "--output", "y", "--freq", "1", "--amplitude", "1"]
-    words += ["--store", str(tmp_path), "--in-process", "--no-drift-check", "--json", "-"]
-    assert run(words) == 0
+    words += ["--in-process", "--no-drift-check", "--json", "-", "--store"]
+    assert run([*words, str(tmp_path / "sound")]) == 0
     table = "settings" if column in ("text", "subject") else "measurements"
-    sound = (tmp_path / "measurements.sqlite").read_bytes()
-    for value in GARBAGE:
-        (tmp_path / "measurements.sqlite").write_bytes(sound)
-        with closing(sqlite3.connect(tmp_path / "measurements.sqlite")) as database, database:
+    for i, value in enumerate(GARBAGE):
+        store = tmp_path / str(i)  # of its own: SQLite has more files than one
+        shutil.copytree(tmp_path / "sound", store)
+        with closing(sqlite3.connect(store / "measurements.sqlite")) as database, database:
             try:
                 database.execute(f"UPDATE OR REPLACE {table} SET {column} = ?", (value,))  # noqa: S608 - our own
             except sqlite3.IntegrityError:
                 continue  # no such row can be there
-            finally:
-                database.commit()
-        database.close()
         capsys.readouterr()
-        code = run(words)
+        code = run([*words, str(store)])
         err = capsys.readouterr().err
         assert code in (0, 2), err
         assert "Traceback" not in err
@@ -131,23 +129,23 @@ def test_a_tampered_store_says_one_line(column: str, tmp_path: Path, capsys: pyt
 
 
 def test_a_tampered_store_of_a_study_says_one_line(tmp_path: Path) -> None:
-    study, store = tmp_path / "study.toml", tmp_path / "store"
+    study = tmp_path / "study.toml"
     study.write_text(
         'models.lag = "fmu:FirstOrderLag"\nanalyses.rest = {command = "trim", model = "lag", u0 = {u = 2.0}}\n'
         '[[requirements]]\nname = "gain"\nanalysis = "rest"\nkind = "value"\npath = "y.y"\nequal = 2.0\n'
         "tolerance = 1e-9\n"
     )
-    assert wb.run_study(study, store=store).passed
-    (file,) = store.rglob("measurements.sqlite")
-    sound = file.read_bytes()
-    for value in [*GARBAGE, '{"findings": 3}', '{"findings": [{}]}', '{"result": 3, "code": "x", "notes": 1}']:
-        file.write_bytes(sound)
+    assert wb.run_study(study, store=tmp_path / "sound").passed
+    garbage = [*GARBAGE, '{"findings": 3}', '{"findings": [{}]}', '{"result": 3, "code": "x", "notes": 1}']
+    for i, value in enumerate(garbage):
+        store = tmp_path / str(i)
+        shutil.copytree(tmp_path / "sound", store)
+        (file,) = store.rglob("measurements.sqlite")
         with closing(sqlite3.connect(file)) as database, database:
             try:
                 database.execute("UPDATE measurements SET value = ?", (value,))
             except sqlite3.IntegrityError:
                 continue
-        database.close()
         try:
             wb.run_study(study, store=store)
         except wb.InputError as error:

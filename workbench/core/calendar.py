@@ -42,7 +42,7 @@ def exact(value: float) -> Fraction:
     reach = Fraction(2.0 * math.ulp(value))
     found = simplest_between(Fraction(value) - reach, Fraction(value) + reach)
     by_chance = 2 * reach * found.denominator**2
-    return Fraction(repr(value)) if by_chance > _BY_CHANCE else found
+    return Fraction(repr(float(value))) if by_chance > _BY_CHANCE else found
 
 
 def simplest_between(low: Fraction, high: Fraction) -> Fraction:
