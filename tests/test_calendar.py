@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from decimal import Decimal
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import workbench as wb
 from workbench.core.calendar import Calendar, Sampler, exact, simplest_between
 from workbench.errors import InputError
 
@@ -105,3 +107,20 @@ class TestCalendar:
 
 def test_a_number_of_numpy_is_as_exact_as_one_of_python() -> None:
     assert exact(np.float64(0.004554244107364149)) == exact(0.004554244107364149)
+
+
+def test_samples_that_are_lost_in_the_rounding_of_a_late_start_are_refused(tmp_path: Path) -> None:
+    """Half of them went missing in silence: seconds since 1970 as the start."""
+    (file := tmp_path / "late.toml").write_text(
+        "[components]\nc = {A = [[1.0]], B = [[1.0]], C = [[1.0]], dt = 0.05}\n"
+        'h = {block = "zero_order_hold", period = 0.1}\n'
+        '[connections]\n"h.u" = "c.y"\n[inputs]\nu = "c.u"\n[outputs]\ny = "h.y"\n'
+    )
+    with (
+        wb.load(file, start=1.7e9) as model,
+        pytest.raises(InputError, match=r"samples every 0\.05 s cannot be told apart at a time of 1\.7e\+09 s"),
+    ):
+        wb.simulate(model, stop=1.7e9 + 1.0, inputs={"u": 1.0})
+    with wb.load(file, start=1e6) as model:
+        found = wb.simulate(model, stop=1e6 + 1.0, inputs={"u": 1.0})
+    assert found.signals["y"][-1] == 20.0

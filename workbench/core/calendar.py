@@ -97,7 +97,7 @@ class Sampler:
         offset: the first instant [s].
 
     Raises:
-        InputError: the period is not positive.
+        InputError: the period is not positive, or so short that rounding at the first instant is half of it.
     """
 
     period: Fraction
@@ -106,6 +106,11 @@ class Sampler:
     def __post_init__(self) -> None:
         if self.period <= 0:
             raise InputError(f"a sample period must be positive, not {float(self.period):g} s")
+        if 2.0 * rounding(float(self.offset)) > self.period:
+            raise InputError(
+                f"samples every {float(self.period):g} s cannot be told apart at a time of {float(self.offset):g} s: "
+                f"times within {rounding(float(self.offset)):.2g} s are one instant there; start nearer to 0 s"
+            )
 
     @property
     def integers(self) -> tuple[int, int, int]:
