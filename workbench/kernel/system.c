@@ -1,11 +1,14 @@
 #include "system.h"
 
+#include <float.h>
 #include <math.h>
 
 #include "algebraic.h"
 
 /* Relative: what FMUs that iterate inside may differ by when asked again. */
 static const double SAME = 1e-8;
+/* Relative: what a delay() of an FMU takes for the same input, too. */
+static const double ROUNDED = 4.0 * DBL_EPSILON;
 
 void system_go_on(System *system) {
     system->pause_at = system->steps + STEPS_BETWEEN_PAUSES;
@@ -97,10 +100,15 @@ static bool saved(System *system, size_t i, FunctionIndex function) {
     return component_saved(component, function, &component->before, (int32_t)i, &system->failure);
 }
 
+/* To rounding: what ticks anew forgets how it came to rest, and a circle would go round in the last digits for ever. */
+static bool is_other(double seen, double value) {
+    return !(fabs(value - seen) <= ROUNDED * fmax(fabs(value), fabs(seen)));
+}
+
 static bool sees_others(const System *system, size_t i) {
     const Wires *wires = &system->wires;
     for (size_t w = 0; w < wires->n; w++) {
-        if (wires->to[w] == (int32_t)i && !(wires->seen[w] == wires->values[w])) {
+        if (wires->to[w] == (int32_t)i && is_other(wires->seen[w], wires->values[w])) {
             return true;
         }
     }
