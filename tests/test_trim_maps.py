@@ -264,3 +264,11 @@ def test_what_moves_by_more_than_1e_5_of_its_size_in_the_periods_after_the_first
     lag = Plant(Equations(x={"x": 0.0}, f=lambda v: [-v["x"]]))
     said = _Trim(lag, TrimSets(), 0.0, Trim(), Job())._restless(balance, nothing, nothing)
     assert said == (f"after 20 periods {names} moved although the states had returned" if names else "")
+
+
+@pytest.mark.parametrize(("time", "moved"), [(0.5, False), (0.3, True)])
+def test_a_point_that_is_moved_to_the_next_basic_period_is_told(time: float, moved: bool) -> None:
+    result = trim(sampled(), time=time)
+    assert result.point.time == pytest.approx(0.5)
+    note = "the point is at 0.5 s, where a basic period of 0.25 s begins, not at 0.3 s"
+    assert (note in result.notes) == moved

@@ -84,7 +84,7 @@ class _Trim:
         inputs = self._inputs()
         rates = self._rates(inputs)
         if rates.periods:
-            self.time = rates.start(self.time)
+            self._begin(rates)
         with self.model.open_point(time=self.time, values=inputs) as point:
             if not rates.periods:
                 return self._equations(point)
@@ -96,6 +96,16 @@ class _Trim:
             return self._period_map(rates.period, states, memory, {**values, **inputs})
         self.notes.append("a state has no start value to change; the model is run until nothing moves")
         return self._running(states, {**values, **inputs}, [rates.period])
+
+    def _begin(self, rates: Rates) -> None:
+        """Move the point to where a basic period begins."""
+        start = rates.start(self.time)
+        if start != self.time:
+            self.notes.append(
+                f"the point is at {start:.9g} s, where a basic period of {rates.period:.6g} s begins, "
+                f"not at {self.time:.9g} s"
+            )
+        self.time = start
 
     def _rates(self, inputs: Mapping[str, float]) -> Rates:
         """Return when the model samples; where that follows no rate, its discrete states are held."""
