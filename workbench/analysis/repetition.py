@@ -106,10 +106,7 @@ class _Runs:
             u = dict(zip((v.name for v in point.inputs), point.u0.tolist(), strict=True))
             self._memory, known = point.memory, point.discrete()
             self._held = list(known)
-            # States of FMI 1.0 may be no variables: they are moved, but neither set nor shown.
-            self._settable = [v.start is not None for v in point.states]
-            named = [v.name for v, known_ in zip(point.states, self._settable, strict=True) if known_]
-            self._names = list(dict.fromkeys([*named, *(v.name for v in point.outputs), *known]))
+            self._names = list(dict.fromkeys([*(v.name for v in (*point.states, *point.outputs)), *known]))
             self._dx = _widths(point.states, point.x0)
             self._du = _widths(self._inputs, np.array([u[v.name] for v in self._inputs]))
             self._states = [v.name for v in point.states]
@@ -155,8 +152,7 @@ class _Runs:
         values = {**self._rest, **self.values}
         if first == 0:
             dx, du = self._moves[0]
-            x = (self._x0 + dx * self._dx).tolist()
-            values |= {n: x for n, x, can in zip(self._states, x, self._settable, strict=True) if can}
+            values |= dict(zip(self._states, (self._x0 + dx * self._dx).tolist(), strict=True))
             values |= self._forced(du)
         if memory:
             random = np.random.default_rng(2)
