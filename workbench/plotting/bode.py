@@ -26,7 +26,7 @@ _LEGEND_INSIDE = 6
 # A response that may be anything is not drawn as infinite: the bar ends 20 dB above it.
 _FLOOR = 0.1
 
-# Bars of the phase larger than this leave the picture [deg], lest they alone fill it.
+# Error bars of the phase larger than this are cut off [deg]: they would fill the picture.
 _WIDE = 30.0
 
 # Curves that are nearer to each other than this everywhere, relative, hide each other, unless the lower ones are wider.

@@ -190,7 +190,7 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
     except OSError:  # the connection is gone: the parent is, or the FMU has closed it
         _tell_hung_up(scratch)
     watcher.join(_FAREWELL)  # the parent hung up: if it is dead, the watcher cleans up and ends this process
-    os._exit(0)  # libraries are not unloaded: what they do then concerns nobody
+    os._exit(0)  # without unloading libraries, which may crash then
 
 
 def _orders(channel: Channel) -> Iterator[Any]:

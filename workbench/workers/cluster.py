@@ -38,7 +38,7 @@ __all__ = ["Cluster", "OnCluster", "reached"]
 _CONNECT = 10.0  # [s]
 _PATIENCE = 60.0  # without any worker [s]
 _CLOSING = 1.0  # [s]
-_WAIT = 0.1  # [s]: so often is looked whether somebody wants to stop
+_WAIT = 0.1  # [s] between two checks for a request to stop
 _LOOK = 1.0  # [s]: so often is looked how many workers there are
 
 _WORTH = 1.0  # [s]: work in a batch

@@ -1,4 +1,4 @@
-"""A pool of worker processes that outlives crashes, hangs and hunger for memory.
+"""A pool of worker processes that survives FMUs that crash, hang or exhaust the memory.
 
 `concurrent.futures.ProcessPoolExecutor` is given up as broken when one of its processes dies, and has no
 time limit for a task that runs; both are what third-party FMUs ask for.

@@ -367,7 +367,7 @@ def _check(model: Model, asked: Branches) -> None:
 
 
 def _cut_short(branches: tuple[ResponseBranch, ...]) -> Iterator[str]:
-    """Return a line for each branch that ends for want of a way on."""
+    """Return a line for each branch that could not be followed further."""
     for number, branch in enumerate(branches, 1):
         for place, why in zip((0, -1), branch.ends, strict=False):
             if why and why not in _EXPECTED:

@@ -67,7 +67,7 @@ def judged(tried: Sequence[Rational | StateSpaceFit], points: Points, floor: Flo
 
 
 def course(frequency_hz: Floats, value: Complex) -> Floats | None:
-    """Return how large noise is over frequency but for a factor, shape (k,), by the scatter of neighbouring values.
+    """Return the size of the noise over frequency, up to a factor, shape (k,), from the scatter of neighbours.
 
     s² = |G|² + c, with c such that the scatter varies least over frequency: the logarithm of what a cubic through the
     neighbours leaves, over what noise of that course would leave.

@@ -89,7 +89,7 @@ def tangent(slopes: NativeSlopes, period: float, unit: Floats, order: int = 1, *
     Args:
         slopes: at the begin of the period, and at `instants`.
         period: of the motion [s].
-        unit: how far each state moves, lest the exponentials lose pascals against metres, shape (n,).
+        unit: how far each state moves, so that all are of one size in the exponentials, shape (n,).
         order: how many periods of the forcing it takes.
         rows: whether what the output does is wanted, and how far a rule of lower order is off; without, the rows are
             zero, at half the cost.
