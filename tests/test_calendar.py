@@ -70,31 +70,25 @@ class TestCalendar:
         assert [(first + k * step) / denominator for k in range(100)] == [sampler.instant(k) for k in range(100)]
 
     @pytest.mark.parametrize(
-        ("pairs", "tick", "basic"),
+        ("pairs", "basic", "gap"),
         [
-            (((0.1, 0.0), (0.3, 0.0)), Fraction(1, 10), Fraction(3, 10)),
-            (((0.06, 0.0), (0.04, 0.0)), Fraction(1, 50), Fraction(12, 100)),
-            (((0.06, 0.0), (0.04, 0.005)), Fraction(1, 200), Fraction(12, 100)),
-            (((1 / 3, 0.0), (0.5, 0.0)), Fraction(1, 6), Fraction(1)),
-            (((0.2, 1.7),), Fraction(1, 5), Fraction(1, 5)),
+            (((0.1, 0.0), (0.3, 0.0)), Fraction(3, 10), 0.1),
+            (((0.06, 0.0), (0.04, 0.0)), Fraction(12, 100), 0.04),
+            (((0.06, 0.0), (0.04, 0.005)), Fraction(12, 100), 0.04),
+            (((1 / 3, 0.0), (0.5, 0.0)), Fraction(1), 1 / 3),
+            (((0.2, 1.7),), Fraction(1, 5), 0.2),
         ],
     )
-    def test_tick_and_basic_period(
-        self, pairs: tuple[tuple[float, float], ...], tick: Fraction, basic: Fraction
+    def test_basic_period_and_longest_gap(
+        self, pairs: tuple[tuple[float, float], ...], basic: Fraction, gap: float
     ) -> None:
-        assert (of(*pairs).tick, of(*pairs).basic_period) == (tick, basic)
+        """By hand: 0 and 60 ms beside 5, 45 and 85 ms leave 40 ms between 5 and 45, or 85 and 120, at most."""
+        assert (of(*pairs).basic_period, of(*pairs).longest_gap) == (basic, gap)
 
-    def test_what_is_due_is_what_integers_say(self) -> None:
-        """Counted in units of 5 ms by hand: 12 k, and 1 + 8 k."""
-        calendar = of((0.06, 0.0), (0.04, 0.005))
-        by_hand = [tuple(i for i, hit in enumerate((k % 12 == 0, k % 8 == 1)) if hit) for k in range(100)]
-        assert [calendar.due(k) for k in range(100)] == by_hand
-        assert calendar.length == 24
-        assert calendar.time(7) == 0.035
-
-    def test_nothing_is_due_before_its_offset(self) -> None:
-        calendar = of((0.1, 0.0), (0.1, 0.3))
-        assert [calendar.due(k) for k in range(5)] == [(0,), (0,), (0,), (0, 1), (0, 1)]
+    @pytest.mark.parametrize("step", [Fraction(3, 50), Fraction(1, 3), Fraction(7, 1000)])
+    def test_what_coincides_is_the_same_double(self, step: Fraction) -> None:
+        fast, slow = Sampler(step), Sampler(3 * step, step)
+        assert [slow.instant(k) for k in range(1000)] == [fast.instant(3 * k + 1) for k in range(1000)]
 
     def test_periods_that_hardly_repeat_are_refused(self) -> None:
         with pytest.raises(InputError, match=r"0\.1, 0\.1000001 s repeat together after"):
@@ -124,3 +118,11 @@ def test_samples_that_are_lost_in_the_rounding_of_a_late_start_are_refused(tmp_p
     with wb.load(file, start=1e6) as model:
         found = wb.simulate(model, stop=1e6 + 1.0, inputs={"u": 1.0})
     assert found.signals["y"][-1] == 20.0
+
+
+def test_numbers_of_many_digits_are_not_taken_for_simpler_ones_nearby() -> None:
+    """Within 2000 units in the last place nearly all numbers of nine digits have a simpler neighbour, by chance."""
+    random = np.random.default_rng(5)
+    written = [Fraction(int(n), 10**9) for n in random.integers(10**8, 10**9, 300)]
+    assert [exact(float(f), 2000.0) for f in written] == written
+    assert exact(1.0 / 3.0 + 1e-14, 2000.0) == Fraction(1, 3)

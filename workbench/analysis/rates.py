@@ -16,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 
 from workbench.analysis.repetition import repetition
-from workbench.core.calendar import TOGETHER, exact, simplest_between
+from workbench.core.calendar import TOGETHER, exact
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import FmuError, InputError, SimulationError, WorkbenchError
 from workbench.model import DescribedModel, Model
@@ -290,9 +290,8 @@ def _period(left: Floats, times: Floats, tolerance: float) -> float:
 
 
 def meant(period: float) -> float:
-    """Return the simplest period within what adding up so many of it may be off by [s]."""
-    size, off = Fraction(period), _LOOKS[-1] * Fraction(math.ulp(period))
-    return float(simplest_between(size - off, size + off))
+    """Return the period that is meant by one that is off by what adding up so many of it makes [s]."""
+    return float(exact(period, _LOOKS[-1]))
 
 
 def grid_fit(times: Floats, grid: Floats) -> float:

@@ -1,4 +1,4 @@
-"""One calendar for all that samples: exact periods, instants as integers of a common tick, what falls together.
+"""One calendar for all that samples: exact periods, instants that are counted, what falls together.
 
 A period that is declared as 0.1 means one tenth, which no double is. Instants that are computed from the rational
 numbers that are meant are rounded once, so that those that coincide are the same double.
@@ -26,20 +26,21 @@ _MOST_ROUNDED = 2.0**20  # ulps; whoever adds up its period is off by half of on
 _LONGEST = 10_000  # instants of one sampler in a basic period; beyond that nobody wants to wait for it
 
 
-def exact(value: float) -> Fraction:
+def exact(value: float, ulps: float = 2.0) -> Fraction:
     """Return the rational number that is meant by a double: a simple fraction, or else its decimal literal.
 
-    A fraction is meant if it is too simple to lie within two ulps by chance: 1/10, 1/3, also where arithmetic rounded
-    on the way to it.
+    A fraction is meant if it is too simple to lie so near by chance: 1/10, 1/3, also where arithmetic rounded on the
+    way to it.
 
     Args:
         value: finite.
+        ulps: by how many units in the last place it may be off; the default is for what was written, or divided once.
 
     Example:
     >>> exact(0.1), exact(1 / 3), exact(3 * 0.1), exact(0.123456789012)
     (Fraction(1, 10), Fraction(1, 3), Fraction(3, 10), Fraction(30864197253, 250000000000))
     """
-    reach = Fraction(2.0 * math.ulp(value))
+    reach = Fraction(ulps * math.ulp(value))
     found = simplest_between(Fraction(value) - reach, Fraction(value) + reach)
     by_chance = 2 * reach * found.denominator**2
     return Fraction(repr(float(value))) if by_chance > _BY_CHANCE else found
@@ -130,29 +131,17 @@ class Sampler:
 
 @dataclass(frozen=True)
 class Calendar:
-    """Several samplers on one time axis: instant k of the calendar is origin + k · tick.
+    """Several samplers on one time axis.
 
     Attributes:
         samplers: one at least.
 
     Example:
-    >>> two = Calendar((Sampler(exact(0.1)), Sampler(exact(0.3))))
-    >>> two.basic_period, [two.due(k) for k in range(two.length)]
-    (Fraction(3, 10), [(0, 1), (0,), (0,)])
+    >>> Calendar((Sampler(exact(0.04)), Sampler(exact(0.06)))).basic_period
+    Fraction(3, 25)
     """
 
     samplers: tuple[Sampler, ...]
-
-    @property
-    def origin(self) -> Fraction:
-        """The first instant of any sampler [s]."""
-        return min(s.offset for s in self.samplers)
-
-    @property
-    def tick(self) -> Fraction:
-        """The longest time of which all instants are integer multiples, counted from `origin` [s]."""
-        origin = self.origin
-        return _gcd([s.period for s in self.samplers] + [s.offset - origin for s in self.samplers])
 
     @property
     def basic_period(self) -> Fraction:
@@ -172,15 +161,6 @@ class Calendar:
         return found
 
     @property
-    def length(self) -> int:
-        """Number of ticks in a basic period."""
-        return int(self.basic_period / self.tick)
-
-    def time(self, k: int) -> float:
-        """Return the time of instant k of the calendar [s], rounded once."""
-        return float(self.origin + k * self.tick)
-
-    @property
     def longest_gap(self) -> float:
         """The longest time between two instants, once all samplers have begun [s].
 
@@ -191,11 +171,6 @@ class Calendar:
         instants = {(s.offset + k * s.period) % basic for s in self.samplers for k in range(int(basic / s.period))}
         times = sorted(instants)
         return float(max(b - a for a, b in pairwise([*times, times[0] + basic])))
-
-    def due(self, k: int) -> tuple[int, ...]:
-        """Return the numbers of the samplers that sample at instant k of the calendar."""
-        time = self.origin + k * self.tick
-        return tuple(i for i, s in enumerate(self.samplers) if time >= s.offset and (time - s.offset) % s.period == 0)
 
 
 def _gcd(values: Iterable[Fraction]) -> Fraction:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -23,7 +22,7 @@ from workbench.analysis.lin.kalman_bertram import period_map
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask
 from workbench.analysis.loop.stability import Stability
-from workbench.core.linear import Complex, LinearPart
+from workbench.core.linear import Complex, Linear, LinearPart
 from workbench.core.margins import GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.core.matrices import resolvent
 from workbench.session.base import Floats
@@ -37,28 +36,13 @@ _ANGLES = np.linspace(0.0, np.pi, 361)
 _ROUND = np.linspace(0.0, np.pi, 721)  # of the unit circle, beside the poles
 
 
-@dataclass(frozen=True, eq=False)
-class Lifted:
-    """L over the values at N instants of a basic period.
-
-    Attributes:
-        A: shape (n, n).
-        B: shape (n, N).
-        C: shape (N, n).
-        D: shape (N, N).
-        dt: the basic period [s].
-    """
-
-    A: Floats
-    B: Floats
-    C: Floats
-    D: Floats
-    dt: float
+class Lifted(Linear):
+    """L over a basic period; its inputs and outputs are the values at N instants of it."""
 
     @property
     def single(self) -> LinearPart | None:
         """L as a transfer function; None: the signal acts several times in a period."""
-        return LinearPart(self.A, self.B, self.C, self.D, dt=self.dt) if self.D.size == 1 else None
+        return self.part() if self.D.size == 1 else None
 
     def closed(self, factor: complex = 1.0) -> Complex:
         """Return the poles of the closed loop with a factor on the signal, shape (n,).
@@ -103,7 +87,7 @@ def lifted(task: LinTask, result: LinResult) -> Lifted | None:
     pulses = [setting.pulse(k) for k in range(len(instants))]
     B = np.column_stack([x[keep] for x, _ in pulses])
     D = np.column_stack([y[at, 0, 0] for _, y in pulses])
-    return _shortest(Lifted(result.A, B, -inner.C[at, 0, 0], -D, result.dt))
+    return _shortest(Lifted(result.A, B, -inner.C[at, 0, 0], -D, dt=result.dt))
 
 
 def _stands(C: Floats, D: Floats, at: Sequence[int]) -> bool:
@@ -128,9 +112,8 @@ def _shortest(whole: Lifted) -> Lifted:
     first = sorted(set(group.tolist()))
     sums = np.array([group == i for i in first], dtype=np.float64).T
     chosen = kept[first]
-    return Lifted(
-        whole.A, whole.B[:, kept] @ sums, whole.C[chosen], whole.D[np.ix_(chosen, kept)] @ sums, whole.dt
-    )  # fmt: skip
+    B, D = whole.B[:, kept] @ sums, whole.D[np.ix_(chosen, kept)] @ sums
+    return Lifted(whole.A, B, whole.C[chosen], D, dt=whole.dt)
 
 
 # -- margins of a factor on the signal ---------------------------------------------------------------------------------
