@@ -13,7 +13,8 @@ __all__ = ["Instants"]
 class Instants(ctypes.Structure):
     """Instant k is (first + k · step) / denominator [s]; step 0: there are none.
 
-    Whole numbers beyond 2⁵³ are rounded, which an instant shows in its last digits.
+    Whole numbers where the period is declared (beyond 2⁵³ rounded, which an instant shows in its last digits); an
+    interval that an FMU tells while it runs is taken as it is, with denominator 1.
     """
 
     first: float

@@ -146,8 +146,10 @@ class Ticking:
             if known and not (0.0 <= interval < math.inf and (interval or tick.kind == APERIODIC)):
                 raise no_interval(f"{self._model}: clock {name}", time)
             tick.count = 0.0
-            if tick.kind == APERIODIC:
-                tick.next = time + interval if known else math.inf
+            if not known:  # `ask` finds it, after the first events
+                tick.next = math.inf
+            elif tick.kind == APERIODIC:
+                tick.next = time + interval
             else:
                 tick.instants = Instants.of(Sampler(exact(interval), exact(time) + exact(shift)))
                 tick.next = tick.instants.at(0)

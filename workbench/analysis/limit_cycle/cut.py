@@ -123,26 +123,14 @@ def cut(
     with model.open_at(time=time, values={**point.x, **point.u}) as session:
         here = session.values([name for p in every for name in (p.v, p.w)])
     rest = _linear_rest(model, every, point, time, [here[p.w] for p in every])
-    if rest.dt > 0.0:
-        raise InputError(
-            f"{model.name}: the rest of the loop is sampled ({rest.dt:g} s), and cycles are predicted for continuous "
-            "loops alone; simulate it from a disturbed state, or measure it with loop or nfr"
-        )
     functions = [_static(model, p, time, keep) for p in every]
     centres, outputs, moving = [here[p.v] for p in every], [here[p.w] for p in every], is_moving(rest)
-    if moving and not further:
-        ports, function = every[0], functions[0]
-        characteristic = function or _middle_line(model, ports, time, keep)
-        if characteristic is not None:
-            middle, rest = _middle(model, ports, rest, characteristic, (point, centres[0], outputs[0]), time)
-            if middle is not None:
-                centres, outputs, moving = [middle.v], [middle.w], False
-                place = f"{ports.v} = {middle.v:.4g}, {ports.w} = {middle.w:.4g}"
-                line = (
-                    "characteristic, its jumps filled in," if function is not None else "hysteresis, its middle line,"
-                )
-                why = f"where the rest of the loop is at rest and the block's {line} is met"
-                notes = [f"the start is not at rest; {_WHAT} {place}, {why}"]
+    characteristic = (functions[0] or _middle_line(model, every[0], time, keep)) if moving and not further else None
+    if characteristic is not None:
+        middle, rest = _middle(model, every[0], rest, characteristic, (point, centres[0], outputs[0]), time)
+        if middle is not None:
+            centres, outputs, moving = [middle.v], [middle.w], False
+            notes = [_moved_to(middle, every[0], remembers=functions[0] is None)]
     blocks = tuple(
         None if f is None else _block(f, p, v, w) for f, p, v, w in zip(functions, every, centres, outputs, strict=True)
     )
@@ -223,6 +211,12 @@ def _middle(  # noqa: PLR0917
     return None, rest
 
 
+def _moved_to(middle: Centre, ports: Ports, *, remembers: bool) -> str:
+    line = "hysteresis, its middle line," if remembers else "characteristic, its jumps filled in,"
+    why = f"where the rest of the loop is at rest and the block's {line} is met"
+    return f"the start is not at rest; {_WHAT} {ports.v} = {middle.v:.4g}, {ports.w} = {middle.w:.4g}, {why}"
+
+
 # -- the linear part --------------------------------------------------------------------------
 
 
@@ -235,8 +229,14 @@ def _linear_rest(
     for i, ports in enumerate(every):
         system = without_block(model, system, ports, _numbered(_OPENED, i), returned)
     inputs = {_numbered(_OPENED, i): w for i, w in enumerate(outputs)}
-    with recipe.changed(system).open() as rest:
-        return linear_between(rest, inputs, list(returned), x=point.x, u=point.u, time=time)
+    with recipe.changed(system).open() as opened:
+        rest = linear_between(opened, inputs, list(returned), x=point.x, u=point.u, time=time)
+    if rest.dt > 0.0:
+        raise InputError(
+            f"{model.name}: the rest of the loop is sampled ({rest.dt:g} s), and cycles are predicted for continuous "
+            "loops alone; simulate it from a disturbed state, or measure it with loop or nfr"
+        )
+    return rest
 
 
 def _numbered(name: str, index: int) -> str:

@@ -158,14 +158,8 @@ def model_spread(
     parameters = _parameters(core, model.spread)
     at = model.at_frequency(f)
     late = at[:, None] ** -np.array(model.delay or (0,) * len(model.input_names))  # shape (k, m)
-    chi2 = float(stats.chi2.ppf(confidence, 2))
-    response = np.empty((len(f), len(model.output_names), len(model.input_names)), dtype=np.complex128)
-    shape = np.empty((*response.shape, 2, 2))
-    for first in range(0, len(f), _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        G, dG = parameters.response(at[part])
-        response[part] = G * late[part, None]
-        shape[part] = chi2 * _response_shapes(dG * late[part, None, :, None])
+    response, covariance = _in_parts(parameters, at, late)
+    shape = float(stats.chi2.ppf(confidence, 2)) * covariance
     if rival is not None and rival.spread is not None:
         other = model_spread(rival, frequencies=f, confidence=confidence)
         shape = around_both(shape, enclosing(other.response - response, other.shape))
@@ -181,6 +175,17 @@ def model_spread(
         dt=model.dt,
         name=model.name,
     )
+
+
+def _in_parts(parameters: Parameters, at: Complex, late: Complex) -> tuple[Complex, Floats]:
+    """Return the response, shape (k, p, m), and the covariance of its parts, shape (k, p, m, 2, 2), few at a time."""
+    found = []
+    for first in range(0, len(at), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        G, dG = parameters.response(at[part])
+        found.append((G * late[part, None], _response_shapes(dG * late[part, None, :, None])))
+    responses, shapes = zip(*found, strict=True)
+    return np.concatenate(responses), np.concatenate(shapes)
 
 
 def enclosing(away: Complex, shape: Floats) -> Floats:
