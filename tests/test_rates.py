@@ -16,7 +16,7 @@ from tests.multirate import connected, departure, random_system, verdict_fault
 from workbench.analysis.excite.playing import sampling_of
 from workbench.analysis.lin.request import lin_result
 from workbench.analysis.loop.request import loop
-from workbench.analysis.rates import basic_period, rates_of, sampled
+from workbench.analysis.rates import NoRatesError, basic_period, rates_of, sampled, sequences
 from workbench.core.calendar import TOGETHER
 from workbench.core.margins import STABLE, UNSTABLE
 from workbench.errors import InputError
@@ -150,6 +150,34 @@ def test_periods_that_are_told_stand_above_found_ones() -> None:
     with load(model_of("Nested", NESTED), "me", periods=[0.1, 0.4]) as model:
         assert rates_of(model).periods == (0.1, 0.4)
         assert lin_result(model).dt == 0.4
+
+
+SWITCHED = """
+  when time >= 0.25 then s = 1; end when;
+  f = 0;
+  der(p) = u + s - p;
+"""
+
+
+def test_a_single_event_is_no_rate() -> None:
+    """A lag whose input steps once, in a unit feedback, is 1/(s + 2): once it had no verdict."""
+    with wb.connect(
+        {"p": model_of("Switched", SWITCHED), "e": wb.SumComponent(name="e", signs=(1.0, -1.0))},
+        [("p.y", "e.u2"), ("e.y", "p.u")], inputs={"r": "e.u1"}, outputs={"y": "p.y"},
+    ) as model:  # fmt: skip
+        rates, found = sampled(model), loop(model, "e.y")
+    assert (rates.periods, rates.complete) == ((), True)
+    assert found.margins.verdict == STABLE
+    assert any("no sample rate, at 0.25 s" in note for note in found.notes)
+
+
+def test_single_events_beside_a_rate() -> None:
+    """Tenths of a second and one or two events of none; of three nobody knows."""
+    tenths = 0.1 * np.arange(100)
+    for single in ([0.253], [0.253, 7.777]):
+        assert sequences(np.sort([*tenths, *single])) == ([(0.0, 0.1)], single)
+    with pytest.raises(NoRatesError):
+        sequences(np.sort([*tenths, 0.253, 1.77, 7.777]))
 
 
 def test_two_rates_with_a_common_period() -> None:

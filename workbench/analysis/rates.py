@@ -22,19 +22,18 @@ from workbench.errors import FmuError, InputError, SimulationError, WorkbenchErr
 from workbench.model import DescribedModel, Model
 from workbench.session.base import Floats
 
-__all__ = ["FewEventsError", "NoRatesError", "Rates", "basic_period", "rates_of", "sample_periods", "sampled"]
+__all__ = ["NoRatesError", "Rates", "basic_period", "rates_of", "sample_periods", "sampled"]
 
 _LARGEST_FACTOR = 10_000  # of a period in the basic period
 _AGREE = 1e-6  # of the smallest distance: how exactly events keep their rate
 _LOOKS = (100, 400, 2000)  # events that are looked at, until each belongs to a rate
+_SINGLE = 2  # events that may belong to no rate; three make one, or do not
+
+_NO_RATES = "the time events have no constant rates; give periods, or use method difference or response"
 
 
 class NoRatesError(InputError):
-    """Time events that follow no constant rates, or too few to tell."""
-
-
-class FewEventsError(NoRatesError):
-    """One or two time events: they may belong to no rate at all."""
+    """Time events that follow no constant rates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +46,7 @@ class Rates:
         begin: from here on everything ticks in each of its periods [s].
         ticks: times of the first events, shape (k,) [s].
         notes: what is behind them, where that is not plain.
+        complete: whether these are all; else it samples in a way that the notes tell.
     """
 
     periods: tuple[float, ...] = ()
@@ -54,6 +54,7 @@ class Rates:
     begin: float = -math.inf
     ticks: Floats = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
+    complete: bool = True
 
     def start(self, time: float) -> float:
         """Return the first multiple of the basic period from which one can go on period by period [s].
@@ -97,12 +98,14 @@ def rates_of(
         with equations:
             return rates_of(equations, time=time, values=values, btptol=btptol)
     known = _declared(model, start)
-    shown = _shown(model, known, start, values)
+    shown, single = _shown(model, known, start, values)
     if not (known or shown):
-        return Rates()
+        return Rates(notes=_of_single(single))
     ticks = _ticks(model, start, values, _LOOKS[0])
     found = _found([*known, *shown], start, ticks, btptol)
+    found = replace(found, begin=max(found.begin, *single)) if single else found
     found = _confirmed(model, found, start, values) if shown else found
+    found = replace(found, notes=(*found.notes, *_of_single(single)))
     if len(ticks) == _LOOKS[0] and ticks[-1] < found.start(start) + 2.0 * found.period:
         return replace(found, ticks=_ticks(model, start, values, _LOOKS[-1]))
     return found
@@ -119,13 +122,14 @@ def sampled(model: Model, at: OperatingPoint | None = None) -> Rates:
     try:
         found = rates_of(model) if where is None else rates_of(model, time=where.time, values=where.values)
     except WorkbenchError as error:
-        found = Rates(notes=(str(error),))
+        found = Rates(notes=(str(error),), complete=not isinstance(error, InputError))
     if found.periods or where is None or where.period is None:
         return found
-    return replace(found, periods=(where.period,), period=where.period)
+    return replace(found, periods=(where.period,), period=where.period, complete=True)
 
 
 _Sequence = tuple[float, float]  # first instant, period [s]
+_Apart = tuple[list[_Sequence], list[float]]  # sequences, and single events [s]
 
 
 def _declared(model: Model, start: float) -> list[_Sequence]:
@@ -153,29 +157,38 @@ def _found(every: Sequence[_Sequence], start: float, ticks: Floats, btptol: floa
     return Rates(periods, period, max(f for f, _ in every) if late else -math.inf, ticks)
 
 
-def _shown(
-    model: Model, known: Sequence[_Sequence], start: float, values: Mapping[str, float] | None
-) -> list[_Sequence]:
-    """Return the samplers that events show of a model's parts, each by itself where it runs alone."""
+def _of_single(events: Sequence[float]) -> tuple[str, ...]:
+    listed = ", ".join(f"{t:.6g}" for t in sorted(set(events)))
+    return (f"time events that belong to no sample rate, at {listed} s: rates are those after them",) if events else ()
+
+
+def _shown(model: Model, known: Sequence[_Sequence], start: float, values: Mapping[str, float] | None) -> _Apart:
+    """Return what events show of a model's parts, of each by itself where it runs alone."""
     others = model.declared_rates().others
     try:
-        return [s for part in others for s in _sequences(part, start, values if part is model else None)]
+        apart = [_sequences(part, start, values if part is model else None) for part in others]
+        return [s for found, _ in apart for s in found], [t for _, single in apart for t in single]
     except (FmuError, SimulationError):
         return _sequences(model, start, values, known)
 
 
 def _sequences(
     model: Model, start: float, values: Mapping[str, float] | None, known: Sequence[_Sequence] = ()
-) -> list[_Sequence]:
-    """Return the samplers that a model's events belong to, besides those known."""
+) -> _Apart:
+    """Return the samplers that a model's events belong to, besides those known, and the events of none."""
+    found, single = list[_Sequence](), list[float]()
     for most in _LOOKS:
         ticks = _ticks(model, start, values, most)
+        last = most == _LOOKS[-1] or len(ticks) < most
         try:
-            return sequences(ticks, known)
+            found, single = sequences(ticks, known)
         except NoRatesError:
-            if most == _LOOKS[-1] or len(ticks) < most:
+            if last:
                 raise
-    return []
+            continue
+        if last or not single:  # two events of a slow rate look like single ones
+            break
+    return found, single
 
 
 def _confirmed(model: Model, found: Rates, start: float, values: Mapping[str, float] | None) -> Rates:
@@ -237,13 +250,16 @@ def sample_periods(times: Floats) -> tuple[float, ...]:
         times: shape (n,) [s], rising, all events of a stretch of time.
 
     Raises:
-        NoRatesError: fewer than three events, or they follow no constant rates.
+        NoRatesError: they follow no constant rates, or there are too few of them.
     """
-    return tuple(sorted(period for _, period in sequences(times)))
+    found, single = sequences(times)
+    if single:
+        raise NoRatesError(_NO_RATES)
+    return tuple(sorted(period for _, period in found))
 
 
-def sequences(times: Floats, known: Sequence[_Sequence] = ()) -> list[_Sequence]:
-    """Take event times apart into periodic sequences: first instants and periods [s].
+def sequences(times: Floats, known: Sequence[_Sequence] = ()) -> _Apart:
+    """Take event times apart into periodic sequences, first instants and periods [s], and one or two single events.
 
     The first event left over and the nearest later one that both belong to a sequence without gaps begin a sequence,
     to which events of others may belong as well; its events are taken out, and so on.
@@ -253,19 +269,23 @@ def sequences(times: Floats, known: Sequence[_Sequence] = ()) -> list[_Sequence]
         known: sequences whose events are taken out first; they are not returned.
 
     Raises:
-        NoRatesError: fewer than three events, or they follow no constant rates.
+        NoRatesError: they follow no constant rates.
     """
-    left, found = times, list[_Sequence]()
+    left, found, single = times, list[_Sequence](), list[float]()
     tolerance = _AGREE * float(np.diff(times).min(initial=np.inf))
     for first, period in known:
         left = _without(left, first, period, min(tolerance, _AGREE * period))
     while len(left):
-        if len(times) < 3:
-            raise FewEventsError("too few time events to find the sample periods; give periods")
-        period = _period(left, times, tolerance)
-        found.append((float(left[0]), period))
-        left = _without(left, float(left[0]), period, tolerance)
-    return found
+        begun = _period(left, times, tolerance)
+        if begun is not None:
+            found.append((float(left[0]), begun))
+            left = _without(left, float(left[0]), begun, tolerance)
+        elif len(single) < _SINGLE:
+            single.append(float(left[0]))
+            left = left[1:]
+        else:
+            raise NoRatesError(_NO_RATES)
+    return found, single
 
 
 def _without(left: Floats, first: float, period: float, tolerance: float) -> Floats:
@@ -275,8 +295,8 @@ def _without(left: Floats, first: float, period: float, tolerance: float) -> Flo
     return kept
 
 
-def _period(left: Floats, times: Floats, tolerance: float) -> float:
-    """Return the period of the sequence that the first of `left` begins."""
+def _period(left: Floats, times: Floats, tolerance: float) -> float | None:
+    """Return the period of the sequence that the first of `left` begins; None: it begins none."""
     for candidate in times[times > left[0]]:
         period = float(candidate - left[0])
         points = (times[-1] - left[0] + tolerance) / period
@@ -286,7 +306,7 @@ def _period(left: Floats, times: Floats, tolerance: float) -> float:
         grid = left[0] + period * np.arange(count + 1)
         if count >= 2 and all(np.abs(times - t).min() <= tolerance for t in grid):
             return meant(float(grid_fit(times, grid)))
-    raise NoRatesError("the time events have no constant rates; give periods, or use method difference or response")
+    return None
 
 
 def meant(period: float) -> float:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from workbench.analysis.check.compare import largest_gap, usual_gap
 from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import CheckedFmu, Trajectory, same_bits
-from workbench.analysis.rates import FewEventsError, rates_of
+from workbench.analysis.rates import rates_of
 from workbench.errors import FmuError, InputError, SimulationError
 
 __all__ = ["start_time"]
@@ -102,5 +102,5 @@ def _period(subject: CheckedFmu) -> float:
     """
     try:
         return rates_of(subject.model, time=subject.start, btptol=_SAME).period
-    except (FewEventsError, FmuError, SimulationError):
+    except (FmuError, SimulationError):
         return 0.0

@@ -12,7 +12,7 @@ from workbench.analysis.lin.explain import Reach, zeros_of
 from workbench.analysis.lin.period_map import PeriodMap
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult
 from workbench.analysis.lin.task import LinTask, moving_note, no_equations, open_base
-from workbench.analysis.rates import Rates, rates_of
+from workbench.analysis.rates import NoRatesError, Rates, rates_of
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.model.names import declared_units
@@ -72,6 +72,8 @@ def period_map(task: LinTask) -> tuple[PeriodMap, Rates]:
     if task.model.interface == "cs":
         raise no_equations(task)
     rates = rates_of(task.model, time=task.time, values=task.values, btptol=task.btptol)
+    if not rates.periods and rates.notes:
+        raise NoRatesError(f"{rates.notes[0].partition(':')[0]}; use difference, or give periods")
     if not rates.periods:
         raise InputError("method kalman-bertram: the model asks for no time events; use difference, or give periods")
     with open_base(task) as point:

@@ -131,7 +131,8 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
         margins, more = _sampled(cut, result, transfer, whole, closed)
         return LinearLoop(result, transfer, judged(closed, transfer), margins, (*notes, *more))
     rates = sampled(cut.model, cut.point)
-    if result.dt == 0.0 and (rates.periods or rates.notes):
+    notes = (*notes, *rates.notes)
+    if result.dt == 0.0 and (rates.periods or not rates.complete):
         stability = unknown(stability_of(transfer), "the system samples, and here what is discrete stands still")
         return LinearLoop(result, transfer, stability, withheld(stability), notes)
     absolute = None if transfer.dt > 0.0 or result.delayed else absolute_stability(transfer, name=cut.place.label)
