@@ -12,7 +12,9 @@ from fmpy.validation import validate_fmu
 
 from tests.drivers import DRIVERS
 from tests.fmi1_fmus import MODELS, build_fmi1
+from workbench.analysis.rates import rates_of
 from workbench.analysis.simulate.request import simulate
+from workbench.analysis.trim.request import trim
 from workbench.build import build_fmu
 from workbench.errors import FmuError
 from workbench.fmi.bundled import bundled_path
@@ -114,3 +116,17 @@ def test_the_wrong_token_is_refused_with_the_fmus_own_reason(fmus: Path, tmp_pat
             new.writestr(name, data.replace(b'guid="{', b'guid="{0') if name.endswith(".xml") else data)
     with load(file) as model, pytest.raises(FmuError, match=r"cannot be instantiated.*GUID"):
         model.open_session()
+
+
+def test_rates_of_states_that_are_no_variables_are_seen(fmus: Path) -> None:
+    """Hybrid samples every 0.1 s from 0.05 s on, and has single events at 0.4 and 0.7 s; its states have no names."""
+    for name in ("Hybrid_me.fmu", "Hybrid.fmu"):
+        with load(fmus / name, "me") as model:
+            found = rates_of(model)
+        assert found.periods == (0.1,)
+        assert found.begin == pytest.approx(0.7)
+        assert not any("no variable" in note for note in found.notes)
+    with load(fmus / "Hybrid_me.fmu") as model:
+        result = trim(model)
+    assert not result.converged  # a ball in the air
+    assert any("discrete states are held: Hybrid: no equilibrium found by running" in note for note in result.notes)

@@ -106,10 +106,13 @@ class _Runs:
             u = dict(zip((v.name for v in point.inputs), point.u0.tolist(), strict=True))
             self._memory, known = point.memory, point.discrete()
             self._held = list(known)
-            self._names = list(dict.fromkeys([*(v.name for v in (*point.states, *point.outputs)), *known]))
+            # States of FMI 1.0 may be no variables: they are moved, but neither set nor shown.
+            shown = {v.name for v in self.model.states}
+            named = [v.name for v in point.states if v.name in shown]
+            self._names = list(dict.fromkeys([*named, *(v.name for v in point.outputs), *known]))
             self._dx = _widths(point.states, point.x0)
             self._du = _widths(self._inputs, np.array([u[v.name] for v in self._inputs]))
-            self._states = [v.name for v in point.states]
+            self._states = [v.name if v.name in shown else "" for v in point.states]
         self._rest = {v.name: u[v.name] for v in self._inputs}
         random = np.random.default_rng(1)
         most = 2 * self.length + 2
@@ -152,7 +155,7 @@ class _Runs:
         values = {**self._rest, **self.values}
         if first == 0:
             dx, du = self._moves[0]
-            values |= dict(zip(self._states, (self._x0 + dx * self._dx).tolist(), strict=True))
+            values |= {n: x for n, x in zip(self._states, (self._x0 + dx * self._dx).tolist(), strict=True) if n}
             values |= self._forced(du)
         if memory:
             random = np.random.default_rng(2)

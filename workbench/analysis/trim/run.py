@@ -95,7 +95,13 @@ class _Trim:
         if all(v.start is not None for v in states):
             return self._period_map(rates.period, states, memory, {**values, **inputs})
         self.notes.append("a state has no start value to change; the model is run until nothing moves")
-        return self._running(states, {**values, **inputs}, [rates.period])
+        shown = {v.name for v in self.model.states}  # those of FMI 1.0 may be no variables: the outputs tell
+        try:
+            return self._running([v for v in states if v.name in shown], {**values, **inputs}, [rates.period])
+        except SimulationError as error:
+            self.notes.append(f"discrete states are held: {error}")
+        with self.model.open_point(time=self.time, values=inputs) as point:
+            return self._equations(point)
 
     def _begin(self, rates: Rates) -> None:
         """Move the point to where a basic period begins."""
