@@ -357,12 +357,10 @@ def test_a_refresh_in_the_middle_and_another_tab_see_the_same(browser: Browser, 
         page.click("text=Run nfr")
         api.expect(page.locator(".legend li").first).to_be_visible()
         page.reload()
-        api.expect(page.locator("text=Stop")).to_be_visible()
+        api.expect(page.get_by_role("button", name="Stop")).to_be_visible()
         other = page.context.new_page()
         other.goto(page.url)
-        other.locator("button", has_text="Stop").dispatch_event(
-            "click"
-        )  # each event draws it anew, so it is never at rest
+        other.get_by_role("button", name="Stop").click()
         for one in (page, other):
             api.expect(one.locator("strong", has_text="stopped")).to_be_visible()
             api.expect(one.locator(".legend li").first).to_contain_text(" deg")
@@ -377,7 +375,7 @@ def test_a_refresh_in_the_middle_and_another_tab_see_the_same(browser: Browser, 
         other.close()
         page.click("text=Go on")  # what was asked came back with the page
         api.expect(page.locator("strong", has_text="running")).to_be_visible()
-        page.locator("button", has_text="Stop").dispatch_event("click")
+        page.get_by_role("button", name="Stop").click()
         api.expect(page.locator("strong", has_text="stopped")).to_be_visible()
 
 

@@ -20,7 +20,9 @@ export async function workPage([number]) {
 
 /** What a work shows, kept up to date; {element, leave}. `onband` is told a band drawn with the mouse. */
 export function live(number, { onband = null, onagain = null }) {
-  const head = h("div", { role: "status" });
+  const said = h("div", { class: "row", role: "status" });
+  const halt = h("button", { type: "button", class: "quiet", onclick: () => stop(number) }, "Stop"); // one: a click needs it to stay
+  const below = h("div", { role: "status" });
   const body = h("div");
   const tail = h("div");
   let picture = null;
@@ -37,11 +39,12 @@ export function live(number, { onband = null, onagain = null }) {
     const work = server.works.get(number);
     if (!work) return;
     const running = work.state === "running" || work.state === "waiting";
-    fill(head, h("div", { class: "row" },
+    halt.hidden = !running;
+    fill(said,
       h("strong", { class: { failed: "bad", stopped: "watch" }[work.state] ?? "" }, work.state === "done" && !work.well ? "done, not all well" : work.state),
       h("span", {}, running ? [work.total ? `${work.done} of ${work.total}` : "", work.words ?? ""].join(" ") : work.seconds ? `${shown(work.seconds, 3)} s` : ""),
-      running ? h("button", { type: "button", class: "quiet", onclick: () => stop(number) }, "Stop") : null,
-      !running && onagain === null ? null : work.state === "stopped" && onagain ? h("button", { type: "button", class: "quiet", onclick: () => onagain({}) }, "Go on") : null),
+      work.state === "stopped" && onagain ? h("button", { type: "button", class: "quiet", onclick: () => onagain({}) }, "Go on") : null);
+    fill(below,
       running ? h("progress", { max: work.total || 1, value: work.total ? work.done : null, "aria-label": work.command }) : null,
       work.failure?.message ? h("p", { class: "bad" }, `${work.failure.kind}: ${work.failure.message}`) : null);
     if (work.points.length && work.points.some((p) => p && "response" in p)) {
@@ -72,7 +75,7 @@ export function live(number, { onband = null, onagain = null }) {
     else waits ||= requestAnimationFrame(() => { waits = 0; update(); });
   });
   update();
-  return { element: h("div", {}, head, body, tail), leave: end };
+  return { element: h("div", {}, h("div", { class: "row" }, said, halt), below, body, tail), leave: end };
 }
 
 /** Curves of the points that there are so far, one an amplitude. */
