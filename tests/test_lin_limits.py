@@ -204,7 +204,7 @@ def test_states_without_nominal_value_are_perturbed_at_the_scale_that_the_model_
     np.testing.assert_allclose(found.A, [[-2.0 / (1.0 + x) ** 2, -0.5], [2.0 * x, -1.0 - 0.02 * z]], rtol=1e-4)
     np.testing.assert_allclose(found.C, [[(x * x + 2.0 * x) / (1.0 + x) ** 2, 0.0]], rtol=1e-4)
     assert not found.doubts
-    assert any("the model is straight over a short way only: x (over" in n for n in found.notes) == (K < 1e-6)
+    assert any("the model is linear only over a short range: x (" in n for n in found.notes) == (K < 1e-6)
 
 
 def test_a_kink_beside_a_point_is_still_told_where_nothing_is_declared() -> None:

@@ -40,4 +40,4 @@ def test_a_solver_that_nothing_shows_is_said_to_be_unknown(
     """Steps of 1 ms inside, whatever is asked; Euler's method at the communication step; Runge's, good to rounding."""
     with wb.load(build_lying(tmp_path, lie), "cs") as model:
         found = wb.nfr(model, "u", "y", [frequency], 1.0, workers=wb.Workers(in_process=True))
-    assert any("own solver leaves is not known" in w for w in found.warnings) == told
+    assert any("own solver is unknown and not included" in w for w in found.warnings) == told

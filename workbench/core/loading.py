@@ -79,8 +79,8 @@ class Loading(Options):
         default_factory=dict,
     )
     periods: Numbers | None = option(
-        "Sample periods of the model; by default those that the parts of a system and clocks declare, and for an FMU "
-        "those that its time events and what they do show.",
+        "Sample periods of the model. Default: those declared by components, blocks and clocks; for an FMU, those "
+        "found from its time events.",
         unit="s",
         metavar="S,..",
         positive=True,

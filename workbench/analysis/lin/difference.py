@@ -386,11 +386,11 @@ class Columns:
 
     def notes(self) -> tuple[str, ...]:
         """Return a remark on columns that were scaled by the model."""
-        words = [f"{self.names[j]} (over {size:.1g})" for j, size in sorted(self.narrow.items())]
+        words = [f"{self.names[j]} ({size:.1g})" for j, size in sorted(self.narrow.items())]
         if not words:
             return ()
-        short = f"no nominal value, and the model is straight over a short way only: {', '.join(words)}"
-        return (f"{short}; perturbed by {RELATIVE_WIDTH:.1g} of that",)
+        short = f"no nominal value is declared and the model is linear only over a short range: {', '.join(words)}"
+        return (f"{short}; perturbed by {RELATIVE_WIDTH:.1g} of that range",)
 
     # -- zeros ----------------------------------------------------------------------------
 

@@ -78,8 +78,7 @@ def _automatic(task: LinTask) -> LinResult:
     try:
         return METHODS[name](task).because(why)
     except NoDerivativesError as error:
-        said = str(error).removeprefix("method exact: ").removesuffix("; use method difference")
-        instead = f"auto: the FMU offers directional derivatives, but they fail: {said}"
+        instead = f"auto: the FMU offers directional derivatives, but they fail: {error.__cause__}"
     except NoRatesError as error:
         if not (_shows_states(task) or _has_history(task.model)):
             raise

@@ -133,7 +133,9 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
     rates = sampled(cut.model, cut.point)
     notes = (*notes, *rates.notes)
     if result.dt == 0.0 and (rates.periods or not rates.complete):
-        stability = unknown(stability_of(transfer), "the system samples, and here what is discrete stands still")
+        stability = unknown(
+            stability_of(transfer), "the system is sampled, but this linear model holds its discrete states"
+        )
         return LinearLoop(result, transfer, stability, withheld(stability), notes)
     absolute = None if transfer.dt > 0.0 or result.delayed else absolute_stability(transfer, name=cut.place.label)
     return LinearLoop(result, transfer, stability_of(transfer), margins_of(transfer), notes, absolute)

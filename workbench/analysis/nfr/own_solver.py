@@ -41,7 +41,7 @@ def hidden(model: Model, task: PointTask) -> str:
     if np.ptp(once) == 0.0 or not np.array_equal(once, again):
         return ""
     return (
-        "what the FMU's own solver leaves is not known, and not in the errors: neither half of a communication step of "
+        "the error of the FMU's own solver is unknown and not included: neither half of a communication step of "
         f"{step:.3g} s nor a smaller tolerance changes {task.output}; a --step below its own would show it"
     )
 
