@@ -156,6 +156,21 @@ def test_equal_poles_of_two_channels_are_two_states() -> None:
     assert found.misfit.max() < 1e-12  # companion blocks come to 1e-7 to 3e-4, by the processor
 
 
+def test_a_residue_of_rank_two_beside_another_pole_is_found_to_rounding() -> None:
+    s = 2j * np.pi * F
+    for seed in range(6):
+        draw = np.random.default_rng(seed)
+        R, w, v = draw.normal(size=(2, 2)), draw.normal(size=2), draw.normal(size=2)
+        given = [
+            wb.Response(F, R[i, j] / (s + 2.0) + w[i] * v[j] / (s + 20.0), input=f"u{j}", output=f"y{i}")
+            for i in (0, 1)
+            for j in (0, 1)
+        ]
+        found = wb.fit(given[0], also=given[1:], order=3)
+        assert np.sort(found.poles.real) == pytest.approx([-20.0, -2.0, -2.0], rel=1e-9)
+        assert found.misfit.max() < 1e-12
+
+
 def test_channels_may_have_their_own_frequencies_and_a_delay() -> None:
     model = plant(11, 3, 2, 1)
     given = []

@@ -127,7 +127,7 @@ def fitted_matrix(points: Points, order: int, *, direct: bool, stable: bool) -> 
     tried = [_least(scaled, _start(scaled, int(q), wish), wish, most=_SHORT) for q in counts]
     best = [_least(scaled, theta, wish, most=_LONG) for theta in _different(tried)]
     theta, jacobian, cost = min(best, key=lambda found: found[2])
-    if (start := _freed(theta, order, (p, m))) is not None:
+    if (start := _freed(scaled, theta, wish)) is not None:
         other, slopes, least = _least(scaled, start, replace(wish, full=True), most=_LONG)
         poles = np.linalg.eigvals(_matrices(other, order, (p, m), full=True)[0])
         if least < cost and not (stable and poles.real.max() >= 0.0):
@@ -248,29 +248,31 @@ def _matrices(
     return A, B.reshape(n, m), C.reshape(p, n), D.reshape(p, m) if len(D) else np.zeros((p, m))
 
 
-def _freed(theta: Floats, order: int, shape: tuple[int, int]) -> Floats | None:
-    """Return theta with all numbers of the blocks, these as diagonal as they can be; None: no block is nearly so.
+def _freed(points: Points, theta: Floats, wish: _Wish) -> Floats | None:
+    """Return theta with all numbers of the blocks, those of a double pole with two inputs' directions; None: no such.
 
     Args:
+        points: of all channels.
         theta: with the blocks' coefficients.
-        order: n.
-        shape: outputs and inputs.
+        wish: with these.
     """
-    A, B, C, _ = _matrices(theta, order, shape, full=False)
-    D = theta[order + B.size + C.size :]
-    V, near = np.eye(order), False
-    for k in range(0, order - 1, 2):
-        block = slice(k, k + 2)
-        poles, vectors = np.linalg.eig(A[block, block])
-        near |= bool(0.0 < abs(poles[0] - poles[1]) <= _APART * abs(poles[0]))
-        V[block, block] = (
-            vectors if np.isrealobj(vectors) else np.column_stack([vectors[:, 0].real, vectors[:, 0].imag])
-        )
-    if not near or np.linalg.cond(V) > 1e12:
+    if min(points.shape) < 2:
         return None
-    turned = np.linalg.solve(V, A @ V)
-    a = [turned[row, column] for row, column, _ in _places(order, full=True)]
-    return np.concatenate([a, np.linalg.solve(V, B).ravel(), (C @ V).ravel(), D])
+    A, B, *_ = _matrices(theta, wish.order, points.shape, full=False)
+    near = False
+    for k in range(0, wish.order - 1, 2):
+        block = slice(k, k + 2)
+        first, second = np.linalg.eigvals(A[block, block])
+        if abs(first - second) <= _APART * abs(first):
+            # Any basis will do for p·I, so that B may have orthonormal rows.
+            A[block, block] = 0.5 * (first + second).real * np.eye(2)
+            B[block] = np.linalg.qr(B[block].T)[0].T
+            near = True
+    if not near:
+        return None
+    C, D = _side(points, A, B, direct=wish.direct)
+    a = [A[row, column] for row, column, _ in _places(wish.order, full=True)]
+    return np.concatenate([a, B.ravel(), C.ravel(), D.ravel() if wish.direct else np.zeros(0)])
 
 
 def _apart(values: Complex) -> Floats:
