@@ -124,10 +124,13 @@ class FakeC:
         info._obj.nextEventTime = next_time
         return OK
 
-    # Told that no earlier state will be restored, an FMU need not be able to do so: here it refuses to hear it.
+    # The promise that no earlier state will be restored is given where none is kept, and then alone.
+    def _promised(self, never_back: int) -> bool:
+        return bool(never_back) == (not self.saved)
+
     def fmi2CompletedIntegratorStep(self, _c: Any, never_back: int, event: Any, _terminate: Any) -> int:
         event._obj.value = int(self.m.wants_event())
-        return OK if self.mode == "continuous" and not never_back else ERROR
+        return OK if self.mode == "continuous" and self._promised(never_back) else ERROR
 
     def fmi2SetTime(self, _c: Any, t: float) -> int:
         """FMI 2.0 allows it in event mode, too; FMUs of Dymola do not."""
@@ -180,7 +183,7 @@ class FakeC:
         return ERROR if self.mode == "continuous" else self.fmi2SetReal(_c, vr, n, values)
 
     def fmi2DoStep(self, _c: Any, t: float, h: float, never_back: int) -> int:
-        return self.m.step(h) if abs(t - self.m.t) < 1e-9 and not never_back else ERROR
+        return self.m.step(h) if abs(t - self.m.t) < 1e-9 and self._promised(never_back) else ERROR
 
     def fmi2GetFMUstate(self, _c: Any, state: Any) -> int:
         key = len(self.saved) + 1

@@ -38,6 +38,7 @@ LIES = {
     ),
     "wrong-restore": Lie("snapshots", "broken", evidence="the values after a restore are not those that were saved"),
     "failing-restore": Lie("snapshots", "broken", evidence="claimed, but it fails: .*fmi2SetFMUstate returned error"),
+    "repeats": Lie("promise", "broken", _CS, r"noSetFMUStatePriorToCurrentPoint is false\) . is"),
     "wrong-derivative": Lie("directional", "broken", _ME, r"∂der\(v\)/∂x is -44 by the FMU, -40 by differences"),
     "no-derivative": Lie("directional", "broken", _ME, "fmi2GetDirectionalDerivative returned error"),
     "undeclared": Lie("dependencies", "broken", _ME, r"der\(v\) depends on w, which it does not declare"),

@@ -102,6 +102,14 @@ MIMICS = {
         flags='providesDirectionalDerivative="true"', change=_state_is_output,
     ),
     "once": Mimic("JModelica: one instance in a process", flags='canBeInstantiatedOnlyOncePerProcess="true"'),
+    "statics": Mimic(
+        "20-sim, Overture: one instance in a process, and a second one ends it", "statics",
+        flags='canBeInstantiatedOnlyOncePerProcess="true"',
+    ),
+    "resources": Mimic("JModelica: refuses to start without its folder of resources, which is empty", "resources"),
+    "repeats": Mimic(
+        "fmiCpp: a step that may be taken back is taken for one that is to be made again", "repeats", _CS
+    ),
 }  # fmt: skip
 
 
@@ -154,5 +162,6 @@ def build_mimic(folder: Path, name: str) -> Path:
     binaries = stub_fmu("mimics", 2)
     if "mimics_cs" in text:
         binaries |= {path.replace("mimics.", "mimics_cs."): data for path, data in binaries.items()}
-    pack(file, {"modelDescription.xml": text.encode(mimic.encoding), **binaries})
+    folders = {"resources/": b""} if mimic.way == "resources" else {}
+    pack(file, {"modelDescription.xml": text.encode(mimic.encoding), **folders, **binaries})
     return file

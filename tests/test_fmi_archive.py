@@ -76,6 +76,12 @@ def test_entries_that_would_leave_the_folder_are_refused(pack: Pack, tmp_path: P
     assert not list(tmp_path.rglob("evil.txt"))
 
 
+@pytest.mark.parametrize("entry", ["resources/", "resources\\", "./resources/"])
+def test_an_empty_folder_is_unpacked(pack: Pack, entry: str) -> None:
+    with unpack(pack({"./": "", entry: "", "sources/": "", "binaries/": ""})) as unpacked:
+        assert sorted(p.name for p in unpacked.folder.iterdir() if p.is_dir()) == ["binaries", "resources"]
+
+
 def test_symbolic_links_are_refused(pack: Pack, tmp_path: Path) -> None:
     path = pack({})
     link = zipfile.ZipInfo("binaries/link")

@@ -130,13 +130,13 @@ def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool]
         raise FmuError(f"{path}: is not a file; an archive is needed")
     try:
         with zipfile.ZipFile(path) as archive:
-            entries = [e for e in archive.infolist() if not e.is_dir()]
+            entries = archive.infolist()
             _check_sizes(path, entries)
-            names = [_safe_name(path, entry) for entry in entries]
-            for entry, name in zip(entries, names, strict=True):
-                if wanted(name):
+            named = [(entry, _safe_name(path, entry)) for entry in entries]
+            for entry, name in named:
+                if name.parts and wanted(name):
                     _extract_entry(archive, entry, folder.joinpath(*name.parts))
-            return [name for name in names if not wanted(name)]
+            return [name for entry, name in named if not (_is_folder(entry) or wanted(name))]
     except DAMAGED:
         raise FmuError(f"{path}: not a zip archive or damaged; copy or export it again") from None
     except OSError as error:
@@ -156,7 +156,14 @@ def _check_sizes(path: Path, entries: list[zipfile.ZipInfo]) -> None:
         raise FmuError(f"{path}: unpacks {total // packed} times larger, as zip bombs do; refused")
 
 
+def _is_folder(entry: zipfile.ZipInfo) -> bool:
+    return entry.filename.endswith(("/", "\\"))
+
+
 def _extract_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:
+    if _is_folder(entry):  # also an empty one: JModelica's FMUs ask for theirs
+        target.mkdir(parents=True, exist_ok=True)
+        return
     target.parent.mkdir(parents=True, exist_ok=True)
     # zipfile stops at the declared size, so a lying header cannot write more than was checked.
     with archive.open(entry) as source, target.open("wb") as sink:
@@ -165,7 +172,7 @@ def _extract_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Pat
 
 def _safe_name(path: Path, entry: zipfile.ZipInfo) -> PurePosixPath:
     name = PurePosixPath(entry.filename.replace("\\", "/"))
-    if name.is_absolute() or ".." in name.parts or ":" in entry.filename or not name.parts:
+    if name.is_absolute() or ".." in name.parts or ":" in entry.filename or not (name.parts or _is_folder(entry)):
         raise FmuError(f"{path}: entry '{entry.filename}' would leave the target folder; refused")
     if stat.S_ISLNK(entry.external_attr >> 16):
         raise FmuError(f"{path}: entry '{entry.filename}' is a symbolic link; refused")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from workbench.fmi.access import Access, TypeCalls, decode_flag, is_good
 from workbench.fmi.fmpy_access import fmi2
-from workbench.fmi.instance import DISCARD, NEVER_BACK, EventInfo, Instance, StepResult
+from workbench.fmi.instance import DISCARD, EventInfo, Instance, StepResult
 from workbench.fmi.log import callbacks2
 from workbench.fmi.variable import Variable
 
@@ -98,7 +98,7 @@ class Instance2(Instance):
     def do_step(self, time: float, step: float) -> StepResult:
         self.time = time
         step_to = self.library[self.CALLS["do_step"]]
-        status = step_to(self.component, time + self.clock, step, int(NEVER_BACK))
+        status = step_to(self.component, time + self.clock, step, int(self.never_back))
         end = self.ended_at() if status == DISCARD else None
         if end is not None:
             return StepResult(end, terminate=True)

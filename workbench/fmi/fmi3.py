@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.fmi.access import TypeCalls, decode_flag, laid_out
 from workbench.fmi.fmpy_access import fmi3
-from workbench.fmi.instance import NEVER_BACK, EventInfo, Instance, StepResult
+from workbench.fmi.instance import EventInfo, Instance, StepResult
 from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.log import log_callback3
 from workbench.fmi.ticking import Ticking
@@ -180,7 +180,7 @@ class Instance3(Instance):
         event, terminate, early = (ctypes.c_bool() for _ in range(3))
         own = time + self.clock
         reached = ctypes.c_double(own + step)
-        self.call("fmi3DoStep", own, step, NEVER_BACK, byref(event), byref(terminate), byref(early), byref(reached))
+        self.call("fmi3DoStep", own, step, self.never_back, byref(event), byref(terminate), byref(early), byref(reached))
         end = float(reached.value) - self.clock if early.value else time + step
         return StepResult(end, bool(event.value), bool(terminate.value))
 

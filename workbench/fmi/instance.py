@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from ctypes import byref
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, NoReturn
 
@@ -28,7 +29,6 @@ from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wiring
 
 __all__ = [
-    "NEVER_BACK",
     "NO_EVENT",
     "DiscardError",
     "EventInfo",
@@ -45,9 +45,6 @@ _OTHER_WAY = " (with interface me the workbench integrates in its place)"
 _TROUBLE = re.compile("error|fatal|warning|discard", re.IGNORECASE)
 MAX_EVENT_ITERATIONS = 1000
 _EVENT_UPDATE = {1: "fmiEventUpdate", 2: "fmi2NewDiscreteStates", 3: "fmi3UpdateDiscreteStates"}
-
-# FMI 2.0.4, 4.2.2: noSetFMUStatePriorToCurrentPoint would be a promise that no earlier snapshot will be restored.
-NEVER_BACK = False
 
 
 class DiscardError(SimulationError):
@@ -147,6 +144,7 @@ class Instance(ABC):
 
     Attributes:
         event_mode: model exchange, and co-simulation that was instantiated with event mode.
+        saved: number of states of it that are kept, a C int32: while there are any, it may be taken back.
         remark: what the user should know about how it was instantiated; empty where all went as declared.
     """
 
@@ -446,10 +444,24 @@ class Instance(ABC):
 
     # -- FMU state ------------------------------------------------------------------------
 
+    @property
+    def never_back(self) -> bool:
+        """The promise noSetFMUStatePriorToCurrentPoint (FMI 2.0.4, 4.2.2), as FMPy and OMSimulator give it.
+
+        Some FMUs take a step without it for one that is to be repeated: it is withheld from those only of which a state
+        is kept.
+        """
+        return self.saved.value == 0
+
+    @cached_property
+    def saved(self) -> ctypes.c_int32:
+        return ctypes.c_int32(0)
+
     def get_state(self) -> Any:
         """Return a new FMU state; give it back with `free_state`."""
         state = ctypes.c_void_p()
         self.call(self.CALLS["get_fmu_state"], byref(state))
+        self.saved.value += 1
         return state
 
     def set_state(self, state: Any) -> None:
@@ -458,6 +470,7 @@ class Instance(ABC):
 
     def free_state(self, state: Any) -> None:
         """Free an FMU state; allowed after an error too, and nothing can be done if it fails."""
+        self.saved.value -= 1
         if not self._closed and self._worst < FATAL:
             self.library[self.CALLS["free_fmu_state"]](self.component, byref(state))
 

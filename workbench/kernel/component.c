@@ -73,6 +73,17 @@ bool component_states(const Component *component, FunctionIndex function, double
     return component_checked(component, function, status, who, failure);
 }
 
+bool component_never_back(const Component *component) {
+    return !component->saved || *component->saved == 0;
+}
+
+/* What is got is one more that may be gone back to; what is freed is one less. */
+static void count(const Component *component, FunctionIndex function) {
+    if (component->saved && function != SET_FMU_STATE) {
+        *component->saved += function == GET_FMU_STATE ? 1 : -1;
+    }
+}
+
 bool component_saved(const Component *component, FunctionIndex function, void **state, int32_t who, Failure *failure) {
     const Function address = component->functions[function];
     int status = NOT_EXPORTED;
@@ -83,7 +94,11 @@ bool component_saved(const Component *component, FunctionIndex function, void **
         status = function == SET_FMU_STATE ? ((Restore)address)(component->handle, *state)
                                            : ((SaveOrFree)address)(component->handle, state);
     }
-    return component_checked(component, function, status, who, failure);
+    if (!component_checked(component, function, status, who, failure)) {
+        return false;
+    }
+    count(component, function);
+    return true;
 }
 
 /* Let the clocks tick that are due. */

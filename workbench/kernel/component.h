@@ -44,9 +44,6 @@ enum { FMI_WARNING = 1, FMI_DISCARD = 2, FMI_ERROR = 3, FMI_FATAL = 4, NOT_EXPOR
 struct ComponentCalls;
 struct Intermediate;
 
-/* FMI 2.0.4, 4.2.2: noSetFMUStatePriorToCurrentPoint would promise that no earlier snapshot will be restored. */
-#define NEVER_BACK false
-
 typedef struct {
     void *handle;
     const Function *functions; /* [N_FUNCTIONS], NULL where the FMU has none */
@@ -68,6 +65,7 @@ typedef struct {
     int32_t ticked;        /* it was due when the last event was evaluated */
     int32_t in_circle;     /* what it shows at an instant may change what it sees there, and its state can be saved */
     void *before;          /* in a circle: saved before it evaluated the present event; NULL: it was not */
+    int32_t *saved;        /* how many states of it are kept, to which it may be taken back; NULL: it never is */
     const double *longest; /* how long the next step of a solver may be [s]; NULL: it does not mind */
 } Component;
 
@@ -103,6 +101,8 @@ bool component_checked(const Component *component, FunctionIndex function, int s
 bool component_set_time(Component *component, double time, int32_t who, Failure *failure);
 bool component_states(const Component *component, FunctionIndex function, double *values, size_t n, int32_t who,
                       Failure *failure);
+/* The promise noSetFMUStatePriorToCurrentPoint of FMI (2.0.4, 4.2.2). */
+bool component_never_back(const Component *component);
 /* GET_FMU_STATE, SET_FMU_STATE or FREE_FMU_STATE; a state that is not there is not freed. */
 bool component_saved(const Component *component, FunctionIndex function, void **state, int32_t who, Failure *failure);
 /* Evaluate the event once. */

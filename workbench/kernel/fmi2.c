@@ -18,7 +18,8 @@ static int completed_step(const Component *component, Answer *answer) {
     int event = 0;
     int terminate = 0;
     const Function function = component->functions[COMPLETED_STEP];
-    const int status = function ? ((CompletedStep)function)(component->handle, NEVER_BACK, &event, &terminate)
+    const int never_back = component_never_back(component);
+    const int status = function ? ((CompletedStep)function)(component->handle, never_back, &event, &terminate)
                                 : NOT_EXPORTED;
     answer->event = event != 0;
     answer->terminate = terminate != 0;
@@ -39,8 +40,8 @@ static int update_discrete_states(const Component *component, Answer *answer) {
 static int do_step(const Component *component, double time, double step, Answer *answer) {
     const Function function = component->functions[DO_STEP];
     *answer = (Answer){.time = time + step};
-    return function ? ((DoStep)function)(component->handle, time + component->clock, step, NEVER_BACK)
-                    : NOT_EXPORTED;
+    const int never_back = component_never_back(component);
+    return function ? ((DoStep)function)(component->handle, time + component->clock, step, never_back) : NOT_EXPORTED;
 }
 
 static int set_slopes(const Component *component, const uint32_t *references, size_t n, const int32_t *orders,

@@ -12,7 +12,8 @@ typedef int (*Directional)(void *, const uint32_t *, size_t, const uint32_t *, s
 static int completed_step(const Component *component, Answer *answer) {
     const Function function = component->functions[COMPLETED_STEP];
     answer->event = answer->terminate = false;
-    return function ? ((CompletedStep)function)(component->handle, NEVER_BACK, &answer->event, &answer->terminate)
+    const bool never_back = component_never_back(component);
+    return function ? ((CompletedStep)function)(component->handle, never_back, &answer->event, &answer->terminate)
                     : NOT_EXPORTED;
 }
 
@@ -34,8 +35,9 @@ static int do_step(const Component *component, double time, double step, Answer 
     bool early = false;
     double reached = time + step;
     const Function function = component->functions[DO_STEP];
+    const bool never_back = component_never_back(component);
     *answer = (Answer){0};
-    const int status = function ? ((DoStep)function)(component->handle, time + component->clock, step, NEVER_BACK,
+    const int status = function ? ((DoStep)function)(component->handle, time + component->clock, step, never_back,
                                                      &answer->event, &answer->terminate, &early, &reached)
                                 : NOT_EXPORTED;
     answer->time = early ? reached - component->clock : time + step;

@@ -106,6 +106,7 @@ class NativeSystem:
             clocks=instance.clocks_address,
             intermediate=None if instance.intermediate is None else ctypes.addressof(instance.intermediate),
             in_circle=in_circle and capabilities.state and instance.clocks_address is None,
+            saved=ctypes.addressof(instance.saved),
             longest=instance.longest_address,
         )
 

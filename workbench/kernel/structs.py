@@ -137,6 +137,7 @@ class Component(ctypes.Structure):
         ("ticked", c_int32),
         ("in_circle", c_int32),
         ("before", c_void_p),
+        ("saved", c_void_p),
         ("longest", c_void_p),
     )
 

@@ -7,6 +7,7 @@
  * it looks at its inputs only every 37 ms. "own-clock" begins to integrate at 0 whatever start time it is told. Runs of
  * "coarse" scatter by the tolerance that it is told. The stiffness of "pid" depends on the number of the process, the
  * force of "unset" on memory that nobody has set, that of "first" on whether this is the first instance of the process.
+ * "repeats" takes a step that it is not promised to be final (noSetFMUStatePriorToCurrentPoint) for the last one again.
  */
 #include <math.h>
 #include <stdbool.h>
@@ -31,7 +32,7 @@ enum { VR_X, VR_V, VR_DER_X, VR_DER_V, VR_U, VR_W, VR_Y, VR_F, N_VARIABLES };
 typedef enum {
     HONEST, FORGETFUL, WRONG_RESTORE, FAILING_RESTORE, WRONG_DERIVATIVE, NO_DERIVATIVE, CLOCK, RANDOM, SHARED, SINGLE,
     STICKY_RESET, REFUSED_RESET, EULER, DIVERGING, UNSTABLE, DEAF, REFUSED_SLOPES, IGNORED_SLOPES, WRONG_SLOPES,
-    ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, OWN_CLOCK, COARSE, PID, FIRST, UNSET,
+    ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, OWN_CLOCK, COARSE, PID, FIRST, UNSET, REPEATS,
     N_LIES
 } Lie;
 
@@ -39,7 +40,7 @@ static const char *const names[N_LIES] = {
     "honest", "forgetful", "wrong-restore", "failing-restore", "wrong-derivative", "no-derivative", "clock", "random",
     "shared", "single", "sticky-reset", "refused-reset", "euler", "diverging", "unstable", "deaf", "refused-slopes",
     "ignored-slopes", "wrong-slopes", "zero-nominal", "tiny-nominal", "leak", "large-leak", "counter", "late-inputs",
-    "own-clock", "coarse", "pid", "first", "unset",
+    "own-clock", "coarse", "pid", "first", "unset", "repeats",
 };
 
 typedef struct {
@@ -51,7 +52,7 @@ typedef struct {
 
 typedef struct {
     Lie lie;
-    State s;
+    State s, before; /* before: at the begin of the last step */
     double tolerance; /* of a coarse solver, as far as its runs scatter */
     double own;       /* force, or change of the stiffness, of those that are not the same everywhere */
 } Model;
@@ -472,7 +473,11 @@ static void go_on(Model *m, long count)
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real point, fmi2Real size, fmi2Boolean no_set)
 {
     Model *m = c;
-    (void)no_set;
+    if (m->lie == REPEATS && !no_set) {
+        m->s.x = m->before.x;
+        m->s.v = m->before.v;
+    }
+    m->before = m->s;
     if (m->lie == LATE_INPUTS) {
         go_on(m, (long)round(size / LONGEST));
         return fmi2OK;

@@ -16,11 +16,15 @@
  *   fast         was compiled with -ffast-math: tiny numbers are zero for the whole process from then on
  *   handles      sets a handler of a signal, as run-time systems of other languages do
  *   discards     discards derivatives at trial points far from the last step
+ *   resources    cannot be instantiated where the folder of its resources is not there, empty as it is
+ *   repeats      takes a step that it is not promised to be final for one that is to be made again
+ *   statics      has what only one instance can use; a second one in the same copy of the code ends the process
  */
 #include <math.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "fmi2Functions.h"
 
@@ -30,11 +34,11 @@
 
 typedef enum {
     PLAIN, DYMOLA, SIMULINK, UNLIKE, SILENT, TOOL, WARNS, NOMINALS, FORMATS, MEMORY, FAST, HANDLES, DISCARDS,
-    FORGETS, N_WAYS
+    FORGETS, RESOURCES, REPEATS, STATICS, N_WAYS
 } Way;
 static const char *const names[N_WAYS] = {"plain",    "dymola",  "simulink", "unlike", "silent",  "tool",    "warns",
                                           "nominals", "formats", "memory",   "fast",   "handles", "discards",
-                                          "forgets"};
+                                          "forgets",  "resources", "repeats", "statics"};
 
 enum { VR_TIME, VR_U, VR_X, VR_V, VR_DER_X, VR_DER_V, VR_Y, VR_C, VR_D, N_VALUES, NX = 2 };
 static const double START[N_VALUES] = {[VR_U] = 1.0, [VR_C] = 100.0, [VR_D] = 4.0};
@@ -53,6 +57,7 @@ typedef struct {
     double accepted;          /* v at the last completed step */
     double scale[NX];
     double shown;             /* y of "simulink" */
+    double before[NX];        /* states at the begin of the last step */
     double v[N_VALUES];
     const fmi2CallbackFunctions *callbacks;
 } Model;
@@ -106,11 +111,19 @@ static void be_fast(void)
 #endif
 }
 
+static int is_folder(const char *uri)
+{
+    struct stat found;
+    const size_t scheme = strlen("file://");
+    return strlen(uri) > scheme && stat(uri + scheme, &found) == 0 && S_ISDIR(found.st_mode);
+}
+
+static int taken; /* "statics": the one instance */
+
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String location,
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging)
 {
     const Way way = (Way)chosen(guid, "mimic", names, N_WAYS);
-    (void)location;
     (void)visible;
     (void)logging;
     if (way == N_WAYS) {
@@ -120,6 +133,14 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
         callbacks->logger(callbacks->componentEnvironment, name, fmi2Error, "logStatusError",
                           "the simulator MimicTool is not installed on this machine");
         return NULL;
+    }
+    if (way == RESOURCES && !is_folder(location)) {
+        callbacks->logger(callbacks->componentEnvironment, name, fmi2Error, "logStatusError",
+                          "the folder %s does not exist", location);
+        return NULL;
+    }
+    if (way == STATICS && taken++) {
+        abort();
     }
     Model *model = way == MEMORY ? callbacks->allocateMemory(1, sizeof *model) : calloc(1, sizeof *model);
     if (model == NULL) {
@@ -185,6 +206,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     Model *model = c;
     model->shown = model->v[VR_X];
     model->accepted = model->v[VR_V];
+    memcpy(model->before, &model->v[VR_X], sizeof model->before);
     return go(c, INITIALISING, model->exchange ? EVENT : STEPPING);
 }
 
@@ -384,7 +406,10 @@ static void advance(Model *model, double h)
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_way_back)
 {
     Model *model = c;
-    (void)no_way_back;
+    if (model->way == REPEATS && !no_way_back) {
+        memcpy(&model->v[VR_X], model->before, sizeof model->before);
+    }
+    memcpy(model->before, &model->v[VR_X], sizeof model->before);
     const fmi2Status status =
         said(model, model->mode == STEPPING && fabs(time - model->v[VR_TIME]) < 1e-6 * (1.0 + fabs(time)));
     if (status == fmi2Error) {

@@ -11,6 +11,7 @@ from workbench.analysis.check.inputs import inputs
 from workbench.analysis.check.jumps import jumps
 from workbench.analysis.check.memory import memory
 from workbench.analysis.check.nominals import nominals
+from workbench.analysis.check.promise import promise
 from workbench.analysis.check.repeatability import determinism, instances, reset, snapshots
 from workbench.analysis.check.result import Answer
 from workbench.analysis.check.runs import drift, runs
@@ -52,6 +53,7 @@ CHECKS: Mapping[str, CheckEntry] = {
     PROCESSES: CheckEntry("Does another process give the same numbers?", None),
     "instances": CheckEntry("Can two instances exist at once?", instances),
     "snapshots": CheckEntry("Does restoring a saved state work?", snapshots),
+    "promise": CheckEntry("Are the numbers the same where it may still be taken back?", promise),
     "directional": CheckEntry("Are its directional derivatives correct?", directional, _ME),
     "dependencies": CheckEntry("Are all dependencies declared?", dependencies, _ME),
     "drift": CheckEntry("Does it move without being forced?", drift),

@@ -59,7 +59,7 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
     _: KW_ONLY
     only: Names | None = option(
         "Run these checks only: validation, runs, step, reset, determinism, processes, instances, snapshots, "
-        "directional, dependencies, drift, start-time, nominals, inputs, jumps, memory.",
+        "promise, directional, dependencies, drift, start-time, nominals, inputs, jumps, memory.",
         default=None,
     )
     skip: Names | None = option("Leave these checks out.", default=None)
