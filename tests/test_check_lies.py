@@ -104,6 +104,16 @@ def test_a_lie_is_found(folder: Path, name: str) -> None:
     assert found.passed == (LIES[name].verdict != "broken")
 
 
+def test_who_repeats_steps_is_taken_back_by_replay(folder: Path) -> None:
+    """It restores well, but makes other steps while a state is kept (noSetFMUStatePriorToCurrentPoint)."""
+    with load(build_lying(folder, "repeats"), "cs") as model:
+        assert "while a state is kept it makes other steps" in model.why_replay()
+        repeats = simulate(model, stop=1.0)
+    with load(build_lying(folder, "honest"), "cs") as model:
+        assert model.why_replay() == ""
+        assert np.array_equal(simulate(model, stop=1.0).signals["y"], repeats.signals["y"])
+
+
 @pytest.mark.parametrize("name", LEAKS)
 def test_a_leak_is_measured(folder: Path, name: str) -> None:
     with load("fmu:Aircraft") as model:  # leaves free memory behind in the kept worker

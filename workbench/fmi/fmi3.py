@@ -180,7 +180,9 @@ class Instance3(Instance):
         event, terminate, early = (ctypes.c_bool() for _ in range(3))
         own = time + self.clock
         reached = ctypes.c_double(own + step)
-        self.call("fmi3DoStep", own, step, self.never_back, byref(event), byref(terminate), byref(early), byref(reached))
+        self.call(
+            "fmi3DoStep", own, step, self.never_back, byref(event), byref(terminate), byref(early), byref(reached)
+        )
         end = float(reached.value) - self.clock if early.value else time + step
         return StepResult(end, bool(event.value), bool(terminate.value))
 
