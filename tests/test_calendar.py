@@ -126,3 +126,28 @@ def test_numbers_of_many_digits_are_not_taken_for_simpler_ones_nearby() -> None:
     written = [Fraction(int(n), 10**9) for n in random.integers(10**8, 10**9, 300)]
     assert [exact(float(f), 2000.0) for f in written] == written
     assert exact(1.0 / 3.0 + 1e-14, 2000.0) == Fraction(1, 3)
+
+
+@pytest.mark.parametrize("dt", [1e-9, 1e-12])
+def test_a_run_of_too_many_samples_is_refused(dt: float) -> None:
+    """By name and number, at once: a run of 1 s would not end."""
+    one = np.ones((1, 1))
+    fast = wb.LinearComponent(name="fast", A=0.5 * one, B=one, C=one, D=0.0 * one, dt=dt, x0=np.zeros(1),
+                              state_names=("x",), input_names=("u",), output_names=("y",))  # fmt: skip
+    model = wb.connect({"fast": fast}, inputs={"u": "fast.u"}, outputs={"y": "fast.y"})
+    signals = {"u": wb.Constant(1.0)}
+    with model, model.open_session(signals=signals) as session:
+        session.advance(10.5 * dt, signals=signals)
+        assert session.values(["y"])["y"] == 2.0 * (1.0 - 0.5**10)
+        with pytest.raises(InputError, match=f"fast samples every {dt:g} s: .* samples in a run from .* to 1 s"):
+            session.advance(1.0, signals=signals)
+
+
+def test_a_fast_system_is_linear_as_a_slow_one_is() -> None:
+    """A probe that ran for a fixed time would make a million samples of it."""
+    one = np.ones((1, 1))
+    fast = wb.LinearComponent(name="fast", A=0.5 * one, B=one, C=one, D=0.0 * one, dt=1e-12, x0=np.zeros(1),
+                              state_names=("x",), input_names=("u",), output_names=("y",))  # fmt: skip
+    with wb.connect({"fast": fast}, inputs={"u": "fast.u"}, outputs={"y": "fast.y"}) as model:
+        found = wb.lin(model)
+    assert (found.dt, found.A.tolist()) == (1e-12, [[0.5]])

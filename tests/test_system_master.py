@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from workbench.core.calendar import Sampler
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.clocks import clocks_of
 from workbench.fmi.declared import ClockVariable, Word
+from workbench.fmi.ticking import periodic
 from workbench.model.described import DescribedModel
 from workbench.session.base import Floats
 from workbench.signals import Constant, Signal, Sine, Step
@@ -29,7 +31,6 @@ from workbench.system.description import FmuComponent
 from workbench.system.load import load
 from workbench.system.master.model import MasterModel
 from workbench.system.master.richardson import halving
-from workbench.system.master.sampled import clock_ticks
 from workbench.system.master.ticks import repeating
 
 both = pytest.mark.parametrize("driver", DRIVERS, indirect=True)
@@ -388,15 +389,27 @@ step = 0.05
 
 def test_clocks_of_a_description_are_instants() -> None:
     """Also those that count: one third of a second, which no decimal is."""
-    declared = [
+    said = [
         ClockVariable(name="a", interval_variability=Word("constant"), interval_decimal=0.02),
-        ClockVariable(name="b", interval_variability=Word("constant"), interval_decimal=0.04, shift_decimal=0.01),
+        ClockVariable(
+            causality=Word("input"),
+            name="b",
+            interval_variability=Word("constant"),
+            interval_decimal=0.04,
+            shift_decimal=0.01,
+        ),
         ClockVariable(name="c", interval_variability=Word("triggered")),
-        ClockVariable(name="d", interval_variability=Word("fixed"), interval_counter=1, shift_counter=2, resolution=3),
+        ClockVariable(
+            causality=Word("input"),
+            name="d",
+            interval_variability=Word("fixed"),
+            interval_counter=1,
+            shift_counter=2,
+            resolution=3,
+        ),
     ]
-    found = clock_ticks(clocks_of(declared, {}).values())
-    assert found is not None
-    assert found.samplers == (
+    declared = [replace(clock, causality=Word("input")) for clock in said]
+    assert periodic(clocks_of(declared, {})) == (
         Sampler(Fraction(1, 50)), Sampler(Fraction(1, 25), Fraction(1, 100)), Sampler(Fraction(1, 3), Fraction(2, 3))
     )  # fmt: skip
 

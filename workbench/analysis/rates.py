@@ -346,8 +346,11 @@ def basic_period(periods: Sequence[float], btptol: float) -> float:
         top = math.lcm(multiple.numerator * ratio.denominator, ratio.numerator * multiple.denominator)
         multiple = Fraction(top, multiple.denominator * ratio.denominator)
     if multiple > _LARGEST_FACTOR:
-        listed = ", ".join(f"{p:.6g}" for p in periods)
-        raise InputError(f"sample periods {listed} s have no common multiple within btptol {btptol:g}; enlarge it")
+        listed = ", ".join(f"{p:.12g}" for p in periods)
+        raise InputError(
+            f"sample periods {listed} s repeat together after {float(multiple):.3g} times the shortest only (within "
+            f"btptol {btptol:g}), more than the {_LARGEST_FACTOR} that can be run; round them, or enlarge btptol"
+        )
     # The period fits best where most samples are: the mean over all of period · whole number of samples.
     fits = [p * round(float(multiple) / float(r)) for p, r in zip(periods, ratios, strict=True)]
     return float(np.mean(fits))

@@ -8,14 +8,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
 
 from workbench.errors import InputError
 
-__all__ = ["TOGETHER", "Calendar", "Sampler", "exact", "gathered", "is_due", "rounding", "simplest_between"]
+__all__ = [
+    "TOGETHER",
+    "Calendar",
+    "Sampler",
+    "check_countable",
+    "exact",
+    "gathered",
+    "is_due",
+    "rounding",
+    "simplest_between",
+]
 
 # Relative: periods within this have a common multiple. A thousand times what arithmetic leaves of a period that an FMU
 # shows; 0.0333333 s three times is not 0.1 s, and a run over either holds four of its ticks.
@@ -23,6 +33,7 @@ TOGETHER = 1e-9
 
 _BY_CHANCE = 1e-3  # expected number of fractions as simple within rounding, below which one is taken as meant
 _MOST_ROUNDED = 2.0**20  # ulps; whoever adds up its period is off by half of one a tick at most: two million ticks
+_MOST = 1e8  # samples of one run; the kernel makes about a million a second
 _LONGEST = 10_000  # instants of one sampler in a basic period; beyond that nobody wants to wait for it
 
 
@@ -96,6 +107,7 @@ class Sampler:
     Attributes:
         period: [s], positive.
         offset: the first instant [s].
+        name: of the component, block or clock; two samplers that differ in it only are the same.
 
     Raises:
         InputError: the period is not positive, or so short that rounding at the first instant is half of it.
@@ -103,6 +115,7 @@ class Sampler:
 
     period: Fraction
     offset: Fraction = Fraction(0)
+    name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         if self.period <= 0:
@@ -127,6 +140,25 @@ class Sampler:
         """Return the first instant later than `time` [s]."""
         k = max(0, math.floor((Fraction(time) - self.offset) / self.period))
         return next(t for t in map(self.instant, range(k, k + 3)) if t > time)
+
+
+def check_countable(samplers: Iterable[Sampler], begin: float, end: float) -> None:
+    """Refuse a run in which something samples so often that it would not end.
+
+    Args:
+        samplers: what samples in it.
+        begin: [s].
+        end: [s].
+
+    Raises:
+        InputError: one samples more than 1e8 times.
+    """
+    fastest = min(samplers, key=lambda s: s.period, default=None)
+    if fastest is not None and (count := (end - begin) / float(fastest.period)) > _MOST:
+        raise InputError(
+            f"{fastest.name} samples every {float(fastest.period):g} s: {count:.2g} samples in a run from {begin:g} to "
+            f"{end:.6g} s are more than the {_MOST:.0e} that end in reasonable time; enlarge its sample period"
+        )
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from workbench.fmi.c_array import array_type
 from workbench.fmi.description import Clock
 from workbench.fmi.instants import Instants
 
-__all__ = ["Clocks", "Tick", "Ticking", "no_interval", "time_based"]
+__all__ = ["Clocks", "Tick", "Ticking", "no_interval", "periodic", "time_based"]
 
 PERIODIC, APERIODIC, TUNABLE = 0, 1, 2
 _KINDS = {"constant": PERIODIC, "fixed": PERIODIC, "tunable": TUNABLE, "changing": APERIODIC, "countdown": APERIODIC}
@@ -75,6 +75,15 @@ class Clocks(ctypes.Structure):
 def time_based(clocks: Mapping[str, Clock]) -> dict[str, Clock]:
     """Return those that tick at times that the FMU tells: the importer has to let them."""
     return {name: c for name, c in clocks.items() if c.causality == "input" and c.kind in _KINDS}
+
+
+def periodic(clocks: Mapping[str, Clock]) -> tuple[Sampler, ...]:
+    """Return when those clocks tick whose period is declared, counted from where a session begins.
+
+    Others tick at times that the FMU tells while it runs, or with another clock.
+    """
+    known = ((n, c) for n, c in time_based(clocks).items() if c.interval and _KINDS[c.kind] != APERIODIC)
+    return tuple(Sampler(exact(c.interval or 0.0), exact(c.shift), f"clock {n}") for n, c in known)
 
 
 def no_interval(who: str, time: float) -> SimulationError:

@@ -18,6 +18,7 @@ from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.structure import STRUCTURAL
+from workbench.fmi.ticking import periodic
 from workbench.fmi.variable import Value, Variable
 from workbench.kernel.library import kernel
 from workbench.model.base import DeclaredRates, Model
@@ -96,7 +97,11 @@ class DescribedModel(Model):
         self.parameters = self._with(*_PARAMETERS)
         self.states = description.states
         self._setup = dataclasses.replace(
-            setup, open_instance=self.new_instance, state_works=self._state_works, slopes_act=self.slopes_act
+            setup,
+            open_instance=self.new_instance,
+            state_works=self._state_works,
+            slopes_act=self.slopes_act,
+            samplers=self._own_rates().samplers,
         )
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self.recipe, self.at = recipe, recipe.at
@@ -333,8 +338,7 @@ class DescribedModel(Model):
 
     def _own_rates(self) -> DeclaredRates:
         """Return what is declared where nobody was told better."""
-        clocks = (c for c in self.description.clocks.values() if c.causality == "input" and c.interval)
-        return DeclaredRates(tuple(Sampler(exact(c.interval or 0.0), exact(c.shift)) for c in clocks), others=(self,))
+        return DeclaredRates(periodic(self.description.clocks), others=(self,))
 
     def open_point(
         self,

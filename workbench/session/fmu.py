@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.core.calendar import Sampler, check_countable
 from workbench.errors import EndedError, InputError, SimulationError, WorkbenchError
 from workbench.fmi.instance import NO_EVENT, EventInfo, Instance
 from workbench.fmi.structure import STRUCTURAL
@@ -104,6 +105,7 @@ class Setup:
         state_works: asks once whether the FMU's own state can be trusted for snapshots.
         slopes_act: co-simulation that takes slopes of its inputs: asks once whether it makes anything of them.
         manners: in which order it lets itself be started; shared by the sessions of one model.
+        samplers: what declares how often it samples.
     """
 
     open_instance: Callable[[], Instance]
@@ -124,6 +126,7 @@ class Setup:
     state_works: Callable[[], bool] = lambda: False
     slopes_act: Callable[[], bool] = lambda: True
     manners: Manners = field(default_factory=Manners)
+    samplers: tuple[Sampler, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,6 +345,7 @@ class FmuSession(Session):
     ) -> tuple[Floats, list[Variable], bool]:
         """Put `signals` in force, and keep the call for a replay; return what `_advance` is given besides `until`."""
         targets = self._targets(until, points)
+        check_countable(self.setup.samplers, self.time, until)
         variables = find(record, self.setup.variables)
         self._calls.append(Call(until, dict(signals), points))
         new = signals != self.forcing.signals

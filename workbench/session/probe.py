@@ -19,6 +19,7 @@ from workbench.signals import Constant, Signal, Sine
 __all__ = ["begins_at_zero", "forced", "slopes_act", "why_state_fails"]
 
 RELATIVE = 1e-9
+_SAMPLES = 1000  # of the fastest part, which show whatever it saves
 
 
 def why_state_fails(open_session: Callable[[Setup], FmuSession], setup: Setup) -> str:
@@ -49,7 +50,8 @@ def _probed(session: FmuSession) -> tuple[float, list[str]]:
     names = [v.name for v in description.variables if v.is_number and v.causality == "output"]
     known = session.setup.variables
     names += [v.name for v in (*description.states, *description.derivatives) if v.name in known]
-    return session.setup.step or description.experiment.step or 1e-3, names
+    fastest = float(min((s.period for s in session.setup.samplers), default=math.inf))
+    return min(session.setup.step or description.experiment.step or 1e-3, _SAMPLES * fastest), names
 
 
 def _difference(session: FmuSession) -> tuple[str, list[float]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from workbench.core.calendar import Sampler, exact
 from workbench.errors import InputError
@@ -110,12 +110,14 @@ def declared_rates(parts: Sequence[Part]) -> DeclaredRates:
     Args:
         parts: the components.
     """
-    own = (Sampler(exact(dt)) for part in parts if (dt := _sampled_every(part.component)) > 0.0)
-    inner = [part.model.declared_rates() for part in parts if part.model is not None]
-    return DeclaredRates(
-        samplers=(*own, *(s for found in inner for s in found.samplers)),
-        others=tuple(model for found in inner for model in found.others),
-    )
+    found = list[Sampler]()
+    for part in parts:
+        if (dt := _sampled_every(part.component)) > 0.0:
+            found.append(Sampler(exact(dt), name=part.name))
+        clocks = () if part.model is None else part.model.declared_rates().samplers
+        found += (replace(s, name=f"{part.name}: {s.name}") for s in clocks)
+    others = (model for part in parts if part.model is not None for model in part.model.declared_rates().others)
+    return DeclaredRates(tuple(found), tuple(others))
 
 
 def _sampled_every(component: Component) -> float:

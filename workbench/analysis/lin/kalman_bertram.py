@@ -134,7 +134,7 @@ def _linearise(setting: PeriodMap, rates: Rates) -> LinResult:
 
 
 def _notes(setting: PeriodMap, slopes: _Slopes, keep: Flags, rates: Rates) -> tuple[str, ...]:
-    listed = ", ".join(f"{p:.6g}" for p in rates.periods)
+    listed = ", ".join(f"{p:.12g}" for p in rates.periods)
     notes = [f"basic time period {setting.period:.9g} s out of sample periods {listed} s", *rates.notes]
     left_out = [v.name for v, k in zip(setting.states, keep, strict=True) if not k]
     if left_out:

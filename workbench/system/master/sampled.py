@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.core.calendar import Calendar, Sampler, exact
 from workbench.errors import WorkbenchError
-from workbench.fmi.description import Clock
+from workbench.fmi.ticking import periodic
 from workbench.model.load import FmuRecipe
 from workbench.session.point import FmuPoint
 from workbench.system.description import FmuComponent
@@ -18,7 +18,7 @@ from workbench.system.master.ticks import repeating
 from workbench.system.master.units import Units
 from workbench.system.parts import Part
 
-__all__ = ["Sampled", "clock_ticks", "find_ticks"]
+__all__ = ["Sampled", "find_ticks"]
 
 _TICKS = 200  # so many instants are looked at
 _PROBE = 1e-2  # how far inputs are moved to see whether an output follows, relative to the larger of 1 and the value
@@ -62,8 +62,8 @@ def _sampled(part: Part) -> Sampled | None:
     if "me" in part.description.interfaces:
         twin = dataclasses.replace(recipe, interface="me", solver="auto", step=None, hold_inputs=False)
         return _of_twin(twin)
-    ticks = clock_ticks(part.description.clocks.values())
-    return None if ticks is None else Sampled(ticks, held=part.description.state_count == 0)
+    clocks = periodic(part.description.clocks)
+    return Sampled(Calendar(tuple(dict.fromkeys(clocks))), held=part.description.state_count == 0) if clocks else None
 
 
 def _of_twin(recipe: FmuRecipe) -> Sampled | None:
@@ -90,10 +90,3 @@ def _stands_still(point: FmuPoint) -> bool:
             if np.abs(point.at(x, moved).y - y).max(initial=0.0) > _SAME * np.abs(y).max(initial=1.0):
                 return False
     return True
-
-
-def clock_ticks(clocks: Iterable[Clock]) -> Calendar | None:
-    """Return the instants of those clocks that have a constant interval; None if there are none."""
-    known = ((c.interval, c.shift) for c in clocks if c.interval)
-    samplers = tuple(Sampler(exact(interval), exact(shift)) for interval, shift in dict.fromkeys(known))
-    return Calendar(samplers) if samplers else None
