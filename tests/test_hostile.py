@@ -75,14 +75,6 @@ def test_an_honest_saved_state_is_used(tmp_path: Path) -> None:
         assert model.snapshot_method() == "state"
 
 
-def test_a_second_instance_is_refused(tmp_path: Path) -> None:
-    with load(build_hostile(tmp_path, "once"), "cs") as model:
-        with model.open_session(), pytest.raises(FmuError, match="allows one instance per process, and one is in use"):
-            model.open_session()
-        with model.open_session() as session:
-            session.advance(0.1, signals={})
-
-
 # What a worker process has to survive really happens.
 
 ENDS = {"segfault": -11, "segfault-at-start": -11, "abort": -6, "exit": 3}

@@ -39,12 +39,14 @@ class _Told:
     Attributes:
         what, done, total: see `Job.done`.
         partial: what there is so far, should the worker be lost; None: nothing, or nothing new.
+        checking: what is still done once that is the whole answer, see `Job.checking`.
     """
 
     what: str
     done: int
     total: int
     partial: object
+    checking: str = ""
 
 
 @dataclass(frozen=True)
@@ -95,8 +97,8 @@ def _perform(model: Model | None, whole: _Whole) -> Iterator[_Ended]:
         nonlocal last, most, spent
         now = time.monotonic()
         if done == total or now > last + _OFTEN:
-            worth = done > most and spent < _WORTH * (now - begun)
-            told = _Told(str(what), done, total, job.partial() if worth else None)
+            worth = bool(job.checking) or (done > most and spent < _WORTH * (now - begun))
+            told = _Told(str(what), done, total, job.partial() if worth else None, job.checking)
             tell(told, finished=done > most and not whole.asked.undivided)
             last, most = time.monotonic(), done
             spent += last - now
@@ -197,14 +199,18 @@ def _same(record: object) -> object:
 def _heard(events: Iterator[Any], job: telling.Job) -> _Ended:
     """Pass on what the worker tells until it has a result and is ready again."""
     found: _Ended | None = None
+    whole: _Told | None = None
     for event in events:
         if isinstance(event, Reply) and isinstance(event.value, _Ended):
             found = event.value
         elif isinstance(event, Reply):
             told = event.value
+            whole = told if told.checking else whole
             if told.partial is not None:
                 job.partial = partial(_same, told.partial)
             job.done(told.what, told.done, told.total)
+        elif found is None and whole is not None:
+            found = _Ended(whole.partial, None, (f"{whole.checking} came to no end: {event.reason}",))
         elif found is None:
             raise event.error
         else:

@@ -235,10 +235,8 @@ def _ticks(model: Model, time: float, values: Mapping[str, float] | None, most: 
 
 
 def _equations(model: Model) -> Model | None:
-    """Return the model exchange side of a co-simulation FMU, where there is one that may be opened besides."""
+    """Return the model exchange side of a co-simulation FMU, where there is one."""
     if not isinstance(model, DescribedModel) or "me" not in model.description.interfaces:
-        return None
-    if model.description.interfaces["me"].once_per_process:
         return None
     return replace(model.recipe, interface="me", solver="auto", step=None).open()
 

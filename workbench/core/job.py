@@ -24,6 +24,7 @@ class Job:
         say: is told what is of use only while it runs.
         reached: number of parts finished, and their total number; (0, 0): nothing was told yet.
         stopped: whether `stop` was called.
+        checking: what is still done, in words, while the partial record is the whole answer; empty: it is not yet.
     """
 
     def __init__(self, progress: Progress | None = None) -> None:
@@ -34,6 +35,7 @@ class Job:
         self.say: Callable[[str], None] = lambda _: None
         self.reached = 0, 0
         self.stopped = False
+        self.checking = ""
         self._stage = 1, 1
 
     def done(self, what: object, done: int, total: int) -> None:
@@ -48,6 +50,17 @@ class Job:
         self.reached = (number - 1) * total + done, count * total
         if self._progress is not None:
             self._progress(what, *self.reached)
+
+    def found(self, record: Callable[[], object], checking: str) -> None:
+        """Tell that the answer is there: whatever becomes of what comes after it, it is not lost.
+
+        Args:
+            record: returns it.
+            checking: what is still done, in words.
+        """
+        self.partial, self.checking = record, checking
+        if self._progress is not None:
+            self._progress(checking, *self.reached)
 
     def stage(self, number: int, count: int) -> None:
         """Begin a stage: what is told from now on counts within it.

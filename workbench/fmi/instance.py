@@ -22,8 +22,8 @@ from workbench.fmi.access import Access, TypeCalls, is_good
 from workbench.fmi.c_array import array_type, c_array
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.intermediate import Intermediate
-from workbench.fmi.library import Library, load_library
-from workbench.fmi.log import open_log
+from workbench.fmi.library import Library, load_alone, load_library
+from workbench.fmi.log import InstanceLog, open_log
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wiring
@@ -151,6 +151,8 @@ class Instance(ABC):
     version: ClassVar[int]
     CALLS: ClassVar[Mapping[str, str]]
     TYPES: ClassVar[Mapping[str, TypeCalls]]
+    library: Library
+    log: InstanceLog
     remark: str = ""
 
     def __init__(
@@ -165,11 +167,7 @@ class Instance(ABC):
         update: int | None = None,
     ) -> None:
         self._answerer = update
-        if library is None:
-            name = description.interfaces[interface].identifier
-            path = binary_path(folder, name, source=source)
-            library = load_library(path, version=description.major, interface=interface, identifier=name)
-        self._setup(description, library, interface=interface)
+        self._setup(description, library or _loaded(description, folder, interface, source), interface=interface)
         self.event_mode = interface == "me" or (self.capabilities.event_mode and event_mode)
         self.source = source
         self.folder = folder if folder.is_absolute() else folder.resolve()
@@ -185,12 +183,15 @@ class Instance(ABC):
             self.component = self._made(logging=True)
         if not self.component:
             self._closed = True
-            library.close()
+            self.library.close()
             raise FmuError(f"{source}: the FMU cannot be instantiated{self.log.tail()}")
         if not self._log_trouble():
             # Files name categories that the binary refuses, some going to an error state for it.
             self.library[self.CALLS["free"]](self.component)
             self.log.lines.clear()
+            if self.capabilities.once_per_process:
+                self.library.close()
+                self.library = _loaded(description, folder, interface, source)
             self.component = self._made(logging=False)
 
     def _made(self, *, logging: bool) -> Any:
@@ -343,7 +344,7 @@ class Instance(ABC):
             return
         self._closed = True
         _Ended.waiting.append(self)
-        end_now(0 if self.capabilities.once_per_process else _Ended.most)
+        end_now(_Ended.most)
 
     def _end(self) -> None:
         if self._worst >= FATAL:
@@ -485,6 +486,16 @@ class Instance(ABC):
     ) -> NDArray[np.float64]:
         """Return Σ seed · ∂unknown/∂known over `unknowns`, shape (len(knowns),)."""
         raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no adjoint derivatives")
+
+
+def _loaded(description: Description, folder: Path, interface: str, source: str) -> Library:
+    """Return the binary of an FMU; of one that may be instantiated only once per process, one for this instance."""
+    claims = description.interfaces[interface]
+    path = binary_path(folder, claims.identifier, source=source)
+    if claims.once_per_process:
+        end_now()
+    load = load_alone if claims.once_per_process else load_library
+    return load(path, version=description.major, interface=interface, identifier=claims.identifier)
 
 
 def no_event_time(instance: Instance) -> SimulationError:

@@ -6,6 +6,7 @@ import _ctypes
 import ctypes
 import inspect
 import os
+import shutil
 import sys
 import threading
 import types
@@ -16,10 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from workbench.core.arithmetic import kept_arithmetic
+from workbench.core.scratch import remove, scratch_folder
 from workbench.errors import FmuError
 from workbench.fmi.fmpy_access import fmi1, fmi2, fmi3
 
-__all__ = ["Library", "functions_of", "load_library"]
+__all__ = ["Library", "functions_of", "load_alone", "load_library"]
 
 _CLASSES: Mapping[tuple[int, str], Any] = {
     (1, "me"): fmi1.FMU1Model,
@@ -76,6 +78,7 @@ class _Binary:
         self._dll = dll
         self._key: int | None = None  # of the last instantiation
         self._threads = _threads()  # that ran before
+        self.copied: Path | None = None  # folder that was made for it
         self.holders = 0
         self.addresses: dict[str, int | None] = {}
 
@@ -98,6 +101,8 @@ class _Binary:
             self._give_back()
             if not _threads() - self._threads:  # one that it left behind would run on in code that is gone
                 _unload(self._dll._handle)  # noqa: SLF001  ctypes has no public name for it
+            if self.copied is not None:
+                remove(self.copied)
 
 
 class Library:
@@ -133,6 +138,10 @@ class Library:
             self._open = False
             self._binary.drop()
 
+    def removes(self, folder: Path) -> None:
+        """Remove a folder that was made for the binary, when that is let go."""
+        self._binary.copied = folder
+
     def reclaim_key(self) -> None:
         """Give back what the instantiation that is just over has made superfluous."""
         self._binary.reclaim_key()
@@ -157,6 +166,25 @@ def _address(function: Any) -> int | None:
     if function is None or getattr(function, "missing", False):
         return None
     return ctypes.cast(function, ctypes.c_void_p).value
+
+
+def load_alone(path: Path, *, version: int, interface: str, identifier: str) -> Library:
+    """Load the shared library at `path` with static variables of its own, for an FMU of one instance in a process.
+
+    Where it is loaded already, or could not be unloaded, a copy of its folder is loaded: to the system that is another
+    library. Libraries beside it are copied, too; what an FMU shares with others elsewhere in the process it still does.
+
+    Raises:
+        FmuError: see `load_library`.
+    """
+    copied = None
+    if _is_loaded(path):
+        copied = scratch_folder("alone")
+        path = shutil.copytree(path.parent, copied / path.parent.name) / path.name
+    library = load_library(path, version=version, interface=interface, identifier=identifier)
+    if copied is not None:
+        library.removes(copied)
+    return library
 
 
 def load_library(path: Path, *, version: int, interface: str, identifier: str) -> Library:
@@ -197,6 +225,18 @@ def _load(path: Path) -> ctypes.CDLL:
     if not handle:
         raise OSError((_loader().dlerror() or b"it does not say why").decode(errors="replace"))
     return ctypes.CDLL(str(path), handle=handle)
+
+
+def _is_loaded(path: Path) -> bool:
+    """Whether the process has the library already."""
+    if sys.platform == "win32":
+        find = ctypes.windll.kernel32.GetModuleHandleW
+        find.restype = ctypes.c_void_p
+        return bool(find(str(path)))
+    handle = _loader().dlopen(os.fsencode(path), os.RTLD_NOLOAD | os.RTLD_LAZY)
+    if handle:
+        _loader().dlclose(handle)
+    return bool(handle)
 
 
 def _unload(handle: int) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from workbench.core.calendar import Sampler, exact
 from workbench.core.forms import several
 from workbench.core.operating_point import At
-from workbench.errors import FmuError, InputError, SimulationError
+from workbench.errors import InputError, SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.structure import STRUCTURAL
@@ -184,8 +184,6 @@ class DescribedModel(Model):
         Raises:
             InputError: see `with_values`; or it has to be opened anew for them.
         """
-        if self.description.interfaces[self.interface].once_per_process:
-            raise InputError(f"{self.source}: the FMU allows one instance per process, so it is opened anew each time")
         if sizes := [v.name for v in self.parameters if v.causality == STRUCTURAL and v.name in values]:
             raise InputError(f"{sizes[0]}: a structural parameter, for which the FMU is opened anew")
         twin = self.with_values(values)
@@ -354,7 +352,6 @@ class DescribedModel(Model):
         """Open a session that is closed with the model."""
         if self._closed:
             raise InputError(f"{self.source}: the model is closed")
-        self._check_single()
         self._probe_start(setup)
         session = self._open(setup)
         self._sessions.add(session)
@@ -367,7 +364,7 @@ class DescribedModel(Model):
         """Find out once whether a co-simulation that is to begin later than at 0 does so."""
         claims = self.description.interfaces[self.interface]
         late = self.interface == "cs" and setup.start_time > 0.0 and setup.lead is None
-        if not late or self._start_probed or claims.once_per_process or not claims.variable_step:
+        if not late or self._start_probed or not claims.variable_step:
             return
         self._start_probed = True
         step = setup.step or self.description.experiment.step or STEP
@@ -382,17 +379,9 @@ class DescribedModel(Model):
         """Find out once whether a co-simulation that takes slopes of its inputs makes anything of them."""
         if self.slopes is None:
             claims = self.description.interfaces[self.interface]
-            asked = claims.variable_step and not claims.once_per_process
             step = self._setup.step or self.description.experiment.step or STEP
-            self.slopes = not asked or slopes_act(self._open, self._setup, step)
+            self.slopes = not claims.variable_step or slopes_act(self._open, self._setup, step)
         return self.slopes
-
-    def _check_single(self) -> None:
-        if self.description.interfaces[self.interface].once_per_process and self._live():
-            raise FmuError(f"{self.source}: the FMU allows one instance per process, and one is in use")
-
-    def _live(self) -> bool:
-        return any(s.instance.healthy for s in self._sessions)
 
     def _state_works(self) -> bool:
         return not self.why_replay()
@@ -403,8 +392,6 @@ class DescribedModel(Model):
             claims = self.description.interfaces[self.interface]
             if not claims.state:
                 self._why_replay = self._without_state()
-            elif claims.once_per_process and self._live():
-                self._why_replay = "the FMU allows one instance per process, so nothing could be probed"
             else:
                 self._why_replay = why_state_fails(self._open, self._setup)
         return self._why_replay

@@ -67,7 +67,7 @@ class FmuModel(DescribedModel):
             event_mode=not self._setup.manners.other_order,
             update=intermediate_update() if self.interface == "cs" else None,
         )
-        if self._binary is None:  # stays loaded between sessions
+        if self._binary is None and not instance.capabilities.once_per_process:  # stays loaded between sessions
             self._binary = instance.library.held()
         return instance
 

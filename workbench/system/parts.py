@@ -170,7 +170,7 @@ def _open(
         raise InputError(f"component {component.name}: {error}") from None
     if part.model is not None:
         undo.callback(part.model.close)
-    if part.recipe is not None and not part.description.interfaces[part.interface].once_per_process:
+    if part.recipe is not None:
         # One loaded binary for all its instances: less memory, and twice as quick where there are many.
         unpacked.setdefault(component.file, part.recipe)
     return part

@@ -21,6 +21,7 @@ __all__ = ["determinism", "instances", "reset", "snapshots"]
 _ROUNDING = 1e-12  # relative
 
 _TURNS = 8
+_COPIES = "none: each instance gets a copy of its code, with memory of its own"
 _ALONE = "use one session at a time: replayed snapshots, lin by response and systems that contain it twice go wrong"
 
 
@@ -32,7 +33,7 @@ def instances(subject: CheckedFmu) -> Answer:
     instance per process, or it does not repeat its own runs (see determinism), so that nothing can be compared.
     """
     if subject.model.description.interfaces[subject.model.interface].once_per_process:
-        return Answer("not applicable", "the FMU says that it allows one instance per process", _ALONE)
+        return Answer("not applicable", "the FMU says that it allows one instance per process", _COPIES)
     signals = (subject.sines(), subject.sines(-1.0))
     alone = [_alone(subject, s) for s in signals]
     if not same_bits(alone[0], _alone(subject, signals[0])):

@@ -15,7 +15,7 @@ from workbench.analysis.simulate.result import SimulationResult
 from workbench.core.forms import several
 from workbench.core.job import Job
 from workbench.core.operating_point import OperatingPoint
-from workbench.errors import EndedError, InputError, SimulationError, StoppedError
+from workbench.errors import EndedError, FmuError, InputError, SimulationError, StoppedError
 from workbench.fmi.variable import EXACT_TO, WHOLE_RANGES
 from workbench.model.base import Model
 from workbench.model.described import DescribedModel
@@ -57,8 +57,9 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
     try:
         with at_pauses(tell):
             found = running.once(None)
-        job.partial = lambda: running.result(found, told)  # should it be stopped while it is checked
         tell(stop)
+        if found.step is not None and asked.verify_step:
+            job.found(lambda: running.result(found, told), "the repetition with half the communication step")
     except StoppedError as error:
         if _has_rows(error.before):
             ended = running.result(_Once(error.before, None), (*told, f"stopped before {stop:g} s"))
@@ -244,6 +245,8 @@ class _Run:
             return (f"with half the communication step the run fails ({error}); {advice}",)
         except InputError:  # a constant step that cannot be halved
             return ()
+        except FmuError as error:
+            return (f"the FMU cannot be run again with half the communication step: {error}",)
         change, name = _largest_change(found.record, finer.record)
         if change <= WORRYING_CHANGE:
             return ()
