@@ -1,7 +1,7 @@
 """Confine this process: the system refuses it networks, and files to write but in one folder (Linux).
 
-Landlock [1] takes the right to change files; a filter of system calls, seccomp [2], takes sockets and what Landlock
-does not know: owners, permissions, times and attributes of files, input to terminals, rings of requests that pass it.
+Landlock [1] takes the right to change files; a filter of system calls, seccomp [2], lets only those through that are
+listed in `system_calls`: no sockets, and of limits, priorities and the like only the process's own.
 Both hold for every thread and process that begins here later, and nothing takes them back.
 
 Sources: [1] Linux, Documentation/userspace-api/landlock.rst; [2] Documentation/userspace-api/seccomp_filter.rst.
@@ -10,13 +10,16 @@ Sources: [1] Linux, Documentation/userspace-api/landlock.rst; [2] Documentation/
 from __future__ import annotations
 
 import ctypes
+import errno
 import os
 import platform
 import struct
 import sys
 from collections.abc import Iterator
 
-__all__ = ["confine", "confined", "why_not"]
+from workbench.core.system_calls import AFTER, CONDITIONS, INSTEAD, Condition, numbers
+
+__all__ = ["SIGNALS_SINCE", "confine", "confined", "landlock_version", "why_not"]
 
 
 class _State:
@@ -39,9 +42,9 @@ def why_not() -> str:
     if sys.platform != "linux":
         return f"it needs Linux, not {platform.system()}"
     machine = platform.machine()
-    if machine not in _CALLS or sys.maxsize < 1 << 32:
-        return f"it is not known for the processor {machine}, only for {' and '.join(_CALLS)}"
-    abi = _syscall(_LANDLOCK_CREATE, None, 0, _VERSION)
+    if machine not in _AUDIT or sys.maxsize < 1 << 32:
+        return f"it is not known for the processor {machine}, only for {' and '.join(_AUDIT)}"
+    abi = landlock_version()
     if abi < _LEAST_ABI:
         there = "has no Landlock, or it is switched off" if abi < 1 else f"has only version {abi} of Landlock"
         return f"it needs Linux 6.2 with Landlock, and this kernel {there}"
@@ -66,8 +69,13 @@ def confine(folder: str) -> None:
     _call("prctl", _libc().prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0))
     _drop_capabilities()
     _restrict_files(folder)
-    _restrict_calls(_CALLS[platform.machine()])
+    _restrict_calls(platform.machine())
     _State.confined = True
+
+
+def landlock_version() -> int:
+    """Return which version of Landlock the kernel has; −1: none."""
+    return _syscall(_LANDLOCK_CREATE, None, 0, _VERSION)
 
 
 def _libc() -> ctypes.CDLL:
@@ -119,15 +127,15 @@ _CHANGES = (
 _DEVICES = 1 << 6 | 1 << 11  # make a character or a block device
 _DEVICE_COMMANDS, _DEVICE_COMMANDS_ABI = 1 << 15, 5
 _NETWORK, _NETWORK_ABI = 0b11, 4  # bind and connect, TCP
-_SCOPES, _SCOPES_ABI = 0b11, 6  # abstract sockets, signals to processes outside
+_SCOPES, SIGNALS_SINCE = 0b11, 6  # abstract sockets, signals to processes outside
 
 
 def _restrict_files(folder: str) -> None:
-    abi = _syscall(_LANDLOCK_CREATE, None, 0, _VERSION)
+    abi = landlock_version()
     files = _CHANGES | (_DEVICE_COMMANDS if abi >= _DEVICE_COMMANDS_ABI else 0)
     handled = [files]
     handled += [_NETWORK] if abi >= _NETWORK_ABI else []
-    handled += [_SCOPES] if abi >= _SCOPES_ABI else []
+    handled += [_SCOPES] if abi >= SIGNALS_SINCE else []
     packed = struct.pack(f"{len(handled)}Q", *handled)
     rules = _call("Landlock", _syscall(_LANDLOCK_CREATE, packed, len(packed), 0))
     _allow(rules, folder, _CHANGES & ~_DEVICES)
@@ -146,62 +154,46 @@ def _allow(rules: int, path: str, rights: int) -> None:
 
 # -- system calls -------------------------------------------------------------------------------
 
-_SAME = {"io_uring_setup": 425, "fchmodat2": 452, "setxattrat": 463, "removexattrat": 466, "file_setattr": 469}
-
-# Numbers of the calls that are refused: asm/unistd_64.h, asm-generic/unistd.h.
-_CALLS: dict[str, dict[str, int]] = {
-    "x86_64": {
-        "audit": 0xC000003E, "ioctl": 16, "socket": 41, "socketpair": 53, "chmod": 90, "fchmod": 91, "chown": 92,
-        "fchown": 93, "lchown": 94, "fchmodat": 268, "fchownat": 260, "setxattr": 188, "lsetxattr": 189,
-        "fsetxattr": 190, "removexattr": 197, "lremovexattr": 198, "fremovexattr": 199, "utime": 132, "utimes": 235,
-        "futimesat": 261, "utimensat": 280, **_SAME,
-    },
-    "aarch64": {
-        "audit": 0xC00000B7, "ioctl": 29, "socket": 198, "socketpair": 199, "fchmod": 52, "fchmodat": 53,
-        "fchownat": 54, "fchown": 55, "setxattr": 5, "lsetxattr": 6, "fsetxattr": 7, "removexattr": 14,
-        "lremovexattr": 15, "fremovexattr": 16, "utimensat": 88, **_SAME,
-    },
-}  # fmt: skip
-
-_TERMINAL_INPUT = (0x5412, 0x541C)  # TIOCSTI, TIOCLINUX: a line that the terminal takes for typed
-_STREAM, _TYPE = 1, 0xF  # a pair of stream sockets cannot be connected to another one
-_X32 = 0x40000000  # calls of another numbering
+_AUDIT = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}  # linux/audit.h
 
 # Instructions of the filter, linux/bpf_common.h, and the places of what it sees, linux/seccomp.h.
 _LOAD, _JUMP_EQUAL, _JUMP_ATLEAST, _AND, _RETURN = 0x20, 0x15, 0x35, 0x54, 0x06
-_NUMBER, _ARCHITECTURE, _SECOND_ARGUMENT = 0, 4, 24
-_ALLOWED, _REFUSED = 0x7FFF0000, 0x00050000 | 1  # SECCOMP_RET_ALLOW, SECCOMP_RET_ERRNO with EPERM
+_NUMBER, _ARCHITECTURE, _ARGUMENTS = 0, 4, 16
+_ERROR = 0x00050000  # SECCOMP_RET_ERRNO
+_ALLOWED, _REFUSED, _UNKNOWN = 0x7FFF0000, _ERROR | errno.EPERM, _ERROR | errno.ENOSYS
+
+_Line = tuple[int, int, int, int]  # code, lines to leave out if it is so, if it is not, and the constant
 
 
-def _restrict_calls(calls: dict[str, int]) -> None:
-    program = b"".join(struct.pack("HBBI", *line) for line in _filter(calls))
+def _restrict_calls(machine: str) -> None:
+    program = b"".join(struct.pack("HBBI", *line) for line in _filter(machine))
     kept = ctypes.create_string_buffer(program)
     whole = struct.pack("HxxxxxxP", len(program) // 8, ctypes.addressof(kept))
     _call("seccomp", _libc().prctl(_SET_SECCOMP, ctypes.c_ulong(2), whole, ctypes.c_ulong(0), ctypes.c_ulong(0)))
 
 
-def _filter(calls: dict[str, int]) -> Iterator[tuple[int, int, int, int]]:
-    """Yield instructions: code, lines to leave out if it is so, if it is not, and the constant."""
-    refused = (_RETURN, 0, 0, _REFUSED)
+def _filter(machine: str) -> Iterator[_Line]:
     yield _LOAD, 0, 0, _ARCHITECTURE
-    yield _JUMP_EQUAL, 1, 0, calls["audit"]
-    yield refused
+    yield _JUMP_EQUAL, 1, 0, _AUDIT[machine]
+    yield _RETURN, 0, 0, _REFUSED
     yield _LOAD, 0, 0, _NUMBER
-    yield _JUMP_ATLEAST, 0, 1, _X32
-    yield refused
-    for name, number in calls.items():
-        if name not in ("audit", "ioctl", "socketpair"):
-            yield _JUMP_EQUAL, 0, 1, number
-            yield refused
-    yield _JUMP_EQUAL, 0, 5, calls["socketpair"]
-    yield _LOAD, 0, 0, _SECOND_ARGUMENT
-    yield _AND, 0, 0, _TYPE
-    yield _JUMP_EQUAL, 1, 0, _STREAM
-    yield refused
-    yield _RETURN, 0, 0, _ALLOWED
-    yield _JUMP_EQUAL, 0, 1 + 2 * len(_TERMINAL_INPUT), calls["ioctl"]
-    yield _LOAD, 0, 0, _SECOND_ARGUMENT
-    for command in _TERMINAL_INPUT:
-        yield _JUMP_EQUAL, 0, 1, command
-        yield refused
-    yield _RETURN, 0, 0, _ALLOWED
+    for name, number in numbers(machine).items():
+        allowed = [*_only(CONDITIONS.get(name, ())), (_RETURN, 0, 0, _ALLOWED)]
+        yield _JUMP_EQUAL, 0, len(allowed), number
+        yield from allowed
+    for number in INSTEAD.values():
+        yield _JUMP_EQUAL, 0, 1, number
+        yield _RETURN, 0, 0, _UNKNOWN
+    yield _JUMP_ATLEAST, 0, 1, AFTER  # on x86_64 also those of another numbering, x32
+    yield _RETURN, 0, 0, _UNKNOWN
+    yield _RETURN, 0, 0, _REFUSED
+
+
+def _only(conditions: tuple[Condition, ...]) -> Iterator[_Line]:
+    """Yield instructions that refuse the call unless its arguments are as they must be."""
+    for argument, bits, values in conditions:
+        yield _LOAD, 0, 0, _ARGUMENTS + 8 * argument  # the lower half: both processors have it first
+        yield _AND, 0, 0, bits
+        for after, value in zip(reversed(range(len(values))), values, strict=True):
+            yield _JUMP_EQUAL, after + 1, 0, value
+        yield _RETURN, 0, 0, _REFUSED
