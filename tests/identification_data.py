@@ -17,7 +17,7 @@ B = np.array([0.0, 0.2, 0.1, -0.05])
 
 def prbs(n: int, *, hold: int = 2, seed: int = 1) -> Floats:
     """Random levels ±1, each held for some samples."""
-    bits = np.random.default_rng(seed).choice([-1.0, 1.0], n // hold + 1)
+    bits = np.random.default_rng(seed).choice(np.array([-1.0, 1.0]), n // hold + 1)
     return np.repeat(bits, hold)[:n]
 
 

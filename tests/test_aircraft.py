@@ -81,7 +81,7 @@ def test_rates_and_accelerations_are_the_derivatives_of_the_positions(aircraft: 
     A, B, C, D = (np.asarray(m) for m in (model.A, model.B, model.C, model.D))
     for first, second in pairwise((slice(0, 11), slice(11, 22), slice(22, 33))):
         assert np.allclose(C[first] @ A, C[second], rtol=1e-9, atol=1e-9 * abs(C[second]).max())
-        assert np.allclose(C[first] @ B, D[second], rtol=1e-9, atol=1e-9 * max(abs(D[second]).max(), 1e-12))
+        assert np.allclose(C[first] @ B, D[second], rtol=1e-9, atol=1e-9 * abs(D[second]).max(initial=1e-12))
 
 
 def test_aerodynamics_scale_with_pressure_and_speed() -> None:

@@ -76,7 +76,7 @@ def test_failures_with_probabilities_cover_together() -> None:
     for _ in range(400):
         passed = [[bool(x) for x in rng.random(40) < t] for t in truths]
         found = together(passed, weights, confidence=0.95)
-        hits += found.low <= np.dot(weights, truths) <= found.high
+        hits += bool(found.low <= np.dot(weights, truths) <= found.high)
     assert hits / 400 >= 0.95
 
 

@@ -148,7 +148,8 @@ def test_the_order_is_right_under_noise() -> None:
 def test_equal_poles_of_two_channels_are_two_states() -> None:
     """diag(1/(s + 1), 1/(s + 1)): the residue at −1 has rank two."""
     s = np.asarray(2j * np.pi * F, dtype=np.complex128)
-    values = {(0, 0): 1.0 / (s + 1.0), (1, 1): 1.0 / (s + 1.0), (0, 1): 0.1 + 0.0 * s, (1, 0): 0.2 + 0.0 * s}
+    lag = np.asarray(1.0 / (s + 1.0), dtype=np.complex128)
+    values = {(0, 0): lag, (1, 1): lag, (0, 1): np.full_like(s, 0.1), (1, 0): np.full_like(s, 0.2)}
     given = [wb.Response(F, v, input=f"u{j}", output=f"y{i}") for (i, j), v in values.items()]
     found = wb.fit(given[0], also=given[1:], max_order=4)
     assert found.order == 2

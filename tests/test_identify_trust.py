@@ -301,7 +301,7 @@ def test_regions_allow_for_the_order_that_the_criterion_left_out(seed: int) -> N
     regions = found.uncertainty
     assert regions is not None
     z = np.exp(2j * np.pi * regions.frequency_hz)
-    true = (0.2 / (z - 0.8) + 0.04 / (z + 0.5))[:, None, None]
+    true = np.asarray(0.2 / (z - 0.8) + 0.04 / (z + 0.5), dtype=np.complex128)[:, None, None]
     alone = wb.model_spread(found.model)
     assert found.order == 1
     assert regions.rival_order is not None

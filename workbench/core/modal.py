@@ -112,7 +112,7 @@ def poles_of(a: Floats, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:
     shown, uncertain = _continuous(value, uncertain, dt)
     keep = np.flatnonzero(value.imag >= 0.0)
     order = keep[np.lexsort((-shown[keep].real, shown[keep].imag))]
-    right, left = right * scale[:, None], left / scale[:, None]
+    right, left = (np.asarray(x, dtype=np.complex128) for x in (right * scale[:, None], left / scale[:, None]))
     return Poles(shown[order], right[:, order], left[:, order], uncertain[order])
 
 

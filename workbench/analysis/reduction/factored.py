@@ -155,6 +155,6 @@ def low_pass(frequency_hz: float, *, order: int = 1) -> Factored:
         raise InputError(f"the order of the low-pass must be between 1 and 8, not {order}")
     omega = 2.0 * np.pi * frequency_hz
     angles = np.pi * (2 * np.arange(1, order + 1) + order - 1) / (2 * order)
-    poles = omega * np.exp(1j * angles)
-    poles = np.where(np.abs(poles.imag) < 1e-9 * omega, poles.real, poles)
+    poles = np.asarray(omega * np.exp(1j * angles), dtype=np.complex128)
+    poles.imag[np.abs(poles.imag) < 1e-9 * omega] = 0.0
     return Factored(zeros=np.zeros(0, dtype=np.complex128), poles=by_size(poles), gain=float(omega**order))

@@ -248,14 +248,13 @@ def _is_seen(model: Parameters, poles: Complex, region: PoleRegion) -> bool:
     while inside < len(away) and away[inside] < _APART * reach:
         reach, inside = float(away[inside]), inside + 1
     radius = np.sqrt(reach * away[inside]) if inside < len(away) else 2.0 * reach
-    turns = np.exp(2j * np.pi * np.arange(_ON_CIRCLE) / _ON_CIRCLE)
-    G, moves = model.response(centre + radius * turns)
+    turns = np.asarray(np.exp(2j * np.pi * np.arange(_ON_CIRCLE) / _ON_CIRCLE), dtype=np.complex128)
+    G, moves = model.response(np.asarray(centre + radius * turns, dtype=np.complex128))
     weights = turns ** np.arange(1, inside + 1)[:, None] / _ON_CIRCLE
     x, S = weights @ G.reshape(_ON_CIRCLE, -1), weights @ moves.reshape(_ON_CIRCLE, -1)
-    x, S = x.ravel(), S.reshape(x.size, -1)
-    if abs(centre.imag) > ON_AXIS:
-        x, S = np.concatenate([x.real, x.imag]), np.concatenate([S.real, S.imag])
-    x, S = x.real, S.real
+    parts = (np.real, np.imag) if abs(centre.imag) > ON_AXIS else (np.real,)
+    x, S = (np.concatenate([part(a.reshape(x.size, -1)) for part in parts]) for a in (x, S))
+    x = x[:, 0]
     size = np.linalg.norm(S, axis=1) + 1e-9 * float(np.max(np.abs(x))) + 1e-300
     x, S = x / size, S / size[:, None]
     wald = x @ np.linalg.solve(S @ S.T + 1e-9 * np.eye(len(x)), x)

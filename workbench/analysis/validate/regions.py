@@ -148,7 +148,7 @@ def _level(squares: Floats, confidence: float) -> float:
     """Return the level at which regions of all rows together hold the wanted part of the columns."""
     if len(squares) < 2:
         return confidence
-    ranks = np.argsort(np.argsort(squares, axis=1), axis=1).max(axis=0) + 1.0
+    ranks = 1.0 + np.argsort(np.argsort(squares, axis=1), axis=1).max(axis=0).astype(np.float64)
     together: float = float(_quantile(ranks[None, :], confidence)[0]) / squares.shape[1]
     return max(confidence, together)
 
