@@ -18,6 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tests.fmi1_fmus import build_fmi1
+from tests.fmi3_fmus import build_aliased
 from tests.foreign_fmus import build_foreign, build_shy
 from tests.hostile_fmus import BROKEN_FILES, HOSTILE, build_broken, build_hostile
 from tests.lying_fmus import LIES, build_lying
@@ -58,6 +59,7 @@ def _references() -> Iterator[Exhibit]:
 
 
 def _mimics() -> Iterator[Exhibit]:
+    yield Exhibit("second-names", "fmus", "Dymola: FMI 3.0 with an alias of each variable", build_aliased)
     for name, mimic in MIMICS.items():
         yield Exhibit(name, "tests/c/mimics", mimic.mimics, partial(build_mimic, name=name))
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 from tests.stub_fmus import stub_library
 from workbench.core.files import pack
+from workbench.fmi.bundled import bundled_path
 from workbench.toolchain import host_only
 
-__all__ = ["build_sized", "build_ticking"]
+__all__ = ["build_aliased", "build_sized", "build_ticking"]
 
 _TICKING = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="Ticking" instantiationToken="{token}">
@@ -159,3 +161,17 @@ def build_sized(
     return _write(
         folder / "sized.fmu", "sized", description, **{"terminalsAndIcons/terminalsAndIcons.xml": terminals.encode()}
     )
+
+
+def build_aliased(folder: Path) -> Path:
+    """Write ``folder/Aliased.fmu``: 1/(tau s + 1) from u to y, whose variables have second names, as Dymola's have."""
+    file = folder / "Aliased.fmu"
+    with zipfile.ZipFile(bundled_path("fmu:FirstOrderLag@3")) as archive:
+        contents = {name: archive.read(name) for name in archive.namelist()}
+    lines = contents["modelDescription.xml"].decode().split("\n")
+    for number, line in enumerate(lines):
+        name = line.partition('<Float64 name="')[2].partition('"')[0]
+        if name and name != "time":
+            lines[number] = line.replace(" />", f'><Alias name="second.{name}" /></Float64>')
+    pack(file, contents | {"modelDescription.xml": "\n".join(lines).encode()})
+    return file

@@ -176,7 +176,7 @@ class Request(Options, Generic[_Subject, _Record]):
             prepare(self.algorithm.partition(":")[0])
         try:
             with self._reached(job) as asked:
-                asked = asked.in_own_units(subject)  # noqa: PLW2901
+                asked = asked.by_own_names(subject, job).in_own_units(subject)  # noqa: PLW2901
                 found = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, asked, job)
         except BaseException:
             job.partial = partial(_so_far, job.partial, job)
@@ -184,6 +184,26 @@ class Request(Options, Generic[_Subject, _Record]):
         record: _Record = _noted(found, job)
         job.ended(self.command, record)
         return record
+
+    def by_own_names(self, subject: _Subject, job: Job) -> Self:
+        """Return the request with every variable by its own name, where it was given by another one that it has.
+
+        Args:
+            subject: the model that has the variables.
+            job: is told what was replaced.
+
+        Raises:
+            InputError: two names of one variable have a value each.
+        """
+        if not self.subject.opened or self.subject.several:
+            return self
+        told: set[str] = set()
+        texts = (d.name for d in options_of(type(self)) if not d.option.choices)
+        values = {name: getattr(self, name) for name in texts}
+        found = {name: named(_BY_OWN_NAMES)(subject, value, told) for name, value in values.items()}
+        changed = {name: value for name, value in found.items() if value != values[name]} if told else {}
+        job.notes += sorted(told)
+        return replace(self, **changed) if changed else self
 
     def in_own_units(self, subject: _Subject) -> Self:
         """Return the request with every number in the unit of the variable that it belongs to.
@@ -280,6 +300,7 @@ def _portable(subject: object) -> bool:
 
 
 _NO_MODEL = object()
+_BY_OWN_NAMES = "workbench.model.names:by_own_names"
 _IN_OWN_UNITS = "workbench.model.names:in_own_units"
 _BEHIND_A_WALL = "workbench.analysis.one_worker:in_worker"  # which knows requests
 _MODELS = "model_"  # begins the name of a model's option where the request has one of that name

@@ -215,6 +215,8 @@ class _Variables:
                 description=alias.description or scalar.description,
                 display_unit=alias.display_unit or scalar.display_unit,
                 dependencies=None,
+                causality="local",  # listed once: it is an input, say, by the variable's own name
+                derivative_of=None,
                 alias_of=scalar.name,
             )
 

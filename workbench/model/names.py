@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Kind",
+    "by_own_names",
     "check_variables",
     "declared_units",
     "forced_inputs",
@@ -134,6 +135,45 @@ def _converted(variable: Variable, signal: Signal, units: Mapping[str, UnitDefin
             )
         values = [in_other_unit(x, found) for x in values]
     return replace(signal, values=values, unit=None)
+
+
+def by_own_names(model: Model, value: Any, told: set[str]) -> Any:  # noqa: ANN401 - any option's
+    """Return an option's value with the variables' own names in place of other names that they have (FMI 3.0 aliases).
+
+    Args:
+        model: that has the variables.
+        value: a text, or texts in tuples and lists, or as keys.
+        told: gets what was replaced, in words.
+
+    Raises:
+        InputError: two names of one variable have a value each.
+    """
+    names = _other_names(model)
+    return _by_own_names(names, value, told) if names else value
+
+
+def _by_own_names(names: Mapping[str, str], value: Any, told: set[str]) -> Any:  # noqa: ANN401
+    if isinstance(value, str) and value in names:
+        told.add(f"{value} is another name of {names[value]}")
+        return names[value]
+    if type(value) in (tuple, list):
+        return type(value)(_by_own_names(names, part, told) for part in value)
+    if type(value) is not dict:
+        return value
+    found = {_by_own_names(names, key, told): part for key, part in value.items()}
+    if len(found) < len(value):
+        twice = next(name for name in value if names.get(name) in value)
+        raise InputError(f"{twice} is another name of {names[twice]}: give one of them")
+    return found
+
+
+def _other_names(model: Model) -> dict[str, str]:
+    """Return alias → the variable's own name, of elements and of whole arrays."""
+    if not isinstance(model, DescribedModel) or model.description.major != 3:
+        return {}
+    pairs = {v.name: v.alias_of for v in model.description.variables if v.alias_of}
+    arrays = {a.rpartition("[")[0]: own.rpartition("[")[0] for a, own in pairs.items() if own.endswith("]")}
+    return arrays | pairs
 
 
 def in_own_units(model: Model, names: str | Iterable[str], value: Any, declared: Declared) -> Any:  # noqa: ANN401

@@ -108,7 +108,7 @@ def bias_of(model: Model, name: str, at: OperatingPoint | None = None) -> float:
 def _held(model: Model) -> list[Variable]:
     """Return the discrete states, those that the model shows."""
     every: tuple[Variable, ...] = description.variables if (description := _described(model)) is not None else ()
-    return [v for v in every if v.variability == "discrete" and v.causality in ("local", "output")]
+    return [v for v in every if v.variability == "discrete" and v.causality in ("local", "output") and not v.alias_of]
 
 
 def _described(model: Model) -> Description | None:

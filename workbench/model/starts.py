@@ -55,10 +55,18 @@ def check_starts(
     for name, value in values.items():
         elements = elements_of(name, variables)
         for one, part in _parts(name, value, elements).items() if elements else ((name, value),):
-            if one in found:
-                raise InputError(f"{one} is set twice: by itself, and with the whole array")
-            found[one] = _start(one, part, variables, enumerations, units)
+            own = own_name(one, variables)
+            if own in found:
+                by = "by another name" if own != one else "with the whole array"
+                raise InputError(f"{own} is set twice: by itself, and {by}")
+            found[own] = _start(own, part, variables, enumerations, units)
     return found
+
+
+def own_name(name: str, variables: Mapping[str, Variable]) -> str:
+    """Return the name of the variable of which `name` is another name; `name` itself where it is none."""
+    variable = variables.get(name)
+    return name if variable is None else variable.alias_of or name
 
 
 def _parts(name: str, value: Value, elements: Sequence[str]) -> dict[str, Value]:
@@ -219,6 +227,7 @@ def check_biases(
         InputError: no such real input, the value is not finite, or its unit does not fit.
     """
     found = {}
+    bias = {own_name(name, variables): value for name, value in bias.items()}
     inputs = {n: v for n, v in variables.items() if v.causality == "input"}
     check_names(bias, inputs, kinds=("input",), what="bias", others={n: v.causality for n, v in variables.items()})
     for name, value in bias.items():

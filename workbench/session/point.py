@@ -161,7 +161,11 @@ class FmuPoint(Point):
         self.states = named_states(instance)
         self.inputs = self._stand.inputs
         self.outputs = tuple(v for v in variables if v.causality == "output")
-        held = [v for v in variables if v.variability == "discrete" and v.causality in ("local", "output")]
+        held = [
+            v
+            for v in variables
+            if v.variability == "discrete" and v.causality in ("local", "output") and not v.alias_of
+        ]
         self.memory = tuple(v for v in held if v.type in FLOAT_TYPES and v.start is not None)
         self._outputs, self._held = (instance.access(v) for v in (self.outputs, held))
 

@@ -190,7 +190,7 @@ class _Resolver:
             self._full(Port(k, v)) + _start(self.description.components[k], v)
             for k, group in enumerate(self.variables)
             for v in group
-            if v.causality == "input" and v.type != "Clock" and not v.alias_of and (k, v.name) not in self.drivers
+            if v.causality == "input" and v.type != "Clock" and (k, v.name) not in self.drivers
         ]
         if free:
             shown = ", ".join(free[:12]) + (f", … ({len(free)} in all)" if len(free) > 12 else "")

@@ -124,7 +124,9 @@ class CheckedFmu:
         found += [v.name for v in self.model.states if v.name in known]
         if not found:
             found = [
-                v.name for v in self.model.description.variables if v.causality == "local" and v.type in FLOAT_TYPES
+                v.name
+                for v in self.model.description.variables
+                if v.causality == "local" and v.type in FLOAT_TYPES and not v.alias_of
             ]
         return tuple(dict.fromkeys(found))[:_MOST_NAMES]
 

@@ -276,7 +276,9 @@ def _names(model: Model, outputs: Sequence[str] | None) -> tuple[list[str], tupl
     kinds = {
         "outputs": model.outputs,
         "states": tuple(v for v in model.states if v.name in known),  # FMI 1.0 does not name them
-        "local variables": tuple(v for v in variables if v.causality == "local" and v.variability != "constant"),
+        "local variables": tuple(
+            v for v in variables if v.causality == "local" and v.variability != "constant" and not v.alias_of
+        ),
     }
     for kind, found in kinds.items():
         names = [v.name for v in found if v.is_number]
