@@ -16,6 +16,7 @@ from tests.drivers import (
 )
 from tests.lin_fmus import built
 from tests.multirate import random_system
+from workbench.analysis.lin.request import lin_result
 from workbench.core.calendar import exact
 from workbench.session.base import Floats
 
@@ -81,14 +82,16 @@ def test_a_counter_is_read_when_it_has_counted(driver: str, kind: str, first: st
 )
 @pytest.mark.parametrize("start", [0.0, 0.3, -0.7])
 def test_two_rates_meet_where_their_numbers_say(slow: float, fast: float, start: float) -> None:
-    """Rates that are nested, that are not, and the first ticks at another start."""
+    """Rates that are nested, that are not, and runs that begin elsewhere: at a tick, between two, before 0."""
     model = wb.connect(
         {"b": counter("b", fast), "a": reader("a", slow)}, [("b.y", "a.u")], inputs={"u": "b.u"},
         outputs={"y": "a.y"}, start=start,
     )  # fmt: skip
     slowly, quickly = exact(slow), exact(fast)
-    times: Floats = start + slow * (np.arange(300.0) + 0.5)
-    expected = [float(math.floor(k * slowly / quickly)) for k in range(300)]  # number of the counter's last tick
+    first, begun = math.ceil(exact(start) / slowly), math.ceil(exact(start) / quickly)
+    times: Floats = slow * (np.arange(first, first + 300.0) + 0.5)
+    # number of the counter's last tick; before its first one it shows 0
+    expected = [max(0.0, float(math.floor(k * slowly / quickly) - begun)) for k in range(first, first + 300)]
     assert held(model, times, ["y"], {"u": wb.Constant(1.0)})[0].tolist() == expected
 
 
@@ -197,3 +200,46 @@ def test_an_fmu_ticks_after_those_that_feed_it(driver: str, interface: str, fmi:
     model = wb.connect(parts, [("b.y", "a.u")], inputs={"u": "b.u"}, outputs={"y": "a.y"})
     times: Floats = 0.3 * np.arange(30.0) + 0.15
     assert held(model, times, ["y"], {"u": wb.Constant(1.0)})[0].tolist() == [3.0 * k + 1.0 for k in range(30)]
+
+
+@both
+@pytest.mark.parametrize("interface", ["me", "cs"])
+@pytest.mark.parametrize("start", [0.05, 1.25])
+def test_parts_and_fmus_sample_at_multiples_wherever_a_run_begins(driver: str, interface: str, start: float) -> None:  # noqa: F811
+    """`sample(0, 0.1)` counts at multiples of 0.1 s, a part with dt = 0.3 reads at multiples of 0.3 s."""
+    file = built(PLAIN.format(kind="Fed", input="input Real u;", step="u"), "PlainFed", fmi=3)
+    b = wb.FmuComponent(name="b", file=file, interface=interface)
+    model = wb.connect(
+        {"b": b, "a": reader("a", 0.3)}, [("b.y", "a.u")], inputs={"u": "b.u"}, outputs={"y": "a.y"}, start=start
+    )
+    first, begun = math.ceil(exact(start) / exact(0.3)), math.ceil(exact(start) / exact(0.1))
+    times: Floats = 0.3 * np.arange(first, first + 20.0) + 0.15
+    expected = [3.0 * k - begun + 1.0 for k in range(first, first + 20)]
+    assert held(model, times, ["y"], {"u": wb.Constant(1.0)})[0].tolist() == expected
+
+
+def _lag_between(start: float) -> wb.DescribedModel:
+    """Return dp/dt = −p − b / 2, b = a every 0.3 s (an FMU's sample(0, 0.3)), a = p every 0.2 s (a part)."""
+    one = np.ones((1, 1))
+    p = wb.LinearComponent(name="p", A=-one, B=-0.5 * one, C=one, D=0.0 * one, dt=0.0, x0=np.ones(1),
+                           state_names=("x",), input_names=("u",), output_names=("y",))  # fmt: skip
+    b = wb.FmuComponent(name="b", file=built(HOLD, "Hold"), interface="me")
+    wires = [("p.y", "a.u"), ("a.y", "b.u"), ("b.y", "p.u")]
+    return wb.connect({"p": p, "a": reader("a", 0.2), "b": b}, wires, outputs={"y": "p.y"}, start=start)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.05, 0.25])
+def test_lin_has_the_phase_that_the_simulation_has(start: float) -> None:
+    """From 0.6 k to 0.6 (k + 1) s, by hand: b reads what a read 0.1 s ago; a that ticked from the start would not."""
+
+    def after(length: float, p: float, b: float) -> float:
+        return b + (p - b) * math.exp(-length)
+
+    seen = after(0.2, 1.0, -0.5)
+    factor = after(0.3, after(0.3, 1.0, -0.5), -0.5 * seen)
+    with _lag_between(start) as model:
+        once, twice = held(model, np.array([0.6, 1.2]), ["y"], {})[0].tolist()
+    assert twice / once == pytest.approx(factor, rel=1e-4)
+    with _lag_between(start) as model:
+        found = lin_result(model)
+    assert np.linalg.eigvals(found.A) == pytest.approx(factor, rel=1e-6)

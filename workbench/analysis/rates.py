@@ -44,6 +44,7 @@ class Rates:
         periods: sample periods [s], rising; empty: it is continuous, or does not show any.
         period: the basic period, after which all of them repeat together [s]; 0: there is none.
         begin: from here on everything ticks in each of its periods [s].
+        phase: what counts from where a session begins does so from here [s]; 0: nothing does.
         ticks: times of the first events, shape (k,) [s].
         notes: what is behind them, where that is not plain.
         complete: whether these are all; else it samples in a way that the notes tell.
@@ -52,6 +53,7 @@ class Rates:
     periods: tuple[float, ...] = ()
     period: float = 0.0
     begin: float = -math.inf
+    phase: float = 0.0
     ticks: Floats = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
     complete: bool = True
@@ -59,13 +61,15 @@ class Rates:
     def start(self, time: float) -> float:
         """Return the first multiple of the basic period from which one can go on period by period [s].
 
-        Where the model ticks then, in its own rounding.
+        Where the model ticks then, in its own rounding. Multiples are counted from `phase`, so that a session that
+        begins there has each sampler where a session that begins at `phase` has it.
 
         Args:
             time: not before this [s].
         """
         begin = max(time, self.begin)
-        start = float(np.ceil(begin / self.period - _AGREE)) * self.period + 0.0  # no −0
+        periods = float(np.ceil((begin - self.phase) / self.period - _AGREE))
+        start = self.phase + periods * self.period + 0.0  # no −0
         near = self.ticks[np.abs(self.ticks - start) < _AGREE * self.period]
         return float(near[0]) if len(near) and start > time else start
 
@@ -103,6 +107,7 @@ def rates_of(
         return Rates(notes=_of_single(single))
     ticks = _ticks(model, start, values, _LOOKS[0])
     found = _found([*known, *shown], start, ticks, btptol)
+    found = replace(found, phase=start) if model.declared_rates().clocks else found
     found = replace(found, begin=max(found.begin, *single)) if single else found
     found = _confirmed(model, found, start, values) if shown else found
     found = replace(found, notes=(*found.notes, *_of_single(single)))
@@ -133,10 +138,8 @@ _Apart = tuple[list[_Sequence], list[float]]  # sequences, and single events [s]
 
 
 def _declared(model: Model, start: float) -> list[_Sequence]:
-    """Return the declared samplers; they count from where a session begins."""
-    begin = exact(start)
-    moved = (replace(s, offset=s.offset + begin) for s in model.declared_rates().samplers)
-    return [(s.instant(0), float(s.period)) for s in dict.fromkeys(moved)]
+    """Return the declared samplers in a session that begins at `start`."""
+    return [(s.instant(0), float(s.period)) for s in dict.fromkeys(model.declared_rates().begun(start))]
 
 
 def _of_parts(model: Model, start: float, btptol: float) -> Rates:
@@ -154,7 +157,7 @@ def _found(every: Sequence[_Sequence], start: float, ticks: Floats, btptol: floa
     begin = max(first - period for first, period in every)
     late = begin > start + _AGREE * max(periods)  # nothing ticks there yet: the first period that is whole begins later
     period = meant(basic_period(periods, btptol))
-    return Rates(periods, period, max(f for f, _ in every) if late else -math.inf, ticks)
+    return Rates(periods, period, max(f for f, _ in every) if late else -math.inf, ticks=ticks)
 
 
 def _of_single(events: Sequence[float]) -> tuple[str, ...]:

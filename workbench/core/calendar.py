@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
@@ -125,6 +125,11 @@ class Sampler:
                 f"samples every {float(self.period):g} s cannot be told apart at a time of {float(self.offset):g} s: "
                 f"times within {rounding(float(self.offset)):.2g} s are one instant there; start nearer to 0 s"
             )
+
+    def since(self, time: float) -> Sampler:
+        """Return the same multiples of the period, the first of them not before `time` [s]."""
+        begin = Fraction(time) - Fraction(rounding(time))
+        return replace(self, offset=self.offset + math.ceil((begin - self.offset) / self.period) * self.period)
 
     @property
     def integers(self) -> tuple[int, int, int]:

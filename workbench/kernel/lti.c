@@ -47,6 +47,10 @@ static double tick(const Lti *lti, int64_t after) {
     return is_sampled(lti) ? instant(&lti->instants, (double)(lti->ticks + after)) : (double)INFINITY;
 }
 
+static bool is_now(const Lti *lti) {
+    return lti->time >= tick(lti, 0);
+}
+
 int lti_set_time(Lti *lti, double time) {
     lti->time = time;
     return OK;
@@ -68,7 +72,7 @@ int lti_get_derivatives(Lti *lti, double *dx, size_t n) {
 }
 
 int lti_enter_event_mode(Lti *lti) {
-    lti->ticking = lti->time >= tick(lti, 0);
+    lti->ticking = is_now(lti);
     return OK;
 }
 
@@ -77,9 +81,11 @@ int lti_enter_continuous_mode(Lti *lti) {
         return OK;
     }
     const int status = evaluate(lti);
-    combine(lti, lti->a, lti->b, lti->nx, lti->next);
-    memcpy(states(lti), lti->next, lti->nx * sizeof(double));
-    lti->ticks++;
+    if (is_now(lti)) { /* not where it begins between two ticks: it shows what it gives, and stands */
+        combine(lti, lti->a, lti->b, lti->nx, lti->next);
+        memcpy(states(lti), lti->next, lti->nx * sizeof(double));
+        lti->ticks++;
+    }
     lti->ticking = 0;
     return status;
 }
@@ -87,7 +93,7 @@ int lti_enter_continuous_mode(Lti *lti) {
 int lti_update(Lti *lti, LtiEventInfo *info) {
     memset(info, 0, sizeof *info);
     info->timed = is_sampled(lti);
-    info->next_time = tick(lti, lti->ticking);
+    info->next_time = tick(lti, lti->ticking && is_now(lti));
     return OK;
 }
 

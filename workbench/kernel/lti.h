@@ -19,7 +19,7 @@ typedef struct {
     Instants instants;           /* of its ticks; none: continuous */
     double time;                 /* present [s] */
     int64_t ticks;               /* done */
-    int32_t ticking;             /* in event mode, and a tick is due */
+    int32_t ticking;             /* in event mode, and a tick is due; or initialised, where none need be */
 } Lti;
 
 /* FMI 2.0's fmi2EventInfo. */

@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Self
 
-from workbench.core.calendar import Sampler
+from workbench.core.calendar import Sampler, exact
 from workbench.core.closable import Closable
 from workbench.core.closed_loop import ClosedLoop
 from workbench.core.operating_point import At, OperatingPoint
@@ -38,12 +38,22 @@ class DeclaredRates:
     """When a model says that it samples.
 
     Attributes:
-        samplers: each declared one; instants are counted from where a session begins.
+        samplers: what is declared to sample at fixed times, whenever a session begins.
+        clocks: those of FMI 3.0 with a declared period, whose offset counts from where a session begins.
         others: itself, or parts of it, that may sample besides without declaring it; only their events show when.
     """
 
     samplers: tuple[Sampler, ...] = ()
+    clocks: tuple[Sampler, ...] = ()
     others: tuple[Model, ...] = ()
+
+    def begun(self, time: float) -> tuple[Sampler, ...]:
+        """Return when all of them sample in a session that begins at `time` [s]."""
+        begin = exact(time)
+        return (
+            *(s.since(time) for s in self.samplers),
+            *(replace(c, offset=c.offset + begin) for c in self.clocks),
+        )
 
 
 class Model(Closable):

@@ -101,7 +101,7 @@ class DescribedModel(Model):
             open_instance=self.new_instance,
             state_works=self._state_works,
             slopes_act=self.slopes_act,
-            samplers=self._own_rates().samplers,
+            samplers=(*self._own_rates().samplers, *self._own_rates().clocks),
         )
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self.recipe, self.at = recipe, recipe.at
@@ -336,7 +336,7 @@ class DescribedModel(Model):
 
     def _own_rates(self) -> DeclaredRates:
         """Return what is declared where nobody was told better."""
-        return DeclaredRates(periodic(self.description.clocks), others=(self,))
+        return DeclaredRates(clocks=periodic(self.description.clocks), others=(self,))
 
     def open_point(
         self,

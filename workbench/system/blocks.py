@@ -162,7 +162,7 @@ class BlockInstance(Instance):
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = self.native.time = start_time
         if self._sampled:
-            self.native.instants = Instants.of(Sampler(self._period, exact(start_time)))
+            self.native.instants = Instants.of(Sampler(self._period).since(start_time))
         self.native.ticks, self.native.ticking = 0, int(self._sampled)
 
     def exit_initialisation(self) -> None:
@@ -191,7 +191,10 @@ class BlockInstance(Instance):
         return np.ones(self.nx)
 
     def enter_event_mode(self) -> None:
-        self.native.ticking = int(self._sampled and self.time >= self._tick())
+        self.native.ticking = int(self._sampled and self._due())
+
+    def _due(self) -> bool:
+        return self.time >= self._tick()
 
     def _tick(self, *, after: int = 0) -> float:
         return self.native.instants.at(self.native.ticks + after)
@@ -200,12 +203,14 @@ class BlockInstance(Instance):
         if self.native.ticking:
             a, b, _, _ = self._matrices
             self._evaluate()
-            self.state[:] = a @ self.state + b @ self.u
-            self.native.ticks += 1
+            if self._due():
+                self.state[:] = a @ self.state + b @ self.u
+                self.native.ticks += 1
             self.native.ticking = 0
 
     def update_discrete_states(self) -> tuple[bool, EventInfo]:
-        following = self._tick(after=self.native.ticking) if self._sampled else math.inf
+        ticks = self.native.ticking and self._due()  # not where it begins between two ticks
+        following = self._tick(after=int(ticks)) if self._sampled else math.inf
         return False, EventInfo(terminate=False, states_changed=False, nominals_changed=False, next_time=following)
 
     def do_step(self, time: float, step: float) -> StepResult:

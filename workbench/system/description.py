@@ -68,7 +68,7 @@ class FmuComponent:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearComponent(Linear):
-    """A linear system; a discrete one acts at multiples of its dt.
+    """A linear system; a discrete one acts at multiples of its dt, wherever a run begins.
 
     Attributes:
         name: name of the component.

@@ -110,14 +110,13 @@ def declared_rates(parts: Sequence[Part]) -> DeclaredRates:
     Args:
         parts: the components.
     """
-    found = list[Sampler]()
-    for part in parts:
-        if (dt := _sampled_every(part.component)) > 0.0:
-            found.append(Sampler(exact(dt), name=part.name))
-        clocks = () if part.model is None else part.model.declared_rates().samplers
-        found += (replace(s, name=f"{part.name}: {s.name}") for s in clocks)
-    others = (model for part in parts if part.model is not None for model in part.model.declared_rates().others)
-    return DeclaredRates(tuple(found), tuple(others))
+    own = (Sampler(exact(dt), name=p.name) for p in parts if (dt := _sampled_every(p.component)) > 0.0)
+    inner = [(part.name, part.model.declared_rates()) for part in parts if part.model is not None]
+    return DeclaredRates(
+        samplers=tuple(own),
+        clocks=tuple(replace(c, name=f"{name}: {c.name}") for name, found in inner for c in found.clocks),
+        others=tuple(model for _, found in inner for model in found.others),
+    )
 
 
 def _sampled_every(component: Component) -> float:

@@ -58,7 +58,7 @@ def _report(
         stages=tuple(tuple(names[k] for k in stage) for stage in decided.stages),
         step=step,
         fixed=model.why_fixed_step(),
-        periods={names[k]: t.longest_gap for k, t in decided.ticks.items()},
+        periods={names[k]: found.ticks.longest_gap for k, found in decided.sampled.items()},
         frequency=frequency,
         connections=tuple(connections.values()),
         loops=tuple(loops),
@@ -176,7 +176,7 @@ def _slowest(units: Units, connections: Mapping[int, ConnectionDelay], a: int, b
 
 def _crossover(model: MasterModel, number: int) -> tuple[float | None, str]:
     """Return where the linear loop crosses 1 [Hz], and what went wrong."""
-    if model.decided.ticks:
+    if model.decided.sampled:
         return None, ""
     opened = model.all_me(number)
     if opened is None:

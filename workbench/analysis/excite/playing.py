@@ -10,7 +10,7 @@ import numpy as np
 from workbench.analysis.excite.design import Sequences, each
 from workbench.analysis.excite.request import Excite
 from workbench.analysis.lin.response import communication_step
-from workbench.analysis.rates import sampled
+from workbench.analysis.rates import Rates, sampled
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.model import DescribedModel, Model
@@ -254,6 +254,14 @@ class Sampling:
         return self.first + self.period * max(0, int(np.ceil((earliest - self.first) / self.period - _MULTIPLE)))
 
 
+def _first(model: Model, rates: Rates, start: float) -> float:
+    """Return the first sample after the start [s]."""
+    if len(rates.ticks):
+        return float(rates.ticks[0])
+    begin = rates.start(start) if model.declared_rates().samplers else start
+    return begin if begin > start else begin + rates.period
+
+
 def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sampling:
     """Return the grid for a model.
 
@@ -276,7 +284,7 @@ def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sa
     return Sampling(
         dt=interval,
         period=period,
-        first=float(rates.ticks[0]) if len(rates.ticks) else (at.time if at else model.start_time) + period,
+        first=_first(model, rates, at.time if at else model.start_time),
         lead=0.0 if steady else LEAD * min(interval, period),
         late=steady,
         notes=(*_remarks(interval, period, rates.periods, chosen=dt is None), *rates.notes),

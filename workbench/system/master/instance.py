@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.calendar import Calendar, gathered, is_due, rounding
+from workbench.core.calendar import Sampler, gathered, is_due, rounding
 from workbench.errors import SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult
@@ -20,6 +20,7 @@ from workbench.system.composite import CompositeInstance, Ports, next_event
 from workbench.system.master.group_instance import GroupInstance
 from workbench.system.master.group_unit import GroupUnit
 from workbench.system.master.ordering import Order
+from workbench.system.master.sampled import Sampled
 from workbench.system.master.units import Units
 from workbench.system.order import plan
 
@@ -39,7 +40,7 @@ class MasterPlan:
         names: of the components.
         stages: in which order; the units of one stage do not see what the others of it reach.
         held: units that are sampled: their outputs stand still between their instants.
-        ticks: unit → its instants, where they are known beforehand.
+        sampled: units that are sampled, with their instants.
         hold_inputs: inputs stand still over a step.
         extrapolation: order by which values go on whose source has not been stepped yet: 0, 1 or 2.
         solver: group's unit → name of its solver.
@@ -51,7 +52,7 @@ class MasterPlan:
     names: tuple[str, ...]
     stages: Order
     held: frozenset[int]
-    ticks: Mapping[int, Calendar]
+    sampled: Mapping[int, Sampled]
     hold_inputs: bool
     extrapolation: int
     solver: Mapping[int, str]
@@ -90,6 +91,7 @@ class MasterInstance(CompositeInstance):
         groups: unit → model exchange components that are one equation.
         slopes: how the connected values changed in the last step and in that before, shape (2, connections) [1/s].
         spans: lengths of these steps, 0 where there was none, shape (2,) [s].
+        ticks: unit → its instants, where they are known beforehand.
         next_events: component → its next time event, of those of co-simulation with event mode [s].
     """
 
@@ -100,6 +102,7 @@ class MasterInstance(CompositeInstance):
         super().__init__(parts, plan(connections, parts=len(parts)), description, ports, source=source)
         self.decided = decided
         self.slopes, self.spans = np.zeros((2, len(connections))), np.zeros(2)
+        self.ticks: Mapping[int, tuple[Sampler, ...]] = {}
         self.next_events: dict[int, float] = {}
         self.groups = {k: self._group(k) for k, unit in enumerate(decided.units.units) if unit.group is not None}
 
@@ -122,6 +125,7 @@ class MasterInstance(CompositeInstance):
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         super().enter_initialisation(start_time, tolerance)
+        self.ticks = {k: found.begun(start_time) for k, found in self.decided.sampled.items()}
         for group in self.groups.values():
             group.instance.enter_initialisation(start_time, tolerance)
 
@@ -193,7 +197,7 @@ class MasterInstance(CompositeInstance):
         """Return the next instant after `time` [s] at which something is known to happen: a communication point."""
         later = [*self._wiring.switches_after(time), *self.next_events.values()]
         later += [group.due() for group in self.groups.values()]
-        later += [s.after(time + rounding(time)) for c in self.decided.ticks.values() for s in c.samplers]
+        later += [s.after(time + rounding(time)) for found in self.ticks.values() for s in found]
         return gathered((t for t in later if not is_due(t, time)), time)
 
     def watched(self) -> list[Variable]:

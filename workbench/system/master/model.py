@@ -105,7 +105,7 @@ class MasterModel(DescribedModel):
                 names=tuple(p.name for p in self._opened.parts),
                 stages=choose_order(self.recipe.system.master.order, self._units, held)[1],
                 held=held,
-                ticks={k: found.ticks for k, found in sampled.items()},
+                sampled=sampled,
                 hold_inputs=self.recipe.hold_inputs,
                 extrapolation=self.recipe.system.master.extrapolation,
                 solver=self._solvers,

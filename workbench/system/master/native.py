@@ -223,7 +223,7 @@ class NativeMaster:
         decided, n = self._instance.decided, len(inlets)
         about = decided.units.units[number]
         connections = [decided.units.connections[i] for i in about.outgoing]
-        samplers = decided.ticks[number].samplers if number in decided.ticks else ()
+        samplers = self._instance.ticks.get(number, ())
         ports = [(i.component, i.variable) for i in inlets]
         moving = [i.variable.is_continuous_input for i in inlets]
         unit = Unit(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,10 +32,17 @@ class Sampled:
     Attributes:
         ticks: its instants.
         held: its outputs stand still between them.
+        anew: they count from where a session begins.
     """
 
     ticks: Calendar
     held: bool
+    anew: bool = False
+
+    def begun(self, time: float) -> tuple[Sampler, ...]:
+        """Return its instants in a session that begins at `time` [s]."""
+        begin = exact(time) if self.anew else 0
+        return tuple(replace(s, offset=s.offset + begin) for s in self.ticks.samplers)
 
 
 def find_ticks(parts: Sequence[Part], units: Units) -> dict[int, Sampled]:
@@ -56,14 +63,16 @@ def find_ticks(parts: Sequence[Part], units: Units) -> dict[int, Sampled]:
 def _sampled(part: Part) -> Sampled | None:
     recipe = part.recipe
     if isinstance(part.component, FmuComponent) and part.component.step is not None:
-        return Sampled(Calendar((Sampler(exact(part.component.step)),)), held=False)
+        return Sampled(Calendar((Sampler(exact(part.component.step)),)), held=False, anew=True)
     if recipe is None:
         return None
     if "me" in part.description.interfaces:
         twin = dataclasses.replace(recipe, interface="me", solver="auto", step=None, hold_inputs=False)
         return _of_twin(twin)
     clocks = periodic(part.description.clocks)
-    return Sampled(Calendar(tuple(dict.fromkeys(clocks))), held=part.description.state_count == 0) if clocks else None
+    if not clocks:
+        return None
+    return Sampled(Calendar(tuple(dict.fromkeys(clocks))), held=part.description.state_count == 0, anew=True)
 
 
 def _of_twin(recipe: FmuRecipe) -> Sampled | None:
