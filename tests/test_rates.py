@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import zipfile
 from collections.abc import Sequence
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -309,3 +311,52 @@ def test_periods_that_are_nearly_multiples_are_refused() -> None:
     with pytest.raises(InputError, match=r"3\.000003 .*never repeat together; round them"):
         basic_period([0.1, 0.0333333], TOGETHER)
     assert basic_period([0.1, 1.0 / 30.0], TOGETHER) == pytest.approx(0.1, rel=1e-15)
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_what_is_behind_the_rates_is_in_the_record_of_nfr(interface: str) -> None:
+    with load(model_of("Switched", SWITCHED), interface) as model:
+        found = wb.nfr(model, "u", "y", frequencies=[0.2], amplitudes=[1.0])
+    assert any("no sample rate, at 0.25 s" in note for note in found.to_dict()["warnings"])
+
+
+def test_what_is_behind_the_rates_is_in_the_record_of_branches() -> None:
+    with load(model_of("Switched", SWITCHED), "me", tolerance=1e-9) as model:
+        found = wb.branches(model, "u", "y", amplitudes=[1.0], band=(0.2, 0.3))
+    assert any("no sample rate, at 0.25 s" in note for note in found.to_dict()["warnings"])
+
+
+RING = """model Ring
+  input Real u(start = 0);
+  output Real y;
+  discrete Real h(start = 0, fixed = true);
+equation
+  when sample(0, 0.1) then h = u; end when;
+  y = h + 0.1 * u;
+end Ring;
+"""
+
+
+@pytest.mark.parametrize("able", [True, False])
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_what_can_sample_only_once_in_a_circle_is_told(interface: str, able: bool, tmp_path: Path) -> None:
+    file = Path(built(RING, "Ring", fmi=3))
+    if not able:
+        file = without_state(file, tmp_path)
+    parts = {n: wb.FmuComponent(name=n, file=str(file), interface=interface) for n in ("a", "b")}
+    wires = [("a.y", "b.u"), ("b.y", "a.u")]
+    with wb.connect(parts, wires, outputs={"y": "a.y"}) as model:
+        told = [note for note in model.notes if "cannot save its state: where it samples" in note]
+    assert [note[:2] for note in told] == ([] if able else ["a:", "b:"])
+
+
+def without_state(file: Path, folder: Path) -> Path:
+    """Return a copy of an FMU that does not claim to save its state."""
+    copy = folder / file.name
+    with zipfile.ZipFile(file) as source, zipfile.ZipFile(copy, "w") as target:
+        for name in source.namelist():
+            data = source.read(name)
+            if name == "modelDescription.xml":
+                data = data.replace(b'canGetAndSetFMUState="true"', b"").replace(b'canSerializeFMUState="true"', b"")
+            target.writestr(name, data)
+    return copy

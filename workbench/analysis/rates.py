@@ -29,7 +29,7 @@ _AGREE = 1e-6  # of the smallest distance: how exactly events keep their rate
 _LOOKS = (100, 400, 2000)  # events that are looked at, until each belongs to a rate
 _SINGLE = 2  # events that may belong to no rate; three make one, or do not
 
-_NO_RATES = "the time events have no constant rates; give periods, or use method difference or response"
+_NO_RATES = "the time events have no constant rates; give periods where they are known (lin: or method difference)"
 
 
 class NoRatesError(InputError):

@@ -24,7 +24,7 @@ from workbench.system.joint import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
-from workbench.system.parts import Opened, declared_rates, starts_of, system_starts
+from workbench.system.parts import Opened, circle_notes, declared_rates, starts_of, system_starts
 
 if TYPE_CHECKING:
     from workbench.analysis.loop.result import LoopResult
@@ -119,6 +119,7 @@ def _closed_by(undo: ExitStack, instance: Instance) -> Instance:
 def _notes(opened: Opened, wiring: Wiring) -> list[str]:
     notes = [*opened.description.notes, *opened.resolved.notes]
     notes += [f"{part.name}: {note}" for part in opened.parts for note in part.notes]
+    notes += circle_notes(opened.parts, wiring.in_circle)
     for group in wiring.continuous:
         if group.loop:
             labels = ", ".join(wiring.connections[i].label for i in group.members)

@@ -29,7 +29,7 @@ from workbench.system.description import (
 )
 from workbench.system.elements import ElementInstance, element_description
 
-__all__ = ["Opened", "Part", "block_part", "declared_rates", "open_parts", "starts_of", "system_starts"]
+__all__ = ["Opened", "Part", "block_part", "circle_notes", "declared_rates", "open_parts", "starts_of", "system_starts"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +117,31 @@ def declared_rates(parts: Sequence[Part]) -> DeclaredRates:
         clocks=tuple(replace(c, name=f"{name}: {c.name}") for name, found in inner for c in found.clocks),
         others=tuple(model for _, found in inner for model in found.others),
     )
+
+
+def circle_notes(parts: Sequence[Part], in_circle: Sequence[bool]) -> list[str]:
+    """Return a note for each part in an algebraic circle that may sample, and cannot do so again.
+
+    Args:
+        parts: the components.
+        in_circle: which of them are in a circle, see `Wiring`.
+    """
+    return [
+        f"{part.name}: it is in an algebraic circle, and {why}: where it samples with others of the circle, it does so "
+        "once, with what they show before they have answered; delay one of its connections"
+        for part, inside in zip(parts, in_circle, strict=True)
+        if inside and (why := _why_once(part))
+    ]
+
+
+def _why_once(part: Part) -> str:
+    """Return why what a part samples at an event stays; empty: it does not, or it does not sample."""
+    claims, described = part.description.interfaces[part.interface], part.description
+    iterates = part.interface == "me" or claims.event_mode
+    held = any(v.variability == "discrete" and v.causality != "input" for v in described.variables)
+    if part.model is None or not iterates or not (held or described.clocks):
+        return ""
+    return "its clocks tick once at an instant" if described.clocks else "" if claims.state else "cannot save its state"
 
 
 def _sampled_every(component: Component) -> float:

@@ -261,13 +261,13 @@ def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
 
 def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
     model, remarks = start_at(model, asked.at)
-    _check(model, asked)
+    about = _check(model, asked)
     vary, (low, high) = next(iter(asked.vary.items()), ("frequency", asked.band or (0.0, 0.0)))
     centre = 0.0 if model.at is None else model.at.u.get(asked.input, 0.0)
     with model.open_session() as session:
         point = standing(model, session)
     found: list[tuple[float | None, Forced, Track]] = []
-    notes = list(remarks)
+    notes = [*remarks, *about]
     if model.rtol > _COARSE:
         notes.append(f"a tolerance of {model.rtol:g} is coarse for following branches; load with tolerance=1e-9")
     onset: Onset | None = None
@@ -347,7 +347,8 @@ class _Progress:
         return 100 * self.amplitudes
 
 
-def _check(model: Model, asked: Branches) -> None:
+def _check(model: Model, asked: Branches) -> tuple[str, ...]:
+    """Refuse what cannot be followed; return what is to be said of the model's events."""
     check_variables(model, [asked.input], "input", what="input")
     check_variables(model, [asked.output], "output", "state", what="output")
     check_variables(model, [name for name in asked.vary if name != "amplitude"], "parameter", what="vary", number=True)
@@ -356,11 +357,13 @@ def _check(model: Model, asked: Branches) -> None:
             f"branches: {model.name} runs as co-simulation, whose states cannot be set while it runs; "
             f"{model.way_out('use nfr, which follows stable responses alone')}"
         )
-    if periods := sampled(model).periods:
-        listed = ", ".join(f"{p:g}" for p in periods)
+    rates = sampled(model)
+    if rates.periods:
+        listed = ", ".join(f"{p:g}" for p in rates.periods)
         raise InputError(f"branches: {model.name} samples every {listed} s; use nfr --method settle")
     if not model.states:
         raise InputError(f"branches: {model.name} has no continuous states that could be followed; use nfr")
+    return rates.notes
 
 
 # -- the result -------------------------------------------------------------------------------------------------------

@@ -274,6 +274,7 @@ class Sweep:
                 self.notes.append(f"the linear model could not be found, so errors are larger: {event.reason}")
             elif not isinstance(event, Lost) and isinstance(event.value, Surroundings):
                 self._surroundings = event.value
+                self.notes += event.value.notes
             else:
                 deque(self._take(deque(), event), maxlen=0)
 

@@ -211,10 +211,12 @@ class Surroundings:
     Attributes:
         linear: the linear model from input to output; None: there is none.
         rates: sample periods [s], rising; none: it is continuous, or does not show any.
+        notes: what is behind the rates, where that is not plain.
     """
 
     linear: LinearStart | None = None
     rates: tuple[float, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def surroundings(model: Model, input: str, output: str) -> Surroundings:
@@ -230,7 +232,7 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
         output: output, or a state.
     """
     if model.interface != "me":
-        return Surroundings(rates=sampled(model).periods)
+        return _of_rates(model)
     middle = _middle(model, input)
     try:
         with model.open_point(values=middle) as point:
@@ -239,7 +241,7 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
             found = None if ticks or many or point.why_not_exact() else _exact(point, input, output)
             dx0, smallest = point.at(point.x0, point.u0).dx, point.smallest
         if ticks or many:
-            return Surroundings(rates=sampled(model).periods if ticks else ())
+            return _of_rates(model) if ticks else Surroundings()
         part = _difference(model, input, output, middle) if found is None else found
     except WorkbenchError:
         return Surroundings()
@@ -248,6 +250,11 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
         return Surroundings()
     linear = LinearStart(part, dx0, smallest)
     return Surroundings(linear if len(dx0) <= _MANY_STATES or linear.modes is not None else None)
+
+
+def _of_rates(model: Model) -> Surroundings:
+    found = sampled(model)
+    return Surroundings(rates=found.periods, notes=found.notes)
 
 
 def _middle(model: Model, input: str) -> dict[str, float]:

@@ -29,8 +29,9 @@ from workbench.system.master.ordering import ORDERS, choose_order
 from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
+from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
-from workbench.system.parts import Opened, declared_rates, starts_of, system_starts
+from workbench.system.parts import Opened, circle_notes, declared_rates, starts_of, system_starts
 
 if TYPE_CHECKING:
     from workbench.analysis.delays.result import DelayReport
@@ -85,6 +86,7 @@ class MasterModel(DescribedModel):
             setup=setup,
             notes=(
                 *_own_notes(opened),
+                *circle_notes(opened.parts, plan(opened.resolved.wires, parts=len(opened.parts)).in_circle),
                 master,
                 _step_note(setup, described),
                 *experiment_notes(recipe, described),
