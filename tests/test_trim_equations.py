@@ -138,6 +138,42 @@ def test_floating_states_are_made_slow_or_kept_near_the_start() -> None:
     assert [r.required for r in nearest.residuals] == [True, False]
 
 
+def motor(interface: str = "me", *, shown: bool = False, spring: float = 0.0) -> Plant:
+    """A shaft that turns: w' = 2 u - 4 w - spring * sin(angle), angle' = w."""
+    return Plant(
+        Equations(
+            x={"angle": 0.3, "w": 0.0},
+            u={"u": 6.0},
+            outputs=("speed", "where") if shown else ("speed",),
+            f=lambda v: [v["w"], 2.0 * v["u"] - 4.0 * v["w"] - spring * math.sin(v["angle"])],
+            g=lambda v: [v["w"], v["angle"]] if shown else [v["w"]],
+        ),
+        interface=interface,
+    )
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_a_state_that_nothing_depends_on_may_move_and_is_told(interface: str) -> None:
+    result = trim(motor(interface))
+    assert result.converged
+    assert result.point.x["w"] == pytest.approx(3.0, rel=1e-6)
+    assert "angle moves, since nothing depends on it, as --float angle asks for" in told(result)
+    assert [r.required for r in result.residuals] == [True, False]
+
+
+def test_a_state_that_is_shown_moves_where_it_is_asked_for() -> None:
+    result = trim(motor(shown=True))
+    assert not result.converged
+    assert "only outputs depend on angle: --float angle lets it move" in told(result)
+    assert trim(motor(shown=True), floating=["angle"]).point.x["w"] == pytest.approx(3.0)
+
+
+def test_a_state_that_something_depends_on_does_not_move() -> None:
+    result = trim(motor(spring=1.0))
+    assert not result.converged
+    assert not any("--float" in note for note in result.notes)
+
+
 # -- no solution --------------------------------------------------------------------------
 
 

@@ -140,6 +140,13 @@ def test_running_finds_the_rest_of_a_damped_black_box_at_a_step_that_is_stable()
     assert "communication step 0.000125 s" in " ".join(result.notes)  # explicit Euler is unstable at 1 ms
 
 
+def test_without_states_and_outputs_there_is_nothing_to_bring_to_rest() -> None:
+    result = trim(Plant(Equations(u={"u": 2.0}), interface="cs"))
+    assert result.converged
+    assert result.point.u == {"u": 2.0}
+    assert any("nothing to bring to rest" in note for note in result.notes)
+
+
 def test_running_does_not_take_an_endless_swing_for_rest() -> None:
     result = trim(oscillator(1e-3, settable=False), step=1e-5, longest=0.5)
     assert not result.converged

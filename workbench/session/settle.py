@@ -64,7 +64,7 @@ def settle(
 
     Args:
         session: stands anywhere; it is advanced with its inputs as they are.
-        names: variables to watch.
+        names: variables to watch; without any the session is at rest where it stands.
         nominal: shape (n,), their nominal values; 0: the largest value that is seen.
         first: length of the first stretch [s].
         longest: of the whole run [s].
@@ -74,6 +74,9 @@ def settle(
     Raises:
         SimulationError: the model fails on the way.
     """
+    if not names:
+        nothing = np.zeros(0)
+        return Settled(session.time, nothing, nothing, nothing, settled=True)
     begin, stretch = session.time, first
     before, seen = np.full(len(names), math.inf), np.zeros(len(names))
     while True:

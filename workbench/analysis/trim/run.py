@@ -18,7 +18,14 @@ from workbench.analysis.trim.running import RunBalance
 from workbench.analysis.trim.search import exact_agrees, search
 from workbench.analysis.trim.sizes import sized
 from workbench.analysis.trim.solve import Solution
-from workbench.analysis.trim.words import carried_along, degenerate, directions, in_words, residual_table
+from workbench.analysis.trim.words import (
+    carried_along,
+    degenerate,
+    directions,
+    in_words,
+    residual_table,
+    without_influence,
+)
 from workbench.core.job import Job
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.model import DescribedModel, Model, Variable
@@ -130,10 +137,35 @@ class _Trim:
         problem = sized(pose(balance, self.sets))
         exact = not balance.why_not_exact and self._probe(problem)
         solution, note = search(self.model, problem, tolerance=self.asked.tolerance, slowest=self.slowest, exact=exact)
+        problem, solution, note = self._floated(problem, (solution, note), tolerance=self.asked.tolerance, exact=exact)
         restless = carried_along(problem, solution) if solution.converged else ""
         if restless and self.slowest:
             solution = replace(solution, converged=False)
         return self._result("equations", problem, solution, [note, restless])
+
+    def _floated(
+        self, problem: Problem, found: tuple[Solution, str], *, tolerance: float, exact: bool
+    ) -> tuple[Problem, Solution, str]:
+        """Let states move that nothing depends on, as the angle of a shaft that turns, where the others rest."""
+        solution, note = found
+        if solution.converged or self.sets.floating:
+            return problem, solution, note
+        names, shown = without_influence(problem, solution)
+        if shown:
+            asked = " ".join(f"--float {name}" for name in shown)
+            self.notes.append(f"only outputs depend on {', '.join(shown)}: {asked} lets it move")
+        if not names or len(names) == len(problem.balance.states):
+            return problem, solution, note
+        sets = replace(self.sets, floating=names)
+        freer = sized(pose(problem.balance, sets))
+        solution_of, note_of = search(self.model, freer, tolerance=tolerance, slowest=self.slowest, exact=exact)
+        if not solution_of.converged:
+            return problem, solution, note
+        self.sets = sets
+        verb = "moves, since nothing depends on it" if len(names) == 1 else "move, since nothing depends on them"
+        asked = " ".join(f"--float {name}" for name in names)
+        self.notes.append(f"{', '.join(names)} {verb}, as {asked} asks for")
+        return freer, solution_of, note_of
 
     def _probe(self, problem: Problem) -> bool:
         if not problem.unknowns or exact_agrees(problem):
@@ -163,6 +195,7 @@ class _Trim:
         problem = sized(posed)
         loosest = max(self.asked.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
         solution, note = search(self.model, problem, tolerance=loosest, slowest=self.slowest, exact=False)
+        problem, solution, note = self._floated(problem, (solution, note), tolerance=loosest, exact=False)
         restless = self._restless(balance, problem, solution) if solution.converged else ""
         if restless:
             solution = replace(solution, converged=False)
@@ -195,7 +228,9 @@ class _Trim:
             balance = MapBalance(self.model, states, period=steps[0], time=self.time, values=values)
             return self._fixed_point("step map", balance)
         why = "the states cannot be set" if states else "the model provides no states"
-        self.notes.append(f"{why}; it is run until nothing moves")
+        watched = states or [v for v in self.model.outputs if v.is_number]
+        how = "it is run until nothing moves" if watched else "nor outputs: there is nothing to bring to rest"
+        self.notes.append(f"{why}; {how}")
         return self._running(states, values, steps if self.asked.step is None else steps[:1])
 
     def _starts(self, states: Sequence[Variable]) -> dict[str, float]:

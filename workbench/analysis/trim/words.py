@@ -11,7 +11,7 @@ from workbench.analysis.trim.result import NullDirection, Residual
 from workbench.analysis.trim.solve import Solution
 from workbench.session.base import Floats
 
-__all__ = ["carried_along", "degenerate", "directions", "in_words", "residual_table"]
+__all__ = ["carried_along", "degenerate", "directions", "in_words", "residual_table", "without_influence"]
 
 _SHOWN = 4
 _ALSO_FAR = 0.1  # of the farthest way
@@ -111,6 +111,36 @@ def _what_is_left(bad: Sequence[Residual]) -> str:
 
 def _unit(residual: Residual) -> str:
     return f" {residual.unit}" if residual.unit and residual.unit != "1" else ""
+
+
+# -- states that nothing depends on ---------------------------------------------------------------
+
+_MOVES = (0.37, -1.3, 3.1)  # sizes of a state by which it is moved to see whether anything depends on it
+_SAME = 1e-9  # of the change that an equation makes around the point
+
+
+def without_influence(problem: Problem, solution: Solution) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the states that do not rest where the search ended and on which no rate depends, their own neither.
+
+    First those on which no output depends either, then the others.
+    """
+    n = len(problem.balance.states)
+    moving = {e.row for e, bad in zip(problem.equations, solution.bad.tolist(), strict=False) if bad and e.row < n}
+    here = problem.evaluate(solution.values)
+    slots = (*problem.balance.states, *problem.balance.outputs)
+    sizes = np.maximum(np.abs(here), [s.nominal for s in slots])
+    sizes[[e.row for e in problem.equations]] = np.abs(solution.scales[: len(problem.equations)])
+    level = max(_SAME, 10.0 * problem.balance.precision) * sizes
+    hidden, shown = [], []
+    for place, unknown in enumerate(problem.unknowns):
+        if unknown.column not in moving or np.isfinite([unknown.low, unknown.high]).any():
+            continue
+        size = _reach(float(solution.values[place]), unknown.slot.nominal)
+        moved = [solution.values + part * size * (np.arange(len(problem.unknowns)) == place) for part in _MOVES]
+        same = np.array([np.abs(problem.evaluate(values) - here) <= level for values in moved]).all(axis=0)
+        if same[:n].all():
+            (hidden if same.all() else shown).append(unknown.slot.name)
+    return tuple(hidden), tuple(shown)
 
 
 # -- states carried along by floating ones -------------------------------------------------------
