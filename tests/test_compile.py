@@ -173,7 +173,7 @@ BUILD = """<?xml version="1.0" encoding="UTF-8"?>
   </BuildConfiguration>
   <BuildConfiguration modelIdentifier="{identifier}">
     <SourceFileSet language="C99" compilerOptions="-O3 -march=native">
-      <SourceFile name="src/model.c" />
+      <SourceFile name="src/model.c" /><SourceFile name="include/fmi3_stub.h" />
       <PreprocessorDefinition name="ASKED" value="7" />
       <PreprocessorDefinition name="BESIDES" optional="true" />
       <IncludeDirectory name="include" />

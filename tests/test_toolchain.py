@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from workbench import toolchain
-from workbench.errors import BuildError
-from workbench.toolchain import CFile, Platform, compile_files, compile_kernel, host_only
+from workbench.errors import BuildError, InputError
+from workbench.toolchain import PLATFORMS, CFile, Platform, chosen_platforms, compile_files, compile_kernel, host_only
 
 ROOT = Path(__file__).parent.parent
 ANSWER = '__attribute__((visibility("default"))) int answer(void);\nint answer(void)\n{\n    return %d;\n}\n'
@@ -78,3 +78,19 @@ def test_it_needs_nothing_but_the_standard_library() -> None:
         [sys.executable, "-c", BARE.format(root=str(ROOT))], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_platforms_have_names_and_two_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = tuple(p.name for p in host_only())
+    every = tuple(p.name for p in PLATFORMS)
+
+    def names(*given: str, usual: str = "all") -> tuple[str, ...]:
+        return tuple(p.name for p in chosen_platforms(given or None, usual=usual))
+
+    assert names("linux64", "x86_64-linux", "win64") == ("x86_64-linux", "x86_64-windows")
+    assert (names("host"), names(usual="host"), names("all"), names()) == (here, here, every, every)
+    with pytest.raises(InputError, match=r"no platform 'amiga'; there are: .*; host for this machine's, all for all"):
+        names("amiga")
+    monkeypatch.setattr("workbench.toolchain.host_only", tuple)
+    with pytest.raises(InputError, match="this machine is none of those"):
+        names("host")

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from workbench.core.files import cache_folder
-from workbench.errors import BuildError
+from workbench.errors import BuildError, InputError
 from workbench.fmi.platforms import host
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "PLATFORMS",
     "CFile",
     "Platform",
+    "chosen_platforms",
     "compile_all",
     "compile_files",
     "compile_kernel",
@@ -85,6 +86,30 @@ _AS_ONE: Mapping[str, tuple[str, ...]] = {".so": ("-flto",)}
 def host_only() -> tuple[Platform, ...]:
     """Return the platform of this machine, alone; nothing where it is none of `PLATFORMS`."""
     return tuple(p for p in PLATFORMS if p.name == host())
+
+
+def chosen_platforms(names: Sequence[str] | None, *, usual: str) -> tuple[Platform, ...]:
+    """Return the platforms of these names, each once.
+
+    Args:
+        names: as FMI 3.0 (`x86_64-linux`) or 2.0 (`linux64`) has them; "host": this machine's; "all": every one.
+        usual: the name where none is given.
+
+    Raises:
+        InputError: an unknown name, or this machine is none of `PLATFORMS`.
+    """
+    by_name = {name: (p,) for p in PLATFORMS for name in (p.name_2, p.name)} | {"all": PLATFORMS, "host": host_only()}
+    known = ", ".join(p.name for p in PLATFORMS)
+    found: dict[Platform, None] = {}
+    for name in (usual,) if names is None else names:
+        if name not in by_name:
+            raise InputError(
+                f"platform: no platform '{name}'; there are: {known}; host for this machine's, all for all"
+            )
+        if not by_name[name]:
+            raise InputError(f"platform: this machine is none of those that can be compiled for: {known}")
+        found |= dict.fromkeys(by_name[name])
+    return tuple(found)
 
 
 def require(*packages: str) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from workbench.build.fmu import FMI_VERSIONS, Sources, assemble, choose_platforms, compile_and_pack
+from workbench.build.fmu import FMI_VERSIONS, Sources, assemble, compile_and_pack
 from workbench.build.matrices import Matrices, matrices_of, read_matrices
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.state_space import naming, state_space
@@ -19,7 +19,7 @@ from workbench.core.files import file_to_write, replacing
 from workbench.core.job import Job
 from workbench.core.record import Record, entry
 from workbench.errors import InputError
-from workbench.toolchain import require
+from workbench.toolchain import chosen_platforms, require
 
 __all__ = ["ExportResult", "check_linear_file", "export_linear", "generate_linear", "write_linear"]
 
@@ -82,14 +82,14 @@ def export_linear(
         job: is told what takes long.
 
     Raises:
-        InputError: no linear model, a wrong FMI version or name, a folder that does not exist.
-        BuildError: the compiler is missing or failed, an unknown platform.
+        InputError: no linear model, a wrong FMI version or name, an unknown platform, a folder that does not exist.
+        BuildError: the compiler is missing or failed.
     """
     target = file_to_write(out, ".fmu")
     if fmi not in FMI_VERSIONS:
         raise InputError(f"FMI {fmi} cannot be written; choose 2 or 3")
     require("ziglang")
-    chosen = choose_platforms(platforms)
+    chosen = chosen_platforms(platforms, usual="all")
     matrices = read_matrices(model) if isinstance(model, str | Path) else matrices_of(model)
     scalar = state_space(matrices, _identifier(name, target))
     sources = generate_linear(matrices, scalar, stiff=stiff)

@@ -31,7 +31,7 @@ from workbench.core.names import OUR_TOOL
 from workbench.core.record import Record, entry
 from workbench.errors import BuildError, suggest
 from workbench.origin import with_origin
-from workbench.toolchain import PLATFORMS, Platform, compile_all
+from workbench.toolchain import Platform, chosen_platforms, compile_all
 
 DEFAULT_TOLERANCE = 1.0e-6
 FMI_VERSIONS = (2, 3)
@@ -263,21 +263,6 @@ def _choose(found: Mapping[str, Path], model: str | None) -> str:
     return matches[0]
 
 
-def choose_platforms(names: Sequence[str] | None) -> list[Platform]:
-    """Return the platforms of these names, all where there is none given.
-
-    Raises:
-        BuildError: An unknown name.
-    """
-    if names is None:
-        return list(PLATFORMS)
-    known = {p.name: p for p in PLATFORMS}
-    for name in names:
-        if name not in known:
-            raise BuildError(f"no platform {name}; known: {', '.join(known)}")
-    return [known[name] for name in names]
-
-
 def _build(
     file: Path,
     model: str,
@@ -288,7 +273,7 @@ def _build(
     job: Job,
 ) -> BuildResult:
     _check_versions(targets)
-    chosen = choose_platforms(platforms)
+    chosen = chosen_platforms(platforms, usual="all")
     return compile_and_pack(generate(file, model, stiff=stiff), targets, chosen, job)
 
 

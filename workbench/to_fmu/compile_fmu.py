@@ -21,7 +21,7 @@ from workbench.fmi.library import functions_of
 from workbench.fmi.platforms import folders_of
 from workbench.fmi.reading import read_description
 from workbench.to_fmu.source_lists import ListedLibrary, SourceFile, every_interface, listed_libraries
-from workbench.toolchain import PLATFORMS, CFile, Platform, compile_files, host_only, require
+from workbench.toolchain import CFile, Platform, chosen_platforms, compile_files, require
 
 __all__ = ["CompiledFmu", "add_binaries"]
 
@@ -72,7 +72,7 @@ def add_binaries(
     Args:
         path: an `.fmu` file.
         out: the FMU to write; None: `path`, which must not have these binaries yet.
-        platforms: as FMI 3.0 (`x86_64-linux`) or 2.0 (`linux64`) names them; None: this machine's.
+        platforms: see `chosen_platforms`; None: this machine's.
         job: is told how far it is, and what takes long.
 
     Raises:
@@ -80,7 +80,7 @@ def add_binaries(
         FmuError: it is not an FMU.
         BuildError: it has no sources, or they cannot be compiled.
     """
-    source, chosen, job = locate(path), _chosen(platforms), job or Job()
+    source, chosen, job = locate(path), chosen_platforms(platforms, usual="host"), job or Job()
     if source.is_dir():
         raise InputError(f"{path}: this is a folder; compile takes an .fmu file")
     target = source if out is None else file_to_write(out, ".fmu", option="out")
@@ -123,22 +123,6 @@ def add_binaries(
 
 def _wanted(file: PurePosixPath) -> bool:
     return file.parts[0] == "sources" or str(file) == "modelDescription.xml"
-
-
-def _chosen(names: Sequence[str] | None) -> tuple[Platform, ...]:
-    if names is None:
-        if not (here := host_only()):
-            raise InputError(f"platform: this machine is none of those that can be compiled for: {_known()}")
-        return here
-    by_name = {name: p for p in PLATFORMS for name in (p.name_2, p.name)}
-    for name in names:
-        if name not in by_name:
-            raise InputError(f"platform: no platform '{name}'; there are: {_known()}")
-    return tuple(dict.fromkeys(by_name[name] for name in names))
-
-
-def _known() -> str:
-    return ", ".join(p.name for p in PLATFORMS)
 
 
 def _place(identifier: str, description: Description, platform: Platform) -> str:

@@ -50,8 +50,12 @@ class Build(Request[Sequence[str | Path], "BuiltModels"]):
     _: KW_ONLY
     model: str | None = option("Model to build, if the sources contain several.", metavar="NAME", default=None)
     fmi: int | None = option("FMI version; 2 for one FMU, both for a folder.", metavar="2|3", default=None)
-    platforms: Sequence[str] | None = option(
-        "FMI 3 platform tuples to build for; by default all five.", default=None, python=True
+    platforms: Names | None = option(
+        "Platforms to build for, as FMI 3.0 or 2.0 names them: x86_64-linux or linux64; host for this machine's alone; "
+        "by default all five.",
+        flag="--platform",
+        metavar="host|all|NAME,..",
+        default=None,
     )
     stiff: bool | None = option(
         "Integrator of co-simulation: implicit where True, explicit where False; by default chosen from the "
@@ -103,9 +107,10 @@ class Compile(Request[str | Path, "CompiledFmu"]):
         "FMU to write; by default the binaries are added to X.fmu.", metavar="Y.fmu", default=None
     )
     platforms: Names | None = option(
-        "Platforms to compile for, as FMI 3.0 or 2.0 names them: x86_64-linux or linux64; by default this machine's.",
+        "Platforms to compile for, as FMI 3.0 or 2.0 names them: x86_64-linux or linux64; all for all five; by default "
+        "host, this machine's.",
         flag="--platform",
-        metavar="NAME,..",
+        metavar="host|all|NAME,..",
         default=None,
     )
 
@@ -132,7 +137,7 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
     Raises:
         InputError: no linear model, a wrong FMI version or name, a folder that does not exist; a container cannot
             express the system; a model with static blocks, and `out` is not a .toml or .ssp.
-        BuildError: the compiler is missing or failed, an unknown platform.
+        BuildError: the compiler is missing or failed.
 
     Examples:
         >>> import control
@@ -178,8 +183,12 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
         metavar="S",
         default=None,
     )
-    platforms: Sequence[str] | None = option(
-        "FMI 3 platform tuples to build a linear model for; by default all five.", default=None, python=True
+    platforms: Names | None = option(
+        "Platforms to build a linear model for, as FMI 3.0 or 2.0 names them: x86_64-linux or linux64; host for this "
+        "machine's alone; by default all five.",
+        flag="--platform",
+        metavar="host|all|NAME,..",
+        default=None,
     )
     stiff: bool | None = option(
         "Integrator of a linear model's co-simulation: implicit where True, explicit where False; by default chosen "

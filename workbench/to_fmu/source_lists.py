@@ -15,6 +15,7 @@ from workbench.fmi.description import Capabilities, Description
 __all__ = ["ListedLibrary", "SourceFile", "every_interface", "listed_libraries"]
 
 _SUFFIXES = (".c", ".cc", ".cpp", ".cxx")
+_HEADERS = (".h", ".hh", ".hpp", ".hxx", ".inc")
 _INCLUDED = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+\.(?:c|cc|cpp|cxx))"', re.MULTILINE)
 _WORD = re.compile(r"[A-Za-z_]\w*\Z")
 # What the C library of every platform has, by the names of the libraries that older ones put it in.
@@ -86,7 +87,10 @@ def listed_libraries(
         else:
             files = tuple(SourceFile(n) for n in _named(asked, identifier) or _all(sources, source))
         _check(sources, files, source)
-        found.append(ListedLibrary(identifier, tuple(interfaces), files, tuple(notes)))
+        compiled = tuple(f for f in files if f.name.lower().endswith(_SUFFIXES))
+        if not compiled:
+            raise BuildError(f"{source}: its list of sources names no C files, so nothing can be compiled")
+        found.append(ListedLibrary(identifier, tuple(interfaces), compiled, (*notes, *_left_out(files))))
     return tuple(found)
 
 
@@ -173,6 +177,13 @@ def _check(sources: Path, files: Sequence[SourceFile], source: str) -> None:
     for file in files:
         if not (sources / file.name).is_file():
             raise BuildError(f"{source}: its list of sources names '{file.name}', which is not in the FMU")
+
+
+def _left_out(files: Iterable[SourceFile]) -> Iterator[str]:
+    """Yield a note on each listed file that is neither C or C++ nor one of their headers, which are found by name."""
+    for file in files:
+        if not file.name.lower().endswith((*_SUFFIXES, *_HEADERS)):
+            yield f"{file.name} is listed among the sources, but it is not C or C++: it was left out"
 
 
 def _names(files: Iterable[SourceFile]) -> Iterator[str]:
