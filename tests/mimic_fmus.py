@@ -101,6 +101,7 @@ MIMICS = {
         "Reference FMUs: a state that is an output, without dependencies and with derivatives of equations alone",
         flags='providesDirectionalDerivative="true"', change=_state_is_output,
     ),
+    "keyless": Mimic("OpenModelica: shows a thread-specific key, 0, that it has not taken; 0 is Python's"),
     "once": Mimic("JModelica: one instance in a process", flags='canBeInstantiatedOnlyOncePerProcess="true"'),
     "statics": Mimic(
         "20-sim, Overture: one instance in a process, and a second one ends it", "statics",

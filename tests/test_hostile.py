@@ -11,6 +11,7 @@ import pytest
 
 from tests.drivers import DRIVERS
 from tests.hostile_fmus import BROKEN_FILES, HOSTILE, NEEDS_WORKER, build_broken, build_hostile
+from tests.mimic_fmus import build_mimic
 from workbench.analysis.simulate.request import simulate
 from workbench.errors import FmuError, SimulationError
 from workbench.model.load import load
@@ -73,6 +74,26 @@ def test_a_lying_saved_state_is_found_out_and_replayed(tmp_path: Path, name: str
 def test_an_honest_saved_state_is_used(tmp_path: Path) -> None:
     with load(build_hostile(tmp_path, "nothing")) as model:
         assert model.snapshot_method() == "state"
+
+
+KEYS = """
+import sys, threading
+sys.path.insert(0, {root!r})
+from workbench import load, simulate
+for _ in range(3):
+    with load({file!r}, "cs") as model:
+        simulate(model, stop=0.1, in_process=True)
+    thread = threading.Thread(target=print, args=["alive"])
+    thread.start()
+    thread.join()
+"""
+
+
+def test_a_key_that_the_fmu_has_not_taken_is_not_given_back(tmp_path: Path) -> None:
+    """It is the first key of the process, which is Python's: without it Python ends at the next thread."""
+    code = KEYS.format(root=str(ROOT), file=str(build_mimic(tmp_path, "keyless")))
+    done = subprocess.run([sys.executable, "-c", code], timeout=120, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.split()) == (0, ["alive"] * 3), done.stderr
 
 
 # What a worker process has to survive really happens.

@@ -72,34 +72,40 @@ class _Binary:
     OpenModelica's FMUs take a thread-specific key (POSIX threads) at each instantiation, use the newest one for all
     instances, and give none back. A process has some 1024, and a binary that never got one takes the first key of the
     process, which is Python's: Python crashes. So the older ones are given back here.
+    One that has not taken a key yet shows 0, which is Python's, too: what it shows when it is loaded is left alone.
     """
 
     def __init__(self, dll: ctypes.CDLL | None) -> None:
         self._dll = dll
-        self._key: int | None = None  # of the last instantiation
+        self._shown = self._key_shown()  # after the last instantiation
+        self._key: int | None = None  # that it has taken
         self._threads = _threads()  # that ran before
         self.copied: Path | None = None  # folder that was made for it
         self.holders = 0
         self.addresses: dict[str, int | None] = {}
 
     def reclaim_key(self) -> None:
-        """Give back the key that the binary had before the instantiation that is just over."""
-        try:
-            key = None if self._dll is None else ctypes.c_uint.in_dll(self._dll, _KEY).value
-        except ValueError:  # another tool's
-            return
-        self._give_back(unless=key)
-        self._key = key
+        """Give back the key that the binary had before the instantiation that is just over, if it took another."""
+        shown = self._key_shown()
+        if shown != self._shown:
+            self._give_back()
+            self._key = self._shown = shown
 
-    def _give_back(self, *, unless: int | None = None) -> None:
-        if self._key not in (None, unless) and sys.platform != "win32":
+    def _key_shown(self) -> int | None:
+        try:
+            return None if self._dll is None else ctypes.c_uint.in_dll(self._dll, _KEY).value
+        except ValueError:  # another tool's
+            return None
+
+    def _give_back(self) -> None:
+        if self._key is not None and sys.platform != "win32":
             _loader().pthread_key_delete(self._key)
 
     def drop(self) -> None:
         self.holders -= 1
         if self.holders == 0 and self._dll is not None:
-            self._give_back()
             if not _threads() - self._threads:  # one that it left behind would run on in code that is gone
+                self._give_back()
                 _unload(self._dll._handle)  # noqa: SLF001  ctypes has no public name for it
             if self.copied is not None:
                 remove(self.copied)

@@ -40,6 +40,9 @@ static const char *const names[N_WAYS] = {"plain",    "dymola",  "simulink", "un
                                           "nominals", "formats", "memory",   "fast",   "handles", "discards",
                                           "forgets",  "resources", "repeats", "statics"};
 
+/* As in OpenModelica's runtime, where it holds a thread-specific key; here none was taken, as in co-simulation there. */
+__attribute__((visibility("default"))) unsigned mmc_thread_data_key;
+
 enum { VR_TIME, VR_U, VR_X, VR_V, VR_DER_X, VR_DER_V, VR_Y, VR_C, VR_D, N_VALUES, NX = 2 };
 static const double START[N_VALUES] = {[VR_U] = 1.0, [VR_C] = 100.0, [VR_D] = 4.0};
 static const double OWN_STEP = 1e-3;    /* of the integrators in Co-Simulation [s] */

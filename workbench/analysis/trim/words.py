@@ -131,13 +131,14 @@ def without_influence(problem: Problem, solution: Solution) -> tuple[tuple[str, 
     sizes = np.maximum(np.abs(here), [s.nominal for s in slots])
     sizes[[e.row for e in problem.equations]] = np.abs(solution.scales[: len(problem.equations)])
     level = max(_SAME, 10.0 * problem.balance.precision) * sizes
-    hidden, shown = [], []
+    hidden, shown = list[str](), list[str]()
     for place, unknown in enumerate(problem.unknowns):
         if unknown.column not in moving or np.isfinite([unknown.low, unknown.high]).any():
             continue
         size = _reach(float(solution.values[place]), unknown.slot.nominal)
         moved = [solution.values + part * size * (np.arange(len(problem.unknowns)) == place) for part in _MOVES]
-        same = np.array([np.abs(problem.evaluate(values) - here) <= level for values in moved]).all(axis=0)
+        ends = np.array([problem.evaluate(values) for values in moved])
+        same = np.asarray(np.abs(ends - here).max(axis=0) <= level)
         if same[:n].all():
             (hidden if same.all() else shown).append(unknown.slot.name)
     return tuple(hidden), tuple(shown)
