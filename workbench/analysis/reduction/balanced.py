@@ -141,9 +141,12 @@ def _border(part: LinearPart) -> float:
     An integrator that stands a rounding error left of the axis would have a Hankel singular value without bound.
     """
     poles = poles_of(part.A)
-    near = poles.value.real[np.abs(poles.value.real) <= 5.0 * poles.uncertain]
+    real, reach = poles.value.real, 5.0 * poles.uncertain
+    near = np.abs(real) <= reach
     rounding = _ROUNDING * np.finfo(float).eps * float(np.linalg.norm(part.A)) if len(part.A) else 0.0
-    return min(-rounding, 1.01 * float(near.min(initial=0.0)))
+    # Each algorithm moves them elsewhere within their reach; what is surely stable stays beyond.
+    stable = real[~near & (real < 0.0)].max(initial=-np.inf)
+    return min(-rounding, max(-float(reach[near].max(initial=0.0)), 0.5 * float(real[near].min(initial=0.0) + stable)))
 
 
 def _run(part: LinearPart, order: int, method: str, border: float) -> tuple[LinearPart, Floats]:
