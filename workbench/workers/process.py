@@ -92,6 +92,7 @@ class WorkerProcess:
         self._beyond: float | None = None  # since when it is seen to have had more
         self.surroundings = _surroundings()
         self._limits = Limits()
+        _current_folder()  # where it is gone some versions of Python end before they begin
         with ExitStack() as undo:
             try:
                 folder = scratch_folder("worker")

@@ -100,7 +100,11 @@ class Sweep:
         self._told_of: list[str] = []
         self._store = None if asked.store is None else self._open_store(asked.store)
         self._before: dict[Key, NfrPoint] = {}
-        self._recall(asked.previous)
+        with ExitStack() as unless_well:
+            if self._store is not None:
+                unless_well.callback(self._store.close)
+            self._recall(asked.previous)
+            unless_well.pop_all()
 
     # -- what is known already -------------------------------------------------------------
 
