@@ -170,6 +170,39 @@ def test_chattering_is_an_error(solver: str) -> None:
         session.advance(2.0, signals={})
 
 
+class DryFriction(Hybrid):
+    """m·dv/dt = −F·sgn v, whose relation has a hysteresis as in many exporters' FMUs: it sticks at v = 0."""
+
+    states = ("v",)
+    nz = 1
+    hysteresis = 1e-13
+
+    def start(self) -> None:
+        self.v["v"], self.forward = 1e-4, True
+
+    def derivatives(self) -> list[float]:
+        return [-1.0 if self.forward else 1.0]
+
+    def indicators(self) -> list[float]:
+        return [self.v["v"] + (self.hysteresis if self.forward else -self.hysteresis)]
+
+    def event(self) -> tuple[bool, float]:
+        self.forward = self.indicators()[0] > 0.0
+        return False, math.inf
+
+
+@pytest.mark.parametrize("hysteresis", [1e-13, 1e-10])
+@pytest.mark.parametrize("stop", [1.1e-4, 1.0])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_chattering_within_a_hysteresis_is_told_in_short_runs_too(solver: str, stop: float, hysteresis: float) -> None:
+    model = type("DryFriction", (DryFriction,), {"hysteresis": hysteresis})
+    with open_fake(model, solver) as session:
+        with pytest.raises(SimulationError, match="chattering") as caught:
+            session.advance(stop, signals={})
+        assert caught.value.time == pytest.approx(1e-4, abs=1200 * 2.0 * hysteresis)
+        assert len(inside(session).events) < 1200
+
+
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_jump_of_the_input_is_an_event_with_both_limits(solver: str) -> None:
     signals = {"u": Step(time=0.3, value=2.0)}

@@ -28,6 +28,7 @@ __all__ = ["OracleMeSession"]
 # The rules of events, as in workbench/build/runtime/event_rules.h.
 MOST_CLOSE_EVENTS = 1000  # in a row, each closer to the last than CLOSE_EVENTS of the time scale
 CLOSE_EVENTS = 1e-10
+STILL = 1e5  # longer gaps are close where nothing moves: at most so many fit into a run
 SAME_EVENT = 1e-3  # a gap of less than this part of the one before is none
 SHRINKING = 0.99  # two gaps of less than this part of the two before are told from equal ones
 DWINDLED = 1e-3  # gaps that shrink are Zeno behaviour from this part of the longest two on ...
@@ -244,7 +245,7 @@ class OracleMeSession(MeSession):
     def _guard_events(self, *, located: bool) -> None:
         """Refuse to go on when events follow each other without end."""
         gap = self.time - self._last_event
-        close = gap <= CLOSE_EVENTS * self._span
+        close = gap <= CLOSE_EVENTS * self._span * (STILL if located and self._stands_still() else 1.0)
         if self.problem.nz:
             # The next event may follow as quickly as this one did: a long first step would jump over it.
             self._cautious = max(0.25 * gap, 64.0 * math.ulp(self.time))
@@ -254,6 +255,10 @@ class OracleMeSession(MeSession):
             raise chattering(self.time)
         if located:
             self._guard_dwindling()
+
+    def _stands_still(self) -> bool:
+        """Whether the last event turned some state back, and none moved since but within a hysteresis."""
+        return self.solver.tolerance.stands_still() and self._turned.turned_a_state
 
     def _guard_dwindling(self) -> None:
         """Refuse to go on where the gaps between state events shrink so that infinitely many of them end right here.

@@ -13,6 +13,7 @@ from workbench.session.base import Floats
 __all__ = ["Solver", "Tolerance"]
 
 ROUNDING = 1e-13  # no error can be asked to be smaller, relative to the size of a state
+HYSTERESIS = 1e-9  # of a state's size: exporters give 1e-10 or less
 
 
 class Tolerance:
@@ -51,6 +52,11 @@ class Tolerance:
         """Begin a flight; errors are measured by what the last one moved, or by the size of the states."""
         self.flight[:] = self._highest - self._lowest if measured else np.inf
         self._lowest[:], self._highest[:] = np.inf, -np.inf
+
+    def stands_still(self) -> bool:
+        """Whether no state moved in this flight but within the hysteresis that an exporter gives to a relation."""
+        size = np.maximum(self.scale, np.where(np.isfinite(self.most), self.most, 1.0))
+        return bool((self._highest - self._lowest <= HYSTERESIS * size).all())
 
     def allowed(self, rtol: float, x: Floats) -> Floats:
         """Return the largest errors at the states `x`, relative to their size; never below rounding."""

@@ -42,6 +42,7 @@ class Turned:
         self._bound = np.zeros(problem.nz)  # where an indicator must not go, beyond zero; 0: it may go anywhere
         self._way: Floats | None = None  # of each indicator ahead, before the event; None: not known
         self._z: Floats = np.zeros(problem.nz)
+        self.turned_a_state = False  # by the last event: its rate has another sign
         self._dx: Floats = np.zeros(problem.n)
         self._ahead = 0.0
 
@@ -119,6 +120,7 @@ class Turned:
         self._way = None
         try:
             dx = self._problem.rhs(t, x).copy()
+            self.turned_a_state = bool((dx * old_dx < 0.0).any())
             z = self._problem.indicators(t, x).copy()
             if way is None or restarted or (dx != old_dx).any():
                 self._bound[:] = 0.0

@@ -6,6 +6,8 @@
 
 enum { MAX_EVENT_ITERATIONS = 1000 };
 static const double SHRINKING = 0.99; /* two gaps of less than this part of the two before are told from equal ones */
+static const double STILL = 1e5; /* longer gaps are close where nothing moves: at most so many fit into a run */
+static const double HYSTERESIS = 1e-9; /* of a state's size: exporters give 1e-10 or less */
 
 static Failure *failure_of(Me *me) {
     return &me->system->failure;
@@ -61,6 +63,20 @@ static bool dwindles(Me *me, double *end) {
     return flights_dwindle(&me->flights, me->time, me->span, end);
 }
 
+/* Whether the last event turned some state back, and none moved since but within the hysteresis that an exporter gives
+ * to a relation. */
+static bool stands_still(const Me *me) {
+    bool turned = false;
+    for (size_t i = 0; i < me->system->nx; i++) {
+        const double nominal = isfinite(me->most[i]) ? me->most[i] : 1.0;
+        if (me->highest[i] - me->lowest[i] > HYSTERESIS * fmax(me->scale[i], nominal)) {
+            return false;
+        }
+        turned = turned || me->turned.dx[i] * me->turned.old_dx[i] < 0.0;
+    }
+    return turned;
+}
+
 /* Refuse to go on when events follow each other without end. */
 static bool guard_events(Me *me, bool located) {
     double end = 0.0;
@@ -68,7 +84,7 @@ static bool guard_events(Me *me, bool located) {
         /* The next event may follow as quickly as this one did: a long first step would jump over it. */
         me->cautious = fmax(0.25 * (me->time - me->flights.event), 64.0 * spacing(me->time));
     }
-    if (flights_chatter(&me->flights, me->time, me->span)) {
+    if (flights_chatter(&me->flights, me->time, located && stands_still(me) ? STILL * me->span : me->span)) {
         return fail_at(failure_of(me), FAILED_CHATTER, me->time);
     }
     return !located || !dwindles(me, &end) || fail_at(failure_of(me), FAILED_ZENO, end);
