@@ -73,6 +73,11 @@ def _two_names(text: str) -> str:
     return text.replace('<CoSimulation modelIdentifier="mimics"', '<CoSimulation modelIdentifier="mimics_cs"')
 
 
+def _two_outputs(text: str) -> str:
+    text = text.replace('name="v" valueReference="3"', 'name="v" valueReference="3" causality="output"')
+    return text.replace("<Outputs>", '<Outputs><Unknown index="3" />')
+
+
 _CS = ("CoSimulation",)
 MIMICS = {
     "orderly": Mimic("an FMU that keeps to FMI's state machine and refuses what it does not allow"),
@@ -102,6 +107,7 @@ MIMICS = {
         flags='providesDirectionalDerivative="true"', change=_state_is_output,
     ),
     "keyless": Mimic("OpenModelica: shows a thread-specific key, 0, that it has not taken; 0 is Python's"),
+    "undefined": Mimic("20-sim: an output stops being a number, the others go on", "undefined", change=_two_outputs),
     "once": Mimic("JModelica: one instance in a process", flags='canBeInstantiatedOnlyOncePerProcess="true"'),
     "statics": Mimic(
         "20-sim, Overture: one instance in a process, and a second one ends it", "statics",

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.hybrid_fmus import Hybrid, open_fake
+from tests.mimic_fmus import build_mimic
 from workbench.analysis.simulate.request import simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.errors import InputError
@@ -118,3 +121,26 @@ def test_local_variables_have_their_units() -> None:
     with load("fmu:Rudder") as model:
         result = simulate(model, stop=0.1, outputs=["spoolTarget", "del"])
     assert result.units == {"spoolTarget": "m", "del": "deg"}
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_an_output_that_stops_being_a_number_is_missing_and_the_others_go_on(tmp_path: Path, interface: str) -> None:
+    model = wb.load(build_mimic(tmp_path, "undefined"), interface=interface)
+    result = wb.simulate(model, stop=2.0)
+    late = result.time >= 0.51
+    assert np.isnan(result.signals["y"][late]).all()
+    assert np.isfinite(result.signals["y"][result.time < 0.49]).all()
+    # dx/dt = v, dv/dt = 100 (1 - x) - 4 v from rest: v = (100/w) exp(-2 t) sin(w t), w² = 100 - 4
+    w = math.sqrt(96.0)
+    v = 100.0 / w * np.exp(-2.0 * result.time) * np.sin(w * result.time)
+    assert result.signals["v"] == pytest.approx(v, abs=0.2)
+    said = [n for n in result.notes if n.startswith("y is not a finite number from t = 0.5")]
+    assert len(said) == 1
+    assert not any(np.diff(result.time) == 0.0)
+    result.to_csv(tmp_path / "y.csv")
+    again = SimulationResult.from_dict(json.loads(json.dumps(result.to_dict(), allow_nan=False)))
+    assert np.array_equal(again.signals["y"], result.signals["y"], equal_nan=True)
+    result.report(tmp_path / "y.html")
+    with pytest.raises(wb.SimulationError, match="y is nan, not a finite number"):
+        wb.simulate(model, stop=2.0, outputs=["y"])
+    assert wb.nfr(model, "u", "v", amplitudes=[1.0], frequencies=[2.0]).gain.shape == (1, 1)

@@ -32,9 +32,21 @@ static bool grow(Record *record) {
     return data != NULL;
 }
 
+static bool some_finite(const double *values, size_t n) {
+    for (size_t i = 0; i < n; i++) {
+        if (isfinite(values[i])) {
+            return true;
+        }
+    }
+    return false;
+}
+
 static bool check_values(const Record *record, System *system, double time, const double *values) {
     for (size_t i = 0; i < record->n_values; i++) {
         if (!isfinite(values[i])) {
+            if (record->missing && some_finite(values, record->n_values)) {
+                continue;
+            }
             return fail_value(&system->failure, FAILED_VALUE, time, i, values[i]);
         }
         if (fabs(values[i]) > record->bound) {

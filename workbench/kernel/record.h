@@ -10,6 +10,7 @@ typedef struct {
     size_t n_values;
     double bound;     /* a larger magnitude of a recorded value is a failure */
     Fourier *fourier; /* NULL: none */
+    int32_t missing;  /* a value that is not finite is recorded as it is, while another one is finite */
     int32_t keep;     /* 0: rows only go to `fourier` */
     int32_t no_feedthrough; /* the file says that no recorded value depends on an input directly */
     int32_t checked;        /* how often that was found true in this run */

@@ -365,6 +365,7 @@ class Record(ctypes.Structure):
         ("n_values", c_size_t),
         ("bound", c_double),
         ("fourier", c_void_p),
+        ("missing", c_int32),
         ("keep", c_int32),
         ("no_feedthrough", c_int32),
         ("checked", c_int32),

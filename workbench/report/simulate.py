@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.report.page import Page, Section, Table
 from workbench.report.tables import counted
@@ -30,7 +34,14 @@ def simulate_page(result: SimulationResult) -> Page:
 def _values(result: SimulationResult) -> Table:
     rows = []
     for name, values in result.signals.items():
-        figures = (values[0], values[-1], values.min(), values.max())
-        nothing = _ROUNDING * max(abs(values.min()), abs(values.max()))
-        rows.append((name, result.units[name] or "", *(f"{0.0 if abs(x) <= nothing else x:.6g}" for x in figures)))
+        known = values[np.isfinite(values)] if np.isfinite(values).any() else values[:1]
+        figures = (values[0], values[-1], known.min(), known.max())
+        nothing = _ROUNDING * max(abs(known.min()), abs(known.max()))
+        rows.append((name, result.units[name] or "", *(_figure(x, nothing) for x in figures)))
     return Table(("variable", "unit", "first", "last", "smallest", "largest"), rows, right=(2, 3, 4, 5))
+
+
+def _figure(x: float, nothing: float) -> str:
+    if not math.isfinite(x):
+        return "–"
+    return f"{0.0 if abs(x) <= nothing else x:.6g}"

@@ -32,10 +32,13 @@ class Recording:
     Attributes:
         bound: a recorded value of larger magnitude is a SimulationError.
         every: of the rows at plain points each n-th is kept.
+        missing: whether a value that is not finite is recorded as it is, while another one is finite; else it is a
+            SimulationError.
     """
 
     bound: float = math.inf
     every: int = 1
+    missing: bool = False
 
 
 class InnerLoop:
@@ -92,7 +95,8 @@ class InnerLoop:
         record = self._records[key]
         structure = record.structure
         record.trust_declaration()
-        structure.bound, structure.every, structure.keep = how.bound, how.every, sums is None
+        structure.bound, structure.every, structure.missing = how.bound, how.every, how.missing
+        structure.keep = sums is None
         structure.fourier = None if sums is None else sums.address
         return record
 

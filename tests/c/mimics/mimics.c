@@ -15,6 +15,7 @@
  *   memory       takes its memory from the callbacks
  *   fast         was compiled with -ffast-math: tiny numbers are zero for the whole process from then on
  *   handles      sets a handler of a signal, as run-time systems of other languages do
+ *   undefined    y is not a number from 0.5 s on
  *   discards     discards derivatives at trial points far from the last step
  *   resources    cannot be instantiated where the folder of its resources is not there, empty as it is
  *   repeats      takes a step that it is not promised to be final for one that is to be made again
@@ -34,11 +35,12 @@
 
 typedef enum {
     PLAIN, DYMOLA, SIMULINK, UNLIKE, SILENT, TOOL, WARNS, NOMINALS, FORMATS, MEMORY, FAST, HANDLES, DISCARDS,
-    FORGETS, RESOURCES, REPEATS, STATICS, N_WAYS
+    FORGETS, RESOURCES, REPEATS, STATICS, UNDEFINED, N_WAYS
 } Way;
 static const char *const names[N_WAYS] = {"plain",    "dymola",  "simulink", "unlike", "silent",  "tool",    "warns",
                                           "nominals", "formats", "memory",   "fast",   "handles", "discards",
-                                          "forgets",  "resources", "repeats", "statics"};
+                                          "forgets",  "resources", "repeats", "statics",
+                                          "undefined"};
 
 /* As in OpenModelica's runtime, where it holds a thread-specific key; here none was taken, as in co-simulation there. */
 __attribute__((visibility("default"))) unsigned mmc_thread_data_key;
@@ -240,6 +242,9 @@ static void evaluate(Model *model)
     v[VR_DER_X] = v[VR_V];
     v[VR_DER_V] = v[VR_C] * (v[VR_U] - v[VR_X]) - v[VR_D] * v[VR_V];
     v[VR_Y] = model->way == SIMULINK && !model->exchange && model->mode == STEPPING ? model->shown : v[VR_X];
+    if (model->way == UNDEFINED && v[VR_TIME] >= 0.5) {
+        v[VR_Y] = NAN;
+    }
 }
 
 static double scale_of(const Model *model, fmi2ValueReference reference)

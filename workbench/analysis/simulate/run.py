@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeGuard
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.analysis.simulate.divergence import DivergenceError, divergence, explained
 from workbench.analysis.simulate.request import Simulate
@@ -23,6 +24,7 @@ from workbench.model.fmu_model import FmuModel
 from workbench.model.names import declared_units, forced_inputs, found_variables, variables_of
 from workbench.model.placing import standing, start_at
 from workbench.session.base import Floats, Recorded, Session
+from workbench.session.compiled import CompiledSession
 from workbench.session.pauses import at_pauses
 from workbench.signals import Signal, Sine
 
@@ -197,6 +199,8 @@ class _Run:
         """Run with a communication step; None: the model's own."""
         with self.model.open_session(start_time=self.start, step=step, signals=self.inputs) as session:
             self.begins.append(standing(self.model, session))
+            if isinstance(session, CompiledSession):
+                session.recording.missing = True
             ended = None
             try:
                 record = session.advance(self.stop, signals=self.inputs, record=self.names, points=self.points)
@@ -217,11 +221,12 @@ class _Run:
             record = _at_points(record, self.start, self.points, () if end is None else record.time[-1:])
         if isinstance(failed, DivergenceError) and not self.exactly:
             record = _with_rows(record, failed.followed)
+        record, missing = _missing(record)
         units = declared_units(model, [*self.names, *self.inputs])
         columns = {**record.values, **record.inputs}
         if found.ended is not None:
             notes += (f"{found.ended}, before {self.stop:g} s",)
-        notes += (*_growth(record, units), *_inexact(model, columns), *_sampled(model, self.inputs), *model.remarks())
+        notes += (*missing, *_growth(record, units), *_inexact(model, columns), *_sampled(model, self.inputs), *model.remarks())
         return SimulationResult(
             model.name,
             model.interface,
@@ -260,7 +265,11 @@ def _largest_change(coarse: Recorded, fine: Recorded) -> tuple[float, str]:
         last = np.searchsorted(fine.time, coarse.time, side="right") - 1
         other = fine.values[signal][last]
         right = np.append(coarse.time[1:] > coarse.time[:-1], True) & (coarse.time <= fine.time[-1])
-        span = max(float(np.ptp(other)), 1e-9 * float(np.max(np.abs(other))), 1e-300)
+        right &= np.isfinite(values) & np.isfinite(other)
+        if not right.any():
+            continue
+        seen = other[np.isfinite(other)]
+        span = max(float(np.ptp(seen)), 1e-9 * float(np.max(np.abs(seen))), 1e-300)
         change = float(np.max(np.abs(values - other)[right])) / span
         if change > worst:
             worst, name = change, signal
@@ -322,10 +331,29 @@ def _points(
     return np.append(at[at < stop - 1e-9 * interval], stop)
 
 
+def _same(a: Floats, b: Floats) -> NDArray[np.bool_]:
+    return (a == b) | (np.isnan(a) & np.isnan(b))
+
+
+def _missing(record: Recorded) -> tuple[Recorded, tuple[str, ...]]:
+    """Return a record in which all that is not finite is NaN, and a note on each variable where something is."""
+    notes = []
+    for name, values in record.values.items():
+        gone = np.flatnonzero(~np.isfinite(values))
+        if len(gone):
+            first, to_the_end = record.time[gone[0]], gone[0] + len(gone) == len(values)
+            when = f"from t = {first:.6g} s on"
+            if not to_the_end:
+                when = f"at {len(gone)} of {len(values)} instants, the first at t = {first:.6g} s"
+            notes.append(f"{name} is not a finite number {when}; it is recorded as missing there")
+    finite = {n: np.where(np.isfinite(v), v, np.nan) for n, v in record.values.items()}
+    return replace(record, values=finite), tuple(notes)
+
+
 def _with_end(session: Session, record: Recorded, inputs: Mapping[str, Signal], names: Sequence[str]) -> Recorded:
     """Append the right limit at the end if an event there changes something."""
     last = session.advance(session.time, signals=inputs, record=names)
-    same = all(last.values[n][0] == record.values[n][-1] for n in record.values)
+    same = all(_same(last.values[n][:1], record.values[n][-1:]).all() for n in record.values)
     if same and all(last.inputs[n][0] == record.inputs[n][-1] for n in record.inputs):
         return record
     return Recorded(
@@ -341,7 +369,7 @@ def _at_points(record: Recorded, start: float, points: Floats, end: Sequence[flo
     same_time = np.append(record.time[1:] == record.time[:-1], False)
     repeats = same_time.copy()
     for column in record.values.values():
-        repeats &= np.append(column[1:] == column[:-1], False)
+        repeats &= np.append(_same(column[1:], column[:-1]), False)
     keep = wanted & ~repeats
     return Recorded(
         time=record.time[keep],
