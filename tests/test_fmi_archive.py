@@ -146,6 +146,18 @@ def test_missing_binary_says_what_there_is(pack: Pack, tmp_path: Path) -> None:
     assert left_behind(tmp_path) == []
 
 
+def test_a_binary_of_another_name_and_the_identifier_are_both_told(pack: Pack) -> None:
+    suffix = {"linux": "so", "windows": "dll", "darwin": "dylib"}[host().rpartition("-")[2]]
+    with pytest.raises(FmuError, match=rf"modelIdentifier is M, .* \({host()}/Other\.{suffix}\); rename the file"):
+        load(pack({f"binaries/{host()}/Other.{suffix}": "x"}))
+
+
+def test_a_binary_for_web_assembly_is_named_as_such(pack: Pack) -> None:
+    words = r"\(has: wasm32-wasip1 \(WebAssembly, which does not run here\)\); ask its maker for one$"
+    with pytest.raises(FmuError, match=words):
+        load(pack({"binaries/wasm32-wasip1/M.wasm": "x"}))
+
+
 def test_an_fmu_without_any_binary_is_not_sent_to_another_platform(pack: Pack) -> None:
     with pytest.raises(FmuError, match=r"\(has: none at all\); ask its maker for one$"):
         load(pack({}))

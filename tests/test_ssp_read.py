@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.ssp_packages import (
     component,
     connections,
@@ -22,12 +23,21 @@ from tests.ssp_packages import (
     wire,
 )
 from tests.system_fmus import plain_fmu
+from workbench.errors import FmuError
 from workbench.system.description import (
     Connection,
     FmuComponent,
 )
 from workbench.system.health import resolve
 from workbench.system.read import read_system
+
+
+def test_a_part_without_binary_is_named_by_its_place_in_the_package(tmp_path: Path) -> None:
+    path = two(tmp_path, minimal(elements(component("a"), component("b"))))
+    with pytest.raises(FmuError) as caught:
+        wb.load(path)
+    place = f"component a: {path}/resources/a.fmu: no binary"
+    assert str(caught.value).startswith(place)
 
 
 def test_package_of_omsimulator(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ _MACHINES = {
     "i386": "x86", "i686": "x86", "x86": "x86",
 }  # fmt: skip
 _SYSTEMS = {"linux": "linux", "win32": "windows", "darwin": "darwin"}
+_WEB, _WEB_SUFFIX = "wasm", ".wasm"  # as wasm32-wasip1
 SUFFIXES = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
 
 # Where an unpacked FMU tells which platforms it has binaries for that were left in the archive.
@@ -56,7 +57,7 @@ def folders_of(tuple_name: str) -> tuple[str, ...]:
 
 def _suffix(folder: str) -> str:
     system = TUPLES.get(folder, folder).rpartition("-")[2]
-    return SUFFIXES.get(system, ".so")
+    return _WEB_SUFFIX if folder.startswith(_WEB) else SUFFIXES.get(system, ".so")
 
 
 def is_foreign(file: PurePosixPath) -> bool:
@@ -64,7 +65,7 @@ def is_foreign(file: PurePosixPath) -> bool:
     if len(file.parts) < 3 or file.parts[0] != "binaries":
         return False
     name = file.parts[1]
-    known = name in TUPLES or name.rpartition("-")[2] in SUFFIXES
+    known = name in TUPLES or name.rpartition("-")[2] in SUFFIXES or name.startswith(_WEB)
     return known and name not in folders_of(host())
 
 
@@ -112,9 +113,18 @@ def binary_path(folder: Path, identifier: str, *, source: str) -> Path:
         path = folder / "binaries" / name / f"{identifier}{_suffix(name)}"
         if path.is_file():
             return path
-    has = ", ".join(platforms_in(folder))
+    here = [f"{name}/{p.name}" for name in folders_of(host()) for p in (folder / "binaries" / name).glob("*")]
+    libraries = ", ".join(sorted(file for file in here if file.endswith(_suffix(host()))))
+    if libraries:
+        raise FmuError(
+            f"{source}: its modelIdentifier is {identifier}, but its binary is called otherwise ({libraries}); "
+            "rename the file, or change modelIdentifier in modelDescription.xml"
+        )
+    names = platforms_in(folder)
+    has = ", ".join(f"{n} (WebAssembly, which does not run here)" if n.startswith(_WEB) else n for n in names)
     told = f"no binary {identifier} for this platform {host()} (has: {has or 'none at all'})"
     if _has_sources(folder):
         raise FmuError(f"{source}: {told}; it has its sources, so make one: workbench compile {source}")
-    instead = "run it on one of those, or ask its maker for this one" if has else "ask its maker for one"
+    elsewhere = any(not name.startswith(_WEB) for name in names)
+    instead = "run it on one of those, or ask its maker for this one" if elsewhere else "ask its maker for one"
     raise FmuError(f"{source}: {told}; {instead}")

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 from workbench.core.calendar import Sampler, exact
-from workbench.errors import InputError
+from workbench.errors import FmuError, InputError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.structure import STRUCTURAL
@@ -190,8 +190,8 @@ def _open(
     recipe = known.get(component.name) or _again(component, unpacked.get(component.file))
     try:
         part = _fmu(component, recipe)
-    except InputError as error:
-        raise InputError(f"component {component.name}: {error}") from None
+    except (InputError, FmuError) as error:
+        raise type(error)(f"component {component.name}: {error}") from None
     if part.model is not None:
         undo.callback(part.model.close)
     if part.recipe is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import KW_ONLY, field, fields, is_dataclass, replace
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from workbench.errors import InputError
+from workbench.errors import FmuError, InputError
 from workbench.model.load import FmuRecipe
 from workbench.model.recipe import LoadRecipe
 from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
@@ -76,13 +77,24 @@ class SystemRecipe(LoadRecipe):
         if system is not self.system:
             return replace(self, system=system, start_values=starts).open()
         with ExitStack() as undo:
-            parts = open_parts(self.system.components, undo, self.parts, interface=self.interface)
+            parts = self._open_parts(undo)
             system = members_connected(self.system, parts)
             opened = Opened(system, parts, resolve(system, [p.description.variables for p in parts]))
             self._check_interface(opened)
             model = (SystemModel if opened.interface == "me" else MasterModel)(opened, self.with_parts(parts))
             undo.pop_all()
         return model
+
+    def _open_parts(self, undo: ExitStack) -> tuple[Part, ...]:
+        """Open the components; a message names those of a package by their places in it, not where it is unpacked."""
+        try:
+            return open_parts(self.system.components, undo, self.parts, interface=self.interface)
+        except (InputError, FmuError) as error:
+            unpacked = self.system.folder
+            if unpacked is None or str(unpacked.folder) not in str(error):
+                raise
+            inside = rf"{re.escape(str(unpacked.folder))}/(?:\d+/)?"
+            raise type(error)(re.sub(inside, lambda _: f"{self.source}/", str(error))) from None
 
     def _check_interface(self, opened: Opened) -> None:
         if self.interface not in ("auto", opened.interface):

@@ -226,7 +226,8 @@ class _Run:
         columns = {**record.values, **record.inputs}
         if found.ended is not None:
             notes += (f"{found.ended}, before {self.stop:g} s",)
-        notes += (*missing, *_growth(record, units), *_inexact(model, columns), *_sampled(model, self.inputs), *model.remarks())
+        notes += (*missing, *_growth(record, units), *_inexact(model, columns))
+        notes += (*_sampled(model, self.inputs), *model.remarks())
         return SimulationResult(
             model.name,
             model.interface,
