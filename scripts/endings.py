@@ -163,7 +163,7 @@ def _numbers(what: str, data: Any) -> Any:
 
 def _finished(what: str, data: Any) -> set[str]:
     """Return the names, as the store has them, of what a command's JSON says is finished."""
-    if what not in _SWEEPS or data is None or "failure" in data:  # asked to end before there was anything
+    if what not in _SWEEPS or data is None or "gain" not in data:  # asked to end before there was anything
         return set()
     rows = zip(data["amplitude"], data["gain"], strict=True)
     points = [(a, f) for a, gains in rows for f, g in zip(data["frequency_hz"], gains, strict=True) if g is not None]
