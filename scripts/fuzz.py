@@ -2,7 +2,8 @@
 
     scripts/fuzz.py 300 [--only csv,study] [--seed 1]
 
-A reader must read, or raise the workbench's own error in one line. What else it does is a finding, as is a reading of
+A reader must read, or raise the workbench's own error in one line; what it reads must be the same once it is written
+and read again (records, systems, tables). What else it does is a finding, as is a reading of
 more than 5 s, or of more than 2 GB of memory.
 """
 

@@ -1,11 +1,13 @@
 """Files that are almost what the workbench reads, and how it reads them.
 
 Each reader takes bytes: valid ones with some of their words replaced, or bytes out of place. It returns, or raises the
-workbench's own error in one line; anything else is a finding.
+workbench's own error in one line; anything else is a finding. What it returns is written by the workbench, or as
+plainly as the format allows, and read again: it must be the same, or something was accepted that means nothing.
 """
 
 from __future__ import annotations
 
+import csv
 import io
 import json
 import re
@@ -24,21 +26,25 @@ from hypothesis import strategies as st
 
 import workbench as wb
 from tests.record_examples import Maker
-from workbench.analysis.experiment.data_table import read_table
+from workbench.analysis.experiment.data_table import DataTable, read_table
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.nfr.point import NfrPoint
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.nfr.store import NfrStore
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.analysis.trim.result import TrimResult
+from workbench.core.record import Record
 from workbench.core.where import Limits
 from workbench.errors import UNSEEN
 from workbench.fmi.archive import unpack
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.reading import read_description
 from workbench.signal_file import read_table as read_signal
+from workbench.signals import Table
 from workbench.study.read import read_study
+from workbench.system.description import SystemDescription
 from workbench.system.read import read_system
+from workbench.system.toml_write import write_toml
 
 __all__ = ["READERS", "Reader", "finding"]
 
@@ -67,11 +73,17 @@ class Reader:
         read: reads a file of the folder that it gets, made of the bytes.
         seeds: makes valid ones.
         words: that are put in place of others, besides those for all formats.
+        write: writes into a file of the folder what was read, for `again`; a WorkbenchError: it cannot be written.
+        again: reads that file.
+        same: what must be the same of both, as a value that can be compared.
     """
 
     read: Callable[[Path, bytes], object]
     seeds: Callable[[], Names]
     words: Names = ()
+    write: Callable[[Path, Any], Path] | None = None
+    again: Callable[[Path], object] | None = None
+    same: Callable[[Any], object] = repr
 
     def bytes(self) -> st.SearchStrategy[bytes]:
         """Return what hypothesis draws from."""
@@ -98,7 +110,7 @@ def finding(reader: Reader, data: bytes) -> str:
     with TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            reader.read(Path(name), data)
+            return _differs(reader, Path(name), reader.read(Path(name), data))
         except wb.WorkbenchError as error:
             text = str(error)
             return f"not one line: {text[:300]!r}" if "\n" in text or UNSEEN.search(text) else ""
@@ -108,6 +120,21 @@ def finding(reader: Reader, data: bytes) -> str:
             last = [f"{Path(f.filename).name}:{f.lineno}" for f in traceback.extract_tb(error.__traceback__)][-4:]
             return f"{type(error).__name__}: {str(error)[:200]} ({' '.join(last)})"
     return ""
+
+
+def _differs(reader: Reader, folder: Path, read: object) -> str:
+    """Write what was read and read it again; return what differs, empty: nothing."""
+    if reader.write is None or reader.again is None:
+        return ""
+    try:
+        file = reader.write(folder, read)
+    except wb.WorkbenchError:
+        return ""  # said, not silent
+    try:
+        second = reader.again(file)
+    except wb.WorkbenchError as error:
+        return f"read, but not once it is written: {str(error).replace(str(folder), '')[:200]}"
+    return "" if reader.same(read) == reader.same(second) else "read, but another once it is written"
 
 
 # -- readers -----------------------------------------------------------------------------------
@@ -327,6 +354,54 @@ def _database() -> bytes:
         return path.read_bytes()
 
 
+def _write_record(folder: Path, read: Record) -> Path:
+    path = folder / "again.json"
+    path.write_text(json.dumps({"kind": type(read).__name__, "data": read.to_dict()}, allow_nan=False))
+    return path
+
+
+def _same_record(read: Record) -> object:
+    """All of a record; what is computed of its numbers, as decibels of a gain, has rounding errors."""
+    whole = json.loads(json.dumps(read.to_dict()), parse_float=lambda text: f"{float(text):.12g}")
+    return json.dumps(whole)
+
+
+def _write_system(folder: Path, read: SystemDescription) -> Path:
+    path = folder / "again.toml"
+    write_toml(read, path)
+    return path
+
+
+def _same_system(read: SystemDescription) -> object:
+    return [repr(c) for c in read.components], set(read.connections), dict(read.inputs), dict(read.outputs)
+
+
+def _write_table(folder: Path, names: Sequence[str], columns: Sequence[Sequence[float]]) -> Path:
+    path = folder / "again.csv"
+    with path.open("w", encoding="utf-8", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(names)
+        rows.writerows([repr(float(x)) for x in row] for row in zip(*columns, strict=True))
+    return path
+
+
+def _write_csv(folder: Path, read: DataTable) -> Path:
+    names = [f"column {k} [{u}]" if u else f"column {k}" for k, u in enumerate(read.units)]
+    return _write_table(folder, names, read.values.T.tolist())
+
+
+def _same_csv(read: DataTable) -> object:
+    return read.units, repr(read.values.tolist())  # NaN, which is a missing value, is the same as itself
+
+
+def _same_signal(read: Table) -> object:
+    return [float(t) for t in read.times], [float(x) for x in read.values]
+
+
+def _write_signal(folder: Path, read: Table) -> Path:
+    return _write_table(folder, ["time", "value"], [read.times, read.values])
+
+
 _CSV = (
     b"# recorded\ntime [s],u [deg],y\n0,1,2\n0.1,1,3\n0.2,-1,1\n0.3,1,0\n",
     b"time;u;y\n0,0;1,5;2\n0,1;1,5;3\n",
@@ -339,12 +414,20 @@ READERS: Mapping[str, Reader] = {
         lambda: (_zipped(modelDescription__xml=_SHORT), _zipped(modelDescription__xml=_SHORT, other__txt=b"x" * 100)),
     ),
     "description": Reader(_description, lambda: (_SHORT, _SHORT, _xml_of("fmu:FirstOrderLag@3")), _XML),
-    "ssp": Reader(_inside(".ssp", "SystemStructure.ssd", read_system), lambda: (_STRUCTURE,), _XML),
-    "system": Reader(_file(".toml", read_system), lambda: (_SYSTEM,)),
+    "ssp": Reader(
+        _inside(".ssp", "SystemStructure.ssd", read_system), lambda: (_STRUCTURE,), _XML,
+        _write_system, read_system, _same_system,
+    ),
+    "system": Reader(
+        _file(".toml", read_system), lambda: (_SYSTEM,), (), _write_system, read_system, _same_system
+    ),
     "study": Reader(_file(".toml", read_study), lambda: (_STUDY,)),
-    "record": Reader(_file(".json", _record), _records),
+    "record": Reader(_file(".json", _record), _records, (), _write_record, _record, _same_record),
     "store": Reader(_store, _rows),
     "store file": Reader(_file(".sqlite", _store_file), lambda: (_database(),)),
-    "csv": Reader(_file(".csv", read_table), lambda: _CSV),
-    "signal": Reader(_file(".csv", read_signal), lambda: (b"t,u\n0,1\n1,2\n", b"0;1.5\n1;2.5\n")),
+    "csv": Reader(_file(".csv", read_table), lambda: _CSV, (), _write_csv, read_table, _same_csv),
+    "signal": Reader(
+        _file(".csv", read_signal), lambda: (b"t,u\n0,1\n1,2\n", b"0;1.5\n1;2.5\n"), (),
+        _write_signal, read_signal, _same_signal,
+    ),
 }  # fmt: skip

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 import workbench as wb
-from tests.fuzzed import READERS, finding
+from tests.fuzzed import READERS, Reader, finding
 from workbench.cli.app import run
 from workbench.core.parsing import from_json, from_toml
 
@@ -36,6 +36,12 @@ SAID = {
     "csv": "names=('time', 'u', 'y')",
     "signal": "values=(1.0, 2.0)",
 }
+
+
+def test_what_is_another_once_it_is_written_is_a_finding() -> None:
+    careless = Reader(lambda _, data: data, lambda: (b"a",), (), lambda folder, _: folder, lambda _: b"b")
+    assert finding(careless, b"a") == "read, but another once it is written"
+    assert finding(careless, b"b") == ""
 
 
 @pytest.mark.parametrize("name", READERS)
