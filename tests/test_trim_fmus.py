@@ -98,6 +98,14 @@ def test_co_simulation_comes_to_the_same_rest() -> None:
     assert result.point.y["del"] == pytest.approx(DEL, abs=1e-5)
 
 
+@pytest.mark.parametrize("interface", ["cs", "me"])
+def test_where_co_simulation_finds_no_rest_model_exchange_is_proposed(interface: str) -> None:
+    with wb.load("fmu:FirstOrderLag", interface=interface) as lag:
+        found = wb.trim(lag, fix={"y": 3.0})  # of an input that stays at 0
+    assert not found.converged
+    assert any("use interface me" in note for note in found.notes) == (interface == "cs")
+
+
 def test_bias_counts_as_input() -> None:
     with wb.load("fmu:FirstOrderLag", bias={"u": 1.5}) as model:
         result = wb.trim(model)

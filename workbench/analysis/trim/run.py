@@ -72,7 +72,10 @@ class _Trim:
 
     def run(self) -> TrimResult:
         found = self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
-        notes = (*found.notes, *self.model.remarks())
+        way: tuple[str, ...] = ()
+        if self.model.interface == "cs" and not found.converged:
+            way = (f"co-simulation shows no derivatives that could be solved for; {self.model.way_out()}",)
+        notes = (*found.notes, *way, *self.model.remarks())
         return replace(found, notes=notes, operating_point=named(self.model, found.operating_point))
 
     def _inputs(self) -> dict[str, float]:
@@ -276,7 +279,9 @@ class _Trim:
             if end.settled:
                 return result
         if result is None:
-            raise SimulationError(f"{self.model.name}: no equilibrium found by running: {failed}")
+            raise SimulationError(
+                f"{self.model.name}: no equilibrium found by running: {failed}; {self.model.way_out()}"
+            )
         return result
 
     # -- end ------------------------------------------------------------------------------
