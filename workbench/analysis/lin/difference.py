@@ -139,7 +139,7 @@ class Columns:
         self.widths: Floats = np.where(self.chosen, self._default(), given)
         self.base = self._at(np.zeros(len(self.names)))
         self.narrow: dict[int, float] = {}
-        silent = [v.nominal is None and v.type in FLOAT_TYPES for v in self.variables]
+        silent = np.array([v.nominal is None and v.type in FLOAT_TYPES for v in self.variables], dtype=bool)
         self._unscaled = self.chosen & silent & (self.scales == UNDECLARED)
         self._pairs: dict[int, _Pair] = {}
         self._light: tuple[Floats, Any] | None = None
