@@ -73,7 +73,7 @@ analysis = "response"
 kind = "mask"
 upper = [[0.1, 2], [1, 2]]
 """
-_OWN = ("seconds", "asked")  # of a result: differs with time and folder
+_OWN = ("seconds", "asked", "measured", "reused")  # of a result: differs with time, folder, and what was kept
 _ENDS_WITHIN = 2.5  # [s], with a margin for a busy machine
 _GONE_WITHIN = 10.0  # [s]: workers of a killed program see that it is gone
 

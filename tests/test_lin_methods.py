@@ -289,9 +289,3 @@ def test_each_state_may_be_an_output() -> None:
         result = lin(model, outputs=[*names[::-1], "del"]).result
     assert np.array_equal(result.C[:-1], np.eye(len(names))[::-1])
     assert not result.D[:-1].any()
-
-
-def test_a_model_without_states_and_without_inputs_asked_for_has_an_empty_linear_model() -> None:
-    with load("fmu:AlgebraicExpression") as model:
-        found = lin(model, inputs=[], method="difference")
-    assert (found.A.shape, found.D.shape[1]) == ((0, 0), 0)

@@ -15,6 +15,7 @@ from scipy.linalg import block_diag
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.mimic_fmus import build_mimic
+from tests.reference_fmus import build_reference
 from workbench.analysis.modes.match import Group, Match, closeness, coincide, match, turning
 from workbench.analysis.modes.modes import critical_values, find_root, sign_of
 from workbench.analysis.modes.request import modes
@@ -533,3 +534,10 @@ def test_a_pair_that_splits_turns_where_its_poles_are_known_to_lie_on_both_sides
     pair = Poles(np.array([sign + 2.0j]), eye[:, :1], eye[:, :1], np.zeros(1))
     split = Poles(np.array(real, dtype=np.complex128), eye, eye, np.full(2, uncertain))
     assert turning(pair, split, Match(((0, 0),), (Group((0,), (0, 1), "real axis"),))) == turns
+
+
+def test_a_model_without_states_has_no_modes(tmp_path: Path) -> None:
+    with load(build_reference(tmp_path, subject="feedthrough", fmi=2, interface="me"), interface="me") as model:
+        parameter = next(v.name for v in model.description.variables if v.causality == "parameter" and v.is_number)
+        found = modes(model, vary=parameter, band=(1.0, 2.0), points=3)
+    assert found.sets[0].critical == ()

@@ -333,7 +333,7 @@ def _points(
 
 
 def _same(a: Floats, b: Floats) -> NDArray[np.bool_]:
-    return (a == b) | (np.isnan(a) & np.isnan(b))
+    return np.asarray((a == b) | (np.isnan(a) & np.isnan(b)), dtype=np.bool_)
 
 
 def _missing(record: Recorded) -> tuple[Recorded, tuple[str, ...]]:
