@@ -119,7 +119,6 @@ def finding(reader: Reader, data: bytes) -> str:
 
             last = [f"{Path(f.filename).name}:{f.lineno}" for f in traceback.extract_tb(error.__traceback__)][-4:]
             return f"{type(error).__name__}: {str(error)[:200]} ({' '.join(last)})"
-    return ""
 
 
 def _differs(reader: Reader, folder: Path, read: object) -> str:
