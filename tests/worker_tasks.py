@@ -13,6 +13,7 @@ from typing import Any
 
 from workbench.errors import SimulationError
 from workbench.model import Model
+from workbench.workers.child import _Worker
 
 
 def obey(model: Model, job: tuple[Any, ...]) -> Iterator[Any]:
@@ -154,6 +155,19 @@ class Trap:
 
 def _trap(model: Model, path: str) -> Iterator[Any]:
     yield Trap(path)
+
+
+def _forge(model: Model, kind: str) -> Iterator[Any]:
+    """Say what no worker says, with its own channel, as an FMU can that looks through the memory of its process."""
+    texts = {
+        "forged": b'{"tuple":["item",{"deque":[{"range":[100000000000]}]}]}',
+        "no tuple": b"[1,2,3]",
+        "an array for a kind": b'{"tuple":[{"array":["<f8",[2],0]},1]}',
+    }
+    channel = _Worker.channel
+    if channel is not None:
+        channel.put(len(texts[kind]).to_bytes(8, "big") + texts[kind] + bytes(16))
+    yield from ()
 
 
 _DEEDS = {name.lstrip("_"): deed for name, deed in list(globals().items()) if name.startswith("_") and callable(deed)}

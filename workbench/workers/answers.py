@@ -1,16 +1,17 @@
-"""Answers of a confined worker process: only what results are made of is made of them.
+"""Answers of a confined worker process: only what results are made of is made of them, and no more than was sent.
 
-Pickle calls whatever a stream names, and changes the attributes of whatever it has got by then, be it a class, a
-member of an enumeration, or a data type of NumPy. So a confined worker says everything in calls of the few functions
-below, with plain values as arguments; a stream that holds anything else is refused before it is read.
+The FMU shares the worker's memory, so that it can say there whatever the worker can. So what a worker says is text in
+JSON and, after it, the numbers of arrays as they lie in memory. A list is a list; all else is an object of one entry,
+what it is and of what. What is made needs memory in proportion to what arrived, and the sum of a task has a limit:
+nothing in it stands for more than itself.
 """
 
 from __future__ import annotations
 
-import io
+import json
+import math
 import pickle
-import pickletools
-from collections import OrderedDict, deque
+import struct
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -18,97 +19,231 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench.errors import WorkbenchError, one_line
+from workbench.errors import LostError, WorkbenchError, one_line
 
 if TYPE_CHECKING:
     import numpy as np
 
-__all__ = ["in_records", "records_only"]
+__all__ = ["MOST", "Records", "in_records"]
 
-# Instructions for plain values, containers of them, and calls; not BUILD, which sets attributes of anything.
-_PLAIN = {
-    "PROTO", "FRAME", "STOP", "MARK", "NONE", "NEWTRUE", "NEWFALSE", "BININT", "BININT1", "BININT2", "LONG1",
-    "LONG4", "BINFLOAT", "SHORT_BINUNICODE", "BINUNICODE", "BINUNICODE8", "SHORT_BINBYTES", "BINBYTES", "BINBYTES8",
-    "BYTEARRAY8", "EMPTY_TUPLE", "TUPLE", "TUPLE1", "TUPLE2", "TUPLE3", "EMPTY_LIST", "APPEND", "APPENDS",
-    "EMPTY_DICT", "SETITEM", "SETITEMS", "EMPTY_SET", "ADDITEMS", "FROZENSET", "MEMOIZE", "BINGET", "LONG_BINGET",
-    "STACK_GLOBAL", "REDUCE",
-}  # fmt: skip
+# What the answers of one task may take in memory [byte].
+MOST = 2 << 30
+
+# A byte of JSON makes at most so many: "[]," an empty list and its place in another.
+_OF_TEXT = 24
+
+_TEXT = struct.Struct("!Q")  # length of the text
 _NUMBERS = "iufc"  # kinds of data types whose values are what their bytes say, whatever these are
 _TRUTHS = "b"
+_PLAIN = {type(None), bool, int, float, str}
+_GIVEN = {"path": str, "again": int}  # all others: a list
+_AXES = 64  # NumPy's arrays have no more
+
+# What is sent as the list of its parts.
+_APART: dict[type, Callable[[Any], list[Any]]] = {
+    tuple: list,
+    set: list,
+    frozenset: list,
+    dict: lambda whole: [list(whole), list(whole.values())],
+    complex: lambda whole: [whole.real, whole.imag],
+    slice: lambda whole: [whole.start, whole.stop, whole.step],
+}
 
 
 def in_records(item: object) -> bytes:
-    """Return an object pickled so that `records_only` takes it.
+    """Return an object packed so that `Records` takes it.
 
     Args:
         item: made of plain values, arrays, records and the workbench's errors.
 
     Raises:
-        pickle.PicklingError, TypeError, …: something else is in it that cannot be pickled at all.
+        TypeError: something else is in it.
+        LostError: it is too large.
     """
-    file = io.BytesIO()
-    _Writer(file, pickle.HIGHEST_PROTOCOL).dump(item)
-    return file.getvalue()
+    writer = _Writer()
+    text = json.dumps(writer.tree(item), separators=(",", ":")).encode("ascii")
+    if _OF_TEXT * len(text) + writer.size > MOST:
+        raise LostError(
+            f"a result larger than {MOST >> 30} GiB cannot come from a confined process; ask for less at a time"
+        )
+    return b"".join((_TEXT.pack(len(text)), text, *writer.pieces))
 
 
-def records_only(packed: bytes) -> Any:  # noqa: ANN401 - any result
-    """Return a pickled object if it is made of records.
+class Records:
+    """Makes objects of the answers of one worker, as many as its memory allows.
+
+    Obligations:
+      1. Nothing but plain values, arrays, records and the workbench's errors is made, and no code is run for it.
+      2. What is made between two calls of `renew` takes at most `MOST` bytes or so.
+    """
+
+    def __init__(self) -> None:
+        self._left = MOST
+
+    def renew(self) -> None:
+        """Begin to count anew, for another task."""
+        self._left = MOST
+
+    def __call__(self, packed: bytes) -> Any:  # noqa: ANN401 - any result
+        """Return the object that was packed.
+
+        Args:
+            packed: as `in_records` makes it.
+
+        Raises:
+            pickle.UnpicklingError: something else is in it, or it is too large.
+            Exception: it is damaged, in one of many ways.
+        """
+        (length,) = _TEXT.unpack_from(packed)
+        self._spend(_OF_TEXT * length)
+        text, content = packed[_TEXT.size : _TEXT.size + length], memoryview(packed)[_TEXT.size + length :]
+        return json.loads(text.decode("ascii"), object_pairs_hook=_Reader(content, self._spend).made)
+
+    def _spend(self, size: int) -> None:
+        self._left -= size
+        if self._left < 0:
+            raise pickle.UnpicklingError(f"a confined worker sent more than {MOST >> 30} GiB")
+
+
+class _Writer:
+    """What is being packed.
+
+    Attributes:
+        pieces: contents that come after the text.
+        size: of them [byte].
+    """
+
+    def __init__(self) -> None:
+        self.pieces: list[bytes] = []
+        self.size = 0
+        self._known: dict[int, tuple[object, int]] = {}  # arrays: what is one here is one there
+
+    def tree(self, item: Any) -> Any:  # noqa: ANN401 - any result
+        """Return it as JSON has it."""
+        kind = type(item)
+        if kind in _PLAIN:
+            return item
+        if kind is list:
+            return item if set(map(type, item)) <= _PLAIN else [self.tree(part) for part in item]
+        if kind in _APART:
+            return {kind.__name__: self.tree(_APART[kind](item))}
+        return self._object(item, [kind.__module__, kind.__qualname__])
+
+    def _object(self, item: Any, name: list[str]) -> dict[str, Any]:  # noqa: ANN401
+        if isinstance(item, bytes | bytearray):
+            return {"bytes": self._put(bytes(item))}
+        if isinstance(item, Enum):
+            return {"member": [*name, item.name]}
+        if isinstance(item, WorkbenchError):
+            return {"error": [*name, self.tree(list(map(str, item.args))), *self._named(vars(item))]}
+        if _is_record(type(item)):
+            return {"record": [*name, *self._named({**_in_slots(item), **getattr(item, "__dict__", {})})]}
+        if isinstance(item, Path):
+            return {"path": str(item)}
+        if name[0] == "numpy" and hasattr(item, "dtype") and item.dtype.kind in _NUMBERS + _TRUTHS:
+            return self._array(item) if hasattr(item, "__setitem__") else {"number": self._laid_out(item)}
+        raise TypeError(f"{'.'.join(name)} cannot be part of a confined worker's answer")
+
+    def _named(self, values: Mapping[str, object]) -> list[Any]:
+        return [list(values), self.tree(list(values.values()))]
+
+    def _array(self, item: Any) -> dict[str, Any]:  # noqa: ANN401
+        if id(item) in self._known:
+            return {"again": self._known[id(item)][1]}
+        self._known[id(item)] = item, len(self._known)
+        return {"array": self._laid_out(item)}
+
+    def _laid_out(self, item: Any) -> list[Any]:  # noqa: ANN401
+        return [item.dtype.str, list(item.shape), self._put(item.tobytes())[0]]
+
+    def _put(self, piece: bytes) -> list[int]:
+        self.pieces.append(piece)
+        self.size += len(piece)
+        return [self.size - len(piece), len(piece)]
+
+
+class _Reader:
+    """What is being made.
 
     Args:
-        packed: as `in_records` makes it.
-
-    Raises:
-        pickle.UnpicklingError: something else is in it.
-        Exception: it is damaged; pickle says that in many ways.
+        content: what comes after the text.
+        spend: is told the size of what is made beside the text [byte].
     """
-    others = {code.name for code, _, _ in pickletools.genops(packed)} - _PLAIN
-    if others:
-        raise pickle.UnpicklingError(f"a worker sent what is not part of a result ({', '.join(sorted(others))})")
-    return _Reader(io.BytesIO(packed)).load()
+
+    def __init__(self, content: memoryview, spend: Callable[[int], None]) -> None:
+        self._content, self._spend = content, spend
+        self._arrays: list[np.ndarray[Any, Any]] = []
+        self._kinds: dict[str, Callable[[Any], object]] = {
+            "tuple": tuple,
+            "set": set,
+            "frozenset": frozenset,
+            "dict": lambda given: dict(zip(*_lists(given, 2), strict=True)),
+            "bytes": lambda given: bytes(self._piece(*given)),
+            "complex": lambda given: complex(*given),
+            "slice": lambda given: slice(*given),
+            "path": Path,
+            "member": lambda given: _member(*given),
+            "record": lambda given: _record(*given),
+            "error": lambda given: _error(*given),
+            "array": self._array,
+            "number": lambda given: self._values(*given)[()],
+            "again": self._again,
+        }
+
+    def made(self, pairs: list[tuple[str, Any]]) -> object:
+        """Return what an object of the text stands for; its parts are made already."""
+        ((kind, given),) = pairs
+        if kind not in self._kinds or type(given) is not _GIVEN.get(kind, list):
+            raise pickle.UnpicklingError(f"a worker sent {kind!r}, which is not part of a result")
+        return self._kinds[kind](given)
+
+    def _piece(self, at: int, size: int) -> memoryview:
+        if at < 0 or not 0 <= size <= len(self._content) - at:
+            raise pickle.UnpicklingError("a worker sent numbers that are not there")
+        self._spend(size)
+        return self._content[at : at + size]
+
+    def _values(self, kind: str, shape: list[int], at: int) -> np.ndarray[Any, Any]:
+        import numpy as np  # noqa: PLC0415 - the process that asks may not have it yet
+
+        dtype = np.dtype(str(kind))
+        if dtype.kind not in _NUMBERS + _TRUTHS:  # objects, and structures that could hide some
+            raise pickle.UnpicklingError(f"a worker sent an array of {kind}, which are not numbers")
+        if len(shape) > _AXES or min(shape, default=0) < 0:
+            raise pickle.UnpicklingError("a worker sent an array whose shape is none")
+        piece = self._piece(at, math.prod(shape) * dtype.itemsize)
+        if dtype.kind == _TRUTHS:
+            return np.frombuffer(piece, np.uint8).reshape(shape).astype(np.bool_)
+        made: np.ndarray[Any, Any] = np.frombuffer(piece, dtype).reshape(shape).copy()
+        return made
+
+    def _array(self, given: list[Any]) -> object:
+        self._arrays.append(self._values(*given))
+        return self._arrays[-1]
+
+    def _again(self, number: int) -> object:
+        self._spend(self._arrays[number].nbytes)  # as whoever takes it apart meets it again
+        return self._arrays[number]
 
 
-class _Writer(pickle.Pickler):
-    def reducer_override(self, obj: Any, /) -> Any:  # noqa: ANN401 - as `pickle` has it
-        kind = type(obj)
-        names = kind.__module__, kind.__qualname__
-        if isinstance(obj, Enum):
-            return _member, (*names, obj.name)
-        if isinstance(obj, WorkbenchError):
-            return _error, (*names, obj.args, vars(obj))
-        if _is_record(kind):
-            return _record, (*names, {**_in_slots(obj), **getattr(obj, "__dict__", {})})
-        if isinstance(obj, Path):
-            return _path, (str(obj),)
-        if kind.__module__ == "numpy" and hasattr(obj, "dtype") and hasattr(obj, "tobytes"):
-            return _array if hasattr(obj, "__setitem__") else _number, (obj.dtype.str, obj.shape, obj.tobytes())
-        return NotImplemented
+# -- what stands for an object of the workbench --------------------------------------------------
 
 
-class _Reader(pickle.Unpickler):
-    def find_class(self, module: str, name: str, /) -> Any:  # noqa: ANN401 - a function
-        if (module, name) not in _CALLED:
-            raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not part of a result")
-        return _CALLED[module, name]
-
-
-# -- what a stream may call -----------------------------------------------------------------------
-
-
-def _record(module: str, name: str, values: Mapping[str, object]) -> object:
+def _record(module: str, name: str, names: list[str], values: list[object]) -> object:
     kind = _class(module, name)
     if not _is_record(kind):
         raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not a record")
     made = object.__new__(kind)  # what its own way of making does was done in the worker
-    _fill(made, values)
+    _fill(made, names, values)
     return made
 
 
-def _error(module: str, name: str, texts: tuple[str, ...], values: Mapping[str, object]) -> WorkbenchError:
+def _error(module: str, name: str, texts: list[str], names: list[str], values: list[object]) -> WorkbenchError:
     kind = _class(module, name)
     if not issubclass(kind, WorkbenchError):
         raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not an error of the workbench")
     made = kind.__new__(kind, *map(one_line, texts))
-    _fill(made, values)
+    _fill(made, names, values)
     return made
 
 
@@ -119,29 +254,10 @@ def _member(module: str, name: str, member: str) -> Enum:
     return kind[member]
 
 
-def _path(text: str) -> Path:
-    return Path(text)
-
-
-def _array(kind: str, shape: tuple[int, ...], content: bytes) -> np.ndarray[Any, Any]:
-    import numpy as np  # noqa: PLC0415 - the process that asks may not have it yet
-
-    dtype = np.dtype(str(kind))
-    if dtype.kind == _TRUTHS:
-        return np.frombuffer(content, np.uint8).reshape(shape).astype(np.bool_)
-    if dtype.kind not in _NUMBERS:  # objects, and structures that could hide some
-        raise pickle.UnpicklingError(f"a worker sent an array of {kind}, which are not numbers")
-    made: np.ndarray[Any, Any] = np.frombuffer(content, dtype).reshape(shape).copy()
-    return made
-
-
-def _number(kind: str, shape: tuple[int, ...], content: bytes) -> Any:  # noqa: ANN401 - one of NumPy's numbers
-    return _array(kind, shape, content)[()]
-
-
-_OWN: tuple[Callable[..., object], ...] = (_record, _error, _member, _path, _array, _number)
-_OTHERS: tuple[Callable[..., object], ...] = (complex, range, slice, OrderedDict, deque)
-_CALLED = {(made.__module__, made.__name__): made for made in (*_OWN, *_OTHERS)}
+def _lists(given: object, count: int) -> list[list[object]]:
+    if not (isinstance(given, list) and len(given) == count and all(isinstance(part, list) for part in given)):
+        raise pickle.UnpicklingError("a worker sent a dictionary that is none")
+    return given
 
 
 def _class(module: str, name: str) -> type[Any]:
@@ -166,8 +282,8 @@ def _in_slots(made: Any) -> dict[str, object]:  # noqa: ANN401 - a record
     return {f.name: getattr(made, f.name) for f in fields(made) if hasattr(made, f.name)}
 
 
-def _fill(made: object, values: Mapping[str, object]) -> None:
-    for name, value in values.items():
+def _fill(made: object, names: list[str], values: list[object]) -> None:
+    for name, value in zip(names, values, strict=True):
         if not name.isidentifier() or name.startswith("__"):
             raise pickle.UnpicklingError(f"a worker sent a record with {name!r} in it")
         object.__setattr__(made, name, value)

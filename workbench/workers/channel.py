@@ -1,8 +1,8 @@
 """Messages between this process and a worker, over a socket of their own.
 
-A message is a frame: a mark that nobody else knows, the length, a check sum, its number, and the pickled object. What
+A message is a frame: a mark that is not met by chance, the length, a check sum, its number, and the packed object. What
 an FMU writes to a descriptor that is not its own is skipped where it lies between frames; in the middle of one it costs
-that message, which is told.
+that message, which is told. That guards against mistakes: an FMU can find the mark in its process's memory.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 from workbench.core.cycles import undisturbed
 
-__all__ = ["HUNG_UP", "MARK_BYTES", "Channel"]
+__all__ = ["HUNG_UP", "LONGEST", "MARK_BYTES", "Channel"]
 
 MARK_BYTES = 16
 
@@ -25,7 +25,7 @@ _SIZES = struct.Struct("!QII")
 _NUMBERS = 1 << 32  # after so many frames they begin again
 _CHUNK = 1 << 20  # [byte]
 _PIECES = 16  # are read at a time: whoever writes without end must not keep the reader from all else
-_LONGEST = 1 << 34  # [byte]: no frame is longer
+LONGEST = 1 << 34  # [byte]: no frame is longer
 _DAMAGED = "something was written into the middle of it, by the FMU into a file that is not its own"
 
 # Name of the file that a worker leaves in its folder when its end of the connection was closed.
@@ -44,6 +44,7 @@ class Channel:
         mark: begins each frame, random, the same at both ends.
         dumps: makes bytes of an object that is sent.
         loads: makes an object of such bytes.
+        longest: that is taken [byte].
 
     Attributes:
         ended: whether the other end hung up.
@@ -58,9 +59,10 @@ class Channel:
         *,
         dumps: Callable[[Any], bytes] = pickle.dumps,
         loads: Callable[[bytes], Any] = pickle.loads,
+        longest: int = LONGEST,
     ) -> None:
         link.setblocking(False)
-        self._dumps, self._loads = dumps, loads
+        self._dumps, self._loads, self._longest = dumps, loads, longest
         self._link, self._mark = link, mark
         self._arrived, self._leaving = bytearray(), bytearray()
         self._sent = self._heard = 0  # frames
@@ -78,7 +80,7 @@ class Channel:
 
     def put(self, packed: bytes) -> None:
         """Let a pickled object be sent, as far as it can be without waiting; `flush` sends the rest."""
-        if len(packed) > _LONGEST:
+        if len(packed) > LONGEST:
             raise ValueError(f"a message of {len(packed)} bytes is too long")
         sizes = len(packed), zlib.crc32(packed), self._sent % _NUMBERS
         self._sent += 1
@@ -167,7 +169,7 @@ class Channel:
             if len(self._arrived) < begin:
                 return None
             length, check, number, sound = _HEAD.unpack_from(self._arrived, len(self._mark))
-            if zlib.crc32(_SIZES.pack(length, check, number)) != sound or length > _LONGEST:
+            if zlib.crc32(_SIZES.pack(length, check, number)) != sound or length > self._longest:
                 self._skip(len(self._mark))  # something was written in the middle of it; the next one's number tells
                 continue
             if len(self._arrived) < begin + length:

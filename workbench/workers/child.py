@@ -32,7 +32,7 @@ from workbench.errors import LostError, WorkbenchError
 from workbench.fmi.instance import end_later, end_now
 from workbench.kernel.library import kernel, why_kernel_missing
 from workbench.workers.answers import in_records
-from workbench.workers.channel import HUNG_UP, Channel
+from workbench.workers.channel import HUNG_UP, MARK_BYTES, Channel
 from workbench.workers.limits import MemoryWatch
 from workbench.workers.state import arithmetic, only_handlers, state
 from workbench.workers.state import limits as allowances
@@ -147,13 +147,12 @@ def wanted_stop() -> bool:
     return channel is not None and STOP in list(channel.receive())
 
 
-def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) -> None:
+def main(link: int | None, parent: int, scratch: str, module: str) -> None:
     """Serve one parent; ends the process.
 
     Args:
-        link: descriptor of the socket that brings orders and takes messages (kind, content); None: standard input
-            tells (Windows).
-        mark: of the channel's frames.
+        link: descriptor of the socket that brings the mark of the channel's frames, then orders, and takes messages
+            (kind, content); None: standard input tells (Windows).
         parent: its process number.
         scratch: folder for all temporary files, which the parent removes.
         module: that the first task will need; empty: it is not known yet.
@@ -171,6 +170,7 @@ def main(link: int | None, mark: bytes, parent: int, scratch: str, module: str) 
         arguments = (lifeline, parent, int(1000 * _FAREWELL))
         threading.Thread(target=kernel().kernel_end_with, args=arguments, daemon=True).start()
     _Worker.process = os.getpid()
+    mark = end.recv(MARK_BYTES, socket.MSG_WAITALL)
     channel = _Worker.channel = Channel(end, mark, dumps=_packed)
     if module:
         import_module(module)

@@ -197,6 +197,8 @@ class Pool(Runner):
             try:
                 message = next(messages, None)
                 kind, content = message or ("", None)
+                if not isinstance(kind, str):
+                    raise TypeError("it does not say what it is")
             except Exception as error:  # noqa: BLE001 - whatever can be wrong with an object that cannot be made here
                 yield from self._end(worker, LostError(f"{_UNREADABLE}: {error}"))
                 return

@@ -22,8 +22,8 @@ from workbench.core.where import Limits
 from workbench.endings import ENDING
 from workbench.errors import InputError, WorkbenchError
 from workbench.model.recipe import Recipe
-from workbench.workers.answers import records_only
-from workbench.workers.channel import HUNG_UP, MARK_BYTES, Channel
+from workbench.workers.answers import MOST, Records
+from workbench.workers.channel import HUNG_UP, LONGEST, MARK_BYTES, Channel
 from workbench.workers.child import STOP, Task
 from workbench.workers.limits import cores, went_beyond
 
@@ -93,6 +93,7 @@ class WorkerProcess:
         self.surroundings = _surroundings()
         self._limits = Limits()
         _current_folder()  # where it is gone some versions of Python end before they begin
+        self._records = Records() if confine else None
         with ExitStack() as undo:
             try:
                 folder = scratch_folder("worker")
@@ -103,13 +104,16 @@ class WorkerProcess:
                 ours, theirs = socket.socketpair()
                 undo.callback(ours.close)
                 mark = secrets.token_bytes(MARK_BYTES)
-                rest = (mark, os.getpid(), str(folder), module)
+                ours.sendall(mark)  # not in the line that starts it, which every user can read
+                rest = (os.getpid(), str(folder), module)
                 with theirs, _held_back():
                     self._process = _started(
                         theirs, rest, self._log.fileno(), _CONFINED.format(folder=str(folder)) if confine else ""
                     )
                     self._folder = folder
-                    self.channel = Channel(ours, mark, loads=records_only if confine else pickle.loads)
+                    self.channel = Channel(
+                        ours, mark, loads=self._records or pickle.loads, longest=MOST if confine else LONGEST
+                    )
                     undo.pop_all()
                     with _lock:
                         _alive.add(self)
@@ -136,6 +140,8 @@ class WorkerProcess:
         self.seasoned, self.opened = self.opened, False
         self.index, self.ready, self.error, self._limits = index, False, None, limits
         self.most = self._beyond = None
+        if self._records is not None:
+            self._records.renew()
         self.restart_clock(least=_IMPORTS)
         work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
         order = (_current_folder(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)
@@ -238,7 +244,7 @@ def _surroundings() -> tuple[int, tuple[str, ...], int]:
     return os.getpid(), tuple(sys.path), hash(frozenset(os.environ.items()))
 
 
-def _started(theirs: socket.socket, rest: tuple[bytes, int, str, str], log: int, first: str) -> subprocess.Popen[bytes]:
+def _started(theirs: socket.socket, rest: tuple[int, str, str], log: int, first: str) -> subprocess.Popen[bytes]:
     """Start a process: spawned, not forked, so that no thread or library of this one is copied half way.
 
     Args:
