@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import workbench as wb
@@ -72,6 +73,17 @@ def test_the_caller_is_told_and_lives(
 
 def _numbers(file: Path, what: str) -> Any:  # noqa: ANN401 - as they are
     return DEEDS[what].numbers(DEEDS[what].function(file, "me", Workers(jobs=1)).to_dict())
+
+
+@pytest.mark.parametrize("way", ["rounding", "_arithmetic"])
+def test_an_fmu_that_makes_room_changes_no_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
+    """A worker lets go of the model that was not used for longest, whose destructor rounds upwards from then on."""
+    monkeypatch.setenv("MISBEHAVES", f"{{{way}@unload}}")
+    found = []
+    for number in range(7):
+        (tmp_path / f"{number}").mkdir()
+        found.append(_numbers(build_misbehaving(tmp_path / f"{number}", "nothing", "never"), "simulate"))
+    assert all(np.array_equal(numbers, found[0]) for numbers in found[1:])
 
 
 def test_the_code_of_a_thread_that_an_fmu_leaves_behind_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

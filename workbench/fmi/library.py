@@ -106,7 +106,8 @@ class _Binary:
         if self.holders == 0 and self._dll is not None:
             if not _threads() - self._threads:  # one that it left behind would run on in code that is gone
                 self._give_back()
-                _unload(self._dll._handle)  # noqa: SLF001  ctypes has no public name for it
+                with kept_arithmetic():  # its destructors may set that of the workbench, too
+                    _unload(self._dll._handle)  # noqa: SLF001  ctypes has no public name for it
             if self.copied is not None:
                 remove(self.copied)
 

@@ -179,6 +179,7 @@ def main(link: int | None, parent: int, scratch: str, module: str) -> None:
         channel.send((READY, False))
         for order in _orders(channel):
             channel.send(_done(channel, *order))
+            _make_room()  # before it is seen what has changed: the end of an FMU is no part of another one's task
             end_now()
             _flush()
             usual.put_back()
@@ -256,9 +257,13 @@ def _model(packed: bytes) -> Model | None:
         _Worker.opened[packed] = recipe.open()
         _end_at_once()
     _Worker.opened.move_to_end(packed)
+    return _Worker.opened[packed]
+
+
+def _make_room() -> None:
+    """Close the models that were not used for longest."""
     while len(_Worker.opened) > _MODELS:
         _Worker.opened.popitem(last=False)[1].close()
-    return _Worker.opened[packed]
 
 
 # -- the process -------------------------------------------------------------------------------
