@@ -7,15 +7,16 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
 
 import workbench as wb
 from tests.platforms import posix_signals
-from workbench.store import FILE_NAME, Store
+from workbench.store import FILE_NAME, Store, contents
 
 ROOT = Path(__file__).resolve().parent.parent
 SUBJECT: dict[str, Any] = {"fmu": "abc", "errcrit": 0.1}
@@ -93,6 +94,88 @@ def test_a_damaged_page_is_told(tmp_path: Path) -> None:
     path.write_bytes(data)
     with pytest.raises(wb.InputError, match="damaged"), store(tmp_path) as second:
         second.load()
+
+
+def test_a_changed_digit_is_told_and_counts_as_not_measured(tmp_path: Path) -> None:
+    with store(tmp_path) as first:
+        first.save("p", {"gain": 123456.5})
+        first.save("q", {"gain": 1.0})
+    path = tmp_path / FILE_NAME
+    path.write_bytes(path.read_bytes().replace(b"123456.5", b"123457.5"))
+    with store(tmp_path) as second:
+        assert second.load() == {"q": {"gain": 1.0}}
+        (remark,) = second.remarks()
+        assert "1 stored values have changed on the disk since they were measured ('p')" in remark
+        assert second.latest().keys() == {"q"}
+        assert len(second.remarks()) == 1
+        second.save("p", {"gain": 2.0})
+    with store(tmp_path) as third:
+        assert third.load() == {"p": {"gain": 2.0}, "q": {"gain": 1.0}}
+        assert not third.remarks()
+    assert [found.values for found in contents(tmp_path)] == [{"q": {"gain": 1.0}, "p": {"gain": 2.0}}]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_flipped_bit_is_noticed_or_without_effect(tmp_path: Path, seed: int) -> None:
+    """Twenty of them: the store is refused, or what it gives is what was measured."""
+    random = Random(seed)
+    true = {f"p{k}": {"gain": random.random(), "note": "x" * random.randrange(60)} for k in range(40)}
+    with store(tmp_path / "whole") as first:
+        for point, value in true.items():
+            first.save(point, value)
+    whole = (tmp_path / "whole" / FILE_NAME).read_bytes()
+    for number in range(20):
+        data = bytearray(whole)
+        data[random.randrange(len(data))] ^= 1 << random.randrange(8)
+        (tmp_path / f"{number}").mkdir()
+        (tmp_path / f"{number}" / FILE_NAME).write_bytes(data)
+        with suppress(wb.InputError), store(tmp_path / f"{number}") as damaged:
+            found = damaged.load()
+            assert found.items() <= true.items()
+            lost = {name for name in true if repr(name) not in damaged.damaged and name not in found}
+            assert not lost or not found  # all, where the bit is in what they are found by
+
+
+def test_nothing_but_locks_of_files_is_needed(tmp_path: Path) -> None:
+    """A write-ahead log needs memory that the processes share, which a network file system does not give."""
+    with store(tmp_path) as first, store(tmp_path) as second:
+        first.save("p", 1)
+        second.save("q", 2)
+        assert [path.name for path in tmp_path.iterdir()] == [FILE_NAME]
+        assert first.load() == second.load() == {"p": 1, "q": 2}
+
+
+def test_a_lock_that_is_never_given_back_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("workbench.store._PATIENCE", 0.05)
+    with store(tmp_path) as first:
+        first.save("p", 1)
+        with closing(sqlite3.connect(tmp_path / FILE_NAME, isolation_level=None)) as stranger:
+            stranger.execute("BEGIN EXCLUSIVE")
+            with pytest.raises(wb.WorkbenchError, match=r"another process has kept it locked for 0\.05 s"):
+                first.save("q", 2)
+            for reads in (first.load, lambda: store(tmp_path), lambda: contents(tmp_path)):
+                with pytest.raises(wb.InputError, match="end that one, or name another folder"):
+                    reads()
+        stranger.close()
+        first.save("q", 2)
+        assert first.load() == {"p": 1, "q": 2}
+
+
+def test_a_damaged_row_is_measured_again(tmp_path: Path) -> None:
+    def run() -> list[str]:
+        with wb.load("fmu:FirstOrderLag") as model:
+            name = model.parameters[0].name
+            found = wb.lin_over(model, {name: [0.5, 0.25]}, store=tmp_path)
+            truths.append([point.result.A[0, 0] for point in found.points if point.result is not None])
+        return [note for note in found.notes if "changed on the disk" in note]
+
+    truths: list[list[float]] = []
+    assert not run()
+    path = tmp_path / FILE_NAME
+    path.write_bytes(path.read_bytes().replace(b'"A": [[-', b'"A": [[ '))
+    assert len(run()) == 1
+    assert not run()
+    assert truths[0] == truths[1] == truths[2]
 
 
 def test_a_full_disk_is_told(tmp_path: Path) -> None:

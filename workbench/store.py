@@ -1,14 +1,19 @@
-"""Finished measurements on disk, in one SQLite file; they survive `kill -9` and power cuts."""
+"""Finished measurements on disk, in one SQLite file; they survive `kill -9` and power cuts.
+
+SQLite notices what is wrong with its pages, not what is wrong with their contents: each row has a check sum of its own.
+The journal is the one that needs locks of files and nothing else; the write-ahead log would need memory that the
+processes share, which a network file system does not give.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import sqlite3
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +26,15 @@ __all__ = ["FILE_NAME", "Store", "StoredMeasurement", "StoredSet", "contents"]
 FILE_NAME = "measurements.sqlite"
 
 # Written into the file's header, so that another program's database is not taken for ours: "FMIW".
-_APPLICATION, _LAYOUT = 0x464D4957, 1
+_APPLICATION, _LAYOUT = 0x464D4957, 2
 
 # Longest time that one process waits for another's write [s].
 _PATIENCE = 30.0
+
+# So many damaged points are named.
+_SHOWN = 3
+
+_PRIMARY = 0xFF  # bits of SQLite's error codes that are not the details
 
 _TABLES = """
 CREATE TABLE IF NOT EXISTS settings (
@@ -38,17 +48,21 @@ CREATE TABLE IF NOT EXISTS measurements (
     settings INTEGER NOT NULL REFERENCES settings (id),
     point TEXT NOT NULL,
     value TEXT NOT NULL,
-    made TEXT NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ', 'now')),
+    made TEXT NOT NULL,
+    sha256 TEXT NOT NULL,
     PRIMARY KEY (settings, point)
 ) WITHOUT ROWID;
 """
 
-_COLUMNS = "SELECT point, value, text FROM measurements JOIN settings ON settings.id = settings"
-_SAME_SETTINGS = f"{_COLUMNS} WHERE settings.id = ? ORDER BY made"
-_EVERYTHING = (
-    "SELECT settings.id, text, point, value FROM measurements JOIN settings ON settings.id = settings ORDER BY made"
+_COLUMNS = (
+    "SELECT settings, text, point, value, made, sha256 FROM measurements LEFT JOIN settings ON settings.id = settings"
 )
+_SAME_SETTINGS = f"{_COLUMNS} WHERE settings.id = ? ORDER BY made"
+_EVERYTHING = f"{_COLUMNS} ORDER BY made"
 _SAME_SUBJECT = f"{_COLUMNS} WHERE settings.subject = ? ORDER BY made"
+_INSERT = "INSERT OR REPLACE INTO measurements (settings, point, value, made, sha256) VALUES (?, ?, ?, ?, ?)"
+
+_Row = tuple[int, Any, Any, Any, Any, Any]  # as the columns
 
 
 @dataclass(frozen=True)
@@ -70,10 +84,10 @@ class Store(Closable):
     """The finished measurements of one subject, in a folder that many subjects and processes share.
 
     Obligations:
-      1. After `save` returns, the measurement is on disk: write-ahead log, flushed at each commit.
-      2. Only what was saved under the same subject is ever returned.
-      3. Several processes may save and load at once, on one machine (the write-ahead log needs shared memory,
-         so not over a network file system).
+      1. After `save` returns, the measurement is on disk: journal and file are flushed at each commit.
+      2. Only what was saved under the same subject is ever returned; a row that has changed since is not.
+      3. Several processes may save and load at once, also of several machines, where the file system locks files.
+      4. A lock that another process does not give back within 30 s is an error, not waited for.
 
     Args:
         folder: made if it is not there.
@@ -82,17 +96,22 @@ class Store(Closable):
 
     Raises:
         InputError: the folder cannot be used, or its file is damaged or no store.
+
+    Attributes:
+        damaged: points whose rows have changed since they were saved, as far as they were read; they are not there.
     """
 
     def __init__(self, folder: str | Path, *, subject: Mapping[str, Any], effort: Mapping[str, Any]) -> None:
         self.path = Path(folder) / FILE_NAME
         self._subject, self._effort = _canonical(subject), _canonical(effort)
+        self._text = f'{{"subject": {self._subject}, "effort": {self._effort}}}'
+        self.damaged: list[str] = []
         try:
             Path(folder).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"store {folder}: cannot be made: {error.strerror or error}") from None
         with self.told_in_one_line():
-            self._database = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
+            self._database = _connected(self.path)
         try:
             with self.told_in_one_line():
                 self._prepare()
@@ -108,32 +127,22 @@ class Store(Closable):
         if application != _APPLICATION and tables:
             raise InputError(f"{self.path}: is a database of another program; name another folder for the store")
         (layout,) = database.execute("PRAGMA user_version").fetchone()
-        if layout > _LAYOUT:
-            raise InputError(f"{self.path}: was made by a newer workbench; name another folder for the store")
-        self._write_ahead()
-        # FULL flushes the log at every commit; NORMAL would lose the last points in a power cut.
-        database.execute("PRAGMA synchronous = FULL")
+        if tables and layout != _LAYOUT:
+            age = "a newer" if layout > _LAYOUT else "an older"
+            raise InputError(f"{self.path}: was made by {age} workbench; name another folder for the store")
+        # EXTRA also flushes the folder: a journal that came back after a power cut would undo the last point.
+        database.execute("PRAGMA synchronous = EXTRA")
         marks = f"PRAGMA application_id = {_APPLICATION}; PRAGMA user_version = {_LAYOUT};"
         database.executescript(f"BEGIN IMMEDIATE; {_TABLES} {marks} COMMIT;")
         self._settings = self._settings_row()
 
-    def _write_ahead(self) -> None:
-        """Switch to the write-ahead log; SQLite does not wait for other processes here, so we do."""
-        give_up = time.monotonic() + _PATIENCE
-        while True:
-            try:
-                self._database.execute("PRAGMA journal_mode = WAL")
-            except sqlite3.OperationalError:
-                if time.monotonic() > give_up:
-                    raise
-                time.sleep(0.01)
-            else:
-                return
-
     def _settings_row(self) -> int:
         key = (_hash(self._subject), _hash(self._effort))
-        text = f'{{"subject": {self._subject}, "effort": {self._effort}}}'
-        self._database.execute("INSERT OR IGNORE INTO settings (subject, effort, text) VALUES (?, ?, ?)", (*key, text))
+        self._database.execute(
+            "INSERT INTO settings (subject, effort, text) VALUES (?, ?, ?)"
+            " ON CONFLICT (subject, effort) DO UPDATE SET text = excluded.text WHERE text IS NOT excluded.text",
+            (*key, self._text),
+        )
         found = self._database.execute("SELECT id FROM settings WHERE subject = ? AND effort = ?", key).fetchone()
         return int(found[0])
 
@@ -147,9 +156,10 @@ class Store(Closable):
         Raises:
             WorkbenchError: it cannot be written, e.g. because the disk is full.
         """
-        row = (self._settings, point, json.dumps(value))
+        text, made = json.dumps(value), datetime.now(UTC).isoformat(timespec="milliseconds")
+        row = (self._settings, point, text, made, _check_sum(self._text, point, text, made))
         with self.told_in_one_line(WorkbenchError):
-            self._database.execute("INSERT OR REPLACE INTO measurements (settings, point, value) VALUES (?, ?, ?)", row)
+            self._database.execute(_INSERT, row)
 
     def load(self) -> dict[str, Any]:
         """Return the values measured under exactly these settings, by point."""
@@ -161,10 +171,18 @@ class Store(Closable):
 
     def _select(self, query: str, key: int | str) -> list[StoredMeasurement]:
         with self.told_in_one_line():
-            rows = self._database.execute(query, (key,)).fetchall()
-            return [
-                StoredMeasurement(point, from_json(value), from_json(text)["effort"]) for point, value, text in rows
-            ]
+            rows: list[_Row] = self._database.execute(query, (key,)).fetchall()
+            self.damaged += [repr(row[2]) for row in rows if not _is_sound(row) and repr(row[2]) not in self.damaged]
+            sound = filter(_is_sound, rows)
+            return [StoredMeasurement(row[2], from_json(row[3]), from_json(row[1])["effort"]) for row in sound]
+
+    def remarks(self) -> list[str]:
+        """Return what was found damaged, in a line."""
+        if not self.damaged:
+            return []
+        which = ", ".join(self.damaged[:_SHOWN]) + ", …" * (len(self.damaged) > _SHOWN)
+        what = f"{len(self.damaged)} stored values have changed on the disk since they were measured ({which})"
+        return [f"{self.path}: {what} and count as not measured: is the disk failing?"]
 
     @contextmanager
     def told_in_one_line(self, kind: type[WorkbenchError] = InputError) -> Iterator[None]:
@@ -179,7 +197,7 @@ class Store(Closable):
         try:
             yield
         except sqlite3.OperationalError as error:
-            raise kind(f"{self.path}: cannot be used: {error}") from None
+            raise kind(f"{self.path}: {_why_unusable(error)}") from None
         except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
             raise kind(f"{self.path}: {self._damaged(error)}") from None
 
@@ -240,15 +258,40 @@ def contents(folder: str | Path) -> list[StoredSet]:
     path = Path(folder) / FILE_NAME
     found: dict[int, StoredSet] = {}
     try:
-        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, timeout=_PATIENCE)) as database:
-            for number, text, point, value in database.execute(_EVERYTHING).fetchall():
+        with closing(_connected(f"{path.absolute().as_uri()}?mode=rw", uri=True)) as database:
+            for row in filter(_is_sound, database.execute(_EVERYTHING).fetchall()):
+                number, text, point, value, *_ = row
                 if number not in found:
                     settings = from_json(text)
                     found[number] = StoredSet(dict(settings["subject"]), dict(settings["effort"]), {})
                 found[number].values[point] = from_json(value)
+    except sqlite3.OperationalError as error:
+        raise InputError(f"{path}: {_why_unusable(error)}") from None
     except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged or no store of the workbench ({_first_line(error)})") from None
     return list(found.values())
+
+
+def _connected(name: str | Path, *, uri: bool = False) -> sqlite3.Connection:
+    found = sqlite3.connect(name, uri=uri, timeout=_PATIENCE, isolation_level=None)
+    found.text_factory = lambda text: text.decode("utf-8", "replace")  # damaged text is for the check sum to notice
+    return found
+
+
+def _is_sound(row: _Row) -> bool:
+    """Return whether a row is what was saved."""
+    _, *texts, check = row
+    return all(isinstance(text, str) for text in texts) and check == _check_sum(*texts)
+
+
+def _check_sum(*texts: str) -> str:
+    return _hash(json.dumps(texts))
+
+
+def _why_unusable(error: sqlite3.OperationalError) -> str:
+    if getattr(error, "sqlite_errorcode", 0) & _PRIMARY == sqlite3.SQLITE_BUSY:
+        return f"another process has kept it locked for {_PATIENCE:g} s; end that one, or name another folder"
+    return f"cannot be used: {error}"
 
 
 def _hash(text: str) -> str:

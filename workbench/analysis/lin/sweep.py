@@ -188,6 +188,7 @@ def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool
 def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | None, job: Job) -> Iterator[LinPoint]:
     """Yield every point: those on disk, then those that are made now, each on disk before the next."""
     done = kept.load() if kept is not None else {}
+    job.notes += kept.remarks() if kept is not None else []
     for one in todo:
         if kept is not None and _label(one.varied) in done:
             yield LinPoint(one.varied, _kept(kept, done[_label(one.varied)]))
