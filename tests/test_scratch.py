@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import subprocess
+import sys
 from pathlib import Path
+
+import pytest
 
 from tests.platforms import posix_signals
 from tests.programs import ended, start
@@ -33,6 +37,17 @@ def test_folders_go_with_their_process(tmp_path: Path) -> None:
     folder = made(process)
     process.communicate()
     assert folder.is_relative_to(tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("number", [errno.EPERM, errno.ENOLCK, errno.ENOSYS])
+@pytest.mark.skipif(sys.platform == "win32", reason="files are locked in another way there")
+def test_a_folder_is_made_where_files_cannot_be_locked(tmp_path: Path, number: int) -> None:
+    """As in a confined process, and on some network file systems; it is gone with its process."""
+    refused = f"import fcntl\ndef refuse(*_): raise OSError({number}, 'refused')\nfcntl.flock = refuse\n"
+    process = start(["-c", refused + MAKES.format(folder=str(tmp_path), then="")])
+    said, failure = process.communicate(timeout=60.0)
+    assert Path(said.strip()).is_relative_to(tmp_path), failure
     assert not list(tmp_path.iterdir())
 
 

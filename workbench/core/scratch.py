@@ -18,6 +18,7 @@ __all__ = ["remove", "remove_if_dead", "scratch", "scratch_folder"]
 
 _PREFIX = "fmi-workbench-"
 _LOCK = "lock"
+_UNLOCKED = -1  # in place of a descriptor, where files cannot be locked
 _beginning = forkable_lock()
 
 
@@ -26,7 +27,8 @@ class _Mine:
 
     Attributes:
         folder: None: there is none yet.
-        lock: descriptor of the locked file in it, which tells that the process lives; the system frees it.
+        lock: descriptor of the locked file in it, which tells that the process lives; the system frees it. Without
+            locks nobody takes the folder for that of a dead process, whose own it then remains.
         process: whose folder it is; another one is a copy made by fork.
     """
 
@@ -104,7 +106,7 @@ def remove_if_dead(folder: Path) -> bool:
     except OSError:
         return False
     lock = _lock_of(folder)
-    if lock is None:
+    if lock in (None, _UNLOCKED):
         return False
     if sys.platform == "win32":
         os.close(lock)  # what is open cannot be removed there
@@ -120,6 +122,8 @@ def remove_if_dead(folder: Path) -> bool:
 def _lock_of(folder: Path) -> int | None:
     """Return the descriptor of a folder's locked file; None: another process has it, or removes the folder.
 
+    `_UNLOCKED`: the system locks no files here, as in a confined process or on some network file systems.
+
     Whoever has the lock of the file that is in the folder now has the folder: one that was removed meanwhile, and made
     anew, is another file.
     """
@@ -127,24 +131,35 @@ def _lock_of(folder: Path) -> int | None:
         lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
     except OSError:
         return None
-    with suppress(OSError):
+    try:
         if _locked(lock) and os.path.samestat(os.fstat(lock), (folder / _LOCK).stat()):
             return lock
+    except FileNotFoundError:
+        pass
+    except OSError:
+        os.close(lock)
+        return _UNLOCKED
     os.close(lock)
     return None
 
 
 def _locked(file: int) -> bool:
-    """Lock a file unless another process has; return whether it is."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt  # noqa: PLC0415 - Windows only
+    """Lock a file unless another process has; return whether it is.
 
+    Raises:
+        OSError: the system locks no files here.
+    """
+    if sys.platform == "win32":
+        import msvcrt  # noqa: PLC0415 - Windows only
+
+        with suppress(OSError):  # it does not say why
             msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl  # noqa: PLC0415 - not on Windows
+            return True
+        return False
+    import fcntl  # noqa: PLC0415 - not on Windows
 
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
         return False
     return True
