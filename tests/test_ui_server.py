@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 
@@ -309,6 +310,32 @@ def test_what_a_page_tries_is_in_no_study_until_it_is_kept(ui: Ui) -> None:
     assert "delC=3" in ui.ask("GET", "/api/study.toml").body.decode()
     (point,) = [file for file in ui.get("/api/files")["files"] if file["name"] == "three.json"]
     assert point == {"name": "three.json", "kind": "point", "model": "Rudder"}
+
+
+def test_a_file_that_is_there_is_not_overwritten_by_a_record(ui: Ui) -> None:
+    (ui.folder / "precious.json").write_text('{"work": "of years"}')
+    number = ui.ask("POST", "/api/works", {"command": "trim", "subject": ["fmu:Rudder"], "values": {}}).json["number"]
+    ui.ended(number)
+    answer = ui.ask("POST", f"/api/works/{number}/keep", {"name": "precious.json"})
+    assert (answer.status, answer.json["message"]) == (409, "precious.json exists already; choose another name")
+    assert (ui.folder / "precious.json").read_text() == '{"work": "of years"}'
+    assert ui.ask("POST", f"/api/works/{number}/keep", {"name": "another.json"}).status == 200
+
+
+@pytest.mark.parametrize("digits", ["9" * 5000, "1" * 19, "²"])
+def test_numbers_of_very_many_digits_are_told(ui: Ui, digits: str) -> None:
+    for path in (f"/api/works/{quote(digits)}", f"/api/works/{quote(digits)}/report.html"):
+        assert ui.ask("GET", path).status == 404
+    for path in ("stop", "keep"):
+        assert ui.ask("POST", f"/api/works/{quote(digits)}/{path}", {}).status == 404
+    for name, value in (("frequencies", digits), ("errcrit", digits), ("max_periods", digits)):
+        asked = {"command": "nfr", "subject": ["fmu:Rudder"], "values": {**POINTS, name: value}}
+        answer = ui.ask("POST", "/api/works", asked)
+        assert answer.status in {201, 422}, name
+        if answer.status == 201:
+            assert ui.ended(answer.json["number"])["state"] in {"failed", "done"}
+    for body in (digits, f'{{"name": {digits}}}'):
+        assert ui.ask("POST", "/api/text", body.encode()).status == 422
 
 
 def test_the_call_has_no_empty_options(ui: Ui) -> None:

@@ -40,6 +40,7 @@ _REPORT = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inl
 _PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
 _ALIVE = 15.0  # a stream says so often that it is there [s]
 _LARGEST = 1 << 20  # of what is sent here [byte]
+_DIGITS = 18  # so many have numbers of works and events, at most
 
 
 class _Server:
@@ -108,7 +109,7 @@ class _Server:
     async def events(self, request: Request) -> Response:
         """Answer with what happens, as server-sent events; a browser that comes back is told what it missed."""
         told = request.headers.get("last-event-id") or request.query_params.get("last") or "0"
-        last = int(told) if told.isascii() and told.isdigit() else 0
+        last = _number(told) or 0
         headers = {"X-Accel-Buffering": "no"}
         return StreamingResponse(self._stream(last), media_type="text/event-stream", headers=headers)
 
@@ -215,6 +216,8 @@ class _Server:
         if not name.endswith(".json"):
             raise InputError(f"{name}: the name of a record's file ends in .json")
         path = self.desk.root.path(name, new=True)
+        if path.exists():
+            return JSONResponse({"message": f"{name} exists already; choose another name"}, 409)
         with replacing(path) as new:
             new.write_text(json.dumps({"command": work.command, **plain(record.to_dict())}, indent=2), encoding="utf-8")
         work.keep()
@@ -227,7 +230,8 @@ class _Server:
     # -- parts --------------------------------------------------------------------------------------
 
     def _work(self, request: Request) -> Work:
-        work = self.desk.works.get(request.path_params["number"])
+        number = _number(request.path_params["number"])
+        work = None if number is None else self.desk.works.get(number)
         if work is None:
             raise HTTPException(404, "there is no such work; the server was started anew, perhaps")
         return work
@@ -237,6 +241,11 @@ class _Server:
         if work.record is None:
             raise HTTPException(404, "there is no record")
         return work, work.record
+
+
+def _number(text: str) -> int | None:
+    """Return a number of a work or an event; None: it is none, as Python reads no number of thousands of digits."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= _DIGITS else None
 
 
 async def _sent(request: Request) -> Mapping[str, Any]:
@@ -277,13 +286,13 @@ def app_of(desk: Desk) -> Starlette:
         Route("/api/files", server.files),
         Route("/api/events", server.events),
         Route("/api/works", server.begin, methods=["POST"]),
-        Route("/api/works/{number:int}", server.work),
-        Route("/api/works/{number:int}/stop", server.stop, methods=["POST"]),
-        Route("/api/works/{number:int}/keep", server.keep_record, methods=["POST"]),
-        Route("/api/works/{number:int}/loop", server.loop),
-        Route("/api/works/{number:int}/report.html", server.report),
-        Route("/api/works/{number:int}/picture.{kind}", server.picture),
-        Route("/api/works/{number:int}/data.{kind}", server.data),
+        Route("/api/works/{number}", server.work),
+        Route("/api/works/{number}/stop", server.stop, methods=["POST"]),
+        Route("/api/works/{number}/keep", server.keep_record, methods=["POST"]),
+        Route("/api/works/{number}/loop", server.loop),
+        Route("/api/works/{number}/report.html", server.report),
+        Route("/api/works/{number}/picture.{kind}", server.picture),
+        Route("/api/works/{number}/data.{kind}", server.data),
         Route("/api/store", server.store),
         Route("/api/text", server.text),
         Route("/api/text", server.keep, methods=["POST"]),
