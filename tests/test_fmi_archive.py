@@ -82,6 +82,14 @@ def test_an_empty_folder_is_unpacked(pack: Pack, entry: str) -> None:
         assert sorted(p.name for p in unpacked.folder.iterdir() if p.is_dir()) == ["binaries", "resources"]
 
 
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_a_file_that_is_in_it_twice_is_refused_if_it_is_not_the_same(pack: Pack, tmp_path: Path) -> None:
+    unpack(pack({"modelDescription.xml": XML})).close()
+    with pytest.raises(FmuError, match=r"'modelDescription\.xml' is in it twice, with different contents"):
+        unpack(pack({"modelDescription.xml": XML.replace("2.5", "3.5")}))
+    assert not left_behind(tmp_path)
+
+
 def test_symbolic_links_are_refused(pack: Pack, tmp_path: Path) -> None:
     path = pack({})
     link = zipfile.ZipInfo("binaries/link")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import struct
 import subprocess
@@ -219,6 +220,34 @@ def test_a_derivative_of_nothing_is_told(read: Read) -> None:
     found = read(TWO.replace('derivative="1"', 'derivative="9"'))
     assert "variable der(x) (line 14) is the derivative of one that is not there" in found.notes
     assert [s.name for s in found.states] == ["state[1]"]
+
+
+@pytest.mark.parametrize(
+    ("note", "old", "new"),
+    [
+        ("the variable of line 14 has no name, and is called unnamed#1", 'name="der(x)"', 'name=""'),
+        ("the variable of line 14 has no name, and is called unnamed#1", 'name="der(x)"', ""),
+        ("the variable of line 17 has no name, and is called unnamed#3", 'name="y"', 'name=""'),
+        ("the variable of line 17 has the name of another, x, and is called x#3", 'name="y"', 'name="x"'),
+        ("variable der(x) (line 14) is said to be the derivative of itself", 'derivative="1"', 'derivative="2"'),
+        ("start value '1e999' of x is not a valid Real; ignored", 'start="0"', 'start="1e999"'),
+        ("a derivative is listed twice, and taken once", '<Unknown index="2"/></D', '<Unknown index="2"/>' * 2 + "</D"),
+        ("variable e (line 15) has no type, and is left out", '<Enumeration declaredType="E" start="7"/>', ""),
+    ],
+)
+def test_what_was_bent_is_told_and_the_rest_is_read(read: Read, note: str, old: str, new: str) -> None:
+    assert TWO.count(old) == 1
+    found = read(TWO.replace(old, new))
+    assert note in found.notes
+    assert len(found.states) == len(found.derivatives) == 1
+    assert len({v.name for v in found.variables}) == len(found.variables) == 4 - ("left out" in note)
+    assert [v.value_reference for v in found.variables if v.causality == "output"] == [3]
+
+
+def test_infinity_is_a_start_value_and_a_derivative_needs_a_type(read: Read) -> None:
+    assert read(TWO.replace('start="0"', 'start="INF"')).variables[0].start == math.inf
+    with pytest.raises(FmuError, match=r"variable der\(x\) is listed as a derivative, and has no type"):
+        read(TWO.replace('<Real derivative="1"/>', ""))
 
 
 # -- kept on disk ------------------------------------------------------------------------------

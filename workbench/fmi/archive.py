@@ -133,6 +133,7 @@ def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool]
             entries = archive.infolist()
             _check_sizes(path, entries)
             named = [(entry, _safe_name(path, entry)) for entry in entries]
+            _check_names(path, named)
             for entry, name in named:
                 if name.parts and wanted(name):
                     _extract_entry(archive, entry, folder.joinpath(*name.parts))
@@ -154,6 +155,14 @@ def _check_sizes(path: Path, entries: list[zipfile.ZipInfo]) -> None:
         raise FmuError(f"{path}: would unpack to {total >> 20} MiB in {len(entries)} files; refused")
     if total > _SMALL and total > MAX_RATIO * packed:
         raise FmuError(f"{path}: unpacks {total // packed} times larger, as zip bombs do; refused")
+
+
+def _check_names(path: Path, named: list[tuple[zipfile.ZipInfo, PurePosixPath]]) -> None:
+    known: dict[PurePosixPath, zipfile.ZipInfo] = {}
+    for entry, name in named:
+        other = known.setdefault(name, entry)
+        if not _is_folder(entry) and (other.CRC, other.file_size) != (entry.CRC, entry.file_size):
+            raise FmuError(f"{path}: '{name}' is in it twice, with different contents; which counts? Pack it again")
 
 
 def _is_folder(entry: zipfile.ZipInfo) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 
@@ -177,12 +178,29 @@ class _Variables:
         self._types = {t.name: t for t in declared.types}
         self._by_reference = {v.value_reference: v for v in declared.variables} if self._major == 3 else {}
         self._extents = {id(v): self._shape(v) for v in declared.variables if v.dimensions}
-        self._depends = self._dependencies()
         self.notes: list[str] = []
+        self._name_apart()
+        self._depends = self._dependencies()
         for v in declared.variables:
+            if not v.kind:
+                self.notes.append(f"variable {v.name} (line {v.line}) has no type, and is left out")
+            if v.derivative is not None and self._knows(v.derivative) and self.find(v.derivative) is v:
+                self.notes.append(f"variable {v.name} (line {v.line}) is said to be the derivative of itself")
+                v.derivative = None
             if v.derivative is not None and not self._knows(v.derivative):
                 self.notes.append(f"variable {v.name} (line {v.line}) is the derivative of one that is not there")
                 v.derivative = None
+
+    def _name_apart(self) -> None:
+        """Give a name of its own to each variable that has none, or another one's."""
+        known: set[str] = set()
+        for v in self._declared:
+            if not v.name or v.name in known:
+                given = f"{v.name or 'unnamed'}#{v.value_reference}"
+                what = f"the name of another, {v.name}," if v.name else "no name,"
+                self.notes.append(f"the variable of line {v.line} has {what} and is called {given}")
+                v.name = given
+            known.add(v.name)
 
     def find(self, which: int | None) -> said.Variable:
         """Return the variable that the file means by a number: its position before FMI 3.0, there its reference.
@@ -205,7 +223,7 @@ class _Variables:
         return (*own, *chain.from_iterable(self._alias(v, a) for v, a in aliases if self._usable(v)))
 
     def _usable(self, v: said.Variable) -> bool:
-        return bool(v.name and v.kind)
+        return bool(v.kind)
 
     def _alias(self, v: said.Variable, alias: said.Alias) -> Iterator[Variable]:
         name = alias.name or ""
@@ -318,9 +336,7 @@ class _Variables:
         Args:
             every: all scalars.
         """
-        listed = [self.find(u.variable) for u in self._structure.get("Derivatives", ())]
-        if not listed:
-            return (), ()
+        listed = self._listed_derivatives()
         by_name = {v.name: v for v in every}
         derivatives = tuple(by_name[(v.name or "") + self._index(v, e)] for v in listed for e in range(self._size(v)))
         states = []
@@ -334,6 +350,20 @@ class _Variables:
             states.append(state)
         return tuple(states), derivatives
 
+    def _listed_derivatives(self) -> list[said.Variable]:
+        """Return the derivatives as they are listed, each once.
+
+        Raises:
+            FmuError: one has no type.
+        """
+        listed = {id(v): v for v in (self.find(u.variable) for u in self._structure.get("Derivatives", ()))}
+        if len(listed) < len(self._structure.get("Derivatives", ())):
+            self.notes.append("a derivative is listed twice, and taken once")
+        for v in listed.values():
+            if not self._usable(v):
+                raise FmuError(f"line {v.line}: variable {v.name} is listed as a derivative, and has no type")
+        return list(listed.values())
+
     # -- start values --
 
     def _starts(self, v: said.Variable) -> list[Value | None]:
@@ -345,7 +375,9 @@ class _Variables:
         convert = _STARTS.get(v.kind, int)
         try:
             values: list[Value | None] = [convert(text) for text in texts]
-        except ValueError:
+            if any(v in _INFINITE and re.search(r"\d", t) for v, t in zip(values, texts, strict=True)):
+                raise OverflowError
+        except (ValueError, OverflowError):
             shown = v.start if v.start is not None else " ".join(texts)
             self.notes.append(f"start value '{shown}' of {v.name} is not a valid {v.kind}; ignored")
             return [None] * size
@@ -355,6 +387,7 @@ class _Variables:
 
 
 _NO_TYPE = said.Type()
+_INFINITE = (math.inf, -math.inf)  # which may be written, as INF; with digits it is a number that no computer has
 _DIGITS = 20  # of any number that FMI counts with
 
 
