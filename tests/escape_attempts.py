@@ -38,7 +38,6 @@ tries("write by a path with ..", lambda g: (g.own / ".." / "home" / "precious").
 tries("write what is open to read", lambda g: os.open(f"/proc/self/fd/{_reading(g.precious)}", os.O_WRONLY))
 tries("write through /proc/self/root", lambda g: Path(f"/proc/self/root{g.precious}").write_text("gone"))
 tries("write to a terminal", lambda g: os.open(g.terminal, os.O_WRONLY | os.O_NOCTTY))
-tries("write shared memory", lambda g: Path(f"/dev/shm/escapes-{g.victim}").write_text("", encoding="ascii"))  # noqa: S108
 tries("write the limits of one's own use", lambda g: Path("/proc/self/oom_score_adj").write_text("0"))
 
 
@@ -164,10 +163,30 @@ tries(
 )
 tries("a ring that passes by", lambda g: call("io_uring_setup", 4, ctypes.create_string_buffer(120)))
 tries("queues of requests", lambda g: call("io_setup", 1, ctypes.byref(ctypes.c_long())))
-tries("memory of System V", lambda g: call("shmget", 0, 4096, 0o1600))
-tries("semaphores of System V", lambda g: call("semget", 0, 1, 0o1600))
-tries("messages of System V", lambda g: call("msgget", 0, 0o1600))
-tries("a message queue", lambda g: call("mq_open", f"escapes-{g.victim}".encode(), os.O_RDWR | os.O_CREAT, 0o600, None))
+
+
+def _system_v(make: str, remove: str, *arguments: int) -> Callable[[Ground], object]:
+    """Return an attempt that makes something that stays when its process ends, and removes it again."""
+    return lambda _: call(remove, call(make, *arguments), 0, 0)  # IPC_RMID is 0
+
+
+tries("memory of System V", _system_v("shmget", "shmctl", 0, 4096, 0o1600))
+tries("semaphores of System V", lambda g: call("semctl", call("semget", 0, 1, 0o1600), 0, 0))
+tries("messages of System V", _system_v("msgget", "msgctl", 0, 0o1600))
+
+
+@attempt("write shared memory")
+def _shared_memory(ground: Ground) -> None:
+    file = Path(f"/dev/shm/escapes-{ground.victim}")  # noqa: S108 - what shm_open makes
+    file.touch()
+    file.unlink()
+
+
+@attempt("a message queue")
+def _queue(ground: Ground) -> None:
+    name = f"escapes-{ground.victim}".encode()
+    call("mq_open", name, os.O_RDWR | os.O_CREAT, 0o600, None)
+    call("mq_unlink", name)
 
 
 @attempt("a call of another numbering, x32")

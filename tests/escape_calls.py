@@ -6,11 +6,12 @@ __all__ = ["CALL_NUMBERS"]
 
 _TEXT = """
     open:2/- openat:257/56 openat2:437/437 truncate:76/45 creat:85/- fchmodat:268/53 fchmodat2:452/452 chown:92/-
-    lchown:94/- fchownat:260/54 utimensat:280/88 utimes:235/- setxattr:188/5 fsetxattr:190/7 lsetxattr:189/6
-    removexattr:197/14 setxattrat:463/463 removexattrat:466/466 file_setattr:469/469 renameat2:316/276 mknodat:259/33
-    name_to_handle_at:303/264 open_by_handle_at:304/265 splice:275/76 flock:73/32 socket:41/198 socketpair:53/199
-    sendto:44/206 io_uring_setup:425/425 accept:43/202 listen:50/201 bind:49/200 connect:42/203 shmget:29/194
-    semget:64/190 msgget:68/186 mq_open:240/180 kill:62/129 tkill:200/130 tgkill:234/131 rt_sigqueueinfo:129/138
+    shmctl:31/195 semctl:66/191 msgctl:71/187 mq_unlink:241/181 lchown:94/- fchownat:260/54 utimensat:280/88
+    utimes:235/- setxattr:188/5 fsetxattr:190/7 lsetxattr:189/6 removexattr:197/14 setxattrat:463/463
+    removexattrat:466/466 file_setattr:469/469 renameat2:316/276 mknodat:259/33 name_to_handle_at:303/264
+    open_by_handle_at:304/265 splice:275/76 flock:73/32 socket:41/198 socketpair:53/199 sendto:44/206
+    io_uring_setup:425/425 accept:43/202 listen:50/201 bind:49/200 connect:42/203 shmget:29/194 semget:64/190
+    msgget:68/186 mq_open:240/180 kill:62/129 tkill:200/130 tgkill:234/131 rt_sigqueueinfo:129/138
     rt_tgsigqueueinfo:297/240 pidfd_open:434/434 pidfd_send_signal:424/424 pidfd_getfd:438/438 prlimit64:302/261
     sched_setaffinity:203/122 sched_setscheduler:144/119 sched_setparam:142/118 sched_setattr:314/274
     setpriority:141/140 ioprio_set:251/30 ptrace:101/117 process_vm_readv:310/270 process_vm_writev:311/271
