@@ -366,3 +366,18 @@ def test_the_table_of_places(model: wb.DescribedModel, cluster: Cluster) -> None
         Workers(scheduler=cluster, executor=threads)
     assert isinstance(choose(model, Workers(in_process=True))[0], InProcess)
     assert not issubclass(Lost, Reply)
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="semaphores are no files here")  # noqa: S108 - where they are
+def test_a_cluster_that_does_not_end_leaves_no_semaphores() -> None:
+    """Its processes have some with names, which stay in the system when all are killed at once."""
+
+    def named() -> set[int]:
+        return {path.stat().st_ino for path in Path("/dev/shm").glob("sem.mp-*")}  # noqa: S108 - as above
+
+    with LocalCluster(1) as cluster:
+        maps = Path(f"/proc/{cluster.pid}/maps").read_text().splitlines()
+        own = {int(line.split()[4]) for line in maps if "/dev/shm/sem." in line} & named()  # noqa: S108 - as above
+        assert own
+        os.kill(cluster.pid, signal.SIGSTOP)
+    assert not own & named()

@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -20,6 +21,9 @@ __all__ = ["LocalCluster", "distributed", "security", "serve", "started", "three
 
 # So long the processes may take to end in good order [s]. Their results are here, and Ctrl-C is to be obeyed soon.
 _ENDING = 1.0
+
+# So long its workers may take to see that it is gone, and how often that is looked for [s].
+_LEAVING, _PAUSE = 5.0, 0.02
 
 # What Dask does while nothing happens takes 5 % of a core for each process otherwise.
 _IDLE = {
@@ -162,14 +166,28 @@ class LocalCluster(Closable):
         """Number of the scheduler's process, the parent of the workers."""
         return self._process.pid
 
+    def _end_group(self) -> None:
+        """Let the workers end, which see that the scheduler's process is gone, then end by force what is left.
+
+        With them ends the process that gives back the names of their semaphores: killed beside them it gives none.
+        """
+        if os.name != "posix":
+            return
+        until = time.monotonic() + _LEAVING
+        with suppress(OSError):
+            while time.monotonic() < until:
+                os.killpg(self._process.pid, 0)  # until nobody is left; it leads a group
+                self._process.poll()
+                time.sleep(_PAUSE)
+            os.killpg(self._process.pid, signal.SIGKILL)
+
     def close(self) -> None:
         """End it; any number of times."""
         try:
             self._process.communicate(timeout=_ENDING)
         except subprocess.TimeoutExpired:
-            if os.name == "posix":
-                with suppress(OSError):
-                    os.killpg(self._process.pid, signal.SIGKILL)  # its workers, too: it leads a group
+            self._process.kill()
+            self._end_group()
         except (ValueError, OSError):
             pass  # its pipes are closed: this is not the first time
         self._process.kill()
