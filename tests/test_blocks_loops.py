@@ -90,6 +90,7 @@ def test_at_a_kink_one_slope_is_taken_and_both_are_told() -> None:
     assert found.D[0, 0] in (0.5, 1.0)
     (doubt,) = found.doubts
     assert doubt.reason.startswith("a kink at the point: slope 0.5 below, 1 above; the one ")
+    assert doubt.about == "kink"
 
 
 @pytest.mark.parametrize("u", [0.2, 0.9, -0.9])

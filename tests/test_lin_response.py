@@ -14,7 +14,7 @@ from tests.lying_fmus import build_lying
 from workbench.analysis.lin.between import lines
 from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.request import lin
-from workbench.analysis.lin.result import LinResult
+from workbench.analysis.lin.result import Doubt, LinResult
 from workbench.analysis.lin.trial import MoveTrial, smallest, trial_levels
 from workbench.core.matrices import unheld
 from workbench.errors import InputError, SimulationError
@@ -342,6 +342,19 @@ def test_what_moves_within_the_scatter_of_the_runs_is_not_called_without_effect(
     assert all("not known" in z.reason for z in partly.zeros if z.kind == "output")
 
 
+def test_what_a_doubt_is_about_is_not_read_from_its_words() -> None:
+    """Whether 0 means no effect is unknown where the doubt is about that, in whatever words."""
+    with load("fmu:FirstOrderLag") as model:
+        found = lin(model).result
+    still = replace(found, C=0.0 * found.C)
+    (pair,) = still.without_effect
+    for about, known in (("effect", ()), ("value", (pair,))):
+        doubt = Doubt(pair[1], pair[0], 0.0, None, "not known: in other words", about)
+        doubted = replace(still, doubts=(doubt,))
+        assert doubted.without_effect == known
+        assert LinResult.from_dict(doubted.to_dict()).doubts == (doubt,)
+
+
 def test_an_output_that_nothing_moves_has_no_effect_and_no_doubt() -> None:
     """Its answer is 0 to the last bit, or what rounding makes of its size."""
     count = 60
@@ -358,6 +371,7 @@ def test_an_output_that_nothing_moves_has_no_effect_and_no_doubt() -> None:
     assert moved.untested == ("z",)
     assert not moved.why_refused("use nfr")  # y is known
     (doubt,) = moved.doubts(found)
+    assert doubt.about == "effect"
     assert (doubt.row, doubt.column) == ("z", "u")
 
 

@@ -67,7 +67,7 @@ def exact(task: LinTask) -> LinResult:
 
 
 def _warning(doubts: list[Doubt]) -> tuple[str, ...]:
-    if not doubts or all("a kink at the point" in d.reason for d in doubts):
+    if not doubts or all(d.about == "kink" for d in doubts):
         return ()  # each says it of itself
     return (f"directional derivatives disagree with differences in {len(doubts)} entries; use method difference",)
 
@@ -124,5 +124,6 @@ def _apart(columns: Columns, jacobian: Floats, j: int) -> list[Doubt]:
             reason = f"a kink at the point: slope {below:.6g} below, {above:.6g} above; the one {side} is taken"
         else:
             reason = f"the FMU's directional derivative is {value:.6g}, a difference gives {measured:.6g}"
-        found.append(Doubt(columns.rows[i], columns.names[j], value, measured, reason))
+        about = "kink" if sum(sides) == 1 else "value"
+        found.append(Doubt(columns.rows[i], columns.names[j], value, measured, reason, about))
     return found

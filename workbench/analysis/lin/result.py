@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Delayed", "Doubt", "Intersample", "LinResult", "Zero"]
 
-NOT_KNOWN = "not known"  # begins the reason of a doubt about whether there is an effect at all
-
 # Between samples: an interval's begin and end, by the names of the linear model around it.
 _OUTPUTS_OF_STATES = entry(dims=("intervals", 2, "output_names", "state_names"))
 _OUTPUTS_OF_INPUTS = entry(dims=("intervals", 2, "output_names", "input_names"))
@@ -41,6 +39,7 @@ class Doubt(Part):
         value: what stands in the matrix.
         other: what the check found; None where it found no number.
         reason: in one line.
+        about: "value": how large it is; "effect": whether there is any; "kink": it is that of one side, as it should.
     """
 
     row: str
@@ -48,6 +47,7 @@ class Doubt(Part):
     value: float
     other: float | None
     reason: str
+    about: str = "value"
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ class LinResult(Linear, Record):
     @property
     def without_effect(self) -> tuple[tuple[str, str], ...]:
         """Inputs and outputs between which nothing acts, as far as that is known."""
-        unknown = {(d.column, d.row) for d in self.doubts if d.reason.startswith(NOT_KNOWN)}
+        unknown = {(d.column, d.row) for d in self.doubts if d.about == "effect"}
         return tuple(pair for pair in super().without_effect if pair not in unknown)
 
     @property

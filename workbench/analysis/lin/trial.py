@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.analysis.lin.realise import Realisation
-from workbench.analysis.lin.result import NOT_KNOWN, Doubt
+from workbench.analysis.lin.result import Doubt
 from workbench.errors import SimulationError
 from workbench.session.base import Floats
 
@@ -147,8 +147,9 @@ class MoveTrial:
         result = [
             Doubt(
                 self.outputs[i], self.input, float(size[i]), None,
-                f"{NOT_KNOWN}: it moves by {self._size[i]:.3g} when {self.input} moves, no more than the runs scatter "
+                f"not known: it moves by {self._size[i]:.3g} when {self.input} moves, no more than the runs scatter "
                 f"({self._scatter[i]:.3g}); {_REMEDY}",
+                about="effect",
             )
             for i in self._lost
         ]  # fmt: skip

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -45,7 +45,6 @@ class MasterPlan:
         extrapolation: order by which values go on whose source has not been stepped yet: 0, 1 or 2.
         solver: group's unit → name of its solver.
         rtol: relative tolerance of the groups' integration.
-        late: connections that have shown a sample to others only after these had sampled, at the same instant.
     """
 
     units: Units
@@ -57,7 +56,6 @@ class MasterPlan:
     extrapolation: int
     solver: Mapping[int, str]
     rtol: float
-    late: set[int] = field(default_factory=set)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +90,8 @@ class MasterInstance(CompositeInstance):
         slopes: how the connected values changed in the last step and in that before, shape (2, connections) [1/s].
         spans: lengths of these steps, 0 where there was none, shape (2,) [s].
         ticks: unit → its instants, where they are known beforehand.
+        late: connections that have shown a sample to others only after these had sampled, at the same instant; the
+            model's, which all its instances add to.
         next_events: component → its next time event, of those of co-simulation with event mode [s].
     """
 
@@ -103,6 +103,7 @@ class MasterInstance(CompositeInstance):
         self.decided = decided
         self.slopes, self.spans = np.zeros((2, len(connections))), np.zeros(2)
         self.ticks: Mapping[int, tuple[Sampler, ...]] = {}
+        self.late: set[int] = set()
         self.next_events: dict[int, float] = {}
         self.groups = {k: self._group(k) for k, unit in enumerate(decided.units.units) if unit.group is not None}
 

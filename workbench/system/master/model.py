@@ -77,6 +77,7 @@ class MasterModel(DescribedModel):
         self._solvers, notes = _solvers(self._units, recipe.solver)
         self._decided: MasterPlan | None = None
         self._probing = False
+        self._late: set[int] = set()
         setup = _setup(opened, recipe, described)
         master = _master_note(self.order, self._units, recipe)
         super().__init__(
@@ -132,7 +133,9 @@ class MasterModel(DescribedModel):
                 made.append(part.instance())
                 undo.callback(made[-1].close)
             undo.pop_all()
-        return INSTANCE(made, decided, self.description, self._ports, source=self.source)
+        instance = INSTANCE(made, decided, self.description, self._ports, source=self.source)
+        instance.late = self._late
+        return instance
 
     def _own_rates(self) -> DeclaredRates:
         return declared_rates(self._opened.parts)
@@ -180,15 +183,15 @@ class MasterModel(DescribedModel):
             self._probing = before
 
     def remarks(self) -> tuple[str, ...]:
-        told = (*super().remarks(), *self._late())
+        told = (*super().remarks(), *self._shown_late())
         if self.recipe.system.master.extrapolation < 2 or not (why := self.why_replay()):
             return told
         return (*told, f"extrapolation: the first step cannot be repeated and knows no slope: {why}")
 
-    def _late(self) -> list[str]:
+    def _shown_late(self) -> list[str]:
         """Say where samples that coincide are not one event: what has no event mode shows its own after the step."""
         names, connections = [p.name for p in self._opened.parts], self._units.connections
-        late = [connections[i] for i in sorted(self._decided.late)] if self._decided else []
+        late = [connections[i] for i in sorted(self._late)]
         return [
             f"{c.label}: {names[c.from_component]} shows what it samples only after its step, and "
             f"{names[c.to_component]} samples at the same instant: it sees the sample before; give "

@@ -171,7 +171,7 @@ class NativeMaster:
         """Tell the instance where the run ended [s]."""
         master, components = self._instance, self._system.components
         master.stands(time, {number: float(components[number].due) for number in master.next_events})
-        master.decided.late.update(np.flatnonzero(self._late).tolist())
+        master.late.update(np.flatnonzero(self._late).tolist())
 
     def takes(self, number: int) -> str:
         """Return how a unit takes its inputs over a step: "start" or "middle" value, or "slope"."""
