@@ -214,7 +214,7 @@ def test_parts_and_fmus_sample_at_multiples_wherever_a_run_begins(driver: str, i
         {"b": b, "a": reader("a", 0.3)}, [("b.y", "a.u")], inputs={"u": "b.u"}, outputs={"y": "a.y"}, start=start
     )
     first, begun = math.ceil(exact(start) / exact(0.3)), math.ceil(exact(start) / exact(0.1))
-    times: Floats = 0.3 * np.arange(first, first + 20.0) + 0.15
+    times: Floats = 0.3 * np.arange(first, first + 20.0) + 0.02  # before a reader that counts from the start reads
     expected = [3.0 * k - begun + 1.0 for k in range(first, first + 20)]
     assert held(model, times, ["y"], {"u": wb.Constant(1.0)})[0].tolist() == expected
 
