@@ -219,7 +219,7 @@ def _describe(file: str) -> tuple[Any, dict[str, Any]]:
         "fmi": read.fmiVersion,
         "tool": read.generationTool or "",
         "interfaces": dict(_interfaces(read)),
-        "variables": {name: said for v in read.modelVariables for name, said in _variable(v)},
+        "variables": {name: said for v in read.modelVariables if v.alias is None for name, said in _variable(v)},
         "states": int(read.numberOfContinuousStates),
         "experiment": given,
         "asked": asdict(_asked(read, given)),

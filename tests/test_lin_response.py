@@ -334,7 +334,7 @@ def test_what_moves_within_the_scatter_of_the_runs_is_not_called_without_effect(
     with load(build_lying(lies, "random"), "cs") as model:
         with pytest.raises(SimulationError, match=r"y, f move when u does, but by no more than the runs scatter"):
             lin(model, inputs=["u"], du=1e-4)
-        partly = lin(model, inputs=["u"], du=1e-3).result
+        partly = lin(model, inputs=["u"], du=7e-4).result
     told = {(d.row, d.column) for d in partly.doubts if d.reason.startswith("not known")}
     assert told == {("y", "u")}
     assert not partly.without_effect
