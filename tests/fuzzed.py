@@ -11,11 +11,9 @@ import csv
 import io
 import json
 import re
-import sqlite3
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -41,6 +39,7 @@ from workbench.fmi.bundled import bundled_path
 from workbench.fmi.reading import read_description
 from workbench.signal_file import read_table as read_signal
 from workbench.signals import Table
+from workbench.store import _check_sum
 from workbench.study.read import read_study
 from workbench.system.description import SystemDescription
 from workbench.system.read import read_system
@@ -323,8 +322,11 @@ def _store(folder: Path, data: bytes) -> object:
         with kept.store as store:
             given = {"point": point, "value": str(_stored()[0][1])} | ({"point": value} if column == b"point" else {})
             given |= {"value": value} if column in (b"value", b"blob") else {}
-            row = (store._settings, given["point"], given["value"])
-            store._database.execute("INSERT INTO measurements (settings, point, value) VALUES (?, ?, ?)", row)
+            text = value if column == b"text" else store._text
+            texts = [store._settings, given["point"], given["value"], ""]
+            sound = _check_sum(*(str(t) for t in (text, *texts[1:])))  # as who changes it on purpose may, too
+            row = "INSERT INTO measurements (settings, point, value, made, sha256) VALUES (?, ?, ?, ?, ?)"
+            store._database.execute(row, (*texts, sound))
             if column == b"text":
                 store._database.execute("UPDATE settings SET text = ?", (value,))
             return kept.finished(()), kept.finished(("failed",))
@@ -347,9 +349,6 @@ def _database() -> bytes:
         with kept.store as store:
             store.save(str(_stored()[0][0]), json.loads(str(_stored()[0][1])))
         path = Path(name) / "measurements.sqlite"
-        with closing(sqlite3.connect(path)) as database, database:
-            database.execute("PRAGMA journal_mode = DELETE")
-        database.close()
         return path.read_bytes()
 
 

@@ -22,7 +22,7 @@ from workbench.analysis.nfr.request import nfr
 from workbench.analysis.nfr.result import NfrResult
 from workbench.analysis.nfr.run import NfrSweep
 from workbench.cli.app import run
-from workbench.store import FILE_NAME
+from workbench.store import FILE_NAME, _check_sum
 from workbench.workers import Workers
 
 RUDDER = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--amplitude", "0.5,2", "--band", "2:20"]
@@ -116,6 +116,15 @@ def test_what_somebody_has_changed_in_a_store_is_told_with_its_file(changed: str
         with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database, database:
             points = "UPDATE measurements SET value = json_set(value, ?, ?) WHERE point LIKE '(%'"
             database.execute(points, (changed, value))
+        found = nfr(model, "u", "y", [1.0], 1.0, store=tmp_path)
+        assert any("stored values have changed on the disk" in note for note in found.warnings)
+        with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database, database:
+            database.create_function("sum_of", 4, _check_sum)  # whoever sets it means what is there
+            database.execute(points, (changed, value))
+            database.execute(
+                "UPDATE measurements SET sha256 ="
+                " (SELECT sum_of(text, point, value, made) FROM settings WHERE id = settings)"
+            )
         with pytest.raises(wb.InputError, match=f"{FILE_NAME}: is damaged or no store .*{why}"):
             nfr(model, "u", "y", [1.0], 1.0, store=tmp_path)
 

@@ -59,6 +59,7 @@ _COLUMNS = (
 )
 _SAME_SETTINGS = f"{_COLUMNS} WHERE settings.id = ? ORDER BY made"
 _EVERYTHING = f"{_COLUMNS} ORDER BY made"
+_ONE = f"{_COLUMNS} WHERE settings.id = ? AND point = ?"
 _SAME_SUBJECT = f"{_COLUMNS} WHERE settings.subject = ? ORDER BY made"
 _INSERT = "INSERT OR REPLACE INTO measurements (settings, point, value, made, sha256) VALUES (?, ?, ?, ?, ?)"
 
@@ -129,7 +130,7 @@ class Store(Closable):
         (layout,) = database.execute("PRAGMA user_version").fetchone()
         if tables and layout != _LAYOUT:
             age = "a newer" if layout > _LAYOUT else "an older"
-            raise InputError(f"{self.path}: was made by {age} workbench; name another folder for the store")
+            raise InputError(f"{self.path}: was made by {age} workbench; move it away or name another folder")
         # EXTRA also flushes the folder: a journal that came back after a power cut would undo the last point.
         database.execute("PRAGMA synchronous = EXTRA")
         marks = f"PRAGMA application_id = {_APPLICATION}; PRAGMA user_version = {_LAYOUT};"
@@ -165,13 +166,17 @@ class Store(Closable):
         """Return the values measured under exactly these settings, by point."""
         return {m.point: m.value for m in self._select(_SAME_SETTINGS, self._settings)}
 
+    def get(self, point: str) -> Any:  # noqa: ANN401 - as it went in
+        """Return the value of one point, measured under exactly these settings; None: there is none."""
+        return next((m.value for m in self._select(_ONE, self._settings, point)), None)
+
     def latest(self) -> dict[str, StoredMeasurement]:
         """Return the newest measurement of each point of the subject, whatever the effort."""
         return {m.point: m for m in self._select(_SAME_SUBJECT, _hash(self._subject))}
 
-    def _select(self, query: str, key: int | str) -> list[StoredMeasurement]:
+    def _select(self, query: str, *keys: int | str) -> list[StoredMeasurement]:
         with self.told_in_one_line():
-            rows: list[_Row] = self._database.execute(query, (key,)).fetchall()
+            rows: list[_Row] = self._database.execute(query, keys).fetchall()
             self.damaged += [repr(row[2]) for row in rows if not _is_sound(row) and repr(row[2]) not in self.damaged]
             sound = filter(_is_sound, rows)
             return [StoredMeasurement(row[2], from_json(row[3]), from_json(row[1])["effort"]) for row in sound]

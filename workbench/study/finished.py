@@ -9,13 +9,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter
 
 from workbench import __version__
 from workbench.core.closable import Closable
-from workbench.core.parsing import from_json
 from workbench.core.scratch import remove, scratch_folder
 from workbench.errors import InputError
 from workbench.store import Store
@@ -29,17 +27,6 @@ FOLDER = ".workbench-store"
 _UNFINISHED = "unfinished"
 _FORGOTTEN = 30 * 86400.0  # what was left behind is removed after this time [s]
 _LAYOUT = 1  # to be raised when what is stored changes
-_ONE = "SELECT value FROM measurements WHERE settings = ? AND point = ?"
-
-
-class _Results(Store):
-    """A store of outcomes, of which a study reads its own only: others may be large."""
-
-    def get(self, point: str) -> dict[str, Any] | None:
-        """Return what was saved under a name, if anything was."""
-        with self.told_in_one_line():
-            row = self._database.execute(_ONE, (self._settings, point)).fetchone()
-            return None if row is None else dict(from_json(row[0]))
 
 
 def _name(run: Run) -> str:
@@ -71,7 +58,7 @@ class Finished(Closable):
         self._fresh, self._keeps = fresh, folder is not None
         self._temporary = scratch_folder("study") if folder is None else None
         self.folder = folder or self._temporary or Path()
-        self._opened: _Results | None = None
+        self._opened: Store | None = None
         self._tidied = False
 
     def load(self, run: Run) -> Outcome | None:
@@ -149,10 +136,14 @@ class Finished(Closable):
             if time.time() - left.stat().st_mtime > _FORGOTTEN:
                 shutil.rmtree(left, ignore_errors=True)
 
-    def _results(self) -> _Results:
+    def _results(self) -> Store:
         if self._opened is None:
-            self._opened = _Results(self.folder, subject={"study": _LAYOUT, "workbench": __version__}, effort={})
+            self._opened = Store(self.folder, subject={"study": _LAYOUT, "workbench": __version__}, effort={})
         return self._opened
+
+    def remarks(self) -> list[str]:
+        """Return what was found damaged in the store, in a line."""
+        return [] if self._opened is None else self._opened.remarks()
 
     def close(self) -> None:
         """Close the files, and remove what was not to be kept. Any number of times."""

@@ -106,6 +106,7 @@ class StudyRun:
                 check_runs(self.study, execution.missing)
                 execution.execute(workers(), progress)
             checked = self._checked(finished, execution)
+            damage = finished.remarks()
         return StudyResult(
             study=self.study,
             runs={run: execution.outcomes[run] for run in self.plan.runs if run in execution.outcomes},
@@ -113,7 +114,7 @@ class StudyRun:
             measured=execution.measured,
             reused=reused,
             missing=len(execution.missing),
-            notes=(*self.plan.notes, *execution.afterwards),
+            notes=(*self.plan.notes, *damage, *execution.afterwards),
             command=command,
         )
 

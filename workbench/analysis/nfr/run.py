@@ -139,7 +139,7 @@ class Sweep:
             self._zero_input = self._store.zero_input()
             self._standing = self._store.standing() or self._standing
             self._second = self._store.second(self._frequencies)
-            self.notes += self._store.store.remarks()
+            self._told_of += self._store.store.remarks()
         for a in self._amplitudes:
             keys = [(a, f) for f in self._frequencies]
             if not self._asked.carry or all(k in known for k in keys):
