@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
@@ -273,6 +274,14 @@ def _told(status: int) -> Callable[[Request, Exception], Response]:
     return answer
 
 
+class _Static(StaticFiles):
+    """The page's own files."""
+
+    def lookup_path(self, path: str) -> tuple[str, os.stat_result | None]:
+        """Older versions hand such a name to the system, which takes it for a fault of the program."""
+        return ("", None) if "\0" in path else super().lookup_path(path)
+
+
 def app_of(desk: Desk) -> Starlette:
     """Return the application that answers for a desk; `Guard` stands before it.
 
@@ -298,7 +307,7 @@ def app_of(desk: Desk) -> Starlette:
         Route("/api/text", server.keep, methods=["POST"]),
         Route("/api/diagram", server.diagram, methods=["POST"]),
         Route("/api/study.toml", server.study),
-        Mount("/static", StaticFiles(directory=STATIC)),
+        Mount("/static", _Static(directory=STATIC)),
     ]
     errors: Mapping[Any, Any] = {NotHereError: _told(404), WorkbenchError: _told(422), HTTPException: _told(500)}
     return Starlette(routes=routes, exception_handlers=errors)
