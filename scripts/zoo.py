@@ -353,9 +353,11 @@ def _compared(ours: dict[str, Any], theirs: oracle.Run, asked: oracle.Asked) -> 
     for signal in sorted(set(ours["signals"]) & set(theirs.signals)):
         y, truth = np.array(ours["signals"][signal], dtype=float)[common], theirs.signals[signal]
         shifts = (-1e-6 * step, 0.0, 1e-6 * step)
-        gaps = np.minimum.reduce([np.abs(np.interp(when[common] + s, at, truth) - y) for s in shifts])
-        size = max(float(np.ptp(truth)), 1e-6 * float(np.max(np.abs(truth), initial=0.0)), 1e-12)
-        off = float(np.max(gaps, initial=0.0)) / size
+        gaps = np.fmin.reduce([np.abs(np.interp(when[common] + s, at, truth) - y) for s in shifts])
+        missing = np.isnan(y) & np.isnan(np.interp(when[common], at, truth))  # in both runs
+        known = truth[np.isfinite(truth)]
+        size = max(float(np.ptp(known)), 1e-6 * float(np.max(np.abs(known), initial=0.0)), 1e-12) if len(known) else 1.0
+        off = float(np.max(gaps[~missing], initial=0.0)) / size
         if not off <= worst:
             worst, name = off, signal
     verdict = "ok" if worst <= AGREE else "disagrees"

@@ -219,7 +219,6 @@ def test_a_linearised_fmu_is_exported_and_linearised_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("workbench.toolchain.PLATFORMS", host_only())
-    monkeypatch.setattr("workbench.build.fmu.PLATFORMS", host_only())
     with load("fmu:Rudder") as model:
         first = lin(model).result
     source, target, report = (tmp_path / name for name in ("lin.json", "again.fmu", "report.json"))

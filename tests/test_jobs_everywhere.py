@@ -38,7 +38,7 @@ def heard(monkeypatch: pytest.MonkeyPatch, folder: Path) -> list[float]:
     found: list[float] = []
     monkeypatch.chdir(folder)
     monkeypatch.setattr(Bar, "update", lambda _, done, __: found.append(done))
-    monkeypatch.setattr("workbench.build.fmu.PLATFORMS", host_only())
+    monkeypatch.setattr("workbench.toolchain.PLATFORMS", host_only())
     return found
 
 

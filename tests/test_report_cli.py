@@ -48,7 +48,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def folder(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     shutil.copytree(files, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("workbench.build.fmu.PLATFORMS", host_only())
+    monkeypatch.setattr("workbench.toolchain.PLATFORMS", host_only())
     return tmp_path
 
 

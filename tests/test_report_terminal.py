@@ -71,4 +71,4 @@ def test_a_sine_that_ends_after_whole_periods_ends_at_0() -> None:
         units={"u": "rad", "lost": None}, model="M", interface="me", solver="gear",
     )  # fmt: skip
     _, values = simulate.simulate_page(result).sections
-    assert values.tables[0].rows == [("u", "rad", "0", "0", "-1", "1"), ("lost", "", *["nan"] * 4)]
+    assert values.tables[0].rows == [("u", "rad", "0", "0", "-1", "1"), ("lost", "", *["–"] * 4)]

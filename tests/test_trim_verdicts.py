@@ -115,8 +115,8 @@ def test_a_constant_drift_is_no_equilibrium(drift: float, nominal: dict[str, flo
     assert "der(x) does not react to any unknown" in result.message
 
 
-def test_a_constant_drift_beside_what_rests_is_no_equilibrium() -> None:
-    result = trim(Plant(Equations(x={"x": 1.0, "y": 0.0}, f=lambda v: [v["x"] - 2.0, 1e-9])))
+def test_a_constant_drift_that_something_depends_on_is_no_equilibrium() -> None:
+    result = trim(Plant(Equations(x={"x": 1.0, "y": 0.0}, f=lambda v: [v["x"] - 2.0 + 1e-3 * v["y"], 1e-9])))
     assert not result.converged
     assert "der(y)" in result.message
 
