@@ -13,6 +13,7 @@ import pytest
 
 from docs.tools.examples import blocks_of, compare, pictures_of, run_page
 from docs.tools.given import provide
+from tests.gemseo import WITHOUT_GEMSEO
 
 __all__ = ["DOCS", "check_page", "first_column", "pages", "text_of", "with_examples"]
 
@@ -44,9 +45,7 @@ def check_page(page: str, folder: Path) -> None:
     if page in NEEDS_BUILD and importlib.util.find_spec("ziglang") is None:
         pytest.skip("the page builds an FMU, which needs ziglang: pip install 'fmi-workbench[build]'")
     if not provide(text, folder):
-        pytest.skip(
-            "the page runs OpenModelica's FMUs of the package gemseo-fmu, whose binaries are for Linux on x86_64 only"
-        )
+        pytest.skip(f"the page {WITHOUT_GEMSEO}")
     wrong = list(compare(run_page(text, folder)))
     for owner, picture in pictures_of(text):
         if owner != Path(page).stem or not (folder / picture).is_file():

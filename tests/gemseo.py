@@ -9,13 +9,15 @@ from pathlib import Path
 
 import pytest
 
-__all__ = ["gemseo_fmu", "gemseo_folder", "needs_gemseo"]
+__all__ = ["WITHOUT_GEMSEO", "gemseo_fmu", "gemseo_folder", "needs_gemseo"]
 
 _RUNNABLE = sys.platform == "linux" and platform.machine() == "x86_64"
 _spec = importlib.util.find_spec("gemseo_fmu")
-needs_gemseo = pytest.mark.skipif(
-    _spec is None or not _RUNNABLE, reason="the FMUs of the package gemseo-fmu hold binaries for Linux on x86_64 only"
+WITHOUT_GEMSEO = (
+    "needs OpenModelica's FMUs of the package gemseo-fmu, which scripts/dev.py installs, and Linux on x86_64, the only "
+    "platform that they have binaries for"
 )
+needs_gemseo = pytest.mark.skipif(_spec is None or not _RUNNABLE, reason=WITHOUT_GEMSEO)
 
 
 def gemseo_fmu(name: str) -> Path:

@@ -124,9 +124,9 @@ class FakeC:
         info._obj.nextEventTime = next_time
         return OK
 
-    # The promise that no earlier state will be restored is not given where one is kept.
+    # The promise that no earlier state will be restored is given where none is kept, and then alone.
     def _promised(self, never_back: int) -> bool:
-        return not (never_back and self.saved)
+        return bool(never_back) == (not self.saved)
 
     def fmi2CompletedIntegratorStep(self, _c: Any, never_back: int, event: Any, _terminate: Any) -> int:
         event._obj.value = int(self.m.wants_event())

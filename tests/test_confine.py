@@ -7,7 +7,6 @@ import math
 import os
 import pickle
 import socket
-import sys
 import tracemalloc
 from collections import deque
 from collections.abc import Iterator
@@ -311,7 +310,6 @@ def test_answers_of_a_task_have_a_limit(monkeypatch: pytest.MonkeyPatch) -> None
         in_records(np.zeros(20_000))
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="tracemalloc is exact enough, but only one system is needed")
 @pytest.mark.parametrize(
     "part",
     [

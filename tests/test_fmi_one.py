@@ -106,7 +106,7 @@ class FakeOne(FakeC):
         return 0
 
     def fmi1DoStep(self, _c: Any, t: float, h: float, _new: bytes) -> int:
-        return self.fmi2DoStep(_c, t, h, 0)
+        return self.fmi2DoStep(_c, t, h, 1)  # FMI 1.0 keeps no states
 
     def fmi1Terminate(self, _c: Any) -> int:
         return 0

@@ -112,7 +112,7 @@ def test_a_changed_digit_is_told_and_counts_as_not_measured(tmp_path: Path) -> N
     with store(tmp_path) as third:
         assert third.load() == {"p": {"gain": 2.0}, "q": {"gain": 1.0}}
         assert not third.remarks()
-    assert [found.values for found in contents(tmp_path)] == [{"q": {"gain": 1.0}, "p": {"gain": 2.0}}]
+    assert [found.values for found in contents(tmp_path)[0]] == [{"q": {"gain": 1.0}, "p": {"gain": 2.0}}]
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -176,6 +176,18 @@ def test_a_damaged_row_is_measured_again(tmp_path: Path) -> None:
     assert len(run()) == 1
     assert not run()
     assert truths[0] == truths[1] == truths[2]
+
+
+def test_what_is_read_whole_tells_what_is_damaged(tmp_path: Path) -> None:
+    with store(tmp_path) as first:
+        first.save("p", 1.25)
+        first.save("q", 2.5)
+    path = tmp_path / FILE_NAME
+    path.write_bytes(path.read_bytes().replace(b"1.25", b"1.35"))
+    (found,), (remark,) = contents(tmp_path)
+    assert found.values == {"q": 2.5}
+    assert "1 stored values have changed on the disk" in remark
+    assert "'p'" in remark
 
 
 def test_a_full_disk_is_told(tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import pickle
 from collections.abc import Mapping
-from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import control
@@ -389,26 +389,14 @@ step = 0.05
 
 def test_clocks_of_a_description_are_instants() -> None:
     """Also those that count: one third of a second, which no decimal is."""
-    said = [
-        ClockVariable(name="a", interval_variability=Word("constant"), interval_decimal=0.02),
-        ClockVariable(
-            causality=Word("input"),
-            name="b",
-            interval_variability=Word("constant"),
-            interval_decimal=0.04,
-            shift_decimal=0.01,
-        ),
-        ClockVariable(name="c", interval_variability=Word("triggered")),
-        ClockVariable(
-            causality=Word("input"),
-            name="d",
-            interval_variability=Word("fixed"),
-            interval_counter=1,
-            shift_counter=2,
-            resolution=3,
-        ),
+    ticking = partial(ClockVariable, causality=Word("input"))
+    constant, fixed, triggered = Word("constant"), Word("fixed"), Word("triggered")
+    declared = [
+        ticking(name="a", interval_variability=constant, interval_decimal=0.02),
+        ticking(name="b", interval_variability=constant, interval_decimal=0.04, shift_decimal=0.01),
+        ticking(name="c", interval_variability=triggered),
+        ticking(name="d", interval_variability=fixed, interval_counter=1, shift_counter=2, resolution=3),
     ]
-    declared = [replace(clock, causality=Word("input")) for clock in said]
     assert periodic(clocks_of(declared, {})) == (
         Sampler(Fraction(1, 50)), Sampler(Fraction(1, 25), Fraction(1, 100)), Sampler(Fraction(1, 3), Fraction(2, 3))
     )  # fmt: skip

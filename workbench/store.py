@@ -31,7 +31,7 @@ _APPLICATION, _LAYOUT = 0x464D4957, 2
 # Longest time that one process waits for another's write [s].
 _PATIENCE = 30.0
 
-# So many damaged points are named.
+# Damaged points that are named in a remark.
 _SHOWN = 3
 
 _PRIMARY = 0xFF  # bits of SQLite's error codes that are not the details
@@ -183,11 +183,7 @@ class Store(Closable):
 
     def remarks(self) -> list[str]:
         """Return what was found damaged, in a line."""
-        if not self.damaged:
-            return []
-        which = ", ".join(self.damaged[:_SHOWN]) + ", …" * (len(self.damaged) > _SHOWN)
-        what = f"{len(self.damaged)} stored values have changed on the disk since they were measured ({which})"
-        return [f"{self.path}: {what} and count as not measured: is the disk failing?"]
+        return _remarks(self.path, self.damaged)
 
     @contextmanager
     def told_in_one_line(self, kind: type[WorkbenchError] = InputError) -> Iterator[None]:
@@ -251,8 +247,8 @@ class StoredSet:
     values: dict[str, Any]
 
 
-def contents(folder: str | Path) -> list[StoredSet]:
-    """Return everything that a store holds; nothing in it is changed.
+def contents(folder: str | Path) -> tuple[list[StoredSet], list[str]]:
+    """Return everything that a store holds, and what was found damaged, in a line; nothing in it is changed.
 
     Args:
         folder: of the store.
@@ -264,8 +260,8 @@ def contents(folder: str | Path) -> list[StoredSet]:
     found: dict[int, StoredSet] = {}
     try:
         with closing(_connected(f"{path.absolute().as_uri()}?mode=rw", uri=True)) as database:
-            for row in filter(_is_sound, database.execute(_EVERYTHING).fetchall()):
-                number, text, point, value, *_ = row
+            rows: list[_Row] = database.execute(_EVERYTHING).fetchall()
+            for number, text, point, value, *_ in filter(_is_sound, rows):
                 if number not in found:
                     settings = from_json(text)
                     found[number] = StoredSet(dict(settings["subject"]), dict(settings["effort"]), {})
@@ -274,7 +270,15 @@ def contents(folder: str | Path) -> list[StoredSet]:
         raise InputError(f"{path}: {_why_unusable(error)}") from None
     except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged or no store of the workbench ({_first_line(error)})") from None
-    return list(found.values())
+    return list(found.values()), _remarks(path, [repr(row[2]) for row in rows if not _is_sound(row)])
+
+
+def _remarks(path: Path, damaged: list[str]) -> list[str]:
+    if not damaged:
+        return []
+    which = ", ".join(damaged[:_SHOWN]) + ", …" * (len(damaged) > _SHOWN)
+    what = f"{len(damaged)} stored values have changed on the disk since they were measured ({which})"
+    return [f"{path}: {what} and count as not measured: is the disk failing?"]
 
 
 def _connected(name: str | Path, *, uri: bool = False) -> sqlite3.Connection:

@@ -76,7 +76,7 @@ _ALLOWED = """
     tkill:200/130 tgkill:234/131 rt_sigaction:13/134 rt_sigprocmask:14/135 rt_sigreturn:15/139 rt_sigpending:127/136
     rt_sigtimedwait:128/137 rt_sigsuspend:130/133 sigaltstack:131/132 pause:34/- rt_sigqueueinfo:129/138
     rt_tgsigqueueinfo:297/240
-    # limits, priority and place: each of the process itself only, see `_CONDITIONS`
+    # limits, priority and place: each of the process itself only, see `CONDITIONS`
     prlimit64:302/261 setrlimit:160/164 getrlimit:97/163 setpriority:141/140 getpriority:140/141
     sched_setaffinity:203/122 sched_getaffinity:204/123 sched_setscheduler:144/119 sched_getscheduler:145/120
     sched_setparam:142/118 sched_getparam:143/121 sched_setattr:314/274 sched_getattr:315/275

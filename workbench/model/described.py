@@ -96,12 +96,13 @@ class DescribedModel(Model):
         self.outputs = self._with("output")
         self.parameters = self._with(*_PARAMETERS)
         self.states = description.states
+        own = self._own_rates()
         self._setup = dataclasses.replace(
             setup,
             open_instance=self.new_instance,
             state_works=self._state_works,
             slopes_act=self.slopes_act,
-            samplers=(*self._own_rates().samplers, *self._own_rates().clocks),
+            samplers=(*own.samplers, *own.clocks),
         )
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self.recipe, self.at = recipe, recipe.at

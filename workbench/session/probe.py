@@ -35,17 +35,16 @@ def why_state_fails(open_session: Callable[[Setup], FmuSession], setup: Setup) -
             difference = _difference(session)
             if difference or session.instance.interface != "cs":
                 return difference
-        free, kept = (_course(open_session, setup, kept) for kept in (0, 1))
+        free, kept = (_course(open_session, scratch, keep=keep) for keep in (False, True))
     except WorkbenchError as error:
         return f"it fails: {error}"
     return "" if _alike(free, kept) else "while a state is kept it makes other steps (noSetFMUStatePriorToCurrentPoint)"
 
 
-def _course(open_session: Callable[[Setup], FmuSession], setup: Setup, kept: int) -> list[float]:
-    """Return the values after two steps, as if so many states were kept."""
-    with open_session(dataclasses.replace(setup, state_works=lambda: False)) as session:
-        for part in session.instance.parts:
-            part.saved.value += kept
+def _course(open_session: Callable[[Setup], FmuSession], setup: Setup, *, keep: bool) -> list[float]:
+    """Return the values after two steps, while a state from before them is kept or none."""
+    with open_session(setup) as session:
+        _kept = session.snapshot() if keep else None
         span, names = _probed(session)
         return [x for shift in (0.125, 0.5) for x in _run(session, names, span, shift)]
 

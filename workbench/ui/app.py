@@ -41,7 +41,7 @@ _REPORT = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inl
 _PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
 _ALIVE = 15.0  # a stream says so often that it is there [s]
 _LARGEST = 1 << 20  # of what is sent here [byte]
-_DIGITS = 18  # so many have numbers of works and events, at most
+_DIGITS = 18  # of the number of a work or an event, at most
 
 
 class _Server:
@@ -182,7 +182,8 @@ class _Server:
     def store(self, request: Request) -> Response:
         """Answer with the frequency responses of a store."""
         name = request.query_params.get("name", "")
-        return JSONResponse({"name": name, "curves": stored_curves(self.desk.root.path(name))})
+        curves, notes = stored_curves(self.desk.root.path(name))
+        return JSONResponse({"name": name, "curves": curves, "notes": notes})
 
     def text(self, request: Request) -> Response:
         """Answer with the text of a system or a study."""

@@ -136,8 +136,8 @@ _CURVES_OF: Mapping[str, Callable[[Any], Iterator[dict[str, Any]]]] = {
 }  # fmt: skip
 
 
-def stored_curves(folder: Path) -> list[dict[str, Any]]:
-    """Return the frequency responses that a store holds, each with the settings under which it was measured.
+def stored_curves(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the frequency responses that a store holds, each with its settings, and remarks on what is damaged.
 
     Args:
         folder: of the store.
@@ -148,7 +148,8 @@ def stored_curves(folder: Path) -> list[dict[str, Any]]:
     from workbench.analysis.nfr.point import NfrPoint  # noqa: PLC0415 - as above
 
     found = []
-    for number, stored in enumerate(contents(folder), 1):
+    every, remarks = contents(folder)
+    for number, stored in enumerate(every, 1):
         rows = [value["point"] for value in stored.values.values() if isinstance(value, dict) and "point" in value]
         points = sorted((NfrPoint.from_dict(row) for row in rows), key=lambda p: (p.amplitude, p.frequency))
         names = {name: str(stored.subject.get(name, "")) for name in ("input", "output")}
@@ -163,7 +164,7 @@ def stored_curves(folder: Path) -> list[dict[str, Any]]:
             more = {"amplitude": amplitude, "status": [p.status for p in own], "stable": [p.stable for p in own]}
             curve = _of_response(response, label, "measured", points=[p.to_dict() for p in own], **more)
             found.append({**curve, "settings": {**stored.subject, **stored.effort}})
-    return [plain(curve) for curve in found]
+    return [plain(curve) for curve in found], remarks
 
 
 def signals_of(record: object) -> dict[str, Any] | None:

@@ -73,7 +73,7 @@ Task = Callable[[Any, Any], Iterator[Any]]
 # Longest time that a worker without a parent may take to clean up [s].
 _FAREWELL = 5.0
 
-# So long after the end of its pipe a process may still have its lock [s].
+# A process may still hold its lock for this time after its pipe has ended [s].
 _PARTING = 0.5
 
 # The recipe of a task that has no model.

@@ -39,7 +39,7 @@ _CONNECT = 10.0  # [s]
 _PATIENCE = 60.0  # without any worker [s]
 _CLOSING = 1.0  # [s]
 _WAIT = 0.1  # [s] between two checks for a request to stop
-_LOOK = 1.0  # [s]: so often is looked how many workers there are
+_LOOK = 1.0  # [s] between two counts of the workers
 
 _WORTH = 1.0  # [s]: work in a batch
 _REMEMBERED = 8  # batches from whose times the size of the next follows

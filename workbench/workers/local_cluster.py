@@ -19,10 +19,10 @@ from workbench.errors import InputError
 
 __all__ = ["LocalCluster", "distributed", "security", "serve", "started", "three"]
 
-# So long the processes may take to end in good order [s]. Their results are here, and Ctrl-C is to be obeyed soon.
+# Time for the processes to end in good order [s]. Their results are here, and Ctrl-C is to be obeyed soon.
 _ENDING = 1.0
 
-# So long its workers may take to see that it is gone, and how often that is looked for [s].
+# Time for its workers to notice that it is gone, and between two checks whether they have ended [s].
 _LEAVING, _PAUSE = 5.0, 0.02
 
 # What Dask does while nothing happens takes 5 % of a core for each process otherwise.

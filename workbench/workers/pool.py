@@ -33,7 +33,7 @@ from workbench.workers.twice import ENOUGH, Sample
 
 __all__ = ["Pool", "died"]
 
-# So often is looked whether somebody wants to stop, and whether a worker is dead though its channel is open [s].
+# Between two checks for a request to stop, and for a worker that died with its channel open [s].
 _PATIENCE = 0.1
 
 # What was asked to end soon is ended by force after so long [s].
@@ -134,7 +134,7 @@ class Pool(Runner):
 
     def _dispatch(self, task: Task, jobs: deque[Any]) -> None:
         for worker in self._workers[:]:
-            if worker.ready and not worker.usable:  # it ended while it had nothing to do, which concerns nobody
+            if worker.ready and not worker.usable:  # it ended while idle: no task is lost
                 self._workers.remove(worker)
                 self._note(worker)
                 worker.kill()

@@ -33,13 +33,13 @@ __all__ = ["AFTERWARDS", "WorkerProcess", "keep", "kept", "prepare"]
 _DYING = 5.0
 _PAUSE = 0.005
 
-# So long a worker may take to import what a task needs, whatever the time limit of the FMU [s].
+# Time for a worker to import what a task needs, whatever the time limit of the FMU [s].
 _IMPORTS = 60.0
 
 # When all its results are there, an FMU ends its run and is freed within this time [s].
 AFTERWARDS = 30.0
 
-# So long a process that went beyond its memory may take to say so [s].
+# Time for a process that exceeded its memory to say so [s].
 _SILENT = 5.0
 
 # Of what an FMU prints, this much is shown; the file is emptied when it is longer [byte].

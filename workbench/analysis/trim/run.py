@@ -161,14 +161,14 @@ class _Trim:
             return problem, solution, note
         sets = replace(self.sets, floating=names)
         freer = sized(pose(problem.balance, sets))
-        solution_of, note_of = search(self.model, freer, tolerance=tolerance, slowest=self.slowest, exact=exact)
-        if not solution_of.converged:
+        resting, remark = search(self.model, freer, tolerance=tolerance, slowest=self.slowest, exact=exact)
+        if not resting.converged:
             return problem, solution, note
         self.sets = sets
         verb = "moves, since nothing depends on it" if len(names) == 1 else "move, since nothing depends on them"
         asked = " ".join(f"--float {name}" for name in names)
         self.notes.append(f"{', '.join(names)} {verb}, as {asked} asks for")
-        return freer, solution_of, note_of
+        return freer, resting, remark
 
     def _probe(self, problem: Problem) -> bool:
         if not problem.unknowns or exact_agrees(problem):

@@ -50,13 +50,13 @@ export async function comparePage([store]) {
 
 /** The responses that a store holds, as they were measured. */
 async function storePage(name) {
-  const { curves } = await get(`/api/store?name=${encodeURIComponent(name)}`);
+  const { curves, notes } = await get(`/api/store?name=${encodeURIComponent(name)}`);
   const bode = new Bode({ title: `Store ${name}.` });
   bode.show(curves);
   const settings = new Map(curves.map((c) => [c.label.split(":")[0], c.settings]));
   return {
     title: name,
-    element: h("div", {}, h("h1", {}, `Store ${name}`), h("p", { class: "dim" }, `${curves.length} responses, as they were measured; pin them to compare.`), bode.element,
+    element: h("div", {}, h("h1", {}, `Store ${name}`), h("p", { class: "dim" }, `${curves.length} responses, as they were measured; pin them to compare.`), notes.map((note) => h("p", { class: "watch" }, note)), bode.element,
       [...settings].map(([label, s]) => h("details", {}, h("summary", {}, label), table(["setting", "value"], Object.entries(s).map(([k, v]) => [k, typeof v === "object" ? JSON.stringify(v) : String(v)]))))),
   };
 }
