@@ -14,15 +14,22 @@ import pytest
 
 import workbench as wb
 from tests.command_lines import LINES, write_files
-from workbench.analysis.commands import REQUESTS
+from workbench.analysis.commands import REQUESTS, request_of
 from workbench.analysis.simulate.request import Simulate
 from workbench.analysis.simulate.result import SimulationResult
 from workbench.cli.app import run
 from workbench.core.job import Job
 from workbench.core.progress import Bar
-from workbench.core.where import Worker
+from workbench.core.where import InWorker, Worker
 from workbench.errors import StoppedError
 from workbench.toolchain import host_only
+
+# The lines that run in a worker, in this process.
+_HERE = [
+    (name, "--in-process")
+    for name, (line, _) in LINES.items()
+    if "--in-process" not in line and issubclass(request_of(name), InWorker)
+]
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +81,33 @@ def test_it_ends_at_ctrl_c_with_what_it_has(
     written = json.loads(out.read_text(encoding="utf-8"))
     assert written["failure"]["kind"] == "cancelled"
     assert not kept or kept in written
+
+
+@pytest.mark.parametrize(("name", "where"), [*((name, "") for name in LINES), *_HERE])
+def test_ctrl_c_when_all_is_done_loses_nothing(
+    name: str,
+    where: str,
+    folder: Path,
+    heard: list[float],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    line = LINES[name][0]
+
+    def interrupt(_: Bar, done: float, __: str) -> None:
+        if done == 1.0 and 1.0 not in heard:
+            os.kill(os.getpid(), signal.SIGINT)
+        heard.append(done)
+
+    monkeypatch.setattr(Bar, "update", interrupt)
+    monkeypatch.setattr("workbench.workers.pool._GRACE", 60.0)
+    whole, out = folder / f"{name}_whole.json", folder / f"{name}_out.json"
+    assert run([name, *line.split(), *where.split(), "--json", str(out)]) == 130, capsys.readouterr().err
+    cut = json.loads(out.read_text(encoding="utf-8"))
+    assert cut.pop("failure")["kind"] == "cancelled"
+    heard[:] = [1.0]
+    assert run([name, *line.split(), *where.split(), "--json", str(whole)]) == 0
+    assert set(json.loads(whole.read_text(encoding="utf-8"))) <= set(cut)
 
 
 def test_python_hands_out_what_there_is_with_the_interrupt() -> None:

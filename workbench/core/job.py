@@ -82,21 +82,22 @@ class Job:
             KeyboardInterrupt: the job was stopped; the record is what there was until then.
         """
         self.partial = lambda: record
-        if self.stopped:
-            raise KeyboardInterrupt
         done, total = self.reached
-        if done < max(total, 1):
+        if done < max(total, 1) and not self.stopped:
             self.stage(1, 1)
             self.done(what, max(total, 1), max(total, 1))
+        if self.stopped:
+            raise KeyboardInterrupt
 
     def stop(self) -> None:
         """Let the analysis end soon; a signal handler may call it.
 
         Raises:
-            KeyboardInterrupt: the analysis has no other way to end.
+            KeyboardInterrupt: the analysis has no other way to end, and is not about to return its answer.
         """
         self.stopped = True
-        if not self._ends:
+        done, total = self.reached
+        if not self._ends and (done < max(total, 1) or self.checking):
             raise KeyboardInterrupt
         for end in self._ends:
             end()

@@ -158,7 +158,7 @@ class Work:
             self.points.append(point)
         words, index = (str(what), None) if point is None else ("", len(self.points) - 1)
         self._tell("progress", done=done, total=total, words=words, point=point, index=index)
-        if self._job.stopped:
+        if self._job.stopped and done < total:  # else the answer comes at once
             raise KeyboardInterrupt
 
     def to_dict(self) -> dict[str, Any]:

@@ -49,8 +49,24 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     begin, remarks = point_in_full(model, asked)
     how = Lin(**begin, method=asked.method, inputs=(), outputs=())
     width = _width(asked, grid)
-    found, common, moving = [], dict(asked.set or {}), list[str]()
-    first: OperatingPoint | None = None
+    found, common, moving = list[ModeSet](), dict(asked.set or {}), list[str]()
+    first: list[OperatingPoint] = []
+    unit = next((v.unit for v in model.description.variables if v.name == vary), None)
+
+    def result() -> ModesResult:
+        return ModesResult(
+            model=model.name,
+            interface=model.interface,
+            parameter=vary,
+            unit=unit,
+            sets=tuple(found),
+            tolerance=width,
+            notes=(*remarks, *moving, *_which(found, asked), *_notes(found, vary)),
+            operating_point=first[0] if first else None,
+            followed=asked.count,
+        )
+
+    job.partial = lambda: result() if found else None
     configured = [with_parameters(model, {**common, **settings}) for settings in ({}, *against)]
     for place, (settings, opened) in enumerate(zip(({}, *against), configured, strict=True), 1):
         job.stage(place, len(configured))
@@ -60,21 +76,8 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
         _check_enough(source, grid, vary)
         found.append(_one_set(source, grid, label, dict(settings), asked))
         moving += _moving(source, label)
-        first = first or next(
-            (r.operating_point for v in grid if (r := source.results.get(float(v))) is not None), None
-        )
-    unit = next((v.unit for v in model.description.variables if v.name == vary), None)
-    return ModesResult(
-        model=model.name,
-        interface=model.interface,
-        parameter=vary,
-        unit=unit,
-        sets=tuple(found),
-        tolerance=width,
-        notes=(*remarks, *moving, *_which(found, asked), *_notes(found, vary)),
-        operating_point=first,
-        followed=asked.count,
-    )
+        first += [source.results[float(v)].operating_point for v in grid if v in source.results]
+    return result()
 
 
 def _own(model: DescribedModel, common: Settings, against: Sequence[Settings]) -> Settings:

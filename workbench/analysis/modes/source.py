@@ -135,7 +135,7 @@ class ModelSource:
         """
         for done, point in enumerate(self._points(values, workers, job), 1):
             self._take(point)
-            job.done(label, done, len(values))
+            job.done(label, done, len(values) + 1)  # they are still to be followed
 
     def __call__(self, value: float) -> Poles | None:
         """Return the poles at a value; None: there is no linear model.
