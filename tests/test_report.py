@@ -198,6 +198,18 @@ def test_several_pictures_fit_into_one_page(tmp_path: Path) -> None:
     assert labels == ["one  quoted   word ", "two"]
 
 
+def test_images_that_are_alike_have_names_of_their_own(tmp_path: Path) -> None:
+    def draw() -> Figure:
+        figure = Figure((4.0, 2.0))
+        for left in (0.0, 0.5):
+            figure.add_axes((left, 0.0, 0.5, 1.0)).imshow([[0.0, 1.0], [1.0, 0.0]])
+        return figure
+
+    write_page(page(sections=[Section("S", figures=[(draw, "two squares")])]), tmp_path / "p.html")
+    found = check_page_file(tmp_path / "p.html")
+    assert sum(e.tag == "image" for e in found.elements) == 2
+
+
 @pytest.mark.parametrize("name", ["page.txt", "page", "page.png"])
 def test_a_report_is_named_html(tmp_path: Path, name: str) -> None:
     with pytest.raises(wb.InputError, match=r"name it \.html"):

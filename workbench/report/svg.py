@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -29,7 +30,15 @@ def svg_of(figure: Figure, prefix: str, words: str) -> str:
     text = text[text.index("<svg") :]
     # Names of vocabularies on the net: nothing would be fetched, but a page that stands alone need not have any.
     text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r'\bid="', f'id="{prefix}-', text)
+    # Matplotlib names an image by its pixels, and two alike by the same name; nothing refers to either.
+    met: Counter[str] = Counter()
+
+    def named(found: re.Match[str]) -> str:
+        met[found[1]] += 1
+        again = f"-{met[found[1]]}" if met[found[1]] > 1 else ""
+        return f'id="{prefix}-{found[1]}{again}"'
+
+    text = re.sub(r'\bid="([^"]*)"', named, text)
     text = re.sub(r'(href="#|url\(#)', rf"\1{prefix}-", text)
     # The page gives the width; the view box keeps the proportions.
     label = re.sub(r'[<>"&]', " ", words)
