@@ -114,6 +114,10 @@ MIMICS = {
         flags='canBeInstantiatedOnlyOncePerProcess="true"',
     ),
     "resources": Mimic("JModelica: refuses to start without its folder of resources, which is empty", "resources"),
+    "overshoots": Mimic(
+        "20-sim: a fixed step of its own, and always whole ones, up to the communication point or past it",
+        "overshoots", _CS, experiment='startTime="0" stopTime="5" stepSize="0.01"',
+    ),
     "repeats": Mimic(
         "fmiCpp: a step that may be taken back is taken for one that is to be made again", "repeats", _CS
     ),

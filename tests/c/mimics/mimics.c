@@ -15,6 +15,8 @@
  *   memory       takes its memory from the callbacks
  *   fast         was compiled with -ffast-math: tiny numbers are zero for the whole process from then on
  *   handles      sets a handler of a signal, as run-time systems of other languages do
+ *   overshoots   Co-Simulation of Runge and Kutta's method with a fixed step of 0.01 s; the first that ends at or after the
+ *                communication point is its last
  *   undefined    y is not a number from 0.5 s on
  *   discards     discards derivatives at trial points far from the last step
  *   resources    cannot be instantiated where the folder of its resources is not there, empty as it is
@@ -35,12 +37,12 @@
 
 typedef enum {
     PLAIN, DYMOLA, SIMULINK, UNLIKE, SILENT, TOOL, WARNS, NOMINALS, FORMATS, MEMORY, FAST, HANDLES, DISCARDS,
-    FORGETS, RESOURCES, REPEATS, STATICS, UNDEFINED, N_WAYS
+    FORGETS, RESOURCES, REPEATS, STATICS, OVERSHOOTS, UNDEFINED, N_WAYS
 } Way;
 static const char *const names[N_WAYS] = {"plain",    "dymola",  "simulink", "unlike", "silent",  "tool",    "warns",
                                           "nominals", "formats", "memory",   "fast",   "handles", "discards",
                                           "forgets",  "resources", "repeats", "statics",
-                                          "undefined"};
+                                          "overshoots", "undefined"};
 
 /* As in OpenModelica's runtime, where it holds a thread-specific key; here none was taken, as in co-simulation there. */
 __attribute__((visibility("default"))) unsigned mmc_thread_data_key;
@@ -48,7 +50,7 @@ __attribute__((visibility("default"))) unsigned mmc_thread_data_key;
 enum { VR_TIME, VR_U, VR_X, VR_V, VR_DER_X, VR_DER_V, VR_Y, VR_C, VR_D, N_VALUES, NX = 2 };
 static const double START[N_VALUES] = {[VR_U] = 1.0, [VR_C] = 100.0, [VR_D] = 4.0};
 static const double OWN_STEP = 1e-3;    /* of the integrators in Co-Simulation [s] */
-static const double FIXED_STEP = 1e-2;  /* of "simulink" [s] */
+static const double FIXED_STEP = 1e-2;  /* of "simulink" and "overshoots" [s] */
 static const double FAR = 0.5;          /* of "discards": from v at the last completed step */
 
 typedef enum { INSTANTIATED, INITIALISING, EVENT, CONTINUOUS, STEPPING, ENDED } Mode;
@@ -62,6 +64,7 @@ typedef struct {
     double accepted;          /* v at the last completed step */
     double scale[NX];
     double shown;             /* y of "simulink" */
+    double reached;           /* time of "overshoots": of its last own step */
     double before[NX];        /* states at the begin of the last step */
     double v[N_VALUES];
     const fmi2CallbackFunctions *callbacks;
@@ -197,7 +200,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean controlled, fmi2Real
         model->v[VR_C] = START[VR_C];
         model->v[VR_D] = START[VR_D];
     }
-    model->v[VR_TIME] = start;
+    model->v[VR_TIME] = model->reached = start;
     return said(model, model->mode == INSTANTIATED);
 }
 
@@ -429,6 +432,10 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
         while (now + 0.5 * own < end) {
             advance(model, own);
             now += own;
+        }
+    } else if (model->way == OVERSHOOTS) {
+        for (; model->reached < end; model->reached += FIXED_STEP) {
+            advance(model, FIXED_STEP);
         }
     } else {
         const int n = (int)ceil(step / own - 1e-9);

@@ -14,11 +14,11 @@ from workbench.analysis.branches.result import BranchesResult
 from workbench.analysis.branches.run import run as follow_branches
 from workbench.analysis.nfr.apart import OWN
 from workbench.analysis.nfr.error import CANCELLED, INTEGRATION, PER_PERIOD, Evidence
-from workbench.analysis.nfr.own_solver import hidden
+from workbench.analysis.nfr.own_solver import hidden, own_step
 from workbench.analysis.nfr.point import ArrivedError, NfrPoint, PointTask, run_point
 from workbench.analysis.nfr.reached import Approach, contracts
 from workbench.analysis.nfr.solved import NotSolvedError, Search, can_solve, solve_point
-from workbench.analysis.nfr.step import NOT_TIGHTER, OF_HALVING, SHORTER, at_step, checked, refine, wider
+from workbench.analysis.nfr.step import NOT_TIGHTER, OF_HALVING, SHORTER, at_own_step, at_step, checked, refine, wider
 from workbench.analysis.nfr.surroundings import Surroundings, surroundings
 from workbench.analysis.nfr.zero_input import ZeroInput, watch
 from workbench.core import job as telling
@@ -69,14 +69,14 @@ class SurroundingsJob(Job):
     """Find out what is known where the runs start.
 
     Attributes:
-        input, output: names of the variables.
+        task: names, the highest frequency and the smallest amplitude.
     """
 
-    input: str
-    output: str
+    task: PointTask
 
     def run(self, model: Model) -> Iterator[Surroundings]:
-        yield surroundings(model, self.input, self.output)
+        found = surroundings(model, self.task.input, self.task.output)
+        yield replace(found, own_step=own_step(model, replace(self.task, rates=found.rates)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,10 +105,12 @@ class PointsJob(Job):
                 return iter(refine(self.tasks, partial(self._held, model), _EVENTS_ONLY))
             return self._verified(model) if self.verify else self._pass(*self._exact_enough(model))
 
-        measured = partial(self._finer, model)
+        measured, way = partial(self._finer, model), model.way_out(SHORTER)
         if self.step is None:
-            return iter(refine(self.tasks, measured, model.way_out(SHORTER)))
-        return iter(at_step(self.tasks, self.step, measured, model.way_out(SHORTER)))
+            points = refine(self.tasks, measured, way)
+        else:
+            points = at_step(self.tasks, self.step, measured, way)
+        return iter(at_own_step(points, self.tasks, self.tasks[0].own_step, measured))
 
     def _finer(self, model: Model, tasks: Sequence[PointTask], halvings: int) -> list[NfrPoint]:
         """Measure co-simulation; the tolerance falls with the step, as often as that was halved.

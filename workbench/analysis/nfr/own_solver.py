@@ -1,4 +1,4 @@
-"""Whether a co-simulation shows what its own solver gets wrong."""
+"""What a co-simulation shows of its own solver: what that gets wrong, and steps longer than those it is asked for."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.session.base import Floats
 
-__all__ = ["hidden"]
+__all__ = ["hidden", "own_step"]
 
 _STEPS = 64  # communication steps that are watched
+_PERIODS = 2  # of a sine, for steps of the FMU's own
+_FEWEST = 3  # jumps between stretches at rest that make a step of its own
+_UNEVEN = 2  # communication steps: both ends of such a stretch are rounded to them
 
 
 def hidden(model: Model, task: PointTask) -> str:
@@ -54,3 +57,35 @@ def _watched(model: Model, task: PointTask, step: float, parts: int) -> Floats:
         record = session.advance(float(points[-1]), signals={task.input: stepped}, record=(task.output,), points=points)
         at = np.searchsorted(record.time, points - 0.25 * step / parts)
         return record.values[task.output][at]
+
+
+def own_step(model: Model, task: PointTask) -> float:
+    """Return how long the output stands still between two jumps while the input moves all the time [s].
+
+    An FMU whose solver makes steps of its own that are longer than the communication step moves at some of the
+    communication points only, each time after as many, and so does one that samples: from outside they are alike. An
+    output that stands still now and then (a dead zone, a coarse converter) moves at other times, too, or irregularly.
+
+    Args:
+        model: stays open.
+        task: names, rows, and the highest frequency, whose communication steps are the shortest; the size of the sine.
+
+    Returns:
+        That time; 0: there is no such time, or it is less than two steps of a run with twice the rows.
+    """
+    if model.interface != "cs" or model.controls_step() or task.rates:
+        return 0.0
+    step = 1.0 / (2 * task.rows * task.frequency)
+    sine = task.sine(model.start_time)
+    points = (model.start_time + step * np.arange(1, 2 * _PERIODS * task.rows + 1)).astype(np.float64)
+    try:
+        with model.open_session(signals={task.input: sine}, step=step) as session:
+            rows = session.advance(float(points[-1]), signals={task.input: sine}, record=(task.output,), points=points)
+    except WorkbenchError:  # the points tell
+        return 0.0
+    record = rows.right_limits()
+    jumps = np.flatnonzero(np.diff(record.values[task.output]))
+    gaps = np.diff(jumps)
+    if len(jumps) < _FEWEST or gaps.min() < 2 or np.ptp(gaps) > _UNEVEN:
+        return 0.0
+    return float(record.time[jumps[-1]] - record.time[jumps[0]]) / len(gaps)

@@ -61,6 +61,7 @@ class PointTask:
         rtol: relative tolerance of the workbench's own integration; 0: nothing is integrated, or not by it.
         method: "auto": solved for where the model allows that; "settle": always waited for.
         moves: how far the output moves while the input is at rest [unit of the output]; 0: not at all, or not known.
+        own_step: of a co-simulation, for how long the output stands still between its own steps [s]; 0: it does not.
     """
 
     input: str
@@ -78,6 +79,7 @@ class PointTask:
     rtol: float = 0.0
     method: str = "auto"
     moves: float = 0.0
+    own_step: float = 0.0
 
     def evidence(self, start: Floats | None = None) -> Evidence:
         """Return what is known of the point before it is measured.

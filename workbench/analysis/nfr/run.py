@@ -270,7 +270,7 @@ class Sweep:
 
     def _look(self, runner: Runner) -> None:
         """Find out what the model shows of itself, and does by itself, before anything is measured."""
-        jobs: list[Job] = [SurroundingsJob(input=self._asked.input, output=self._asked.output)]
+        jobs: list[Job] = [SurroundingsJob(task=self._task(max(self._frequencies), self._amplitudes[0]))]
         watched = self._asked.drift_check and self._zero_input is None
         if watched or self._standing is None:
             jobs.append(StartJob(task=self._task(min(self._frequencies), self._amplitudes[0]), watched=watched))
@@ -317,6 +317,7 @@ class Sweep:
             # What events move from outside is not seen in the equations.
             method="settle" if moves and zero.events else self._asked.method,
             moves=moves,
+            own_step=self._surroundings.own_step,
         )
 
     def _stoppable(self, job: Job) -> Job:

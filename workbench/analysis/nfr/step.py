@@ -6,11 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from workbench.analysis.nfr.certificate import finite
 from workbench.analysis.nfr.point import NfrPoint, PointTask, change
 from workbench.errors import EndedError, InputError
 
-__all__ = ["NOT_TIGHTER", "OF_HALVING", "at_step", "checked", "refine", "rows_of_step", "wider"]
+__all__ = ["NOT_TIGHTER", "OF_HALVING", "at_own_step", "at_step", "checked", "refine", "rows_of_step", "wider"]
 
 # Points may cost this many communication steps each, all repetitions together.
 _MOST_STEPS = 400_000
@@ -32,6 +34,7 @@ OF_HALVING = 0.125
 _TELL = 0.01
 
 _FEWEST_ROWS = 4
+_SAME = 1e-6  # of a step: rounding
 
 # Why a point that settled by itself is not called so.
 _DEPENDS = "half the communication step gives a different result"
@@ -145,6 +148,42 @@ def at_step(tasks: Sequence[PointTask], step: float, run: Run, way: str) -> list
     return [checked(p, h, by="step", words=words, why=why, times=1.0 + _LEFT) for p, h in pairs]
 
 
+def at_own_step(points: Sequence[NfrPoint], tasks: Sequence[PointTask], own: float, run: Run) -> list[NfrPoint]:
+    """Return points with what it may cost that the FMU was asked for steps shorter than its own.
+
+    Between its own steps it holds input and output, whatever the communication step: half of that changes nothing, and
+    the error does not show the holds. A model that samples is right with them; one that is continuous is not. What a
+    communication step as long as the FMU's own changes (one hold less, and the delay of points between its steps), and
+    the factor 1 / sinc(f T) of the hold that is left there, come to the error, which then holds for both.
+
+    Args:
+        points: measured.
+        tasks: theirs.
+        own: the FMU's own step [s]; 0: it has none, or none that shows.
+        run: measures them in the order given.
+    """
+    if not any(_below(p, own) for p in points):
+        return list(points)
+    others = run([replace(t, rows=max(_FEWEST_ROWS, _rows_in(t.frequency, own)), fixed_step=True) for t in tasks], 0)
+    words = f"a communication step as long as the FMU's own, {own:.3g} s,"
+    why = f"the output moves every {own:.3g} s only; unless the model samples, use that as --step"
+    found = zip(points, others, strict=True)
+    return [_held(p, checked(p, o, by="step", words=words, why=why, times=_LEFT), own, why) for p, o in found]
+
+
+def _held(point: NfrPoint, compared: NfrPoint, own: float, why: str) -> NfrPoint:
+    """Return `compared` with the hold that is left at the FMU's own step [s] in its error, where it matters."""
+    if not _below(point, own):
+        return point
+    left = float(np.sinc(point.frequency * own)) if point.frequency * own < 1.0 else 0.0
+    return wider(compared, 1.0 / left - 1.0 if left else math.inf, why)
+
+
+def _below(point: NfrPoint, own: float) -> bool:
+    """Whether at least two communication steps of a point make one of the FMU's own [s]."""
+    return point.reason is None and point.step is not None and 2.0 * point.step <= own * (1.0 + _SAME)
+
+
 def _at_step_of(task: PointTask, step: float) -> PointTask:
     """Return a task with so long a communication step, or slightly less [s].
 
@@ -225,8 +264,7 @@ def rows_of_step(frequency: float, step: float) -> int:
     Raises:
         InputError: too few to show a sine.
     """
-    # A quotient within rounding of a whole number is that number.
-    rows = math.ceil(1.0 / (frequency * step) - 1e-9)
+    rows = _rows_in(frequency, step)
     if rows < _FEWEST_ROWS:
         longest = 1.0 / (_FEWEST_ROWS * frequency)
         raise InputError(
@@ -234,6 +272,11 @@ def rows_of_step(frequency: float, step: float) -> int:
             f"steps, so use at most {longest:.3g} s"
         )
     return rows
+
+
+def _rows_in(frequency: float, step: float) -> int:
+    """Return how many steps of at most that length make a period; what is a whole number but for rounding is one."""
+    return math.ceil(1.0 / (frequency * step) - 1e-9)
 
 
 def _cost(tasks: Sequence[PointTask], points: Sequence[NfrPoint]) -> int:

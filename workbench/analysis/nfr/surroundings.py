@@ -212,11 +212,13 @@ class Surroundings:
         linear: the linear model from input to output; None: there is none.
         rates: sample periods [s], rising; none: it is continuous, or does not show any.
         notes: what is behind the rates, where that is not plain.
+        own_step: of a co-simulation, for how long the output stands still between its own steps [s]; 0: it does not.
     """
 
     linear: LinearStart | None = None
     rates: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
+    own_step: float = 0.0
 
 
 def surroundings(model: Model, input: str, output: str) -> Surroundings:
