@@ -118,6 +118,7 @@ MIMICS = {
         "20-sim: a fixed step of its own, and always whole ones, up to the communication point or past it",
         "overshoots", _CS, experiment='startTime="0" stopTime="5" stepSize="0.01"',
     ),
+    "slow": Mimic("Dymola: two seconds for each that is simulated", "slow", _CS),
     "repeats": Mimic(
         "fmiCpp: a step that may be taken back is taken for one that is to be made again", "repeats", _CS
     ),

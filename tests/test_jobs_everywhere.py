@@ -10,13 +10,19 @@ import os
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import workbench as wb
 from tests.command_lines import LINES, write_files
+from tests.mimic_fmus import build_mimic
 from workbench.analysis.commands import REQUESTS, request_of
+from workbench.analysis.lin.request import Lin
+from workbench.analysis.lin.result import LinResult
 from workbench.analysis.simulate.request import Simulate
 from workbench.analysis.simulate.result import SimulationResult
+from workbench.analysis.trim.request import Trim
+from workbench.analysis.trim.result import TrimResult
 from workbench.cli.app import run
 from workbench.core.job import Job
 from workbench.core.progress import Bar
@@ -138,3 +144,47 @@ def test_a_system_that_python_steps_is_stopped_between_its_steps(folder: Path, p
     assert cut.ended_at == float(cut.time[-1])
     assert 0.0 < cut.ended_at < 1e4
     assert told[0][1] == 100
+
+
+def _stopped(asked: Lin | Trim, model: wb.Model, after: int) -> tuple[object, list[str]]:
+    """Return what there is of a request that is stopped when so many parts are done, and what it said."""
+    said: list[str] = []
+
+    def stop(_: object, done: int, __: int) -> None:
+        if done >= after:
+            job.stop()
+
+    job = Job(stop)
+    job.say = said.append
+    with pytest.raises(KeyboardInterrupt):
+        asked.run(model, job)
+    return job.partial(), said
+
+
+def test_a_slow_trim_says_what_it_costs_and_leaves_its_best_point(tmp_path: Path) -> None:
+    """Also from a worker, and at a time limit: what was told last is kept."""
+    with wb.load(build_mimic(tmp_path, "slow"), interface="cs") as model:
+        best, said = _stopped(Trim(workers=Worker()), model, 1)
+    assert isinstance(best, TrimResult)
+    assert not best.converged
+    assert best.operating_point.time == pytest.approx(64 * 0.02)
+    assert best.operating_point.y["y"] == pytest.approx(1.0, abs=0.2)
+    assert [r.name for r in best.residuals] == ["movement of output y"]
+    assert len(said) == 1
+    assert "a second of this model takes" in said[0]
+
+
+def test_a_slow_linearisation_says_what_it_costs_and_leaves_what_nothing_has_tested(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("workbench.analysis.lin.response.SLOW", 0.0)
+    with wb.load(build_mimic(tmp_path, "orderly"), interface="cs") as model:
+        before, said = _stopped(Lin(workers=Worker(in_process=True)), model, 1)
+        found, _ = _stopped(Lin(workers=Worker(in_process=True)), model, 4)
+    assert before is None
+    assert len(said) == 1
+    assert "at least 4 are coming" in said[0]
+    assert isinstance(found, LinResult)
+    assert [d.column for d in found.doubts] == ["u"]
+    natural = np.abs(np.log(np.linalg.eigvals(found.A).astype(complex))) / found.dt
+    assert np.min(np.abs(natural - 10.0)) < 0.01

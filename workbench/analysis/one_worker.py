@@ -50,6 +50,13 @@ class _Told:
 
 
 @dataclass(frozen=True)
+class _Said:
+    """What is of use only while a job runs, see `Job.say`."""
+
+    words: str
+
+
+@dataclass(frozen=True)
 class _Ended:
     """What a request gave, or what there was when it was stopped.
 
@@ -109,6 +116,7 @@ def _perform(model: Model | None, whole: _Whole) -> Iterator[_Ended]:
             job.stop()
 
     job, stopped = telling.Job(progress), False
+    job.say = lambda words: tell(_Said(words), finished=False)
     try:
         with at_pauses(stop_if_wanted):
             record = _here(model if whole.subject is None else whole.subject, whole.asked, job)
@@ -203,6 +211,8 @@ def _heard(events: Iterator[Any], job: telling.Job) -> _Ended:
     for event in events:
         if isinstance(event, Reply) and isinstance(event.value, _Ended):
             found = event.value
+        elif isinstance(event, Reply) and isinstance(event.value, _Said):
+            job.say(event.value.words)
         elif isinstance(event, Reply):
             told = event.value
             whole = told if told.checking else whole

@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["Job", "Progress"]
+__all__ = ["SLOW", "Job", "Progress"]
+
+SLOW = 20.0  # [s]: what will take longer is said before it begins
 
 Progress = Callable[[Any, int, int], None]
 """Is called with what was finished (a point, or words for it), how many are done, and how many there are in all."""

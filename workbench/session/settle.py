@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,7 @@ def settle(
     longest: float,
     tolerance: float,
     least: float = 0.0,
+    told: Callable[[Settled], None] = lambda _: None,
 ) -> Settled:
     """Run a session in stretches, each as long as all before it, until nothing moves.
 
@@ -70,6 +71,7 @@ def settle(
         longest: of the whole run [s].
         tolerance: see above.
         least: of the whole run [s].
+        told: is called with where the run is after each stretch that does not end it.
 
     Raises:
         SimulationError: the model fails on the way.
@@ -92,6 +94,8 @@ def settle(
         still = (ranges <= tolerance * scale) & ((ranges <= DECAY * before) | (ranges <= 1e-3 * tolerance * scale))
         if still.all() and np.isfinite(before).all() and session.time - begin >= least:
             return Settled(session.time, values, ranges, seen, settled=True)
+        here = Settled(session.time, values, ranges, seen, settled=False)
         if session.time + 2.0 * stretch - begin > longest:
-            return Settled(session.time, values, ranges, seen, settled=False)
+            return here
+        told(here)
         before, stretch = ranges, session.time - begin

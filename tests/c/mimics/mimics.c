@@ -17,17 +17,21 @@
  *   handles      sets a handler of a signal, as run-time systems of other languages do
  *   overshoots   Co-Simulation of Runge and Kutta's method with a fixed step of 0.01 s; the first that ends at or after the
  *                communication point is its last
+ *   slow         takes 2 ms for each of its own steps, of 1 ms
  *   undefined    y is not a number from 0.5 s on
  *   discards     discards derivatives at trial points far from the last step
  *   resources    cannot be instantiated where the folder of its resources is not there, empty as it is
  *   repeats      takes a step that it is not promised to be final for one that is to be made again
  *   statics      has what only one instance can use; a second one in the same copy of the code ends the process
  */
+#define _POSIX_C_SOURCE 199309L /* nanosleep */
+
 #include <math.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 
 #include "fmi2Functions.h"
 
@@ -37,12 +41,12 @@
 
 typedef enum {
     PLAIN, DYMOLA, SIMULINK, UNLIKE, SILENT, TOOL, WARNS, NOMINALS, FORMATS, MEMORY, FAST, HANDLES, DISCARDS,
-    FORGETS, RESOURCES, REPEATS, STATICS, OVERSHOOTS, UNDEFINED, N_WAYS
+    FORGETS, RESOURCES, REPEATS, STATICS, OVERSHOOTS, SLOW, UNDEFINED, N_WAYS
 } Way;
 static const char *const names[N_WAYS] = {"plain",    "dymola",  "simulink", "unlike", "silent",  "tool",    "warns",
                                           "nominals", "formats", "memory",   "fast",   "handles", "discards",
                                           "forgets",  "resources", "repeats", "statics",
-                                          "overshoots", "undefined"};
+                                          "overshoots", "slow", "undefined"};
 
 /* As in OpenModelica's runtime, where it holds a thread-specific key; here none was taken, as in co-simulation there. */
 __attribute__((visibility("default"))) unsigned mmc_thread_data_key;
@@ -380,6 +384,9 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
 
 static void advance(Model *model, double h)
 {
+    if (model->way == SLOW) {
+        nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL);
+    }
     evaluate(model);
     const double now[NX] = {model->v[VR_DER_X], model->v[VR_DER_V]};
     if (model->way == SIMULINK) {

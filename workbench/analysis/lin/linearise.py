@@ -24,9 +24,9 @@ from workbench.system.description import BlockComponent, Component, LinearCompon
 __all__ = ["choose", "linearise", "plain", "run"]
 
 
-def linearise(model: Model, asked: Lin, _job: Job) -> LinResult:
+def linearise(model: Model, asked: Lin, job: Job) -> LinResult:
     """Linearise a model; see `Lin`."""
-    task = make_task(model, asked)
+    task = replace(make_task(model, asked), job=job)
     if not task.inputs and not _shows_states(task):
         raise InputError(
             f"{task.model.name}: a linear model needs an input or states, and this interface shows neither"

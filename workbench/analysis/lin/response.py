@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,11 +15,13 @@ from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.result import Doubt, Intersample, LinResult, Zero
 from workbench.analysis.lin.task import LinTask, moving_note, width_for
 from workbench.analysis.lin.trial import DOUBT, MoveTrial, accepted, smallest, trial_levels
+from workbench.core.job import SLOW, Job
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError, WorkbenchError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import DescribedModel, Model
 from workbench.model.names import check_variables
+from workbench.model.placing import named
 from workbench.model.recipe import LoadRecipe
 from workbench.session.base import Floats, Recorded, Session, Snapshot
 from workbench.signals import Constant, Signal
@@ -83,12 +87,14 @@ def response(task: LinTask) -> LinResult:
         raise InputError("method response: it needs an input and an output")
     if task.points < 8:
         raise InputError(f"points: {task.points} are too few for a realisation; at least 8 are needed")
-    first = _tried(task)
-    if first.error <= DOUBT or (recipe := _tighter(task)) is None:
+    recipe = _tighter(task)
+    runs = _Runs(task.job, 1 if recipe is None else 2)
+    first = _tried(task, runs)
+    if first.error <= DOUBT or recipe is None:
         return first.given()
     try:
         with recipe.open() as model:
-            second = _tried(replace(task, model=model))
+            second = _tried(replace(task, model=model), runs)
     except WorkbenchError:  # it takes no such tolerance
         return first.given()
     if second.result is None or not second.error < first.error:
@@ -99,6 +105,38 @@ def response(task: LinTask) -> LinResult:
         "--tolerance sets another"
     )
     return replace(second.given(), notes=(*second.given().notes, why))
+
+
+@dataclass
+class _Runs:
+    """Tells of the runs of a linearisation, and what they cost.
+
+    Attributes:
+        job: is told.
+        attempts: with different tolerances, that there may be.
+        done: runs made.
+        left: runs that are still to come, at least 1 as long as it is not over.
+    """
+
+    job: Job
+    attempts: int
+    done: int = 0
+    left: int = 0
+
+    def begin(self, count: int, cost: float) -> None:
+        """Tell what is coming: so many runs, of so many seconds each [s]."""
+        if not self.done and count * cost > SLOW:
+            self.job.say(
+                f"a run takes about {cost:.2g} s, and at least {count} are coming, {count * cost:.2g} s in all: fewer "
+                "--points or --inputs take less"
+            )
+        self.left = max(self.left, self.attempts * count)
+
+    def ran(self, seconds: float) -> None:
+        """Tell that one more is finished, which took so long [s]."""
+        self.done, self.left = self.done + 1, max(self.left - 1, 1)
+        total = self.done + self.left
+        self.job.done(f"run {self.done} of about {total}, {seconds:.2g} s each", self.done, total)
 
 
 @dataclass(frozen=True)
@@ -134,17 +172,19 @@ def _tighter(task: LinTask) -> LoadRecipe | None:
     return replace(recipe, tolerance=TOLERANCE)
 
 
-def _tried(task: LinTask) -> _Tried:
+def _tried(task: LinTask, runs: _Runs) -> _Tried:
     try:
-        return _identified(task, _period(task))
+        return _identified(task, _period(task), runs)
     except SimulationError as error:
         return _Tried(None, np.inf, error)
 
 
-def _identified(task: LinTask, period: float) -> _Tried:
+def _identified(task: LinTask, period: float, told: _Runs) -> _Tried:
     """Return the linear model, and how well it predicts runs that it was not made from."""
+    begun = time.monotonic()
     with _open(task, period) as session:
-        setting = _Setting.of(task, session, period)
+        told.begin(1 + 3 * len(task.inputs), task.points * (time.monotonic() - begun))
+        setting = _Setting.of(task, session, period, told)
         pulses = setting.measure()
         longer = "use a longer period, or nfr"
         way = task.model.way_out(longer) if task.model.interface == "cs" else longer
@@ -334,6 +374,7 @@ class _Setting:
         widths: of the task's inputs, shape (m,).
         lead: time by which the input changes before the samples of a sampled model, and after them the output is
             read [s].
+        told: of each run.
     """
 
     task: LinTask
@@ -343,9 +384,10 @@ class _Setting:
     u0: Mapping[str, float]
     widths: Floats
     lead: float
+    told: _Runs
 
     @classmethod
-    def of(cls, task: LinTask, session: Session, period: float) -> _Setting:
+    def of(cls, task: LinTask, session: Session, period: float, told: _Runs) -> _Setting:
         """Collect them."""
         u0 = session.values([v.name for v in task.model.inputs if v.is_number])
         variables = {v.name: v for v in task.model.inputs}
@@ -353,20 +395,36 @@ class _Setting:
         usual = np.array([_default(variables[n], u0[n]) for n in task.inputs])
         widths = np.where(np.isnan(given), usual, given)
         forced = {n: u0[n] for n in task.inputs}
-        return cls(task, session, session.snapshot(), period, forced, widths, _lead(task, period))
+        return cls(task, session, session.snapshot(), period, forced, widths, _lead(task, period), told)
 
     def measure(self) -> _Pulses:
         """Return the answers to one pulse at each input."""
-        base = self._run({})
-        columns = [self._column(n, w, base) for n, w in zip(self.task.inputs, self.widths.tolist(), strict=True)]
-        widths = {n: c.width for n, c in zip(self.task.inputs, columns, strict=True)}
+        point, base, columns = self.point(), self._run({}), list[_Column]()
+        for name, width in zip(self.task.inputs, self.widths.tolist(), strict=True):
+            columns.append(self._column(name, width, base))
+            self.task.job.partial = partial(self._so_far, point, self._pulses(base, columns), len(columns))
+        return self._pulses(base, columns)
+
+    def _so_far(self, point: OperatingPoint, pulses: _Pulses, count: int) -> LinResult:
+        """Return the linear model of the inputs that were moved so far, which nothing has tested."""
+        task = replace(self.task, inputs=self.task.inputs[:count])
+        found = realise(pulses.markov, noise=pulses.noise, order=task.order)
+        result = _result(task, found, named(task.model, point), self.period, lines(found, self.period, sampled=False))
+        doubts = [*pulses.doubts, *(d for n in task.inputs for d in _untested(result, n))]
+        left = dict.fromkeys(self.task.inputs[count:], "the end came before it was moved")
+        return replace(result, why="ended before it was tested", doubts=tuple(doubts), refused=left)
+
+    def _pulses(self, base: Floats, columns: Sequence[_Column]) -> _Pulses:
+        """Return what the pulses at the first inputs gave."""
+        inputs = self.task.inputs[: len(columns)]
+        widths = {n: c.width for n, c in zip(inputs, columns, strict=True)}
         return _Pulses(
             markov=np.stack([c.found for c in columns], axis=-1),
             noise=np.stack([c.noise for c in columns], axis=-1),
             base=base,
             widths=widths,
-            widened=tuple(n for n, w in zip(self.task.inputs, self.widths.tolist(), strict=True) if widths[n] > w),
-            doubts=[d for n, c in zip(self.task.inputs, columns, strict=True) for d in self._doubts(n, c)],
+            widened=tuple(n for n, w in zip(inputs, self.widths.tolist(), strict=False) if widths[n] > w),
+            doubts=[d for n, c in zip(inputs, columns, strict=True) for d in self._doubts(n, c)],
             runs=1 + sum(c.runs for c in columns),
         )
 
@@ -375,6 +433,7 @@ class _Setting:
         best = self._pair(name, width, base, runs=0)
         runs = best.runs
         while best.worst > QUIET and self._may_be(name, WIDER * best.width, width):
+            self.told.left += 2
             wider = self._pair(name, WIDER * best.width, base, runs=runs)
             runs = wider.runs
             if not wider.better_than(best):
@@ -447,7 +506,7 @@ class _Setting:
             count: k; None: as many as the task records.
             parts: of each period.
         """
-        session, task, h = self.session, self.task, self.period
+        session, task, h, begun = self.session, self.task, self.period, time.monotonic()
         session.restore(self.start)
         begin, count = session.time, task.points if count is None else count
         times: Floats = begin + 2.0 * self.lead + h / parts * np.arange(float(count * parts))
@@ -465,6 +524,7 @@ class _Setting:
             until = float(times[-1]) + h / parts if last == count else begin + h * last
             record = session.advance(until, signals=signals, record=task.outputs, points=later if len(later) else None)
             pieces.append(_rows(record, own, h / parts, task.outputs))
+        self.told.ran(time.monotonic() - begun)
         return np.vstack(pieces)
 
     def acts_at_samples(self) -> bool:
@@ -505,6 +565,13 @@ class _Setting:
             units={v.name: v.unit for v in variables},
             time=session.time,
         )
+
+
+def _untested(result: LinResult, input: str) -> Iterator[Doubt]:
+    """Yield a doubt about each entry of an input."""
+    for i, output in enumerate(result.output_names):
+        why = "ended before other pulses and a step at this input could test it"
+        yield Doubt(output, input, float(result.D[i, result.input_names.index(input)]), None, why)
 
 
 def _default(variable: Variable, value: float) -> float:

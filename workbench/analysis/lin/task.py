@@ -11,6 +11,7 @@ import numpy as np
 from workbench.analysis.lin.request import Lin, PointOptions
 from workbench.core.calendar import TOGETHER
 from workbench.core.forms import Widths
+from workbench.core.job import Job
 from workbench.core.names import check_names
 from workbench.core.operating_point import OperatingPoint
 from workbench.errors import InputError
@@ -54,6 +55,7 @@ class LinTask:
         continuous: turn a discrete result into a continuous one.
         notes: on the operating point.
         explained: also say of entries that are 0 whether they stay so farther away; that is most of the evaluations.
+        job: is told of the runs of `response`.
     """
 
     model: Model
@@ -70,6 +72,7 @@ class LinTask:
     continuous: bool = False
     notes: tuple[str, ...] = ()
     explained: bool = True
+    job: Job = field(default_factory=Job)
 
 
 def make_task(model: Model, asked: Lin) -> LinTask:

@@ -85,6 +85,10 @@ class Balance(ABC):
     def point(self, states: Floats, inputs: Floats) -> OperatingPoint:
         """Return the operating point there."""
 
+    def where(self, states: Floats, inputs: Floats) -> OperatingPoint:
+        """Return the same without what only an evaluation shows."""
+        return OperatingPoint(x=by_name(self.states, states), u=by_name(self.inputs, inputs), units=self.units())
+
     def units(self) -> dict[str, str | None]:
         """Return the unit of every state, input and output."""
         return {s.name: s.unit for s in (*self.states, *self.inputs, *self.outputs)}

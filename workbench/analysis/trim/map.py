@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -127,13 +128,14 @@ class MapBalance(Balance):
 
     def point(self, states: Floats, inputs: Floats) -> OperatingPoint:
         _, y = self.evaluate(states, inputs)
+        here = self.where(states, inputs)
+        return replace(here, y=by_name(self.outputs, y), dx=self._slopes(here.x, states, inputs))
+
+    def where(self, states: Floats, inputs: Floats) -> OperatingPoint:
         every = by_name(self.states, states)
-        x = {n: v for n, v in every.items() if n not in self._discrete}
         return OperatingPoint(
-            x=x,
+            x={n: v for n, v in every.items() if n not in self._discrete},
             u=by_name(self.inputs, inputs),
-            y=by_name(self.outputs, y),
-            dx=self._slopes(x, states, inputs),
             discrete={n: v for n, v in every.items() if n in self._discrete},
             units=self.units(),
             time=self.time,

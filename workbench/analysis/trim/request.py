@@ -60,6 +60,7 @@ class Trim(AtPoint, Analysis["TrimResult"]):
     """
 
     command = "trim"
+    counts = "steps"
     algorithm = "workbench.analysis.trim.run:run"
     example = "workbench trim fmu:Rudder --u0 delC=2 --float p1,p2 --json trim.json"
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from workbench.analysis.trim.balance import Balance, ContinuousBalance
 from workbench.analysis.trim.map import MapBalance
 from workbench.analysis.trim.problem import Problem, TrimSets, pose
 from workbench.analysis.trim.request import Trim
-from workbench.analysis.trim.result import TrimResult
+from workbench.analysis.trim.result import Residual, TrimResult
 from workbench.analysis.trim.running import RunBalance
 from workbench.analysis.trim.search import exact_agrees, search
 from workbench.analysis.trim.sizes import sized
@@ -26,16 +27,19 @@ from workbench.analysis.trim.words import (
     residual_table,
     without_influence,
 )
-from workbench.core.job import Job
+from workbench.core.job import SLOW, Job
+from workbench.core.operating_point import OperatingPoint
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.model import DescribedModel, Model, Variable
 from workbench.model.placing import named, start_at
+from workbench.session.base import Floats
 from workbench.session.point import Point
-from workbench.session.settle import STEP, STEP_PARTS
+from workbench.session.settle import STEP, STEP_PARTS, Settled
 
 __all__ = ["run"]
 
 WATCH_PERIODS = 20
+PARTS = 12  # that are left, for all that is known before the end: steps of a search, stretches of a run
 STAYS = 1e-5  # nominal values that a variable may move in so many periods
 
 
@@ -65,6 +69,7 @@ class _Trim:
     asked: Trim
     job: Job
     notes: list[str] = field(default_factory=list)
+    parts: int = 0
 
     @property
     def slowest(self) -> bool:
@@ -139,8 +144,8 @@ class _Trim:
         balance = ContinuousBalance(point)
         problem = sized(pose(balance, self.sets))
         exact = not balance.why_not_exact and self._probe(problem)
-        solution, note = search(self.model, problem, tolerance=self.asked.tolerance, slowest=self.slowest, exact=exact)
-        problem, solution, note = self._floated(problem, (solution, note), tolerance=self.asked.tolerance, exact=exact)
+        found = self._search("equations", problem, tolerance=self.asked.tolerance, exact=exact)
+        problem, solution, note = self._floated(problem, found, tolerance=self.asked.tolerance, exact=exact)
         restless = carried_along(problem, solution) if solution.converged else ""
         if restless and self.slowest:
             solution = replace(solution, converged=False)
@@ -197,8 +202,8 @@ class _Trim:
         balance.begin(*posed.at(np.array([k.start for k in posed.unknowns])))
         problem = sized(posed)
         loosest = max(self.asked.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
-        solution, note = search(self.model, problem, tolerance=loosest, slowest=self.slowest, exact=False)
-        problem, solution, note = self._floated(problem, (solution, note), tolerance=loosest, exact=False)
+        found = self._search(method, problem, tolerance=loosest, exact=False)
+        problem, solution, note = self._floated(problem, found, tolerance=loosest, exact=False)
         restless = self._restless(balance, problem, solution) if solution.converged else ""
         if restless:
             solution = replace(solution, converged=False)
@@ -263,6 +268,7 @@ class _Trim:
                 longest=self.asked.longest,
                 least=_usual_length(self.model),
                 tolerance=max(self.asked.tolerance, 1e-12),
+                told=self._on_the_way,
             )
             problem = pose(balance, self.sets)
             solution, _ = search(
@@ -283,6 +289,66 @@ class _Trim:
                 f"{self.model.name}: no equilibrium found by running: {failed}; {self.model.way_out()}"
             )
         return result
+
+    # -- on the way -----------------------------------------------------------------------
+
+    def _search(self, method: str, problem: Problem, *, tolerance: float, exact: bool) -> tuple[Solution, str]:
+        """Search, and tell after each step where that is."""
+        balance, begun = problem.balance, time.monotonic()
+
+        def told(values: Floats, left: float) -> None:
+            spent = time.monotonic() - begun
+            if not self.parts and PARTS * spent > SLOW:
+                runs = balance.evaluations
+                self.job.say(f"a step of the search takes {spent:.2g} s ({runs} runs); five to ten steps are usual")
+            point = balance.where(*problem.at(values))
+            words = f"the search has come to a largest residual of {left:.2g}, relative"
+            self._tell(words, lambda: self._so_far(method, balance, point, words, ()))
+
+        return search(self.model, problem, tolerance=tolerance, slowest=self.slowest, exact=exact, told=told)
+
+    def _on_the_way(self, balance: RunBalance, inputs: Floats, end: Settled, cost: float) -> None:
+        """Tell where a run is that has not come to rest yet, of which a second takes `cost` [s]."""
+        if balance.evaluations == 1 and not self.parts and cost * balance.least > SLOW:
+            self.job.say(
+                f"a second of this model takes {cost:.2g} s: a run, to be watched for {balance.least:.3g} s at least, "
+                f"takes {cost * balance.least:.2g} s, or {cost * balance.longest:.2g} s where it does not come to rest "
+                f"within {balance.longest:.3g} s (--longest); each free input takes several runs"
+            )
+        scales = np.maximum(np.abs(end.values), [s.nominal for s in balance.states])
+        moves = tuple(
+            Residual(name=balance.derivative.format(s.name), value=by, unit=s.unit, scaled=by / scale)
+            for s, by, scale in zip(balance.states, end.ranges.tolist(), scales.tolist(), strict=True)
+        )
+        worst = max(moves, key=lambda r: r.scaled)
+        words = f"run {balance.evaluations} is at {end.time:.4g} s: {worst.name} by {worst.value:.3g}"
+        point = balance.standing(end, inputs)
+        self._tell(words, lambda: self._so_far("running", balance, point, words, moves))
+
+    def _tell(self, words: str, so_far: Callable[[], TrimResult]) -> None:
+        self.parts += 1
+        self.job.partial = so_far
+        self.job.done(words, self.parts, self.parts + PARTS)
+
+    def _so_far(
+        self, method: str, balance: Balance, point: OperatingPoint, words: str, residuals: Sequence[Residual]
+    ) -> TrimResult:
+        """Return the best point before the end."""
+        return TrimResult(
+            model=self.model.name,
+            interface=self.model.interface,
+            solver=self.model.solver,
+            method=method,
+            operating_point=named(self.model, point),
+            residuals=tuple(residuals),
+            null_directions=(),
+            converged=False,
+            message=f"ended before an equilibrium was found: {words}",
+            unknowns=(),
+            iterations=self.parts,
+            evaluations=balance.evaluations,
+            notes=tuple(self.notes),
+        )
 
     # -- end ------------------------------------------------------------------------------
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +34,7 @@ class RunBalance(Balance):
         longest: of one run [s].
         least: how long a run is watched at least [s], within `longest`.
         tolerance: see `settle`.
+        told: is called on the way of a run with this balance, its inputs, where it is, and the seconds that one takes.
     """
 
     derivative = "movement of {}"
@@ -50,8 +52,10 @@ class RunBalance(Balance):
         longest: float | None = None,
         least: float = 0.0,
         tolerance: float,
+        told: Callable[[RunBalance, Floats, Settled, float], None],
     ) -> None:
         self._model, self.time, self.step, self._tolerance = model, time, step, tolerance
+        self._told = told
         self.longest = step * MAX_STEPS if longest is None else longest
         self.least = min(max(step * LEAST_STEPS, least), 0.25 * self.longest)
         self.inputs = tuple(slot_of(v, values[v.name]) for v in model.inputs if v.is_number)
@@ -79,6 +83,7 @@ class RunBalance(Balance):
 
     def _run(self, inputs: Floats) -> Settled | str:
         self.evaluations += 1
+        begun = time.monotonic()
         nominal = np.array([s.nominal if s.known else 0.0 for s in self.states])
         try:
             with self._model.open_at(time=self.time, values=by_name(self.inputs, inputs), step=self.step) as session:
@@ -90,6 +95,7 @@ class RunBalance(Balance):
                     longest=self.longest,
                     least=self.least,
                     tolerance=self._tolerance,
+                    told=lambda end: self._told(self, inputs, end, (time.monotonic() - begun) / (end.time - self.time)),
                 )
         except EndedError as error:
             lasted = (error.time or self.time) - self.time
@@ -105,6 +111,10 @@ class RunBalance(Balance):
         end = self.end(inputs)
         if isinstance(end, str):
             raise SimulationError(end)
+        return self.standing(end, inputs)
+
+    def standing(self, end: Settled, inputs: Floats) -> OperatingPoint:
+        """Return the operating point where a run under `inputs` is, or ended."""
         return OperatingPoint(
             x=by_name(self._x, self._pick(end, self._x)),
             u=by_name(self.inputs, inputs),

@@ -11,7 +11,7 @@ from workbench.analysis.trim.map import MapBalance
 from workbench.analysis.trim.problem import Problem
 from workbench.analysis.trim.scaled import Scaled
 from workbench.analysis.trim.sizes import resized, told
-from workbench.analysis.trim.solve import Solution, solve
+from workbench.analysis.trim.solve import Solution, Told, nobody, solve
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.session.base import Floats
@@ -24,20 +24,22 @@ AGREES = 1e-3  # of derivatives and differences: these are good to 1e-10 of a sm
 SMALL = 1e-3  # of the size that was assumed
 
 
-def search(model: Model, problem: Problem, *, tolerance: float, slowest: bool, exact: bool) -> tuple[Solution, str]:
+def search(
+    model: Model, problem: Problem, *, tolerance: float, slowest: bool, exact: bool, told: Told = nobody
+) -> tuple[Solution, str]:
     """Return the solution, and a note where it was found from the end of a run; else the best that was found.
 
     Slopes at the start values may lead nowhere (a rate limiter, a saturated actuator) while the model itself
     finds its way; it is then run with the inputs at their start, longer and longer, and the search begins again there.
     """
     start = problem.base[[k.column for k in problem.unknowns]]
-    best = solve(problem, start, tolerance=tolerance, slowest=slowest, exact=exact)
+    best = solve(problem, start, tolerance=tolerance, slowest=slowest, exact=exact, told=told)
     if best.converged:
         return _closer(problem, best, tolerance=tolerance, slowest=slowest, exact=exact), ""
     if not any(k.column < len(problem.balance.states) for k in problem.unknowns):
         return best, ""
     for moved, after in _elsewhere(model, problem):
-        found = solve(problem, moved, tolerance=tolerance, slowest=slowest, exact=exact)
+        found = solve(problem, moved, tolerance=tolerance, slowest=slowest, exact=exact, told=told)
         if found.converged:
             found = _closer(problem, found, tolerance=tolerance, slowest=slowest, exact=exact)
             return found, f"found from the state of the model after running for {after}, not from the start values"

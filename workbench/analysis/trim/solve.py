@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,11 @@ from workbench.analysis.trim.scaled import Scaled
 from workbench.analysis.trim.verdict import Judge
 from workbench.session.base import Floats
 
-__all__ = ["Solution", "solve"]
+__all__ = ["Solution", "Told", "nobody", "solve"]
+
+Told = Callable[[Floats, float], None]
+"""Is called with the unknowns, and the largest of the residuals over what they are measured by."""
+
 
 MAX_DESCENT = 200  # evaluations of the least squares, Jacobians not counted; a search that needs more is lost
 MAX_STEPS = 40  # of one walk: a regular root takes five to ten, one without slope three for each extrapolation
@@ -24,6 +29,10 @@ STILL = 1e-10  # a step that ends the refinement, in nominal values: slopes by d
 NEARLY_STILL = 1e-4  # the same, where rounding lets no step come nearer
 SLOWLY = (0.2, 0.95)  # ratio 1 − 1/p of one step to the one before it, p = 5/4 to 20
 ALIKE = 0.1  # part by which 1/(1 − r), the order p, may change from one ratio to the next
+
+
+def nobody(_values: Floats, _left: float) -> None:
+    """Tell nobody."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,7 +70,9 @@ class Solution:
     chosen: bool
 
 
-def solve(problem: Problem, start: Floats, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
+def solve(
+    problem: Problem, start: Floats, *, tolerance: float, slowest: bool, exact: bool, told: Told = nobody
+) -> Solution:
     """Return the solution of F(z) = 0 that belongs to `start`.
 
     Unknowns are scaled by their nominal values, equations by the change that one nominal value of each unknown
@@ -80,16 +91,17 @@ def solve(problem: Problem, start: Floats, *, tolerance: float, slowest: bool, e
         tolerance: of every residual over its change around the point.
         slowest: whether floating derivatives are made small.
         exact: whether the balance's own Jacobian is used where it has one.
+        told: is called after each step.
 
     Source: Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999) 1-23 for phase one.
     """
-    search = _Search(Scaled(problem, exact=exact), tolerance, start)
+    search = _Search(Scaled(problem, exact=exact), tolerance, start, told)
     return search.run(slowest=slowest)
 
 
 class _Search:
-    def __init__(self, scaled: Scaled, tolerance: float, start: Floats) -> None:
-        self.scaled, self.tolerance = scaled, tolerance
+    def __init__(self, scaled: Scaled, tolerance: float, start: Floats, told: Told = nobody) -> None:
+        self.scaled, self.tolerance, self.told = scaled, tolerance, told
         self.home = np.clip(start / scaled.nominal, scaled.low, scaled.high)
         self.hard = scaled.hard
         begin = np.array([k.start for k in scaled.problem.unknowns], dtype=np.float64)
@@ -178,7 +190,8 @@ class _Search:
             moved = self._along(w, step, slowest=slowest, home=home)
             if moved is None:
                 return w, size <= NEARLY_STILL  # rounding leaves nothing to gain
-            w = moved
+            w, left = moved
+            self.told(w * self.scaled.nominal, left)
         return w, size <= NEARLY_STILL
 
     def _step(self, w: Floats, *, slowest: bool, home: bool) -> Floats:
@@ -198,18 +211,22 @@ class _Search:
             movable[out] = 0.0
         return np.zeros_like(w)
 
-    def _along(self, w: Floats, step: Floats, *, slowest: bool, home: bool) -> Floats | None:
-        """Return the end of the longest part of a step that keeps the equations and comes nearer to what is wanted."""
+    def _along(self, w: Floats, step: Floats, *, slowest: bool, home: bool) -> tuple[Floats, float] | None:
+        """Return the end of the longest part of a step that keeps the equations and comes nearer to what is wanted.
+
+        Beside it stands the largest scaled residual there.
+        """
         before, wanted = self._left(w), self._wanted(w, slowest=slowest) if home else None
         part = 1.0
         while part >= SMALLEST_PART:
             moved = np.clip(w + part * step, self.scaled.low, self.scaled.high)
             if home:
                 moved = self._back(moved)
-            if self._left(moved) <= max(before, self.tolerance) and (
+            left = self._left(moved)
+            if left <= max(before, self.tolerance) and (
                 wanted is None or self._nearer(self._wanted(moved, slowest=slowest), wanted)
             ):
-                return moved
+                return moved, left
             part *= 0.5
         return None
 
