@@ -159,6 +159,11 @@ def _has(subject: Subject, causality: str) -> bool:
     return not {"String", "Binary", "Clock"}.issuperset(kinds)
 
 
+def _has_real(subject: Subject, causality: str) -> bool:
+    """Whether there are real numbers of a causality, by which a linear model is made."""
+    return any(t in _NUMBERS and kind == causality for t, kind, _ in subject.described.variables.values())
+
+
 def _ends(subject: Subject, theirs: oracle.Run) -> bool:
     """Whether FMPy's run ends before it should, too."""
     asked = subject.described.asked
@@ -172,6 +177,10 @@ REASONS: tuple[tuple[str, Callable[[Subject, oracle.Run], bool]], ...] = (
         lambda s, _: s.described.interfaces.get(s.interface, {}).get("needs_tool", False),
     ),
     (
+        r"needs an input and an output that are real",
+        lambda s, _: not (_has_real(s, "input") and _has_real(s, "output")),
+    ),
+    (
         r"needs an input or states",
         lambda s, _: not _has(s, "input") and (s.interface == "cs" or not s.described.states),
     ),
@@ -179,7 +188,6 @@ REASONS: tuple[tuple[str, Callable[[Subject, oracle.Run], bool]], ...] = (
     (r"no outputs?\b", lambda s, _: not _has(s, "output")),
     (r"co-simulation shows no states", lambda s, _: s.interface == "cs"),
     (r"no (continuous )?states?\b", lambda s, _: s.described.states == 0 or s.interface == "cs"),
-    (r"neither a step nor a default experiment", lambda s, _: not {"step", "stop"} & s.described.experiment.keys()),
     (r"ended its run", _ends),
     (r"not a finite number", lambda _, run: not all(np.isfinite(y).all() for y in run.signals.values())),
     (r"--memory-limit: more than", lambda s, _: np.isfinite(s.limits.megabytes)),  # measured by the worker

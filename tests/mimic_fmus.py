@@ -119,6 +119,7 @@ MIMICS = {
         "overshoots", _CS, experiment='startTime="0" stopTime="5" stepSize="0.01"',
     ),
     "slow": Mimic("Dymola: two seconds for each that is simulated", "slow", _CS),
+    "finishes": Mimic("20-sim: a stop time of its own, which only another one that it is told moves", "finishes", _CS),
     "repeats": Mimic(
         "fmiCpp: a step that may be taken back is taken for one that is to be made again", "repeats", _CS
     ),

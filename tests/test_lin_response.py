@@ -11,6 +11,7 @@ import pytest
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
+from tests.mimic_fmus import build_mimic
 from workbench.analysis.lin.between import lines
 from workbench.analysis.lin.realise import Realisation, realise
 from workbench.analysis.lin.request import lin
@@ -427,3 +428,12 @@ def test_a_co_simulation_of_two_steps_in_a_period_is_watched_in_the_middle() -> 
     true = 1.0 / (1.0 + 2j * np.pi * f)
     off, off_joined = (np.abs(found.fundamental(f)[:, 0, 0] / true - 1.0) for found in (result, joined))
     assert off / off_joined == pytest.approx(0.25, rel=0.15)
+
+
+def test_without_step_and_experiment_the_period_is_a_millisecond_and_told(tmp_path: Path) -> None:
+    with load(build_mimic(tmp_path, "no-experiment"), interface="cs") as model:
+        found = lin(model).result
+    assert found.dt == 1e-3
+    assert any("names neither a step nor a default experiment" in note for note in found.notes)
+    natural = np.abs(np.log(np.linalg.eigvals(found.A).astype(complex))) / found.dt
+    assert natural == pytest.approx(10.0, rel=1e-3)

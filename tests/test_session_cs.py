@@ -12,6 +12,7 @@ import workbench as wb
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from tests.hybrid_fmus import DISCARD, OK, FakeC, Hybrid, LyingC, inside, open_fake
 from tests.lying_fmus import build_lying
+from tests.mimic_fmus import build_mimic
 from workbench.errors import InputError, SimulationError
 from workbench.session.fmu import FmuSession
 from workbench.signals import Constant, Sine, Step
@@ -170,3 +171,19 @@ def test_signals_without_slopes_cost_no_probe() -> None:
     with wb.load("fmu:FirstOrderLag@2", "cs") as model, model.open_session() as session:
         session.advance(1.0, signals={"u": Step(time=0.5, value=1.0)}, record=["y"])
         assert model.slopes is None
+
+
+def test_a_stop_time_of_the_fmus_own_is_moved_where_a_run_goes_on(tmp_path: Path) -> None:
+    """20-sim: it refuses every step beyond its default experiment, 2 s, unless it is told a later stop time."""
+    with wb.load(build_mimic(tmp_path, "finishes"), interface="cs") as model:
+        short = wb.simulate(model, stop=1.5)
+        found = wb.simulate(model, stop=4.0)
+        response = wb.nfr(model, "u", "y", [0.5], 0.1)
+    assert not any("goes no further" in n for n in short.notes)
+    assert any("goes no further than 2 s" in n for n in found.notes)
+    damped = math.sqrt(96.0)
+    angle = damped * found.time
+    truth = 1.0 - np.exp(-2.0 * found.time) * (np.cos(angle) + 2.0 / damped * np.sin(angle))
+    assert found.signals["y"] == pytest.approx(truth, abs=1e-6)
+    s = 1j * math.pi
+    assert response.response[0, 0] == pytest.approx(100.0 / (s * s + 4.0 * s + 100.0), rel=1e-3)

@@ -72,7 +72,8 @@ class Instance2(Instance):
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time
         use = self.interface == "cs" and tolerance is not None
-        self.call("fmi2SetupExperiment", int(use), tolerance if use else 0.0, start_time + self.clock, 0, 0.0)
+        begin, stop = start_time + self.clock, self.stop
+        self.call("fmi2SetupExperiment", int(use), tolerance if use else 0.0, begin, int(stop is not None), stop or 0.0)
         self.call("fmi2EnterInitializationMode")
 
     def exit_initialisation(self) -> None:

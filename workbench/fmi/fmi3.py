@@ -116,8 +116,9 @@ class Instance3(Instance):
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time
         use = self.interface == "cs" and tolerance is not None
-        begin = start_time + self.clock
-        self.call("fmi3EnterInitializationMode", use, tolerance if use else 0.0, begin, False, 0.0)
+        begin, stop = start_time + self.clock, self.stop
+        known = tolerance if use else 0.0
+        self.call("fmi3EnterInitializationMode", use, known, begin, stop is not None, stop or 0.0)
         clocks = self.description.clocks if self.event_mode else {}
         self._ticking = Ticking(clocks, self.call, self.description.model_name) if clocks else None
 

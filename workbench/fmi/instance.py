@@ -132,7 +132,7 @@ class Instance(ABC):
          Co-simulation: with `event_mode`, `iterate_events`, `enter_step_mode`; then `do_step`.
       4. `close`, in any situation, any number of times; nothing may be called after it.
     `clock` may be set before initialisation, in co-simulation: the FMU's own time is that much later than what is said
-    here [s].
+    here [s]. So may `stop`, the stop time that it is told, in its own time [s]; None: none.
     Guarantees:
       1. Nothing is printed; log lines are in `log` and the last ones in every error's message.
       2. A status worse than "warning" is a SimulationError (DiscardError for "discard") with the
@@ -225,6 +225,7 @@ class Instance(ABC):
         self.log = open_log(description.model_name)
         self.event_mode = interface == "me" or self.capabilities.event_mode
         self.time = self.clock = 0.0
+        self.stop: float | None = None
         self._worst = 0
         self._running = False
         self._closed = False

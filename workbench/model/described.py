@@ -415,9 +415,8 @@ class DescribedModel(Model):
     def remarks(self) -> tuple[str, ...]:
         slopes = _NO_SLOPES if self.slopes is False else ""
         manners = self._setup.manners
-        return tuple(
-            filter(None, (manners.note, manners.guessed, manners.forgets, self.start_note, slopes, self.replay_note()))
-        )
+        of_start = (manners.note, manners.guessed, manners.forgets, manners.stops, self.start_note)
+        return tuple(filter(None, (*of_start, slopes, self.replay_note())))
 
     def end_sessions(self) -> None:
         """Close all sessions, also of models made of this one."""

@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench.errors import FmuError, InputError, SimulationError, StoppedError
+from workbench.errors import EndedError, FmuError, InputError, SimulationError, StoppedError
 from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
 from workbench.kernel.native_record import NativeFourier, NativeRecord
@@ -51,6 +51,8 @@ class Harmonics:
     gap: float
 
 
+_AT_ITS_END = 0.01  # of its default experiment: a failure so near to its end may be for that
+_FAR = 1e6  # spans of it: the stop time that an FMU is then told
 _STEPWISE = (Constant, Step, Prbs)  # signals without slopes
 
 
@@ -92,12 +94,16 @@ class CompiledSession(FmuSession):
             yield self._ready(until), record
         except SimulationError as error:
             error.before = self.loop.rows(record, self.forcing)
+            self._failed_at(error)
             raise
         except KeyboardInterrupt:
             raise StoppedError(self.loop.rows(record, self.forcing)) from None
         finally:
             self._take_over()
             self.forcing.written = forcing.written[: forcing.n]
+
+    def _failed_at(self, error: SimulationError) -> None:
+        """Learn from a failure what lets a later session go on."""
 
     @abstractmethod
     def _ready(self, until: float) -> Me | Cs:
@@ -186,6 +192,21 @@ class CompiledCsSession(CompiledSession, CsSession):
         if not self.setup.hold_inputs and self._inputs_move() and not self.setup.slopes_act():
             self.loop.system.without_slopes()
         return native
+
+    def _failed_at(self, error: SimulationError) -> None:
+        experiment, manners = self.instance.description.experiment, self.setup.manners
+        own, begin = experiment.stop_time, experiment.start_time or 0.0
+        if own is None or error.time is None or isinstance(error, EndedError):
+            return
+        if abs(error.time + self.instance.clock - own) > _AT_ITS_END * (own - begin):
+            return
+        manners.stops = ""  # where that did not help it was something else
+        if manners.stop is None:
+            manners.stop = own + _FAR * (own - begin)
+            manners.stops = (
+                f"the FMU goes no further than {own:g} s, where its default experiment stops, unless it is told a "
+                f"later stop time: it is told {manners.stop:g} s"
+            )
 
     def _inputs_move(self) -> bool:
         """Whether continuous inputs change between their breaks, and the FMU takes slopes of them."""

@@ -37,6 +37,8 @@ class Manners:
         note: says so; empty where all goes as usual.
         guessed: says which start values, mere guesses by the FMU's own word, came out otherwise; empty: none.
         forgets: says that parameters are set once more during initialisation; empty: the FMU keeps those set before.
+        stop: co-simulation: the stop time that the FMU is told [s]; None: none, since it is seldom known.
+        stops: says that it is told one, since it goes no further than its own otherwise; empty: it is told none.
     """
 
     other_order: bool = False
@@ -44,6 +46,8 @@ class Manners:
     note: str = ""
     guessed: str = ""
     forgets: str = ""
+    stop: float | None = None
+    stops: str = ""
 
 
 _FORGETS = "the FMU forgets parameters that are set before fmi2SetupExperiment: they are set again afterwards"
@@ -223,6 +227,7 @@ class FmuSession(Session):
         if sizes:
             instance.configure([setup.variables[n] for n in sizes], list(sizes.values()))
         self._write({n: v for n, v in starts.items() if n not in self.inputs})
+        instance.stop = setup.manners.stop
         instance.enter_initialisation(self.time, setup.tolerance)
         self._write({n: v for n, v in starts.items() if n in self.inputs})  # FMI 2.0.4, 3.2.3: not before
         if setup.manners.forgets:

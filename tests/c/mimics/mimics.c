@@ -18,6 +18,7 @@
  *   overshoots   Co-Simulation of Runge and Kutta's method with a fixed step of 0.01 s; the first that ends at or after the
  *                communication point is its last
  *   slow         takes 2 ms for each of its own steps, of 1 ms
+ *   finishes     Co-Simulation: goes no further than 2 s, unless it is told another stop time
  *   undefined    y is not a number from 0.5 s on
  *   discards     discards derivatives at trial points far from the last step
  *   resources    cannot be instantiated where the folder of its resources is not there, empty as it is
@@ -41,12 +42,12 @@
 
 typedef enum {
     PLAIN, DYMOLA, SIMULINK, UNLIKE, SILENT, TOOL, WARNS, NOMINALS, FORMATS, MEMORY, FAST, HANDLES, DISCARDS,
-    FORGETS, RESOURCES, REPEATS, STATICS, OVERSHOOTS, SLOW, UNDEFINED, N_WAYS
+    FORGETS, RESOURCES, REPEATS, STATICS, OVERSHOOTS, SLOW, FINISHES, UNDEFINED, N_WAYS
 } Way;
 static const char *const names[N_WAYS] = {"plain",    "dymola",  "simulink", "unlike", "silent",  "tool",    "warns",
                                           "nominals", "formats", "memory",   "fast",   "handles", "discards",
                                           "forgets",  "resources", "repeats", "statics",
-                                          "overshoots", "slow", "undefined"};
+                                          "overshoots", "slow", "finishes", "undefined"};
 
 /* As in OpenModelica's runtime, where it holds a thread-specific key; here none was taken, as in co-simulation there. */
 __attribute__((visibility("default"))) unsigned mmc_thread_data_key;
@@ -69,6 +70,7 @@ typedef struct {
     double scale[NX];
     double shown;             /* y of "simulink" */
     double reached;           /* time of "overshoots": of its last own step */
+    double finish;            /* of "finishes" [s] */
     double before[NX];        /* states at the begin of the last step */
     double v[N_VALUES];
     const fmi2CallbackFunctions *callbacks;
@@ -197,9 +199,8 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean controlled, fmi2Real
 {
     (void)controlled;
     (void)tolerance;
-    (void)stop_defined;
-    (void)stop;
     Model *model = c;
+    model->finish = stop_defined ? stop : 2.0;
     if (model->way == FORGETS) {
         model->v[VR_C] = START[VR_C];
         model->v[VR_D] = START[VR_D];
@@ -429,7 +430,8 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     }
     memcpy(model->before, &model->v[VR_X], sizeof model->before);
     const fmi2Status status =
-        said(model, model->mode == STEPPING && fabs(time - model->v[VR_TIME]) < 1e-6 * (1.0 + fabs(time)));
+        said(model, model->mode == STEPPING && (model->way != FINISHES || time + step < model->finish + 1e-9) &&
+                        fabs(time - model->v[VR_TIME]) < 1e-6 * (1.0 + fabs(time)));
     if (status == fmi2Error) {
         return status;
     }

@@ -24,6 +24,7 @@ from workbench.model.names import check_variables
 from workbench.model.placing import named
 from workbench.model.recipe import LoadRecipe
 from workbench.session.base import Floats, Recorded, Session, Snapshot
+from workbench.session.settle import STEP
 from workbench.signals import Constant, Signal
 
 __all__ = ["response"]
@@ -83,8 +84,12 @@ def response(task: LinTask) -> LinResult:
     """
     if task.dx is not None:
         raise InputError("method response: it perturbs only inputs; leave out dx, or use another method")
-    if not task.inputs or not task.outputs:
-        raise InputError("method response: it needs an input and an output")
+    lacking = [kind for kind, names in (("input", task.inputs), ("output", task.outputs)) if not names]
+    if lacking:
+        raise InputError(
+            "method response: it needs an input and an output that are real numbers, and there is no "
+            f"{' and no '.join(lacking)}"
+        )
     if task.points < 8:
         raise InputError(f"points: {task.points} are too few for a realisation; at least 8 are needed")
     recipe = _tighter(task)
@@ -198,7 +203,8 @@ def _identified(task: LinTask, period: float, told: _Runs) -> _Tried:
     between = lines(found, period, sampled=sampled)
     result = _result(kept, found, point, period, between)
     doubts = [d for d in pulses.doubts if d.column in kept.inputs] + [d for t in trials for d in t.doubts(found)]
-    notes = [*_notes(found, largest, pulses, trials), f"inputs held over {period:.6g} s", *_replayed(task.model)]
+    over = f"inputs held over {period:.6g} s{_assumed(task)}"
+    notes = [*_notes(found, largest, pulses, trials), over, *_replayed(task.model)]
     notes += [*_moving(task, pulses, period), *(f"{n} is left out: {why}" for n, why in refused.items())]
     if answers is not None and (len(found.A) or found.D.any()):
         joined, between = result, inside(found, answers, period, sampled=sampled)
@@ -240,8 +246,21 @@ def _period(task: LinTask) -> float:
         step = step or experiment.step
         span = (experiment.stop_time or 0.0) - (experiment.start_time or 0.0)
     if step is None and span <= 0.0:
+        if model.interface == "cs":
+            return STEP
         raise InputError("method response: the model has neither a step nor a default experiment; give period")
     return step or span / 500.0
+
+
+def _assumed(task: LinTask) -> str:
+    """Return that nothing says how long the period should be; empty: something does."""
+    model = task.model
+    if task.period is not None or not isinstance(model, DescribedModel) or _declared_step(model) is not None:
+        return ""
+    experiment = model.description.experiment
+    if experiment.step is not None or (experiment.stop_time or 0.0) > (experiment.start_time or 0.0):
+        return ""
+    return ", since the model names neither a step nor a default experiment; --period changes it"
 
 
 def _declared_step(model: Model) -> float | None:

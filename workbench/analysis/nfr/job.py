@@ -164,12 +164,12 @@ class PointsJob(Job):
             still: Session | None = None
             known: Floats | None = None
             for i, task in enumerate(tasks):
+                # One session serves all that follow; the rows of each divide its period and bound the step.
+                steps = [t.step for t in (tasks[i:] if self.carry else [task]) if t.step is not None]
+                first, step = {task.input: task.sine(model.start_time)}, max(steps, default=None)
                 if session is None:
-                    # One session serves all that follow; the rows of each divide its period and bound the step.
-                    steps = [t.step for t in (tasks[i:] if self.carry else [task]) if t.step is not None]
-                    first = {task.input: task.sine(model.start_time)}
-                    session = stack.enter_context(model.open_session(signals=first, step=max(steps, default=None)))
-                    still = _beside(stack, model, task, max(steps, default=None)) if task.moves else None
+                    session = stack.enter_context(model.open_session(signals=first, step=step))
+                    still = _beside(stack, model, task, step) if task.moves else None
                 evidence = (task if still is None else task.from_rest).evidence(known)
                 if not self.carry and can_solve(session, task):
                     origin = session.stand()
@@ -179,7 +179,13 @@ class PointsJob(Job):
                             search.add(search.periods.lap(**search.next))
                     point = self._solved(model, session, task, search, origin)
                 else:
+                    remarks = model.remarks()
                     point = run_point(session, task, evidence, still)
+                    if point.reason is not None and model.remarks() != remarks:  # what lets it go on was learned
+                        stack.close()
+                        session = stack.enter_context(model.open_session(signals=first, step=step))
+                        still = _beside(stack, model, task, step) if task.moves else None
+                        point = run_point(session, task, evidence, still)
                     point = _unparted(point, task) if task.moves and still is None else point
                 if self.carry and point.reason is None:
                     known = _standing(evidence, point)
