@@ -67,11 +67,18 @@ def test_it_tells_how_far_it_is(name: str, heard: list[float], capsys: pytest.Ca
     assert heard[-1] == 1.0
 
 
+# The part done from which on there is something to keep, where it is not there with the first that is told: a power of
+# `bla` needs all its realisations.
+KEEPS_FROM = {"bla": 0.5}
+
+
 @pytest.mark.parametrize("name", LINES)
 def test_it_ends_at_ctrl_c_with_what_it_has(
     name: str, folder: Path, heard: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def interrupt(_: Bar, done: float, __: str) -> None:
+        if done < KEEPS_FROM.get(name, 0.0):
+            return
         if not heard:
             os.kill(os.getpid(), signal.SIGINT)
         heard.append(done)
