@@ -289,3 +289,11 @@ def test_each_state_may_be_an_output() -> None:
         result = lin(model, outputs=[*names[::-1], "del"]).result
     assert np.array_equal(result.C[:-1], np.eye(len(names))[::-1])
     assert not result.D[:-1].any()
+
+
+def test_states_that_cannot_be_set_are_no_refusal(tmp_path: Path) -> None:
+    """FMI 1.0 shows states without start values: what samples is held then, and said."""
+    with load(build_fmi1(tmp_path, "Hybrid", "me")) as model:
+        found = lin(model).result
+    assert found.method == "difference"
+    assert "cannot be set; what is discrete is held" in found.why

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.analysis.lin.delayed import has_delays, through_delays
 from workbench.analysis.lin.exact import NoDerivativesError
 from workbench.analysis.lin.methods import METHODS
+from workbench.analysis.lin.period_map import NotSettableError
 from workbench.analysis.lin.request import Lin
 from workbench.analysis.lin.result import LinResult
 from workbench.analysis.lin.task import LinTask, make_task, open_base
@@ -69,7 +70,7 @@ def plain(task: LinTask, method: str) -> LinResult:
 
 
 def _automatic(task: LinTask) -> LinResult:
-    """Linearise with the method that `choose` finds; by differences where that one gets no rates or derivatives.
+    """Linearise by the method that `choose` finds; by differences where it gets no rates, derivatives or states set.
 
     Args:
         task: the linearisation.
@@ -79,7 +80,7 @@ def _automatic(task: LinTask) -> LinResult:
         return METHODS[name](task).because(why)
     except NoDerivativesError as error:
         instead = f"auto: the FMU offers directional derivatives, but they fail: {error.__cause__}"
-    except NoRatesError as error:
+    except (NoRatesError, NotSettableError) as error:
         if not (_shows_states(task) or _has_history(task.model)):
             raise
         instead = f"auto: {str(error).partition(';')[0]}; what is discrete is held"

@@ -16,7 +16,7 @@ from workbench.session.base import Floats, Recorded
 from workbench.session.point import Point
 from workbench.signals import Signal, Table
 
-__all__ = ["PeriodMap"]
+__all__ = ["NotSettableError", "PeriodMap"]
 
 SAME = 1e-9  # of the period: two times as near are one
 LEAD = 1e-7  # of the period: by how much an input moves before a sample; shorter, solvers give up in between
@@ -25,6 +25,10 @@ TOLERANCE = 1e-10  # of the integration over one period
 WIDTH_SAMPLED = 1e-5  # total width over scale where nothing is integrated
 WIDTH_HYBRID = 1e-3  # and where integration errors of 1e-10 must stay small beside it
 UNDECLARED = 1e-2
+
+
+class NotSettableError(InputError):
+    """A state that has no start value to be given another."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,7 @@ class PeriodMap:
         states = (*point.states, *point.memory)
         for state in point.states:
             if state.start is None:
-                raise InputError(f"method kalman-bertram: state {state.name} cannot be set; use response")
+                raise NotSettableError(f"method kalman-bertram: state {state.name} cannot be set; use response")
         chosen = [point.inputs[i] for i in columns_of(task, point)]
         inputs = {v.name: float(u) for v, u in zip(point.inputs, point.u0, strict=True)}
         # Discrete states begin at their own start values: those after the first event are already the next ones.

@@ -186,9 +186,7 @@ def _tried(task: LinTask, runs: _Runs) -> _Tried:
 
 def _identified(task: LinTask, period: float, told: _Runs) -> _Tried:
     """Return the linear model, and how well it predicts runs that it was not made from."""
-    begun = time.monotonic()
-    with _open(task, period) as session:
-        told.begin(1 + 3 * len(task.inputs), task.points * (time.monotonic() - begun))
+    with _open(task, period, told) as session:
         setting = _Setting.of(task, session, period, told)
         pulses = setting.measure()
         longer = "use a longer period, or nfr"
@@ -270,10 +268,11 @@ def _declared_step(model: Model) -> float | None:
     return model.recipe.step or model.description.experiment.step
 
 
-def _open(task: LinTask, period: float) -> Session:
+def _open(task: LinTask, period: float, told: _Runs) -> Session:
     """Return a session that stands one period after the task's time, all inputs at their values.
 
     There it has not yet handled what happens at that very instant: a sampler that samples then will see the pulse.
+    What a run costs is known from that period.
     """
     model, names = task.model, [v.name for v in task.model.inputs if v.is_number]
     step = communication_step(model, period)
@@ -290,7 +289,9 @@ def _open(task: LinTask, period: float) -> Session:
         if task.time > session.time:
             session.advance(task.time, signals={n: Constant(v) for n, v in values.items()})
         standing: dict[str, Signal] = {n: Constant(v) for n, v in values.items()}
-        session.advance(session.time + period - _lead(task, period), signals=standing)
+        until, begun = session.time + period - _lead(task, period), time.monotonic()
+        session.advance(until, signals=standing)
+        told.begin(1 + 3 * len(task.inputs), task.points * (time.monotonic() - begun))
     except BaseException:
         session.close()
         raise
