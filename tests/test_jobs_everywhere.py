@@ -15,6 +15,7 @@ import pytest
 
 import workbench as wb
 from tests.command_lines import LINES, write_files
+from tests.lying_fmus import build_lying
 from tests.mimic_fmus import build_mimic
 from workbench.analysis.commands import REQUESTS, request_of
 from workbench.analysis.lin.request import Lin
@@ -195,3 +196,15 @@ def test_a_slow_linearisation_says_what_it_costs_and_leaves_what_nothing_has_tes
     assert [d.column for d in found.doubts] == ["u"]
     natural = np.abs(np.log(np.linalg.eigvals(found.A).astype(complex))) / found.dt
     assert np.min(np.abs(natural - 10.0)) < 0.01
+
+
+def test_a_linear_model_that_was_refused_is_not_left_as_what_there_is(tmp_path: Path) -> None:
+    """Pulses give a model of an FMU that takes its inputs late, which other pulses refuse."""
+    job = Job()
+    with (
+        wb.load(build_lying(tmp_path, "late-inputs"), interface="cs") as model,
+        pytest.raises(wb.WorkbenchError) as why,
+    ):
+        Lin(workers=Worker(in_process=True)).run(model, job)
+    assert "there is no linear model" in str(why.value)
+    assert job.partial() is None

@@ -191,12 +191,18 @@ def _identified(task: LinTask, period: float, told: _Runs) -> _Tried:
         pulses = setting.measure()
         longer = "use a longer period, or nfr"
         way = task.model.way_out(longer) if task.model.interface == "cs" else longer
-        trials, refused = accepted([setting.trial(name, pulses) for name in task.inputs], way)
+        tried = [setting.trial(name, pulses) for name in task.inputs]
+        task.job.partial = _nothing  # what is refused now is not what there is
+        trials, refused = accepted(tried, way)
         kept = replace(task, inputs=tuple(t.input for t in trials))
         columns = [task.inputs.index(t.input) for t in trials]
         largest = realise(pulses.markov[:, :, columns], noise=pulses.noise[:, columns], order=task.order)
         found = smallest(largest, trials, given=task.order is not None)
-        point, sampled = setting.point(), setting.acts_at_samples()
+        point = setting.point()
+        plain = _result(kept, found, named(task.model, point), period, lines(found, period, sampled=False))
+        why = "ended before it was looked at between the samples"
+        task.job.partial = lambda: replace(plain, why=why, refused=refused)
+        sampled = setting.acts_at_samples()
         answers = setting.inside(found, kept.inputs, pulses)
     between = lines(found, period, sampled=sampled)
     result = _result(kept, found, point, period, between)
@@ -585,6 +591,10 @@ class _Setting:
             units={v.name: v.unit for v in variables},
             time=session.time,
         )
+
+
+def _nothing() -> None:
+    """Return that there is nothing."""
 
 
 def _untested(result: LinResult, input: str) -> Iterator[Doubt]:
