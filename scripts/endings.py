@@ -73,6 +73,7 @@ analysis = "response"
 kind = "mask"
 upper = [[0.1, 2], [1, 2]]
 """
+_BESIDES = ("zero input", "operating point", "second responses")  # rows of a sweep's store that are no points
 _OWN = ("seconds", "asked", "measured", "reused")  # of a result: differs with time, folder, and what was kept
 _ENDS_WITHIN = 2.5  # [s], with a margin for a busy machine
 _GONE_WITHIN = 10.0  # [s]: workers of a killed program see that it is gone
@@ -123,11 +124,12 @@ class _Place:
         return json.loads(file.read_text()) if file.exists() else None
 
     def kept(self) -> set[str]:
-        """Return the names of what the store has finished: of a point of a sweep, amplitude and frequency."""
+        """Return the names of the points that the store has: of a sweep, amplitude and frequency."""
         found = set()
         for file in (self.folder / "store").glob("*.sqlite"):
             with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as store:
-                found |= {name for (name,) in store.execute("select point from measurements")}
+                names = (name for (name,) in store.execute("select point from measurements"))
+                found |= {name for name in names if not name.startswith(_BESIDES)}
         return found
 
     def processes(self) -> list[int]:
@@ -194,7 +196,7 @@ def _ended(place: _Place, what: str, name: str, delay: float, *, first: bool) ->
     told = _finished(what, data)
     if missing := told - kept:
         yield f"told, but not in the store: {', '.join(sorted(missing))}"
-    if first and name != "KILL" and what in _SWEEPS and process.returncode != 0 and not told:
+    if name != "KILL" and what in _SWEEPS and process.returncode != 0 and not told and kept:
         yield "a point was finished, but the program told none"
     after = "first measurement" if first else "start"
     print(

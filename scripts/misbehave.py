@@ -1,9 +1,11 @@
-"""What a user sees when an FMU misbehaves: 12 ways × each FMI call × commands and functions, as a table.
+"""What a user sees when an FMU misbehaves: many ways × each FMI call × commands and functions, as a table.
 
-Each case is run in Python, in one process that must survive all of them, or on the command line. What is right is
-written down for each case (`expected`): the kinds of error that may be told, and whether there may be a result. Where
-there is one, its numbers must be those of the same FMU that behaves, done in the same way; what differs in silence is
-a defect. Commands that only read descriptions, or data (build, identify, reproduce), have no row here.
+The ways are crashes and the like, changes of the process (arithmetic, locale, limits), and lies: restores that restore
+not all, and numbers that depend on the process. Each case is run in Python, in one process that must survive all of
+them, or on the command line. What is right is written down for each case (`expected`): the kinds of error that may be
+told, and whether there may be a result. Where there is one, its numbers must be those of the same FMU that behaves,
+done in the same way; what differs in silence is a defect. Commands that only read descriptions, or data (build,
+identify, reproduce), have no row here.
 
     scripts/misbehave.py [--ways segfault,hang] [--calls doStep] [--what trim] [--interface cs] [--program] [--out x.md]
 """
@@ -14,6 +16,8 @@ import argparse
 import json
 import math
 import os
+import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -28,6 +32,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 import workbench as wb  # noqa: E402
+from tests.lying_fmus import build_lying  # noqa: E402
 from tests.misbehaving_fmus import CALLS, OUTSIDE, WAYS, build_misbehaving  # noqa: E402
 from workbench.core.record import plain  # noqa: E402
 from workbench.core.where import Workers  # noqa: E402
@@ -131,6 +136,8 @@ class Deed:
         interfaces: for which it is done; a single one is no option of the command.
         timeout: for one result [s], longer than it ever takes.
         failed: takes from the JSON why parts of the record failed; a text that says nothing: none did.
+        command: where it has another name.
+        tolerance: of its numbers (relative).
     """
 
     function: Callable[[Any, str, Workers], Any]
@@ -140,6 +147,8 @@ class Deed:
     interfaces: tuple[str, ...] = BOTH
     timeout: float = HANG
     failed: Callable[[Any], object] = lambda data: data.get("failed")
+    command: str = ""
+    tolerance: float = 1e-9
 
 
 def _with(do: Callable[[Any, Workers], Any]) -> Callable[[Any, str, Workers], Any]:
@@ -158,6 +167,8 @@ def _twice(model: Any, workers: Workers) -> Any:
     return wb.compare_motions(two, **asked, workers=workers)
 
 
+_MANY = [0.2 * k for k in range(1, 13)]  # [Hz]
+
 DEEDS: Mapping[str, Deed] = {
     "simulate": Deed(
         _with(lambda m, w: wb.simulate(m, stop=1.0, inputs={"u": 2.0}, workers=w)),
@@ -175,6 +186,13 @@ DEEDS: Mapping[str, Deed] = {
         _with(lambda m, w: wb.nfr(m, "u", "y", [1.0], [1.0], workers=w)),
         "--input u --output y --freq 1 --amplitude 1",
         lambda data: data["gain"],
+    ),
+    "sweep": Deed(  # in two processes
+        _with(lambda m, w: wb.nfr(m, "u", "y", _MANY, [1.0], workers=replace(w, jobs=2))),
+        f"--input u --output y --freq {','.join(map(str, _MANY))} --amplitude 1 --jobs 2",
+        lambda data: data["gain"],
+        command="nfr",
+        tolerance=1e-3,  # of a point, by default
     ),
     "info": Deed(lambda f, _, w: wb.info(f, workers=w), "", lambda data: [v["name"] for v in data["outputs"]]),
     "branches": Deed(
@@ -238,8 +256,8 @@ DEEDS: Mapping[str, Deed] = {
         lambda data: [[m["peak"], m["rms"]] for m in data["motions"]],
     ),
     "check": Deed(
-        lambda f, i, w: wb.check(f, interface=i, only=["runs", "determinism", "snapshots"], workers=w),
-        "--only runs,determinism,snapshots",
+        lambda f, i, w: wb.check(f, interface=i, only=["runs", "determinism", "snapshots", "processes"], workers=w),
+        "--only runs,determinism,snapshots,processes",
         lambda data: [[c["name"], c["verdict"]] for c in data["checks"]],
         failed=lambda data: [c["evidence"] for c in data["checks"] if c["verdict"] == "broken"] or "",
     ),
@@ -271,7 +289,23 @@ DEEDS: Mapping[str, Deed] = {
 FITTING = {
     "segfault": {"crashed"}, "abort": {"crashed"}, "exit0": {"exited"}, "exit3": {"exited"}, "hang": {"timed out"},
     "nan": {"failed", "bad input"}, "events": {"failed"}, "memory": {"out of memory", "crashed"},
+    "_traps": {"crashed"}, "_cpu": {"crashed"}, "_few": {"failed"},
+    **{way: {"out of memory", "crashed", "failed"} for way in ("_data", "_stack", "_space")},
 }  # fmt: skip
+# What a note, or a check, says of these ways where the numbers are others.
+_RESTORES, _PROCESS = (
+    r"restore|snapshots|fmi2SetFMUstate",
+    r"depend on the process|in a second process|in the second instance",
+)
+REMARKS = {
+    **dict.fromkeys(("rounding", "_arithmetic", "_flush", "_traps"), "the FMU changed the arithmetic"),
+    **dict.fromkeys(("half-restore", "wrong-restore", "failing-restore"), _RESTORES),
+    **dict.fromkeys(("pid", "unset", "first"), _PROCESS),
+}
+LIE = "lie"  # in place of a call, for the lies of tests/lying_fmus.py
+LIES = ("half-restore", "wrong-restore", "failing-restore", "pid", "unset", "first")
+# One run in one process has the numbers of that process, and cannot know of others: `check` and sweeps tell.
+OWN, COMPARING = ("pid", "unset", "first"), ("check", "sweep")
 # Instances end when the result is told; where there are more than a worker lets wait, some end before.
 _TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "delays", "excite", "feedback"}
 _FEW_RUNS = {"trim", "branches", "modes", "loop", "run"}  # trim of cs runs the FMU several times
@@ -302,7 +336,10 @@ def expected(case: Case) -> set[str]:
         return {"ok", "timed out"} if case.way == "hang" else {"ok"}
     if case.way in DEADLY:
         return {"ok"} if case.what in without else FITTING[case.way]
-    return FITTING.get(case.way, set()) | {"ok"}
+    if case.way in OWN:
+        return {"ok", "told"} if case.what in COMPARING else {"ok", "own"}
+    noticed = {"told"} if case.way in REMARKS else set()
+    return FITTING.get(case.way, set()) | {"ok"} | noticed
 
 
 # -- one case ------------------------------------------------------------------------------------------
@@ -341,17 +378,21 @@ class Seen:
 def cases(asked: argparse.Namespace) -> Iterator[Case]:
     """Yield the cases that are asked for."""
     for interface, calls in CALLS.items():
-        for call in (*calls, *OUTSIDE) if interface in asked.interface or not asked.interface else ():
-            for way in WAYS:
-                if (way in asked.ways or not asked.ways) and (call in asked.calls or not asked.calls):
-                    every = (Case(way, call, interface, what) for what in asked.what or DEEDS)
-                    yield from (case for case in every if interface in case.deed.interfaces)
+        lies = ((LIE, lie) for lie in LIES)
+        for call, way in (*((call, way) for call in (*calls, *OUTSIDE) for way in WAYS), *lies):
+            if all(
+                x in some or not some
+                for x, some in ((interface, asked.interface), (way, asked.ways), (call, asked.calls))
+            ):
+                every = (Case(way, call, interface, what) for what in asked.what or DEEDS)
+                fits = (case for case in every if interface in case.deed.interfaces)
+                yield from (c for c in fits if (not c.deed.subject if call == LIE else c.what != "sweep"))
 
 
 def build(folder: Path, case: Case) -> Path:
     """Write the FMU of a case, and the file around it; return what is opened."""
     os.environ["MISBEHAVES"] = f"{{{case.way}@{case.call}}}" if case.call in OUTSIDE else ""
-    fmu = build_misbehaving(folder, case.way, case.call)
+    fmu = build_lying(folder, case.way) if case.call == LIE else build_misbehaving(folder, case.way, case.call)
     if not case.deed.subject:
         return fmu
     limits = f"memory-limit = {MEMORY}" if case.way == "memory" else ""
@@ -402,7 +443,7 @@ LONGEST = 300.0  # [s]: any command, with all the limits of its parts
 def _run(file: Path, case: Case) -> subprocess.CompletedProcess[str]:
     line = case.deed.line.format(folder=file.parent).split()
     models = [str(file)] * (2 if case.what == "compare" else 1)
-    words = [sys.executable, "-m", "workbench", case.what, *models, *line, "--json", "-"]
+    words = [sys.executable, "-m", "workbench", case.deed.command or case.what, *models, *line, "--json", "-"]
     if case.what != "export":
         words += ["--timeout", str(case.timeout)]
     if case.way == "memory" and case.what not in {"export", "run"}:  # a study says so in its file
@@ -417,14 +458,20 @@ def told(case: Case, data: Any, truth: Any) -> tuple[str, int, str]:
     if "failure" in data:
         return data["failure"]["kind"], 2, data["failure"]["message"]
     if why := str(case.deed.failed(data) or ""):
-        return _kind_in(why), 1, why
+        return "told" if case.call == LIE and re.search(REMARKS[case.way], why) else _kind_in(why), 1, why
     found = case.deed.numbers(data)
-    if _same(found, truth):
+    if _same(found, truth, case.deed.tolerance):
         return "ok", 0, ""
-    notes = [*(data.get("notes") or ()), *(c["evidence"] for c in data.get("checks", ()))]
-    words = TOLD.get((case.what, case.call))
-    if why := next((note for note in notes if words and words in note), ""):
-        return _kind_in(why), 0, why
+    notes = [
+        *(data.get("notes") or ()),
+        *(data.get("warnings") or ()),
+        *(c["evidence"] for c in data.get("checks", ())),
+    ]
+    for words, kind in ((TOLD.get((case.what, case.call)), ""), (REMARKS.get(case.way), "told")):
+        if words and (why := next((note for note in notes if re.search(words, note)), "")):
+            return kind or _kind_in(why), 0, why
+    if case.way in OWN and case.what not in COMPARING:
+        return "own", 0, ""
     return "WRONG", 0, f"{found} in place of {truth}; {notes}"
 
 
@@ -439,20 +486,22 @@ def _kind_in(reason: str) -> str:
     return "failed"
 
 
-def _same(a: Any, b: Any) -> bool:
+def _same(a: Any, b: Any, tolerance: float) -> bool:
     """Whether two results are equal, but for what names the file."""
     if isinstance(a, dict) and isinstance(b, dict):
-        return a.keys() == b.keys() and all(_same(a[k], b[k]) for k in a if k not in {"model", "model_sha256"})
+        return a.keys() == b.keys() and all(
+            _same(a[k], b[k], tolerance) for k in a if k not in {"model", "model_sha256"}
+        )
     if isinstance(a, list) and isinstance(b, list):
-        return len(a) == len(b) and all(map(_same, a, b))
+        return len(a) == len(b) and all(_same(x, y, tolerance) for x, y in zip(a, b, strict=True))
     if isinstance(a, float) and isinstance(b, float):
-        return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-12)
+        return math.isclose(a, b, rel_tol=tolerance, abs_tol=1e-12)
     return bool(a == b)
 
 
 def truth_of(folder: Path, case: Case, *, program: bool) -> Any:
     """Return the numbers of the same FMU that behaves, done in the same way."""
-    well = replace(case, way="nothing", call="never")
+    well = replace(case, way="honest") if case.call == LIE else replace(case, way="nothing", call="never")
     file = build(folder, well)
     if program:
         done = _run(file, well)
@@ -479,9 +528,13 @@ def main() -> None:
     found: dict[Case, Seen] = {}
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as name:
-        truths: dict[tuple[str, str], Any] = {}
+        if shutil.which("localedef"):  # for "_comma"
+            line = ["localedef", "-i", "de_DE", "-f", "UTF-8", f"{name}/de_DE.UTF-8"]
+            subprocess.run(line, check=True)
+            os.environ["LOCPATH"] = name
+        truths: dict[tuple[str, str, bool], Any] = {}
         for case in cases(asked):
-            key = case.interface, case.what
+            key = case.interface, case.what, case.call == LIE
             if key not in truths:
                 truths[key] = truth_of(Path(name), case, program=asked.program)
             seen = found[case] = run(build(Path(name), case), case, truths[key])

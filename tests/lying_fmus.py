@@ -37,6 +37,7 @@ LIES = {
         "snapshots", "broken", evidence="claimed, but (after a second restore . is|the same run after a restore)"
     ),
     "wrong-restore": Lie("snapshots", "broken", evidence="the values after a restore are not those that were saved"),
+    "half-restore": Lie("snapshots", "broken", evidence="the values after a restore are not those that were saved"),
     "failing-restore": Lie("snapshots", "broken", evidence="claimed, but it fails: .*fmi2SetFMUstate returned error"),
     "repeats": Lie("promise", "broken", _CS, r"noSetFMUStatePriorToCurrentPoint is false\) . is"),
     "wrong-derivative": Lie("directional", "broken", _ME, r"∂der\(v\)/∂x is -44 by the FMU, -40 by differences"),

@@ -1,4 +1,4 @@
-"""An FMU that misbehaves in one call of FMI 2.0, in one of twelve ways; see tests/c/misbehaving."""
+"""An FMU that misbehaves in one call of FMI 2.0, in one of many ways; see tests/c/misbehaving."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ __all__ = ["CALLS", "OUTSIDE", "WAYS", "build_misbehaving"]
 
 WAYS = (
     "segfault", "abort", "exit0", "exit3", "hang", "nan", "events", "memory", "stdout", "descriptors", "thread", "cwd",
+    "rounding", "_arithmetic", "_flush", "_traps", "_comma", "_data", "_stack", "_size", "_space", "_few", "_cpu",
 )  # fmt: skip
 
 # Where it can happen: interface → calls. "load" and "unload" take what they do from the environment (MISBEHAVES).

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from scripts.misbehave import DEEDS, ME, Case, build, expected, in_python, truth_of
+from scripts.misbehave import DEEDS, LIE, LIES, ME, Case, build, expected, in_python, truth_of
 from tests.misbehaving_fmus import WAYS, build_misbehaving
 from workbench.analysis.feedback import analyse
 from workbench.cli.app import run
@@ -39,14 +39,18 @@ _CASES = [
     ("memory", "doStep", "cs", "lin"),
     ("memory", "getDerivatives", "me", "run"),  # a study whose analyses have a limit of their own
     ("segfault", "load", "cs", "export"),
+    *((way, "exitInitialization", "me", "lin") for way in ("_data", "_space", "_traps", "_arithmetic")),
+    ("_space", "load", "me", "lin"),
+    *((lie, LIE, interface, "nfr") for lie in LIES for interface in ("me", "cs")),
+    *((lie, LIE, "cs", "simulate") for lie in LIES),
 ]
 
 
 @pytest.fixture(scope="module")
-def truths(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], Any]:
+def truths(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str, bool], Any]:
     """What the FMU gives that behaves; `info` says so of its outputs even where a probe of its binary crashed."""
     folder = tmp_path_factory.mktemp("well")
-    every = {(interface, what): Case(way, call, interface, what) for way, call, interface, what in _CASES}
+    every = {(interface, what, call == LIE): Case(way, call, interface, what) for way, call, interface, what in _CASES}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MISBEHAVES", "")
         return {key: truth_of(folder, case, program=False) for key, case in every.items()}
@@ -59,14 +63,14 @@ def test_the_caller_is_told_and_lives(
     interface: str,
     what: str,
     tmp_path: Path,
-    truths: dict[tuple[str, str], Any],
+    truths: dict[tuple[str, str, bool], Any],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("MISBEHAVES", "")  # to be as it was
     if (way, call) == ("hang", "terminate"):
         monkeypatch.setattr("workbench.workers.process.AFTERWARDS", 3.0)
     case = Case(way, call, interface, what)
-    seen = in_python(build(tmp_path, case), case, truths[interface, what])
+    seen = in_python(build(tmp_path, case), case, truths[interface, what, call == LIE])
     assert seen.right, seen
     assert "\n" not in seen.words
 

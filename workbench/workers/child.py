@@ -222,7 +222,8 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
         _Worker.state = state()
         model = _model(recipe)
         watch = MemoryWatch(limits.memory)
-        _Worker.state |= {name: allowed for name, allowed in allowances().items() if name == "RLIMIT_AS"}
+        if watch.most is not None:
+            _Worker.state["RLIMIT_AS"] = allowances()["RLIMIT_AS"]
         channel.send((OPENED, watch.most))
         for item in task(model, argument):
             if watch.exceeded():
@@ -241,11 +242,21 @@ def _failure(error: BaseException) -> tuple[str, Any]:
     """Return the message that tells what a task has raised; what is not an error of the workbench is a bug of ours."""
     if isinstance(error, WorkbenchError):
         return ERROR, error
+    if lowered := _lowered():
+        return ERROR, LostError(
+            f"the FMU lowered the limits of its process ({', '.join(lowered)}), in which the workbench cannot go on: "
+            f"{(str(error) or type(error).__name__).splitlines()[0]}"
+        )
     if isinstance(error, MemoryError):
         return MEMORY, None
     if isinstance(error, OSError) and error.errno in {errno.EMFILE, errno.ENFILE}:
         return ERROR, LostError("the FMU has used up the files that its process may open: it closes none of them")
     return BUG, traceback.format_exc()
+
+
+def _lowered() -> list[str]:
+    """Return the limits of this process that are not what they were when the task began."""
+    return [name for name, allowed in allowances().items() if allowed != _Worker.state.get(name)]
 
 
 def _model(packed: bytes) -> Model | None:

@@ -7,6 +7,7 @@
  * it looks at its inputs only every 37 ms. "own-clock" begins to integrate at 0 whatever start time it is told. Runs of
  * "coarse" scatter by the tolerance that it is told. The stiffness of "pid" depends on the number of the process, the
  * force of "unset" on memory that nobody has set, that of "first" on whether this is the first instance of the process.
+ * "half-restore" restores the position, not the velocity.
  * "repeats" takes a step that it is not promised to be final (noSetFMUStatePriorToCurrentPoint) for the last one again.
  */
 #include <math.h>
@@ -33,6 +34,7 @@ typedef enum {
     HONEST, FORGETFUL, WRONG_RESTORE, FAILING_RESTORE, WRONG_DERIVATIVE, NO_DERIVATIVE, CLOCK, RANDOM, SHARED, SINGLE,
     STICKY_RESET, REFUSED_RESET, EULER, DIVERGING, UNSTABLE, DEAF, REFUSED_SLOPES, IGNORED_SLOPES, WRONG_SLOPES,
     ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, OWN_CLOCK, COARSE, PID, FIRST, UNSET, REPEATS,
+    HALF_RESTORE,
     N_LIES
 } Lie;
 
@@ -41,6 +43,7 @@ static const char *const names[N_LIES] = {
     "shared", "single", "sticky-reset", "refused-reset", "euler", "diverging", "unstable", "deaf", "refused-slopes",
     "ignored-slopes", "wrong-slopes", "zero-nominal", "tiny-nominal", "leak", "large-leak", "counter", "late-inputs",
     "own-clock", "coarse", "pid", "first", "unset", "repeats",
+    "half-restore",
 };
 
 typedef struct {
@@ -343,12 +346,16 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 {
     Model *m = c;
     long steps = m->s.steps;
+    double v = m->s.v;
     if (m->lie == FAILING_RESTORE) {
         return fmi2Error;
     }
     memcpy(&m->s, state, sizeof m->s);
     if (m->lie == FORGETFUL) {
         m->s.steps = steps;
+    }
+    if (m->lie == HALF_RESTORE) {
+        m->s.v = v;
     }
     m->s.x += m->lie == WRONG_RESTORE ? 1e-4 : 0.0;
     return fmi2OK;

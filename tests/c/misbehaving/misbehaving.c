@@ -3,10 +3,11 @@
  * Its GUID says how and where: "{segfault@doStep}". In the calls "load" and "unload", where there is no GUID yet, the
  * environment variable MISBEHAVES says the same. What escapes ("{escape@doStep}") tells by y what it reached.
  */
-#define _DEFAULT_SOURCE /* usleep */
+#define _GNU_SOURCE /* usleep, feenableexcept */
 
 #include <fcntl.h>
 #include <fenv.h>
+#include <locale.h>
 #include <math.h>
 #include <arpa/inet.h>
 #include <pthread.h>
@@ -130,9 +131,26 @@ static void round_up(void)
 #endif
 }
 
-static void lower(int what)
+/* Tiny numbers count as nothing, as with -ffast-math. */
+static void flush_to_zero(void)
 {
-    struct rlimit limit = {1 << 20, 1 << 20};
+#if defined __x86_64__
+    _mm_setcsr(_mm_getcsr() | 0x8040U);
+#elif defined __aarch64__
+    __asm__ volatile("msr fpcr, %0" : : "r"((unsigned long)1 << 24));
+#endif
+}
+
+static void trap(void)
+{
+#ifdef __GLIBC__
+    feenableexcept(FE_DIVBYZERO | FE_INVALID | FE_OVERFLOW);
+#endif
+}
+
+static void lower(int what, rlim_t to)
+{
+    struct rlimit limit = {to, to};
     setrlimit(what, &limit);
 }
 
@@ -152,12 +170,24 @@ static void change(const char *what)
     struct itimerval often = {{1000, 0}, {1000, 0}};
     if (strcmp(what, "arithmetic") == 0) {
         round_up();
+    } else if (strcmp(what, "flush") == 0) {
+        flush_to_zero();
+    } else if (strcmp(what, "traps") == 0) {
+        trap();
+    } else if (strcmp(what, "comma") == 0) { /* a language with a decimal comma, where the machine has it */
+        setlocale(LC_ALL, "de_DE.UTF-8");
     } else if (strcmp(what, "data") == 0) {
-        lower(RLIMIT_DATA);
+        lower(RLIMIT_DATA, 1 << 20);
     } else if (strcmp(what, "stack") == 0) {
-        lower(RLIMIT_STACK);
+        lower(RLIMIT_STACK, 1 << 20);
     } else if (strcmp(what, "size") == 0) {
-        lower(RLIMIT_FSIZE);
+        lower(RLIMIT_FSIZE, 1 << 20);
+    } else if (strcmp(what, "space") == 0) {
+        lower(RLIMIT_AS, 1 << 20);
+    } else if (strcmp(what, "few") == 0) {
+        lower(RLIMIT_NOFILE, 3);
+    } else if (strcmp(what, "cpu") == 0) {
+        lower(RLIMIT_CPU, 1);
     } else if (strcmp(what, "umask") == 0) {
         umask(0777);
     } else if (strcmp(what, "mask") == 0) {
