@@ -307,3 +307,9 @@ def test_a_mean_of_slow_samples_has_an_effect() -> None:
 def test_what_has_no_effect_is_told_without_names_too() -> None:
     nothing = Linear(np.diag([-1.0, -2.0]), np.eye(2), np.array([[1.0, 0.0]]), np.zeros((1, 2)))
     assert nothing.without_effect == (("u2", "y1"),)
+
+
+def test_poles_of_what_is_no_matrix_of_numbers_are_refused_in_one_line() -> None:
+    """A file may have null in it."""
+    with pytest.raises(InputError, match="matrix A must hold finite numbers"):
+        _ = Linear(np.array([[np.nan]]), [1.0], [1.0], [0.0]).poles

@@ -101,6 +101,9 @@ def test_a_record_reads_its_own_json() -> None:
         ({"names": ["a"], "matrix": [[1.0], [2.0]]}, r"'matrix' has the shape \(2, 1\), not \(1, 1\)"),
         ({"corner_points": [{"frequency_hz": 1.0}]}, "'corner_points.pole' is missing"),
         ({"limits": {"0.5": "high"}}, "'limits.0.5' must be a number, not \"high\""),
+        ({"limits": {"0.5": 10**400}}, "'limits.0.5' is too large for a number"),
+        ({"time": [0.0, 1.0, 10**400]}, "'time' is not an array of numbers: int too large"),
+        ({"time": []}, r"'signals.x' has the shape \(3,\), not \(0,\)"),
     ],
 )
 def test_a_wrong_key_is_named(changed: dict[str, Any], words: str) -> None:

@@ -119,7 +119,13 @@ class Linear(Part):
 
     @cached_property
     def poles(self) -> Complex:
-        """Eigenvalues of A, shape (n,) [1/s], discrete ones without unit."""
+        """Eigenvalues of A, shape (n,) [1/s], discrete ones without unit.
+
+        Raises:
+            InputError: A, as a file may have it, holds what is no number.
+        """
+        if not np.isfinite(self.A).all():
+            raise InputError("matrix A must hold finite numbers")
         with one_thread():  # others wait for each other on a machine that has other work
             return np.linalg.eigvals(self.A).astype(np.complex128)
 

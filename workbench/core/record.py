@@ -477,8 +477,8 @@ def _read(kind: Any, data: Any, lengths: Mapping[str, int], where: str) -> Any: 
             found[declared.name] = _value(hints[declared.name], data[key], lengths, here, said)
         elif declared.default is MISSING and declared.default_factory is MISSING:
             raise _WrongKeyError(f"'{here}' is missing")
-        if isinstance(known := found.get(declared.name), Sized):
-            lengths[declared.name] = len(known)
+        if isinstance(known := found.get(declared.name), Sized) and (len(known) or not isinstance(known, tuple)):
+            lengths[declared.name] = len(known)  # without names it is not known
     return kind(**found)
 
 
@@ -553,14 +553,14 @@ def _array(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
     try:
         given = _stacked(given, len(dims) - 1, np) if said.get("named") else given
         found = np.array(given, dtype=np.float64 if pairs else dtype)
-    except (AttributeError, TypeError, ValueError) as error:
+    except (AttributeError, OverflowError, TypeError, ValueError) as error:
         raise _WrongKeyError(f"'{where}' is not an array of numbers: {error}") from None
     _refuse(found.ndim == 0, where, "a list", given)
     if pairs and found.size:
         found = np.ascontiguousarray(found).view(np.complex128)[..., 0]
     known = [*found.shape, *(0 for _ in dims)]
     expected = tuple(
-        axis if isinstance(axis, int) else lengths.get(axis) or n for axis, n in zip(dims, known, strict=False)
+        axis if isinstance(axis, int) else lengths.get(axis, n) for axis, n in zip(dims, known, strict=False)
     )
     if found.size == 0:
         return np.zeros(expected or found.shape, dtype)
@@ -582,7 +582,10 @@ def _refuse(wrong: bool, where: str, needed: str, given: object) -> None:  # noq
 
 def _number(given: Any, where: str) -> float:  # noqa: ANN401 - of JSON
     _refuse(not (given is None or isinstance(given, int | float)), where, "a number", given)
-    return math.nan if given is None else float(given)
+    try:
+        return math.nan if given is None else float(given)
+    except OverflowError:  # a whole number of hundreds of digits
+        raise _WrongKeyError(f"'{where}' is too large for a number") from None
 
 
 def _complex(given: Any, where: str) -> complex:  # noqa: ANN401 - of JSON
