@@ -94,6 +94,17 @@ def test_a_crash_when_all_was_told_and_what_was_printed_stand_there_too(
     assert any(note.startswith(told) for note in notes), notes
 
 
+@pytest.mark.parametrize("call", ["terminate", "freeInstance"])
+@pytest.mark.parametrize("what", ARGUMENTS)
+def test_no_answer_is_lost_where_the_fmu_crashes_at_its_end(folder: Path, what: str, call: str) -> None:
+    assert run([*words_of(folder, what, "segfault", call), "--json", "out.json"]) in (0, 1)
+    record = json.loads((folder / "out.json").read_text())
+    assert "failure" not in record
+    assert not record.get("failed")
+    told = (folder / "out.json").read_text()
+    assert CRASHED in told or "crashed" not in told
+
+
 def test_in_python_and_in_a_study_it_is_the_same(folder: Path) -> None:
     words_of(folder, "lin", "_arithmetic", "instantiate")
     with wb.load("bad.fmu") as model:

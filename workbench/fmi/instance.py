@@ -7,7 +7,7 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property
@@ -44,6 +44,7 @@ _STATUS = {2: "discard", 3: "error", 4: "fatal error", 5: "pending"}
 _OTHER_WAY = " (with interface me the workbench integrates in its place)"
 _TROUBLE = re.compile("error|fatal|warning|discard", re.IGNORECASE)
 MAX_EVENT_ITERATIONS = 1000
+_MOST_ENDED = 768  # instances that wait for their end: a process has 1024 keys of thread-specific data
 _EVENT_UPDATE = {1: "fmiEventUpdate", 2: "fmi2NewDiscreteStates", 3: "fmi3UpdateDiscreteStates"}
 
 
@@ -93,19 +94,22 @@ class _Ended:
 
     Attributes:
         most: so many may wait.
+        room: whether more may.
     """
 
     most = 0
+    room: ClassVar[Callable[[], bool]] = staticmethod(lambda: False)
     waiting: ClassVar[deque[Instance]] = deque()
 
 
-def end_later(most: int) -> None:
+def end_later(most: int, room: Callable[[], bool]) -> None:
     """Let instances that are closed wait for `end_now`: what an FMU does then cannot spoil what is not yet told.
 
     Args:
-        most: so many wait; those that have waited longest are ended then.
+        most: so many wait in any case.
+        room: whether more may; where not, those that have waited longest are ended.
     """
-    _Ended.most = most
+    _Ended.most, _Ended.room = most, staticmethod(room)
 
 
 def end_now(but: int = 0) -> None:
@@ -345,7 +349,8 @@ class Instance(ABC):
             return
         self._closed = True
         _Ended.waiting.append(self)
-        end_now(_Ended.most)
+        if len(_Ended.waiting) > _Ended.most and not (len(_Ended.waiting) <= _MOST_ENDED and _Ended.room()):
+            end_now(_Ended.most)
 
     def _end(self) -> None:
         if self._worst >= FATAL:

@@ -33,7 +33,7 @@ from workbench.fmi.instance import end_later, end_now
 from workbench.kernel.library import kernel, why_kernel_missing
 from workbench.workers.answers import in_records
 from workbench.workers.channel import HUNG_UP, MARK_BYTES, Channel
-from workbench.workers.limits import MemoryWatch
+from workbench.workers.limits import MemoryWatch, Room
 from workbench.workers.state import arithmetic, only_handlers, state
 from workbench.workers.state import limits as allowances
 
@@ -85,7 +85,7 @@ _PATIENCE = 1.0
 # So many models stay open from one task to the next.
 _MODELS = 4
 
-# So many instances wait for the end of the task to be terminated and freed.
+# So many instances wait for the end of the task to be terminated and freed; more where there is room.
 _ENDED = 16
 
 _STANDARD_INPUT = 0
@@ -161,7 +161,7 @@ def main(link: int | None, parent: int, scratch: str, module: str) -> None:
     end.set_inheritable(False)
     _behave()
     _end_at_once()
-    end_later(_ENDED)
+    end_later(_ENDED, Room())
     lifeline = _lifeline()
     tempfile.tempdir = os.environ["TMPDIR"] = scratch
     watcher = threading.Thread(target=_watch_parent, args=(lifeline, parent, scratch), daemon=True)
@@ -224,6 +224,7 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
         watch = MemoryWatch(limits.memory)
         if watch.most is not None:
             _Worker.state["RLIMIT_AS"] = allowances()["RLIMIT_AS"]
+        end_later(_ENDED, Room(watch.most))
         channel.send((OPENED, watch.most))
         for item in task(model, argument):
             if watch.exceeded():

@@ -7,9 +7,12 @@ import os
 from importlib.util import find_spec
 from pathlib import Path
 
-__all__ = ["MemoryWatch", "cores", "memory_limit_works", "went_beyond"]
+__all__ = ["MemoryWatch", "Room", "cores", "memory_limit_works", "went_beyond"]
 
 _MB = 1_000_000
+
+# What a process may have more before instances that are closed are ended to make room.
+_GROWTH = {"VmSize": 1 << 30, "VmRSS": 256 << 20, "Threads": 64, "files": 128}
 
 # Allocations are refused beyond this multiple of the memory limit.
 _REFUSED = 1.5
@@ -56,6 +59,36 @@ class MemoryWatch:
     def exceeded(self) -> bool:
         """Whether the process ever had more than the limit allows."""
         return self.most is not None and _address_space("VmPeak") > self.most
+
+
+class Room:
+    """Whether what nobody needs any more may stay in this process for a while, counted from what it has now.
+
+    Args:
+        most: largest address space that is within the memory limit [bytes]; None: any.
+    """
+
+    def __init__(self, most: float | None = None) -> None:
+        now = _used()
+        self._most = {name: count + _GROWTH[name] for name, count in now.items()}
+        if now and most is not None:
+            self._most["VmSize"] = min(self._most["VmSize"], int(now["VmSize"] + most) // 2)
+
+    def __call__(self) -> bool:
+        now = _used()
+        return bool(self._most and now) and all(now[name] <= most for name, most in self._most.items())
+
+
+def _used() -> dict[str, int]:
+    """Return what this process has of what may become scarce; empty where the system does not tell (not Linux)."""
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
+        files = sum(1 for _ in Path("/proc/self/fd").iterdir())
+    except OSError:
+        return {}
+    told = dict(line.split(":", 1) for line in lines)
+    sizes = {name: int(told[name].split()[0]) * 1024 for name in ("VmSize", "VmRSS")}
+    return {**sizes, "Threads": int(told["Threads"]), "files": files}
 
 
 def went_beyond(most: float | None, process: int) -> bool:
