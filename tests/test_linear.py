@@ -312,4 +312,4 @@ def test_what_has_no_effect_is_told_without_names_too() -> None:
 def test_poles_of_what_is_no_matrix_of_numbers_are_refused_in_one_line() -> None:
     """A file may have null in it."""
     with pytest.raises(InputError, match="matrix A must hold finite numbers"):
-        _ = Linear(np.array([[np.nan]]), [1.0], [1.0], [0.0]).poles
+        _ = Linear(np.array([[np.nan]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1))).poles
