@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -61,6 +62,8 @@ _SAME_SETTINGS = f"{_COLUMNS} WHERE settings.id = ? ORDER BY made"
 _EVERYTHING = f"{_COLUMNS} ORDER BY made"
 _ONE = f"{_COLUMNS} WHERE settings.id = ? AND point = ?"
 _SAME_SUBJECT = f"{_COLUMNS} WHERE settings.subject = ? ORDER BY made"
+_NEXT = "SELECT min(settings) FROM measurements WHERE settings > ?"
+_OF_NUMBER = "SELECT point FROM measurements WHERE settings = ?"
 _INSERT = "INSERT OR REPLACE INTO measurements (settings, point, value, made, sha256) VALUES (?, ?, ?, ?, ?)"
 
 _Row = tuple[int, Any, Any, Any, Any, Any]  # as the columns
@@ -136,6 +139,7 @@ class Store(Closable):
         marks = f"PRAGMA application_id = {_APPLICATION}; PRAGMA user_version = {_LAYOUT};"
         database.executescript(f"BEGIN IMMEDIATE; {_TABLES} {marks} COMMIT;")
         self._settings = self._settings_row()
+        self.damaged += self._astray()
 
     def _settings_row(self) -> int:
         key = (_hash(self._subject), _hash(self._effort))
@@ -146,6 +150,18 @@ class Store(Closable):
         )
         found = self._database.execute("SELECT id FROM settings WHERE subject = ? AND effort = ?", key).fetchone()
         return int(found[0])
+
+    def _astray(self) -> list[str]:
+        """Return the points to which nothing leads any more: the key of their settings has changed, or its number."""
+        rows = self._database.execute("SELECT id, subject, effort, text FROM settings ORDER BY id DESC").fetchall()
+        keys = {number: key for number, *key, text in rows if key == _keys(text)}
+        sound = {number for number, key in keys.items() if key not in [keys[n] for n in keys if n > number]}
+        found: list[str] = []
+        number = -math.inf
+        while (number := self._database.execute(_NEXT, (number,)).fetchone()[0]) is not None:
+            if number not in sound:
+                found += [repr(point) for (point,) in self._database.execute(_OF_NUMBER, (number,))]
+        return found
 
     def save(self, point: str, value: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
         """Keep the value of a point; an earlier one under the same settings is replaced.
@@ -291,6 +307,15 @@ def _is_sound(row: _Row) -> bool:
     """Return whether a row is what was saved."""
     _, *texts, check = row
     return all(isinstance(text, str) for text in texts) and check == _check_sum(*texts)
+
+
+def _keys(text: object) -> list[str]:
+    """Return the keys under which settings are found; none where their text is damaged."""
+    try:
+        settings = from_json(str(text))
+        return [_hash(_canonical(settings[part])) for part in ("subject", "effort")]
+    except (KeyError, TypeError, ValueError):
+        return []
 
 
 def _check_sum(*texts: str) -> str:
