@@ -16,6 +16,7 @@ import numpy as np
 
 from workbench.analysis.check.result import Answer
 from workbench.analysis.check.subject import CheckedFmu
+from workbench.fmi.instance import end_now
 
 __all__ = ["memory", "resident"]
 
@@ -90,6 +91,7 @@ def _watched(subject: CheckedFmu, sessions: int) -> Iterator[tuple[int, float]]:
 def _session(subject: CheckedFmu) -> None:
     with subject.open() as session:
         session.advance(subject.start + min(_ADVANCED, subject.steps) * subject.step, signals=subject.constants())
+    end_now()  # what is closed, and waits for its end, is none of what it leaves behind
 
 
 def _slope(looks: list[tuple[int, float]]) -> float:
