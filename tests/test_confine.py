@@ -21,7 +21,10 @@ import pytest
 import workbench as wb
 from tests.fakes import EulerOscillator, FakeModel
 from tests.misbehaving_fmus import build_misbehaving
+from tests.record_examples import Maker
+from tests.test_told_in_records import words_of
 from tests.worker_tasks import Trap, obey
+from workbench.analysis.lin.result import LinResult
 from workbench.cli.app import run
 from workbench.core import confine
 from workbench.core.where import Limits, Worker, Workers
@@ -123,6 +126,14 @@ def test_every_command_confines(tmp_path: Path, home: Path, command: str, capsys
     assert run([command, str(fmu), *LINES[command], "--confine", "--json", str(tmp_path / "out.json")]) in (0, 1)
     assert (tmp_path / "out.json").exists(), capsys.readouterr().err
     assert [p.name for p in home.iterdir()] == ["precious"]
+
+
+@needs_landlock
+@pytest.mark.parametrize("command", ["limit-cycle", "feedback", "feed-forward", "onset"])
+def test_commands_that_ask_others_confine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+    """A confined process begins no worker for them."""
+    monkeypatch.chdir(tmp_path)
+    assert run([*words_of(tmp_path, command, "nothing", "never"), "--confine", "--json", "out.json"]) == 0
 
 
 @needs_landlock
@@ -278,6 +289,33 @@ def test_forged_answers_are_refused(forgery: str) -> None:
     with pytest.raises((pickle.UnpicklingError, ValueError, TypeError, IndexError)):
         forged(*FORGERIES[forgery])
     assert Limits(confine=True).apart
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("A", [["x"]]),
+        ("A", np.array([[1j]])),
+        ("dt", "0.1"),
+        ("state_names", (1, 2)),
+        ("units", {"x": 3}),
+        ("operating_point", {}),
+        ("delayed", ()),
+        ("notes", "text"),
+    ],
+)
+def test_records_whose_parts_are_of_other_types_are_refused(name: str, value: object) -> None:
+    """Whoever shows one would meet them far from here."""
+    result = Maker(empty=False).record(LinResult)
+    assert again(result).state_names == result.state_names
+    object.__setattr__(result, name, value)
+    with pytest.raises(pickle.UnpicklingError, match=f"LinResult, whose {name} is not what it should be"):
+        again(result)
+
+
+def test_a_record_without_its_fields_is_refused() -> None:
+    with pytest.raises(pickle.UnpicklingError, match="whose name is not what it should be"):
+        forged({"record": ["workbench.analysis.lin.result", "Zero", ["kind"], ["input"]]})
 
 
 def test_text_that_is_nested_deeply_is_refused() -> None:

@@ -171,9 +171,11 @@ class Request(Options, Generic[_Subject, _Record]):
         """
         stored = getattr(self, "store", None) is not None  # perhaps all of it, and no worker is needed
         if isinstance(self, InWorker) and not stored and _expected(self.place) and _portable(subject):
-            from workbench.workers.process import prepare  # noqa: PLC0415 - not for what is only asked about
+            from workbench.workers.child import inside  # noqa: PLC0415 - not for what is only asked about
+            from workbench.workers.process import prepare  # noqa: PLC0415 - as above
 
-            prepare(self.algorithm.partition(":")[0])
+            if not inside(self.place.limits):
+                prepare(self.algorithm.partition(":")[0])
         try:
             with self._reached(job) as asked:
                 asked = asked.by_own_names(subject, job).in_own_units(subject)  # noqa: PLW2901

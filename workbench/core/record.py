@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import numbers as numbers_of
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
@@ -43,6 +44,7 @@ __all__ = [
     "complex_of",
     "drawn",
     "entry",
+    "fields_fit",
     "numbers",
     "plain",
     "read_json",
@@ -524,6 +526,52 @@ def _value(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
     return tuple(_value(inner[0], v, lengths, where, said) for v in given)
 
 
+def fits(kind: Any, held: Any) -> bool:  # noqa: ANN401, PLR0911 - a line each
+    """Return whether a value is of a type that a field has; what is in a dataclass within is not looked at.
+
+    Args:
+        kind: the type.
+        held: the value.
+    """
+    kind = spelled_out(kind)
+    base: Any = get_origin(kind) or kind
+    inner = get_args(kind)
+    if base in (Union, UnionType):
+        return any(fits(one, held) for one in inner)
+    if base is Literal:
+        return held in inner
+    if base in _NUMBERS:
+        return isinstance(held, _NUMBERS[base]) or (base is bool and type(held).__name__ == "bool_")
+    if base is Any or not isinstance(base, type) or base is object:  # or a variable
+        return True
+    if base.__name__ == "ndarray":
+        array, dtype = held, get_args(inner[1])[0] if inner else object
+        return isinstance(held, base) and (dtype in (Any, object) or array.dtype.kind in _kinds_in(dtype))
+    if base is tuple and inner[1:] != (...,) and inner:
+        return isinstance(held, tuple) and len(held) == len(inner) and all(map(fits, inner, held))
+    if issubclass(base, Mapping) and len(inner) == 2:
+        return isinstance(held, Mapping) and all(fits(inner[0], k) and fits(inner[1], v) for k, v in held.items())
+    if issubclass(base, Iterable) and inner and not isinstance(held, str):
+        return isinstance(held, list | base) and all(fits(inner[0], one) for one in held)
+    return isinstance(held, base)
+
+
+def _kinds_in(dtype: Any) -> str:  # noqa: ANN401 - a type of NumPy
+    """Return the kinds of numbers that a type holds."""
+    order, kind = "biufc", getattr(dtype, "__name__", "complex")
+    return order if kind.startswith("complex") else order[:4] if kind.startswith("float") else order[:3]
+
+
+def fields_fit(record: Any) -> str:  # noqa: ANN401 - a dataclass
+    """Return the first field of a dataclass that is not there, or of another type than its own; empty: none is."""
+    kind: Any = type(record)
+    hints = _hints(kind)
+    for declared in fields(record):
+        if not hasattr(record, declared.name) or not fits(hints[declared.name], getattr(record, declared.name)):
+            return declared.name
+    return ""
+
+
 def spelled_out(kind: Any) -> Any:  # noqa: ANN401
     """Return the type that an alias with parameters stands for: NumPy's `NDArray` is one since version 2.5."""
     alias = getattr(get_origin(kind), "__value__", None)
@@ -602,6 +650,10 @@ def _of(kind: type, needed: str) -> Callable[[Any, str], Any]:
 
     return check
 
+
+_NUMBERS: dict[Any, Any] = {
+    bool: bool, int: numbers_of.Integral, float: numbers_of.Real, complex: numbers_of.Complex,
+}  # fmt: skip
 
 _SIMPLE: dict[Any, Callable[[Any, str], Any]] = {
     float: _number,

@@ -19,6 +19,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from workbench.core.record import fields_fit
 from workbench.errors import LostError, WorkbenchError, one_line
 
 if TYPE_CHECKING:
@@ -235,6 +236,8 @@ def _record(module: str, name: str, names: list[str], values: list[object]) -> o
         raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not a record")
     made = object.__new__(kind)  # what its own way of making does was done in the worker
     _fill(made, names, values)
+    if wrong := fields_fit(made):
+        raise pickle.UnpicklingError(f"a worker sent {module}.{name}, whose {wrong} is not what it should be")
     return made
 
 
