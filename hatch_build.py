@@ -15,7 +15,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from workbench.toolchain import PLATFORMS, Platform, compile_kernel, host_only
+from workbench.build.toolchain import PLATFORMS, Platform, compile_kernel, host_only
 
 if TYPE_CHECKING:
     _Hook = BuildHookInterface[Any]

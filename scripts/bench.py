@@ -33,7 +33,7 @@ from numpy.typing import NDArray  # noqa: E402
 import workbench as wb  # noqa: E402
 from scripts import bench_fmpy, bench_processes, bench_systems  # noqa: E402
 from tests.drivers import DRIVERS, driven_by  # noqa: E402
-from workbench.workers import Workers  # noqa: E402
+from workbench.jobs.options import Workers  # noqa: E402
 
 Floats = NDArray[np.float64]
 

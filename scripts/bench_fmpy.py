@@ -18,9 +18,9 @@ import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 
-from workbench.build import build_fmu
+from workbench.build.fmu import build_fmu
+from workbench.build.toolchain import compile_library, host_only
 from workbench.fmi.platforms import host
-from workbench.toolchain import compile_library, host_only
 
 DATA = Path(__file__).resolve().parent / "bench_data"
 

@@ -30,12 +30,12 @@ import numpy as np  # noqa: E402
 import workbench as wb  # noqa: E402
 from tests.large_fmus import build_large, build_loop  # noqa: E402
 from tests.stub_fmus import stub_library  # noqa: E402
-from workbench.core.blas import one_thread  # noqa: E402
-from workbench.core.files import pack  # noqa: E402
-from workbench.core.large import poles_about  # noqa: E402
-from workbench.core.linear import Linear  # noqa: E402
-from workbench.core.modal import poles_near  # noqa: E402
-from workbench.toolchain import host_only  # noqa: E402
+from workbench.build.toolchain import host_only  # noqa: E402
+from workbench.core.machine.blas import one_thread  # noqa: E402
+from workbench.core.machine.files import pack  # noqa: E402
+from workbench.core.values.large import poles_about  # noqa: E402
+from workbench.core.values.linear import Linear  # noqa: E402
+from workbench.core.values.modal import poles_near  # noqa: E402
 
 STATES, VARIABLES = 2000, 100_000
 MIB = 1024.0  # of ru_maxrss [KiB]

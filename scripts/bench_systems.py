@@ -26,7 +26,7 @@ from scipy.linalg import expm  # noqa: E402
 
 import workbench as wb  # noqa: E402
 from scripts.bench_fmpy import Slave, address_of, c_loops  # noqa: E402
-from workbench.model.described import DescribedModel  # noqa: E402
+from workbench.model.described_model import DescribedModel  # noqa: E402
 from workbench.session.compiled import CompiledMeSession  # noqa: E402
 from workbench.system.description import FmuComponent  # noqa: E402
 

@@ -70,7 +70,7 @@ def one_test(body: str, *, imports: str = "") -> str:
 
 PLANTED = "tests/test_loop_planted.py"  # a name that `numerical` runs, too
 PAGE = "docs/troubleshooting.md"
-CODE = "workbench/gusts.py"
+CODE = "workbench/signals/gusts.py"
 ONLY = dict.fromkeys((f.relative_to(ROOT).as_posix() for f in (ROOT / "tests").glob("test_*.py")), lambda _: "")
 ONLY |= {PLANTED: add(one_test("assert True"))}
 FAILS = {PLANTED: lambda _: one_test("assert sum([1, 1]) == 3")}
@@ -204,7 +204,7 @@ CHECKS = (
     tested(
         "an import goes up",
         "tests/test_layers.py",
-        {"workbench/core/units.py": add("\nfrom workbench.analysis import request\n")},
+        {"workbench/core/values/units.py": add("\nfrom workbench.analysis import request\n")},
         "core.*analysis",
     ),
     tested(

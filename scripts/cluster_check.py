@@ -24,11 +24,12 @@ from typing import Any
 import numpy as np
 
 import workbench as wb
-from workbench.core.where import Limits
 from workbench.errors import WorkbenchError, suggest
-from workbench.workers import InProcess, Lost, Reply, in_cluster
-from workbench.workers.cluster import Cluster, OnCluster
-from workbench.workers.local_cluster import LocalCluster, distributed
+from workbench.jobs import in_cluster
+from workbench.jobs.cluster import Cluster, OnCluster
+from workbench.jobs.local_cluster import LocalCluster, distributed
+from workbench.jobs.options import Limits
+from workbench.jobs.runner import InProcess, Lost, Reply
 
 ROOT = Path(__file__).resolve().parents[1]
 psutil: Any = import_module("psutil")  # distributed brings it; untyped

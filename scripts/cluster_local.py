@@ -12,8 +12,8 @@ import threading
 from contextlib import suppress
 
 from workbench.errors import WorkbenchError
-from workbench.workers.limits import cores
-from workbench.workers.local_cluster import started
+from workbench.jobs.limits import cores
+from workbench.jobs.local_cluster import started
 
 
 def main() -> int:

@@ -26,7 +26,7 @@ import numpy as np  # noqa: E402
 
 import workbench as wb  # noqa: E402
 from tests.random_systems import Modes, random_modes  # noqa: E402
-from workbench.toolchain import host_only  # noqa: E402
+from workbench.build.toolchain import host_only  # noqa: E402
 
 BAND, NOISES = (0.1, 8.0), (0.0, 0.001, 0.01)
 

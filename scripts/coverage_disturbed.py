@@ -32,7 +32,7 @@ import numpy as np  # noqa: E402
 
 import workbench as wb  # noqa: E402
 from scripts.coverage_nfr import Trial, lines  # noqa: E402
-from workbench.build import build_fmu  # noqa: E402
+from workbench.build.fmu import build_fmu  # noqa: E402
 from workbench.fmi.platforms import host  # noqa: E402
 
 SOURCE = ROOT / "tests" / "modelica" / "Disturbed.mo"

@@ -36,9 +36,9 @@ from scipy import signal  # noqa: E402
 
 import workbench as wb  # noqa: E402
 from tests.random_systems import Plant, random_plant  # noqa: E402
-from workbench.analysis.identified.model import IdentifiedModel  # noqa: E402
-from workbench.analysis.prediction.innovations import Innovations  # noqa: E402
-from workbench.analysis.prediction.model import truth_spread  # noqa: E402
+from workbench.identification.identified.model import IdentifiedModel  # noqa: E402
+from workbench.identification.prediction.innovations import Innovations  # noqa: E402
+from workbench.identification.prediction.model import truth_spread  # noqa: E402
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]

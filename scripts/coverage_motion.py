@@ -39,7 +39,7 @@ from scipy.integrate import solve_ivp  # noqa: E402
 from scipy.linalg import expm  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from workbench.build import build_fmu  # noqa: E402
+from workbench.build.fmu import build_fmu  # noqa: E402
 from workbench.fmi.platforms import host  # noqa: E402
 
 Many = NDArray[np.float64]

@@ -31,12 +31,12 @@ import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from workbench.analysis.harmonics import ORDERS, Period, fundamental  # noqa: E402
-from workbench.analysis.nfr.job import PointsJob  # noqa: E402
-from workbench.analysis.nfr.point import PointTask  # noqa: E402
-from workbench.analysis.nfr.settling import Outcome, Settling  # noqa: E402
-from workbench.analysis.nfr.surroundings import surroundings  # noqa: E402
 from workbench.model import Model  # noqa: E402
+from workbench.response.nfr.job import PointsJob  # noqa: E402
+from workbench.response.nfr.point import PointTask  # noqa: E402
+from workbench.response.nfr.prior_knowledge import surroundings  # noqa: E402
+from workbench.response.nfr.settling import Outcome, Settling  # noqa: E402
+from workbench.response.periodic.fourier import ORDERS, Period, fundamental  # noqa: E402
 
 
 @dataclass(frozen=True)

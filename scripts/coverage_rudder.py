@@ -20,7 +20,7 @@ import numpy as np  # noqa: E402
 from scipy import signal  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from workbench.analysis.validate.overlay import sine_response  # noqa: E402
+from workbench.identification.validate.overlay import sine_response  # noqa: E402
 
 AR = 0.95
 # The law of `system:law_and_rudder` through a noisy sensor; the rudder's surface has friction [N.m].

@@ -72,7 +72,7 @@ FIGURES = ("workbench", "reproduce")
 COMPILE = """
 from compileall import compile_dir
 from pathlib import Path
-from workbench.toolchain import compile_kernel, host_only
+from workbench.build.toolchain import compile_kernel, host_only
 compile_kernel(Path("workbench/kernel"), host_only())
 for folder in ("workbench", "tests"):
     compile_dir(folder, quiet=1)

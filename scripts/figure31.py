@@ -22,9 +22,9 @@ from rich import box  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
-from workbench.plotting.figure import save  # noqa: E402
 from workbench.reproduce.chapter6 import draw_widths  # noqa: E402
 from workbench.reproduce.law_widths import FREQUENCIES, OURS, PUBLISHED, Study, study  # noqa: E402
+from workbench.show.figure import save  # noqa: E402
 
 
 def show(result: Study, console: Console) -> None:

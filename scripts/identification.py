@@ -24,7 +24,7 @@ from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from workbench.analysis.validate.fit import (  # noqa: E402
+from workbench.identification.validate.fit import (  # noqa: E402
     ERROR_FIGURES,
     error_figure,
 )

@@ -34,8 +34,8 @@ sys.path.insert(0, str(ROOT))
 import workbench as wb  # noqa: E402
 from tests.lying_fmus import build_lying  # noqa: E402
 from tests.misbehaving_fmus import CALLS, OUTSIDE, WAYS, build_misbehaving  # noqa: E402
-from workbench.core.record import plain  # noqa: E402
-from workbench.core.where import Workers  # noqa: E402
+from workbench.core.records.record import plain  # noqa: E402
+from workbench.jobs.options import Workers  # noqa: E402
 
 HANG, LONG, PATIENT, MEMORY = 4.0, 20.0, 200.0, 600.0  # [s], [s], [s], [MB]: what a result may cost
 BOTH, ME = ("me", "cs"), ("me",)

@@ -2,7 +2,7 @@
 """Which changes of the numerical code do the tests not notice?
 
     python scripts/mutants.py                         300 mutants of analysis, core, system, session, kernel
-    python scripts/mutants.py --count 20 workbench/core/linear.py
+    python scripts/mutants.py --count 20 workbench/core/values/linear.py
     python scripts/mutants.py --fresh --count 60      others, drawn from the code as it is
     python scripts/mutants.py --again tests/test_linear.py    after tests were added there
     python scripts/mutants.py --list --count 20       show them, run nothing

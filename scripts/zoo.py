@@ -33,9 +33,9 @@ sys.path.insert(0, str(ROOT))
 
 from scripts import zoo_oracle as oracle  # noqa: E402
 from workbench.cli.app import run as workbench  # noqa: E402
-from workbench.core.names import plain_unit  # noqa: E402
-from workbench.report.page import Page, Section, Table, write_page  # noqa: E402
-from workbench.report.tones import Verdict  # noqa: E402
+from workbench.core.records.names_in_text import plain_unit  # noqa: E402
+from workbench.show.page import Page, Section, Table, write_page  # noqa: E402
+from workbench.show.verdicts import Verdict  # noqa: E402
 
 AGREE = 1e-3  # of the range of a signal
 ENDS = 0.05  # of the span: steps of integrators with which an FMU ends its run

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from workbench.analysis.experiment.experiment import Experiment, make_experiment
-from workbench.analysis.identified.march import march_one
-from workbench.analysis.subspace import estimate
-from workbench.analysis.validate.bootstrap import PoleBootstrap, bootstrap_poles
-from workbench.analysis.validate.estimator import same_settings
+from workbench.data.experiment.experiment import Experiment, make_experiment
+from workbench.identification.identified.recursion import march_one
+from workbench.identification.subspace import estimate
+from workbench.identification.validate.bootstrap import PoleBootstrap, bootstrap_poles
+from workbench.identification.validate.estimator import same_settings
 from workbench.session.base import Floats
 
 Complex = NDArray[np.complex128]

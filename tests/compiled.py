@@ -17,16 +17,16 @@ from pathlib import Path
 
 import pytest
 
-import workbench.core.files
-import workbench.toolchain
-from workbench.toolchain import Platform
+import workbench.build.toolchain
+import workbench.core.machine.files
+from workbench.build.toolchain import Platform
 
 __all__ = ["contents", "kept", "quick_compiler", "real_compiler"]
 
 # What a compiler makes; anything else beside the sources may be read by it.
 _MADE = {".a", ".dll", ".dylib", ".lib", ".library", ".o", ".pdb", ".so"}
 
-_run, _AS_ONE = workbench.toolchain._run, workbench.toolchain._AS_ONE
+_run, _AS_ONE = workbench.build.toolchain._run, workbench.build.toolchain._AS_ONE
 
 
 class _Store:
@@ -92,14 +92,14 @@ def quick_compiler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     _Store.folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "compiled"
     _Store.folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(workbench.toolchain, "_run", _kept_run)
-        patch.setattr(workbench.toolchain, "_AS_ONE", {})
-        patch.setattr(workbench.core.files, "_LEVEL", 1)
+        patch.setattr(workbench.build.toolchain, "_run", _kept_run)
+        patch.setattr(workbench.build.toolchain, "_AS_ONE", {})
+        patch.setattr(workbench.core.machine.files, "_LEVEL", 1)
         yield
 
 
 @pytest.fixture
 def real_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile as users do."""
-    monkeypatch.setattr(workbench.toolchain, "_run", _run)
-    monkeypatch.setattr(workbench.toolchain, "_AS_ONE", _AS_ONE)
+    monkeypatch.setattr(workbench.build.toolchain, "_run", _run)
+    monkeypatch.setattr(workbench.build.toolchain, "_AS_ONE", _AS_ONE)

@@ -60,7 +60,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 @pytest.fixture(autouse=True)
 def _no_lines_of_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a command says on standard error is the same on a slow machine."""
-    monkeypatch.setattr("workbench.core.progress.FIRST_LINE", math.inf)
+    monkeypatch.setattr("workbench.requests.progress_bar.FIRST_LINE", math.inf)
 
 
 def pytest_collection_finish() -> None:

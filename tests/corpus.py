@@ -24,7 +24,7 @@ from tests.hostile_fmus import BROKEN_FILES, HOSTILE, build_broken, build_hostil
 from tests.lying_fmus import LIES, build_lying
 from tests.mimic_fmus import MIMICS, build_mimic
 from tests.reference_fmus import SUBJECTS, build_reference
-from workbench.core.files import pack
+from workbench.core.machine.files import pack
 
 __all__ = ["CORPUS", "Exhibit", "build_corpus"]
 

@@ -12,7 +12,7 @@ from tests.oracle.group import OracleGroupSession
 from tests.oracle.master.instance import OracleMasterInstance
 from tests.oracle.master.session import OracleMasterSession
 from tests.oracle.me import OracleMeSession
-from workbench.model import described
+from workbench.model import described_model as described
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession, Setup

@@ -22,7 +22,7 @@ from pathlib import Path
 from shutil import rmtree
 
 from tests.escape_calls import CALL_NUMBERS
-from workbench.core.confine import confine
+from workbench.jobs.confine import confine
 
 __all__ = ["ATTEMPTS", "Ground", "attempt", "call", "outcomes", "tries"]
 

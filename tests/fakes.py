@@ -12,7 +12,7 @@ from workbench.fmi.variable import Variable
 from workbench.model import Model
 from workbench.session import Recorded, Session, Snapshot
 from workbench.session.base import Floats
-from workbench.signals import Signal, Sine
+from workbench.signals.kinds import Signal, Sine
 
 Rows = tuple[Floats, Floats, Floats]
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import fmpy
 
 from workbench.build.fmu import Sources, _kept, generate
-from workbench.core.files import pack
-from workbench.toolchain import compile_all, host_only
+from workbench.build.toolchain import compile_all, host_only
+from workbench.core.machine.files import pack
 
 HERE = Path(__file__).parent
 MODELS = {

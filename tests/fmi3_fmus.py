@@ -6,9 +6,9 @@ import zipfile
 from pathlib import Path
 
 from tests.stub_fmus import stub_library
-from workbench.core.files import pack
+from workbench.build.toolchain import host_only
+from workbench.core.machine.files import pack
 from workbench.fmi.bundled import bundled_path
-from workbench.toolchain import host_only
 
 __all__ = ["build_aliased", "build_sized", "build_ticking"]
 

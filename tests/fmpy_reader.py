@@ -10,7 +10,7 @@ from typing import Any
 import fmpy.model_description as oracle
 import numpy as np
 
-from workbench.core.names import plain_unit
+from workbench.core.records.names_in_text import plain_unit
 from workbench.fmi.description import Description
 
 __all__ = ["by_fmpy", "by_us", "fmpy_refuses"]

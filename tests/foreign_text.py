@@ -7,8 +7,8 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from tests.stub_fmus import stub_library
-from workbench.core.files import pack
-from workbench.toolchain import host_only
+from workbench.build.toolchain import host_only
+from workbench.core.machine.files import pack
 
 __all__ = ["NAMES", "SYSTEM", "build_commanding"]
 

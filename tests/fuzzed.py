@@ -24,26 +24,26 @@ from hypothesis import strategies as st
 
 import workbench as wb
 from tests.record_examples import Maker
-from workbench.analysis.experiment.data_table import DataTable, read_table
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.nfr.point import NfrPoint
-from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.nfr.store import NfrStore
-from workbench.analysis.simulate.result import SimulationResult
-from workbench.analysis.trim.result import TrimResult
-from workbench.core.record import Record
-from workbench.core.where import Limits
+from workbench.core.records.record import Record
+from workbench.data.experiment.data_table import DataTable, read_table
 from workbench.errors import UNSEEN
 from workbench.fmi.archive import unpack
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.reading import read_description
-from workbench.signal_file import read_table as read_signal
-from workbench.signals import Table
-from workbench.store import _check_sum
+from workbench.jobs.options import Limits
+from workbench.jobs.store import _check_sum
+from workbench.point.lin.result import LinResult
+from workbench.point.trim.result import TrimResult
+from workbench.response.nfr.point import NfrPoint
+from workbench.response.nfr.result import NfrResult
+from workbench.response.nfr.store import NfrStore
+from workbench.response.simulate.result import SimulationResult
+from workbench.signals.file import read_table as read_signal
+from workbench.signals.kinds import Table
 from workbench.study.read import read_study
 from workbench.system.description import SystemDescription
-from workbench.system.read import read_system
-from workbench.system.toml_write import write_toml
+from workbench.system.files.read import read_system
+from workbench.system.files.toml_write import write_toml
 
 __all__ = ["READERS", "Reader", "finding"]
 
@@ -279,7 +279,7 @@ def _records() -> Names:
 
 
 def _record(path: Path) -> object:
-    from workbench.core.record import read_json
+    from workbench.core.records.record import read_json
 
     whole = read_json(path)
     if not isinstance(whole, dict):

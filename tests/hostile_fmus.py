@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 
 from tests.stub_fmus import stub_library
-from workbench.core.files import pack
-from workbench.toolchain import host_only
-from workbench.workers.process import WorkerProcess
+from workbench.build.toolchain import host_only
+from workbench.core.machine.files import pack
+from workbench.jobs.worker_process import WorkerProcess
 
 
 def lose_patience_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
-from workbench.analysis.experiment.experiment import Experiment, make_experiment
+from workbench.data.experiment.experiment import Experiment, make_experiment
 from workbench.session.base import Floats
 
 DT = 0.01

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table
+from workbench.signals.kinds import Constant, Prbs, Signal, Sine, Step, Table
 
 __all__ = ["signals"]
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tests.stub_fmus import stub_library
-from workbench.core.files import pack
-from workbench.toolchain import host_only
+from workbench.build.toolchain import host_only
+from workbench.core.machine.files import pack
 
 __all__ = ["GAIN", "INTEGRAL", "build_large", "build_loop", "depends_of"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import control
 
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.system.connect import connect
 
 __all__ = ["LAG", "around", "chain"]

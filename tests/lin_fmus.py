@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.platforms import needs_module
-from workbench.build import build_fmu
+from workbench.build.fmu import build_fmu
 from workbench.fmi.platforms import host
 from workbench.session.base import Floats
 

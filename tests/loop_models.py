@@ -9,8 +9,8 @@ from itertools import pairwise
 import control
 import numpy as np
 
-from workbench.core.linear import LinearPart
-from workbench.model.described import DescribedModel
+from workbench.core.values.linear import LinearPart
+from workbench.model.described_model import DescribedModel
 from workbench.system.connect import connect
 from workbench.system.description import SumComponent
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.stub_fmus import stub_library
-from workbench.core.files import pack
-from workbench.toolchain import host_only
+from workbench.build.toolchain import host_only
+from workbench.core.machine.files import pack
 
 
 @dataclass(frozen=True)

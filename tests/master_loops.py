@@ -9,7 +9,7 @@ import numpy as np
 
 from tests.system_models import difference
 from workbench.session.base import Floats, Recorded
-from workbench.signals import Signal, Sine
+from workbench.signals.kinds import Signal, Sine
 from workbench.system.connect import connect
 from workbench.system.description import FmuComponent
 from workbench.system.master.model import MasterModel

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.stub_fmus import stub_fmu
-from workbench.core.files import pack
+from workbench.core.machine.files import pack
 
 __all__ = ["MIMICS", "Mimic", "build_mimic"]
 

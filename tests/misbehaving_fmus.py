@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from tests.stub_fmus import stub_library
-from workbench.core.files import pack
-from workbench.toolchain import host_only
+from workbench.build.toolchain import host_only
+from workbench.core.machine.files import pack
 
 __all__ = ["CALLS", "OUTSIDE", "WAYS", "build_misbehaving"]
 

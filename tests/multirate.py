@@ -31,8 +31,8 @@ from scipy.linalg import expm
 
 import workbench as wb
 from tests.lin_fmus import built
-from workbench.analysis.lin.result import LinResult
-from workbench.core.margins import Margins
+from workbench.core.values.margins import Margins
+from workbench.point.lin.result import LinResult
 
 __all__ = ["Node", "Rate", "System", "Truth", "connected", "departure", "random_system", "verdict_fault"]
 

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 import workbench as wb
-from workbench.analysis.bla.design import RandomPhase, lines_of
-from workbench.analysis.identified.march import march_one
+from workbench.data.bla.design import RandomPhase, lines_of
+from workbench.identification.identified.recursion import march_one
 
 __all__ = [
     "Modes", "Plant", "pole_error", "random_modes", "random_plant", "random_response", "scattered",

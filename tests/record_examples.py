@@ -13,11 +13,11 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from workbench.analysis.motions.measures import Measure
-from workbench.analysis.motions.result import Motion
-from workbench.analysis.motions.units import Shown
-from workbench.core.record import spelled_out
+from workbench.core.records.record import spelled_out
 from workbench.reproduce.targets import Target
+from workbench.response.compare.measures import Measure
+from workbench.response.compare.result import Motion
+from workbench.response.compare.units import Shown
 
 
 def linear(kind: str) -> dict[str, Any]:

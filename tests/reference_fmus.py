@@ -12,7 +12,7 @@ from pathlib import Path
 
 from tests.fmi1_fmus import describe
 from tests.stub_fmus import stub_fmu
-from workbench.core.files import pack
+from workbench.core.machine.files import pack
 
 __all__ = ["SUBJECTS", "build_reference"]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import workbench as wb
-from workbench.report import Page, Section, Table
+from workbench.show.page import Page, Section, Table
 
 VOID = {"meta", "link", "br", "hr", "img", "input"}
 # What may fetch something, and the words of style sheets that do.

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.system_fmus import plain_fmu
-from workbench.core.conversion import Unit
+from workbench.core.values.conversion import Unit
 from workbench.errors import WorkbenchError
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.variable import Variable
@@ -17,9 +17,9 @@ from workbench.system.description import (
     FmuComponent,
     SystemDescription,
 )
+from workbench.system.files.read import read_system
+from workbench.system.files.ssp_blocks import block_variables
 from workbench.system.fmu_facts import fmu_facts
-from workbench.system.read import read_system
-from workbench.system.ssp_blocks import block_variables
 
 NAMESPACES = " ".join(
     f'xmlns:{prefix}="http://ssp-standard.org/SSP1/SystemStructure{name}"'

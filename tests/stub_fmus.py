@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import fmpy
 
-from workbench.toolchain import compile_library, host_only
+from workbench.build.toolchain import compile_library, host_only
 
 __all__ = ["stub_fmu", "stub_library"]
 

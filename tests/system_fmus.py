@@ -6,7 +6,7 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from workbench.core.conversion import BASE_UNITS, Unit
+from workbench.core.values.conversion import BASE_UNITS, Unit
 
 
 def description_of(

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import control
 import numpy as np
 
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.session.base import Floats, Recorded
-from workbench.signals import Signal
+from workbench.signals.kinds import Signal
 from workbench.system.connect import connect
 from workbench.system.description import SumComponent
 

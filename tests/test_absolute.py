@@ -11,10 +11,10 @@ import pytest
 
 import workbench as wb
 from tests.command_lines import LOOP
-from workbench.analysis.describing.sector import sector_of
-from workbench.analysis.nyquist.absolute import _best_of, lowest_real_part
-from workbench.core.linear import Linear, LinearPart
-from workbench.report.limit_cycle import absolute_page
+from workbench.core.values.linear import Linear, LinearPart
+from workbench.limit_cycles.limit_cycle.page import absolute_page
+from workbench.loops.describing.sector import sector_of
+from workbench.loops.nyquist.absolute import _best_of, lowest_real_part
 
 CUBE = control.tf([1], [1, 3, 3, 1])  # Re is smallest at 1 rad/s: −1/4; real at √3 rad/s: −1/8
 

@@ -11,12 +11,12 @@ import pytest
 from scipy import signal
 
 from tests.identification_data import DT, data, prbs, response, white, with_noise
-from workbench.analysis.advice import TOPICS, VERDICTS, advise
-from workbench.analysis.advice.delay import delays
-from workbench.analysis.advice.linearity import _nonlinear_columns
-from workbench.analysis.advice.sampling import _gains
-from workbench.analysis.advice.study import DataStudy
-from workbench.analysis.experiment.experiment import Experiment, make_experiment
+from workbench.data.advice import TOPICS, VERDICTS, advise
+from workbench.data.advice.delay import delays
+from workbench.data.advice.linearity import _nonlinear_columns
+from workbench.data.advice.sampling import _gains
+from workbench.data.advice.shared_estimates import DataStudy
+from workbench.data.experiment.experiment import Experiment, make_experiment
 from workbench.errors import InputError
 from workbench.session.base import Floats
 

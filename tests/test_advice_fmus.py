@@ -8,12 +8,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from workbench.analysis.advice import advise
-from workbench.analysis.experiment.experiment import Experiment, make_experiment
-from workbench.analysis.spectra import coherence, sdf
+from workbench.data.advice import advise
+from workbench.data.experiment.experiment import Experiment, make_experiment
+from workbench.data.spectra import coherence, sdf
 from workbench.model.load import load
 from workbench.session.base import Floats
-from workbench.signals import Constant, Prbs, Table
+from workbench.signals.kinds import Constant, Prbs, Table
 
 FAILED = (("elevator_failed", 1.0),)
 

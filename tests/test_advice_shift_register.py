@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.identification_data import DT
-from workbench.analysis.advice import advise
-from workbench.analysis.advice.feedback import from_shift_register, linear_complexity
-from workbench.analysis.experiment.experiment import make_experiment
-from workbench.signals import Prbs
+from workbench.data.advice import advise
+from workbench.data.advice.feedback import from_shift_register, linear_complexity
+from workbench.data.experiment.experiment import make_experiment
+from workbench.signals.kinds import Prbs
 
 
 @pytest.mark.parametrize(("order", "hold"), [(5, 1), (9, 1), (11, 3), (15, 1)])

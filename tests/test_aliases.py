@@ -13,8 +13,8 @@ import workbench as wb
 from tests.fmi3_fmus import build_aliased
 from workbench.cli.app import run
 from workbench.errors import InputError
-from workbench.model.described import DescribedModel
-from workbench.workers import Workers
+from workbench.jobs.options import Workers
+from workbench.model.described_model import DescribedModel
 
 HERE = Workers(in_process=True)
 

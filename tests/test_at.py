@@ -13,7 +13,7 @@ import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.three_lags import three_lags
 from workbench.cli.app import run
-from workbench.core.operating_point import OperatingPoint
+from workbench.core.values.operating_point import OperatingPoint
 from workbench.system.master.model import MasterModel
 
 MASTER = """

@@ -16,14 +16,14 @@ from scipy import stats
 
 import workbench as wb
 from tests.random_systems import Modes, random_modes
-from workbench.analysis.bla.design import Lines, RandomPhase, lines_of
-from workbench.analysis.bla.estimate import Approximation, approximate
-from workbench.analysis.bla.request import Bla
-from workbench.analysis.bla.run import run as measure
-from workbench.analysis.bla.transient import steady
 from workbench.cli.app import run
-from workbench.core.job import Job
+from workbench.data.bla.design import Lines, RandomPhase, lines_of
+from workbench.data.bla.estimate import Approximation, approximate
+from workbench.data.bla.request import Bla
+from workbench.data.bla.run import run as measure
+from workbench.data.bla.transient import steady
 from workbench.errors import InputError, SimulationError
+from workbench.jobs.job import Job
 from workbench.session.base import Floats
 
 Complex = NDArray[np.complex128]

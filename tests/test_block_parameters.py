@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 import workbench as wb
-from workbench.analysis.lin.linearise import run as run_lin
-from workbench.analysis.lin.request import Lin
-from workbench.analysis.lin.task import make_task
 from workbench.cli.app import run
 from workbench.errors import InputError
 from workbench.model.varied import set_to
+from workbench.point.lin.linearise import run as run_lin
+from workbench.point.lin.request import Lin
+from workbench.point.lin.task import make_task
 
 SYSTEM = """
 [components]

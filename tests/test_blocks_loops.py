@@ -11,13 +11,13 @@ import pytest
 
 import workbench as wb
 from tests.block_models import SAMPLES, Floats, alone, block, event_times, response
-from workbench.analysis.lin.delayed import pade, phase_holds_to, through_delays
-from workbench.analysis.lin.task import LinTask
 from workbench.errors import InputError, SimulationError
+from workbench.point.lin.delayed import pade, phase_holds_to, through_delays
+from workbench.point.lin.task import LinTask
 from workbench.system.block_table.registry import BLOCKS, entry_of
-from workbench.system.ssp_read import read_ssp
-from workbench.system.ssp_write import write_ssp
-from workbench.system.toml_file import read_toml
+from workbench.system.files.ssp_read import read_ssp
+from workbench.system.files.ssp_write import write_ssp
+from workbench.system.files.toml_file import read_toml
 
 HELD = {"product": 1.0, "switch": 1.0, "minimum": 0.2}  # second input
 RESTLESS = {"relay", "maximum", "friction"}  # no equilibrium, or not at the start

@@ -19,12 +19,12 @@ from scipy.optimize import fsolve
 import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
-from workbench.analysis.branches.family import Forced
-from workbench.analysis.branches.request import Branches
-from workbench.analysis.branches.run import _Search, explore
-from workbench.analysis.periodic.monodromy import instants
 from workbench.cli.app import run
 from workbench.errors import SimulationError
+from workbench.response.branches.family import Forced
+from workbench.response.branches.request import Branches
+from workbench.response.branches.run import _Search, explore
+from workbench.response.periodic.monodromy import instants
 
 Floats = NDArray[np.float64]
 

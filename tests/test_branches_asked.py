@@ -80,14 +80,14 @@ def test_a_sweep_with_branches_says_that_it_jumps_and_numbers_them_as_its_table(
     assert [b.amplitude for b in result.branches][:2] == sorted(b.amplitude or 0.0 for b in result.branches)[:2]
     assert {result.branches[f.branch].amplitude for f in result.folds if f.amplitude == 0.1} == {0.1}
     assert all(result.branches[f.branch].amplitude == pytest.approx(f.amplitude) for f in result.folds)
-    from workbench.report.nfr import nfr_page
+    from workbench.response.nfr.page import nfr_page
 
     assert any("the response jumps: folds from 0.185" in v.text for v in nfr_page(result).summary)
 
 
 def test_a_fold_that_is_passed_and_cannot_be_located_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("_locate", "_turning"):
-        monkeypatch.setattr(f"workbench.analysis.periodic.special.{name}", lambda *_: None)
+        monkeypatch.setattr(f"workbench.response.periodic.special.{name}", lambda *_: None)
     with wb.load("fmu:Duffing", tolerance=1e-9) as model:
         found = wb.branches(model, "u", "y", [0.1], band=(0.15, 0.3), seeds=0, in_process=True)
     assert found.folds == ()

@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 
 import workbench as wb
 from tests.test_build_fmu import HOST
-from workbench.analysis.branches.request import branches
-from workbench.analysis.lin.request import lin
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.simulate.result import SimulationResult
-from workbench.build import build_all
-from workbench.build.fmu import generate
+from workbench.build.fmu import build_all, generate
 from workbench.errors import BuildError, WorkbenchError
 from workbench.model.load import load
-from workbench.signals import Constant, Signal, Sine, Step
+from workbench.point.lin.request import lin
+from workbench.response.branches.request import branches
+from workbench.response.nfr.request import nfr
+from workbench.response.simulate.request import simulate
+from workbench.response.simulate.result import SimulationResult
+from workbench.signals.kinds import Constant, Signal, Sine, Step
 
 SOURCE = Path(__file__).parent / "modelica" / "Delays.mo"
 POINTS = np.arange(0.0137, 3.0, 0.0137)

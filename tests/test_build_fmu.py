@@ -18,15 +18,14 @@ from rumoca import Session as FrontEnd
 from rumoca import SimConfig
 from scipy.linalg import expm
 
-import workbench.toolchain as compiler
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.simulate.result import SimulationResult
-from workbench.build import build_all, build_fmu
-from workbench.build.fmu import generate
+import workbench.build.toolchain as compiler
+from workbench.build.fmu import build_all, build_fmu, generate
 from workbench.errors import SimulationError
 from workbench.fmi.instance import Instance
 from workbench.model.load import load
-from workbench.signals import Constant, Sine
+from workbench.response.simulate.request import simulate
+from workbench.response.simulate.result import SimulationResult
+from workbench.signals.kinds import Constant, Sine
 
 HERE = Path(__file__).parent
 MODELS = {

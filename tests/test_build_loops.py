@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.build import build_fmu, loops
+from workbench.build import loops
 from workbench.build.expressions import TANGENT, VARIABLE, ExpressionGraph
+from workbench.build.fmu import build_fmu
 from workbench.build.loops import LEAST, Shapes, alike_together
-from workbench.toolchain import host_only
+from workbench.build.toolchain import host_only
 
 SOURCE = Path(__file__).parent / "modelica" / "Loops.mo"
 

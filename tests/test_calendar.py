@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.core.calendar import Calendar, Sampler, exact, simplest_between
+from workbench.core.values.calendar import Calendar, Sampler, exact, simplest_between
 from workbench.errors import InputError
 
 

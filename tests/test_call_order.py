@@ -16,13 +16,13 @@ from tests.foreign_fmus import build_shy
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.hybrid_fmus import ERROR, OK, FakeC, open_fake
 from tests.test_session_events import Lag
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.simulate.request import simulate
 from workbench.errors import SimulationError
+from workbench.jobs.options import Workers
 from workbench.model.load import load
+from workbench.response.nfr.request import nfr
+from workbench.response.simulate.request import simulate
 from workbench.session.fmu import FmuSession
-from workbench.signals import Constant
-from workbench.workers import Workers
+from workbench.signals.kinds import Constant
 
 __all__ = ["each_driver"]
 

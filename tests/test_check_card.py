@@ -18,11 +18,11 @@ from tests.lying_fmus import build_lying
 from tests.mimic_fmus import build_mimic
 from tests.platforms import needs_module, posix_signals
 from tests.reference_fmus import build_reference
-from workbench.analysis.check.registry import CHECKS
-from workbench.analysis.check.result import VERDICTS
 from workbench.cli.app import run
 from workbench.fmi.rules import structured_name
-from workbench.workers import Workers
+from workbench.health.check.registry import CHECKS
+from workbench.health.check.result import VERDICTS
+from workbench.jobs.options import Workers
 
 ROOT = Path(__file__).parent.parent
 BUNDLED = sorted(p.stem for p in (ROOT / "fmus" / "fmi2").glob("*.fmu"))

@@ -11,19 +11,19 @@ import pytest
 from scipy.linalg import expm
 
 from tests.lying_fmus import LIES, build_lying
-from workbench.analysis.branches.request import Branches
-from workbench.analysis.check.registry import CHECKS
-from workbench.analysis.check.request import Check, check
-from workbench.analysis.check.result import HealthCard, HealthLine
-from workbench.analysis.lin.request import Lin, lin, lin_over
-from workbench.analysis.nfr.request import Nfr, nfr
-from workbench.analysis.nfr.surroundings import surroundings
-from workbench.analysis.request import asked_options
-from workbench.analysis.simulate.request import Simulate, simulate
-from workbench.analysis.trim.request import trim
 from workbench.errors import SimulationError
+from workbench.health.check.registry import CHECKS
+from workbench.health.check.request import Check, check
+from workbench.health.check.result import HealthCard, HealthLine
+from workbench.jobs.options import Workers
 from workbench.model.load import load
-from workbench.workers import Workers
+from workbench.point.lin.request import Lin, lin, lin_over
+from workbench.point.trim.request import trim
+from workbench.requests.request import asked_options
+from workbench.response.branches.request import Branches
+from workbench.response.nfr.prior_knowledge import surroundings
+from workbench.response.nfr.request import Nfr, nfr
+from workbench.response.simulate.request import Simulate, simulate
 
 HERE = Workers(in_process=True)  # these lies end no process
 QUICK = [n for n, lie in LIES.items() if lie.check != "memory"]

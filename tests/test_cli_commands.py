@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.identify.request import identify as identify_data
 from workbench.cli.app import run
 from workbench.errors import InputError
+from workbench.identification.identify.request import identify as identify_data
 
 
 def test_info_tells_all_in_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,10 +11,10 @@ import pytest
 import typer
 
 from tests.command_lines import LAGS, LOOP
-from workbench.analysis.feedback.request import Feedback
 from workbench.cli.program import function_of
-from workbench.core.option import options_of
+from workbench.core.records.option import options_of
 from workbench.errors import InputError, WorkbenchError
+from workbench.limit_cycles.feedback.request import Feedback
 
 ENDS = ("--from", "c.y", "--to", "a.u")
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import workbench as wb
-from workbench.analysis.experiment.experiment import read_experiment
 from workbench.cli.app import run
+from workbench.data.experiment.experiment import read_experiment
 from workbench.errors import InputError
 
 LOOP = """

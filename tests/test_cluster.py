@@ -26,16 +26,17 @@ from tests.platforms import needs, posix_signals
 from tests.programs import ended
 from tests.worker_tasks import obey
 from workbench.cli.app import run
-from workbench.core.where import Limits
+from workbench.jobs import cluster as at_client
+from workbench.jobs.cluster import Cluster, OnCluster
+from workbench.jobs.in_cluster import do_batch, proof
+from workbench.jobs.local_cluster import LocalCluster, started
+from workbench.jobs.options import Limits, Workers
+from workbench.jobs.pool import Pool
+from workbench.jobs.runner import InProcess, Lost, Reply, Runner
+from workbench.jobs.runner_choice import choose
+from workbench.jobs.version import Stamp, stamp
 from workbench.model import Model
 from workbench.model.load import FmuRecipe
-from workbench.workers import InProcess, Lost, Reply, Runner, Workers, choose
-from workbench.workers import cluster as at_client
-from workbench.workers.cluster import Cluster, OnCluster
-from workbench.workers.in_cluster import do_batch, proof
-from workbench.workers.local_cluster import LocalCluster, started
-from workbench.workers.pool import Pool
-from workbench.workers.stamp import Stamp, stamp
 
 pytestmark = [
     needs("distributed", "cluster"),
@@ -199,7 +200,7 @@ def test_a_worker_in_another_state_is_refused_before_it_gets_work(
 
 def test_a_batch_for_another_state_is_not_even_unpickled() -> None:
     assert do_batch(tuple(OTHER), b"no pickle") == (proof(), b"")
-    assert do_batch.__module__.startswith("workbench.workers")
+    assert do_batch.__module__.startswith("workbench.jobs")
 
 
 # -- what dies ---------------------------------------------------------------------------------

@@ -15,9 +15,9 @@ import workbench as wb
 from tests.fmi1_fmus import MODELS, describe, write_sources
 from tests.fmi3_fmus import build_sized
 from workbench.build.fmu import generate
-from workbench.core.files import pack
+from workbench.build.toolchain import host_only
+from workbench.core.machine.files import pack
 from workbench.errors import BuildError, FmuError, InputError
-from workbench.toolchain import host_only
 
 (HOST,) = host_only()
 C = Path(__file__).parent / "c"

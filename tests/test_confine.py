@@ -24,14 +24,13 @@ from tests.misbehaving_fmus import build_misbehaving
 from tests.record_examples import Maker
 from tests.test_told_in_records import words_of
 from tests.worker_tasks import Trap, obey
-from workbench.analysis.lin.result import LinResult
 from workbench.cli.app import run
-from workbench.core import confine
-from workbench.core.where import Limits, Worker, Workers
-from workbench.workers import answers
-from workbench.workers.answers import Records, in_records
-from workbench.workers.pool import Pool
-from workbench.workers.runner import Lost
+from workbench.jobs import answers, confine
+from workbench.jobs.answers import Records, in_records
+from workbench.jobs.options import Limits, Worker, Workers
+from workbench.jobs.pool import Pool
+from workbench.jobs.runner import Lost
+from workbench.point.lin.result import LinResult
 
 needs_landlock = pytest.mark.skipif(bool(confine.why_not()), reason=confine.why_not())
 posix = pytest.mark.skipif(
@@ -165,7 +164,7 @@ def test_results_are_the_same(tmp_path: Path) -> None:
 
 
 def test_it_is_refused_where_it_cannot_be(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr("workbench.workers.pool.why_not", lambda: "it needs Linux, not Plan 9")
+    monkeypatch.setattr("workbench.jobs.pool.why_not", lambda: "it needs Linux, not Plan 9")
     assert run(["simulate", "fmu:FirstOrderLag", "--stop", "1", "--confine"]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
     assert last == "workbench: --confine: not possible here: it needs Linux, not Plan 9"
@@ -275,12 +274,12 @@ FORGERIES: dict[str, tuple[object, bytes]] = {
     "a range": ({"range": [0, 10**11, 1]}, b""),
     "what is called": ({"call": ["builtins", "eval", "1"]}, b""),
     "two at once": ({"tuple": [], "set": []}, b""),
-    "a class of its own": ({"record": ["workbench.core.where", "Limits", ["__class__"], [1]]}, b""),
-    "another class": ({"record": ["workbench.store", "Store", [], []]}, b""),
-    "what is not a class": ({"record": ["workbench.core.where", "dataclass", [], []]}, b""),
+    "a class of its own": ({"record": ["workbench.jobs.options", "Limits", ["__class__"], [1]]}, b""),
+    "another class": ({"record": ["workbench.jobs.store", "Store", [], []]}, b""),
+    "what is not a class": ({"record": ["workbench.jobs.options", "dataclass", [], []]}, b""),
     "another's module": ({"record": ["os", "path", [], []]}, b""),
-    "a record as an error": ({"error": ["workbench.core.where", "Limits", [], [], []]}, b""),
-    "a record as a member": ({"member": ["workbench.core.where", "Limits", "timeout"]}, b""),
+    "a record as an error": ({"error": ["workbench.jobs.options", "Limits", [], [], []]}, b""),
+    "a record as a member": ({"member": ["workbench.jobs.options", "Limits", "timeout"]}, b""),
 }
 
 
@@ -315,7 +314,7 @@ def test_records_whose_parts_are_of_other_types_are_refused(name: str, value: ob
 
 def test_a_record_without_its_fields_is_refused() -> None:
     with pytest.raises(pickle.UnpicklingError, match="whose name is not what it should be"):
-        forged({"record": ["workbench.analysis.lin.result", "Zero", ["kind"], ["input"]]})
+        forged({"record": ["workbench.point.lin.result", "Zero", ["kind"], ["input"]]})
 
 
 def test_text_that_is_nested_deeply_is_refused() -> None:

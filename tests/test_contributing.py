@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.analysis.request import Analysis
-from workbench.core.job import Job
-from workbench.core.operating_point import AtPoint
-from workbench.core.option import option
-from workbench.core.record import Record
+from workbench.core.records.option import option
+from workbench.core.records.record import Record
+from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
+from workbench.jobs.job import Job
 from workbench.model import Model
 from workbench.model.names import check_variables
-from workbench.model.placing import bias_of, standing, start_at
-from workbench.signals import Constant
+from workbench.model.operating_point import bias_of, standing, start_at
+from workbench.requests.request import Analysis
+from workbench.signals.kinds import Constant
 
 TEXT = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
 

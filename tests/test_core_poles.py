@@ -11,9 +11,8 @@ import pytest
 from scipy.linalg import block_diag
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.modes.request import modes
 from workbench.cli.app import run
-from workbench.core.poles import (
+from workbench.core.values.poles import (
     continuous,
     damped_frequency_hz,
     damping_ratio,
@@ -21,6 +20,7 @@ from workbench.core.poles import (
     pole_keys,
     pole_rows,
 )
+from workbench.point.modes.request import modes
 from workbench.system.connect import connect
 
 PORTS = '[inputs]\nu = "plant.u"\n[outputs]\ny = "plant.y"\n'

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from tests.foreign_fmus import build_foreign
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.trim.request import trim
 from workbench.cli.app import run
 from workbench.errors import InputError
+from workbench.jobs.options import Workers
 from workbench.model.load import load
-from workbench.workers import Workers
+from workbench.point.trim.request import trim
+from workbench.response.nfr.request import nfr
+from workbench.response.simulate.request import simulate
 
 FULL = '<DefaultExperiment startTime="3" stopTime="5" tolerance="1e-4" stepSize="0.25" />'
 INTERFACES = ["me", "cs"]

@@ -11,9 +11,9 @@ import pytest
 from scipy.optimize import brentq
 
 import workbench as wb
-from workbench.analysis.limit_cycle.result import LimitCycleResult
 from workbench.cli.app import run
-from workbench.model.described import DescribedModel
+from workbench.limit_cycles.limit_cycle.result import LimitCycleResult
+from workbench.model.described_model import DescribedModel
 
 DELAY, HALF, GAIN = 0.3, 0.1, 8.0
 LOOP = """

@@ -13,9 +13,9 @@ from typing import Any, assert_type
 import pytest
 
 import workbench as wb
-from workbench.analysis.request import Request
-from workbench.core.option import options_of
+from workbench.core.records.option import options_of
 from workbench.errors import InputError
+from workbench.requests.request import Request
 
 FUNCTIONS = {name: value for name in wb.__all__ if inspect.isfunction(value := getattr(wb, name))}
 

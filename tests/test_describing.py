@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from tests.test_validate_overlay import measured
-from workbench.analysis.describing.describe import STANDARD, describing_function, standard_block
-from workbench.analysis.describing.formulas import FormulaBlock, relay
-from workbench.analysis.describing.measured import MeasuredBlock
-from workbench.analysis.describing.static import StaticBlock, find_levels, pointwise
 from workbench.errors import InputError
+from workbench.jobs.options import Workers
+from workbench.loops.describing.describe import STANDARD, describing_function, standard_block
+from workbench.loops.describing.formulas import FormulaBlock, relay
+from workbench.loops.describing.measured import MeasuredBlock
+from workbench.loops.describing.static import StaticBlock, find_levels, pointwise
 from workbench.reproduce.targets import read_targets
 from workbench.session.base import Floats
 from workbench.system.connect import connect
 from workbench.system.load import load
-from workbench.workers import Workers
 
 AMPLITUDES = (0.3, 0.8, 1.0, 1.5, 3.0, 10.0)
 STATIC = [

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.analysis.feed_forward.trial import settling
-from workbench.analysis.simulate.divergence import _points, divergence
+from workbench.limit_cycles.feed_forward.trial import settling
+from workbench.response.simulate.divergence import _points, divergence
 
 Grow = Callable[[np.ndarray], np.ndarray | float]
 

@@ -13,10 +13,10 @@ from docs.tools.examples import pictures_of
 from docs.tools.python_pages import grouped_names
 from docs.tools.study_pages import requirements_page
 from tests.doc_pages import DOCS, first_column, pages, text_of
-from workbench import signal_text
+from workbench.signals import text as signal_text
 from workbench.study import read as study_schema
-from workbench.study.kinds import KINDS
-from workbench.system import toml_schema
+from workbench.study.requirements import KINDS
+from workbench.system.files import toml_schema
 
 ROOT = Path(__file__).parents[1]
 LARGEST = 150_000  # bytes of a picture

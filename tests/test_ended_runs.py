@@ -13,13 +13,13 @@ import pytest
 from tests.drivers import DRIVERS
 from tests.foreign_fmus import build_foreign, build_shy
 from tests.hostile_fmus import build_hostile
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.simulate.result import SimulationResult
 from workbench.cli.app import run
 from workbench.errors import EndedError, SimulationError
+from workbench.jobs.options import Workers
 from workbench.model.load import load
-from workbench.workers import Workers
+from workbench.response.nfr.request import nfr
+from workbench.response.simulate.request import simulate
+from workbench.response.simulate.result import SimulationResult
 
 GRID = np.linspace(0.03, 0.99, 33)  # 0.5 s lies between two of them
 LATE = 0.01  # a solver's step beyond the end, for the FMU that ends with a step

@@ -20,7 +20,7 @@ from tests.hostile_fmus import build_hostile
 from tests.programs import ROOT, ended, start, wait_for
 from workbench.cli.app import run
 from workbench.cli.output import Output
-from workbench.store import FILE_NAME
+from workbench.jobs.store import FILE_NAME
 
 if sys.platform == "win32":
     pytest.skip("signals of POSIX: Windows delivers neither SIGTERM nor SIGHUP to a handler", allow_module_level=True)

@@ -17,10 +17,10 @@ from workbench.cli.app import run as run_command
 from workbench.study.envelope.page import envelope_page
 from workbench.study.envelope.sampling import shares
 from workbench.study.envelope.search import search
-from workbench.study.envelope.spread import read_spread
 from workbench.study.envelope.surface import Surface
 from workbench.study.names import units_of
 from workbench.study.read import read_study
+from workbench.study.spread import read_spread
 
 Floats = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from workbench.core import confine
-from workbench.core.system_calls import AFTER, CONDITIONS, INSTEAD, numbers
+from workbench.jobs import confine
+from workbench.jobs.system_calls import AFTER, CONDITIONS, INSTEAD, numbers
 
 ROOT = Path(__file__).parent.parent
 ENOUGH = 80

@@ -12,23 +12,23 @@ import pytest
 from scipy.linalg import expm
 
 from tests.hybrid_fmus import Hybrid, open_fake
-from workbench.analysis.excite import playing as sampling_module
-from workbench.analysis.excite.multisine import MultisineDesign
-from workbench.analysis.excite.prbs import PrbsDesign
-from workbench.analysis.excite.request import Excite, excite
-from workbench.analysis.excite.result import ExciteResult
-from workbench.analysis.experiment.experiment import read_experiment
 from workbench.cli.app import run
-from workbench.core.job import Job
-from workbench.core.operating_point import OperatingPoint
-from workbench.core.where import Workers
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.data.excite import recording as sampling_module
+from workbench.data.excite.multisine import MultisineDesign
+from workbench.data.excite.prbs import PrbsDesign
+from workbench.data.excite.request import Excite, excite
+from workbench.data.excite.result import ExciteResult
+from workbench.data.experiment.experiment import read_experiment
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable
+from workbench.jobs.job import Job
+from workbench.jobs.options import Workers
 from workbench.model import Model
 from workbench.model.load import load
 from workbench.session import Session
 from workbench.session.base import Floats
-from workbench.signals import Signal
+from workbench.signals.kinds import Signal
 
 PRBS = PrbsDesign(rate=7.0)
 

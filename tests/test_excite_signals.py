@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from workbench.analysis.excite.design import crest_factors, cross_correlation
-from workbench.analysis.excite.multisine import MultisineDesign, low_crest
-from workbench.analysis.excite.parse import parse_design
-from workbench.analysis.excite.prbs import PrbsDesign
+from workbench.data.excite.design import crest_factors, cross_correlation
+from workbench.data.excite.multisine import MultisineDesign, low_crest
+from workbench.data.excite.prbs import PrbsDesign
+from workbench.data.excite.text import parse_design
 from workbench.errors import InputError
-from workbench.shift_register import TAPS, jump, register_bits
-from workbench.signals import Prbs
+from workbench.signals.kinds import Prbs
+from workbench.signals.shift_register import TAPS, jump, register_bits
 
 
 def prime_factors(n: int) -> list[int]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.analysis.experiment.experiment import Experiment, make_experiment, read_experiment
+from workbench.data.experiment.experiment import Experiment, make_experiment, read_experiment
 from workbench.errors import InputError
 
 

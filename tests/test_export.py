@@ -14,12 +14,12 @@ from workbench.build.causalise import causalise
 from workbench.build.differentiate import tangent
 from workbench.build.expressions import MATRIX, TANGENT, VARIABLE, ExpressionGraph, evaluate
 from workbench.build.matrices import matrices_of, read_matrices
+from workbench.build.request import export
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff, is_stiff_matrix, jacobian
 from workbench.build.structure import dependencies, of_variable
 from workbench.build.time_scale import default_experiment, nominals
 from workbench.errors import InputError
-from workbench.to_fmu.request import export
 
 
 def model(**changes: object) -> dict[str, Any]:

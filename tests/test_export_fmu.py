@@ -16,18 +16,18 @@ from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 from scipy.linalg import expm
 
-from workbench.analysis.lin.request import lin
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.simulate.request import simulate
 from workbench.build.export import ExportResult, generate_linear
 from workbench.build.fmu import compile_and_pack
 from workbench.build.matrices import matrices_of
+from workbench.build.request import export
 from workbench.build.state_space import state_space
+from workbench.build.toolchain import host_only
 from workbench.cli.app import run
 from workbench.model.load import load
-from workbench.signals import Constant, Table
-from workbench.to_fmu.request import export
-from workbench.toolchain import host_only
+from workbench.point.lin.request import lin
+from workbench.response.nfr.request import nfr
+from workbench.response.simulate.request import simulate
+from workbench.signals.kinds import Constant, Table
 
 DT = 0.022
 U0, Y0, X0 = np.array([1.5, -2.0]), np.array([10.0, 20.0]), np.array([0.1, 0.0, -0.2])
@@ -218,7 +218,7 @@ def test_71_states_and_39_outputs_return_exactly(tmp_path: Path) -> None:
 def test_a_linearised_fmu_is_exported_and_linearised_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("workbench.toolchain.PLATFORMS", host_only())
+    monkeypatch.setattr("workbench.build.toolchain.PLATFORMS", host_only())
     with load("fmu:Rudder") as model:
         first = lin(model).result
     source, target, report = (tmp_path / name for name in ("lin.json", "again.fmu", "report.json"))

@@ -13,14 +13,14 @@ from scipy.linalg import expm
 
 import workbench as wb
 from tests.random_systems import pole_error
-from workbench.analysis.feed_forward.plant import linear_plant
-from workbench.analysis.feed_forward.remaining import Remaining, remaining, with_filter
-from workbench.analysis.feed_forward.trial import Run, _shorter, run_trial
-from workbench.analysis.feed_forward.weighting import weighted
-from workbench.analysis.feed_forward.wiring import Loops
-from workbench.analysis.opened import find_ports
-from workbench.core.linear import Complex, LinearPart
+from workbench.core.values.linear import Complex, LinearPart
 from workbench.errors import SimulationError
+from workbench.limit_cycles.feed_forward.plant import linear_plant
+from workbench.limit_cycles.feed_forward.remaining_cycles import Remaining, remaining, with_filter
+from workbench.limit_cycles.feed_forward.trial import Run, _shorter, run_trial
+from workbench.limit_cycles.feed_forward.weighting import weighted
+from workbench.limit_cycles.feed_forward.wiring import Loops
+from workbench.loops.opened_system import find_ports
 
 Numbers = list[float]
 
@@ -257,7 +257,7 @@ def test_where_the_end_fails_again_nine_tenths_of_the_way_are_kept(monkeypatch: 
         if stop > 11.5:
             raise SimulationError("again")
 
-    monkeypatch.setattr("workbench.analysis.feed_forward.trial.simulate", failing)
+    monkeypatch.setattr("workbench.limit_cycles.feed_forward.trial.simulate", failing)
     system: Any = None
     run = Run(inputs={}, outputs=(), stop=20.0, closes_at=2.0)
     _shorter(system, SimulationError("fails", time=12.0), {}, ["y"], run)

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.analysis.feed_forward.wiring import Loops
-from workbench.analysis.opened import find_ports
-from workbench.analysis.reduction.cancel import pair_distances
-from workbench.analysis.reduction.factored import factored
 from workbench.cli.app import run
-from workbench.core.linear import LinearPart
-from workbench.system.read import read_system
+from workbench.core.values.linear import LinearPart
+from workbench.limit_cycles.feed_forward.wiring import Loops
+from workbench.loops.opened_system import find_ports
+from workbench.point.reduction.cancel import pair_distances
+from workbench.point.reduction.factored import factored
+from workbench.system.files.read import read_system
 
 SYSTEMS = Path(__file__).parents[1] / "systems"
 FEEDBACK = ("aircraft.outer_aileron_position", -1.0)
@@ -91,7 +91,7 @@ def test_poles_right_of_the_axis_are_zeros_of_the_plant(found: wb.FeedForwardRes
 
 
 def test_the_quotient_does_not_depend_on_the_feedback(aircraft: wb.DescribedModel, found: wb.FeedForwardResult) -> None:
-    from workbench.analysis.feed_forward.plant import linear_plant
+    from workbench.limit_cycles.feed_forward.plant import linear_plant
 
     open_ = linear_plant(aircraft, Loops(ports=find_ports(aircraft, "damper"), target=TARGET), at=None, time=0.0)
     f = np.geomspace(0.1, 10.0, 50)

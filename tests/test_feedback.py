@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.linalg import matrix_balance
 
 from tests.random_systems import pole_error
-from workbench.analysis.feedback.gains import Crossing, crossings, fixed_modes, intervals, stable_gains
-from workbench.analysis.feedback.locus import fastest, locus
-from workbench.analysis.feedback.optimum import optimum_of
-from workbench.analysis.feedback.settling import GainRun
-from workbench.analysis.feedback.start import mean_magnitude
-from workbench.core.linear import LinearPart
+from workbench.core.values.linear import LinearPart
+from workbench.limit_cycles.feedback.gains import Crossing, crossings, fixed_modes, intervals, stable_gains
+from workbench.limit_cycles.feedback.initial_motion import mean_magnitude
+from workbench.limit_cycles.feedback.locus import fastest, locus
+from workbench.limit_cycles.feedback.optimum import optimum_of
+from workbench.limit_cycles.feedback.settling import GainRun
 
 Floats = NDArray[np.float64]
 ALL = (-math.inf, math.inf)

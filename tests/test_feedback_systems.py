@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.feedback.actuator import wrapped
-from workbench.analysis.feedback.block import cut_at, find_block
-from workbench.analysis.feedback.gains import crossings, intervals, stable_gains
-from workbench.analysis.feedback.place import find_place
-from workbench.analysis.feedback.request import feedback
-from workbench.analysis.feedback.result import FeedbackResult
-from workbench.analysis.feedback.standing import linear, standing
 from workbench.errors import InputError
-from workbench.model.described import DescribedModel
+from workbench.limit_cycles.feedback.actuator import wrapped
+from workbench.limit_cycles.feedback.block import cut_at, find_block
+from workbench.limit_cycles.feedback.closed_system import find_place
+from workbench.limit_cycles.feedback.gains import crossings, intervals, stable_gains
+from workbench.limit_cycles.feedback.plant import linear, standing
+from workbench.limit_cycles.feedback.request import feedback
+from workbench.limit_cycles.feedback.result import FeedbackResult
+from workbench.model.described_model import DescribedModel
 from workbench.reproduce.targets import read_targets
-from workbench.signals import Table
+from workbench.signals.kinds import Table
 from workbench.system.connect import connect
 from workbench.system.load import load
 

@@ -15,8 +15,8 @@ import pytest
 import workbench as wb
 from tests.platforms import posix_signals
 from workbench.cli.app import run
-from workbench.core.files import content_of, replacing
-from workbench.core.parsing import from_json, from_toml
+from workbench.core.machine.files import content_of, replacing
+from workbench.core.records.parsing import from_json, from_toml
 from workbench.ui.root import Root
 
 

@@ -13,9 +13,9 @@ from scipy.io import savemat
 
 import workbench as wb
 from tests.random_systems import random_response, scattered
-from workbench.analysis.fit.rational import fitted, paired
 from workbench.cli.app import run
 from workbench.errors import InputError
+from workbench.identification.fit.rational import fitted, paired
 
 Complex = NDArray[np.complex128]
 

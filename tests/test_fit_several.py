@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 import workbench as wb
-from workbench.analysis.fit.matrix import Points, fitted_matrix
 from workbench.cli.app import run
 from workbench.errors import InputError
+from workbench.identification.fit.matrix import Points, fitted_matrix
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -12,15 +12,15 @@ from fmpy.validation import validate_fmu
 
 from tests.drivers import DRIVERS
 from tests.fmi1_fmus import MODELS, build_fmi1
-from workbench.analysis.rates import rates_of
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.trim.request import trim
-from workbench.build import build_fmu
+from workbench.build.fmu import build_fmu
 from workbench.errors import FmuError
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.platforms import host
 from workbench.model.load import load
-from workbench.signals import Signal, Sine, Step
+from workbench.model.sample_rates import rates_of
+from workbench.point.trim.request import trim
+from workbench.response.simulate.request import simulate
+from workbench.signals.kinds import Signal, Sine, Step
 
 OUTPUTS = {"FirstOrderLag": ["x", "y"], "Hybrid": ["h", "v", "T", "held", "stairs", "bounces", "heating", "y"]}
 STOP = 1.9

@@ -18,8 +18,8 @@ import workbench as wb
 from tests.fmi3_fmus import TERMINALS, build_sized
 from workbench.cli.app import run as command
 from workbench.errors import InputError
-from workbench.signal_text import signals_of
-from workbench.signals import Constant, Table
+from workbench.signals.kinds import Constant, Table
+from workbench.signals.text import signals_of
 
 
 @pytest.fixture(scope="module")

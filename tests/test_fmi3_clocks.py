@@ -14,7 +14,7 @@ from tests.fmi3_fmus import build_ticking
 from tests.mimic_fmus import build_mimic
 from workbench.cli.app import run as command
 from workbench.errors import InputError, SimulationError
-from workbench.signals import Table
+from workbench.signals.kinds import Table
 from workbench.system.master.model import MasterModel
 
 RAMP = {"u": Table([0.0, 10.0], [0.0, 10.0])}

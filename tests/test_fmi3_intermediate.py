@@ -11,7 +11,7 @@ import pytest
 import workbench as wb
 from tests.drivers import DRIVERS
 from tests.fmi3_fmus import build_sized
-from workbench.signals import Sine, Step
+from workbench.signals.kinds import Sine, Step
 
 OMEGA, STEP = 3.0, 0.5
 PART = STEP / 50.0  # the input is held over that time, at its value in the middle

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.core.scratch import _Mine
+from workbench.core.machine.scratch import _Mine
 from workbench.errors import FmuError, InputError
 from workbench.fmi.archive import unpack
 from workbench.fmi.platforms import binary_path, host

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.simulate.request import simulate
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model.load import load
+from workbench.response.simulate.request import simulate
 from workbench.session.base import Floats
-from workbench.signals import Constant, Signal, Sine, Step, Table
+from workbench.signals.kinds import Constant, Signal, Sine, Step, Table
 
 pytestmark = needs_gemseo
 

@@ -20,7 +20,7 @@ from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library, _signatures
 from workbench.fmi.variable import Variable
 from workbench.session.fmu import FmuSession, Setup
-from workbench.signals import Constant, Sine, Step
+from workbench.signals.kinds import Constant, Sine, Step
 
 
 class Relay(Hybrid):

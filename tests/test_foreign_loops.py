@@ -13,12 +13,12 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.limit_cycle.free_run import oscillation_history
-from workbench.build import build_fmu
+from workbench.build.fmu import build_fmu
+from workbench.build.toolchain import host_only
 from workbench.cli.app import run
-from workbench.signal_text import parse_signal
-from workbench.signals import Table
-from workbench.toolchain import host_only
+from workbench.limit_cycles.limit_cycle.free_run import oscillation_history
+from workbench.signals.kinds import Table
+from workbench.signals.text import parse_signal
 
 STATIC = '"C[1]" = 0.0, "C[2]" = 0.0, D = 1.0'
 

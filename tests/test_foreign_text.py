@@ -14,9 +14,9 @@ from matplotlib.text import Text
 
 from tests.foreign_text import NAMES, SYSTEM, build_commanding
 from workbench.cli.app import run
-from workbench.core.progress import Bar
 from workbench.errors import UNSEEN, unbroken
-from workbench.plotting.figure import literal
+from workbench.requests.progress_bar import Bar
+from workbench.show.figure import literal
 
 U, X, Y, CLOCK = (NAMES[key] for key in ("u", "x", "y", "clock"))
 GAIN = "c\x9b"

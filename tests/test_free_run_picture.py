@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from workbench.analysis.limit_cycle.free_run import FreeRun
-from workbench.plotting.free_run import draw_frequency
+from workbench.limit_cycles.limit_cycle.free_run import FreeRun
+from workbench.limit_cycles.limit_cycle.picture_free_run import draw_frequency
 
 
 @pytest.mark.parametrize("periods", [1, 8, 12, 60])

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 import workbench as wb
 from tests.fuzzed import READERS, Reader, finding
 from workbench.cli.app import run
-from workbench.core.parsing import from_json, from_toml
+from workbench.core.records.parsing import from_json, from_toml
 
 BOUNDED = settings(
     max_examples=40, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck),

@@ -12,10 +12,10 @@ import pytest
 from tests.drivers import DRIVERS
 from tests.hostile_fmus import BROKEN_FILES, HOSTILE, NEEDS_WORKER, build_broken, build_hostile
 from tests.mimic_fmus import build_mimic
-from workbench.analysis.simulate.request import simulate
 from workbench.errors import FmuError, SimulationError
 from workbench.model.load import load
-from workbench.signals import Constant
+from workbench.response.simulate.request import simulate
+from workbench.signals.kinds import Constant
 
 ROOT = Path(__file__).parent.parent
 INTERFACES = ["me", "cs"]

@@ -11,10 +11,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from tests.random_systems import pole_error, random_plant
-from workbench.analysis.identified.march import march
-from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.subspace import estimate
 from workbench.errors import InputError
+from workbench.identification.identified.model import IdentifiedModel
+from workbench.identification.identified.recursion import march
+from workbench.identification.subspace import estimate
 
 Floats = NDArray[np.float64]
 

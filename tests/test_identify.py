@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 import workbench as wb
 from workbench.cli.app import run
-from workbench.report.page import Page, Section, Table, write_page
 from workbench.reproduce.targets import read_targets
+from workbench.show.page import Page, Section, Table, write_page
 
 TARGETS = read_targets()
 PERIOD = 0.022  # of the elevator law [s]

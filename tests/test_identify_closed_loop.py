@@ -151,7 +151,7 @@ def test_without_an_instrument_the_disturbance_is_told_in_the_units_of_the_outpu
     scale: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """v(k) = 0.8 v(k − 1) + e(k): an innovation comes back as 0.8, 0.64 … of itself, whatever the output's unit."""
-    monkeypatch.setattr("workbench.analysis.identify.closed_loop.instrumented_model", lambda *_: None)
+    monkeypatch.setattr("workbench.identification.identify.closed_loop.instrumented_model", lambda *_: None)
     data = looped(1)
     data = data.with_data(y=scale * data.y)
     found = wb.identify(data, inputs=["u"], outputs=["y"], order=1, feedthrough=False, closed_loop="r").model

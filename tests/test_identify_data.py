@@ -13,8 +13,8 @@ from scipy import signal
 
 import workbench as wb
 from tests.platforms import needs_module
-from workbench.analysis.experiment.experiment import read_pieces
 from workbench.cli.app import run
+from workbench.data.experiment.experiment import read_pieces
 from workbench.errors import InputError
 
 TRUE = ([0.0, 0.1, 0.05], [1.0, -1.6, 0.8])

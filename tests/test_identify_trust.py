@@ -14,11 +14,11 @@ from scipy.linalg import eigvalsh
 
 import workbench as wb
 from tests.random_systems import Plant
-from workbench.analysis.subspace import METHODS, SubspaceEstimate, estimate
-from workbench.analysis.subspace.delivered import cost
-from workbench.analysis.subspace.simulated import fit_inputs
-from workbench.analysis.validate.spread import around_both, enclosing
 from workbench.cli.app import run
+from workbench.identification.subspace import METHODS, SubspaceEstimate, estimate
+from workbench.identification.subspace.final_model import cost
+from workbench.identification.subspace.simulated import fit_inputs
+from workbench.identification.validate.spread import around_both, enclosing
 
 Floats = NDArray[np.float64]
 DT = 0.02

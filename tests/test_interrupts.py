@@ -15,7 +15,7 @@ import pytest
 import workbench as wb
 from tests.misbehaving_fmus import build_misbehaving
 from tests.platforms import posix_signals
-from workbench.core.interrupts import insisting
+from workbench.core.machine.interrupts import insisting
 
 pytestmark = posix_signals
 

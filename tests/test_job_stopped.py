@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.analysis import one_worker
-from workbench.analysis.simulate.request import Simulate
-from workbench.analysis.simulate.result import SimulationResult
-from workbench.core.job import Job
-from workbench.core.where import Worker
+from workbench.jobs.job import Job
+from workbench.jobs.options import Worker
+from workbench.requests import in_worker as one_worker
+from workbench.response.simulate.request import Simulate
+from workbench.response.simulate.result import SimulationResult
 
 LONG = 1e5  # [s]: minutes of work
 STEP = 0.05

@@ -17,19 +17,19 @@ import workbench as wb
 from tests.command_lines import LINES, write_files
 from tests.lying_fmus import build_lying
 from tests.mimic_fmus import build_mimic
-from workbench.analysis.commands import REQUESTS, request_of
-from workbench.analysis.lin.request import Lin
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.simulate.request import Simulate
-from workbench.analysis.simulate.result import SimulationResult
-from workbench.analysis.trim.request import Trim
-from workbench.analysis.trim.result import TrimResult
+from workbench.build.toolchain import host_only
 from workbench.cli.app import run
-from workbench.core.job import Job
-from workbench.core.progress import Bar
-from workbench.core.where import InWorker, Worker
+from workbench.commands import REQUESTS, request_of
 from workbench.errors import StoppedError
-from workbench.toolchain import host_only
+from workbench.jobs.job import Job
+from workbench.jobs.options import InWorker, Worker
+from workbench.point.lin.request import Lin
+from workbench.point.lin.result import LinResult
+from workbench.point.trim.request import Trim
+from workbench.point.trim.result import TrimResult
+from workbench.requests.progress_bar import Bar
+from workbench.response.simulate.request import Simulate
+from workbench.response.simulate.result import SimulationResult
 
 # The lines that run in a worker, in this process.
 _HERE = [
@@ -52,7 +52,7 @@ def heard(monkeypatch: pytest.MonkeyPatch, folder: Path) -> list[float]:
     found: list[float] = []
     monkeypatch.chdir(folder)
     monkeypatch.setattr(Bar, "update", lambda _, done, __: found.append(done))
-    monkeypatch.setattr("workbench.toolchain.PLATFORMS", host_only())
+    monkeypatch.setattr("workbench.build.toolchain.PLATFORMS", host_only())
     return found
 
 
@@ -85,7 +85,7 @@ def test_it_ends_at_ctrl_c_with_what_it_has(
         heard.append(done)
 
     monkeypatch.setattr(Bar, "update", interrupt)
-    monkeypatch.setattr("workbench.workers.pool._GRACE", 60.0)  # on a busy machine
+    monkeypatch.setattr("workbench.jobs.pool._GRACE", 60.0)  # on a busy machine
     line, kept = LINES[name]
     out = folder / f"{name}_out.json"
     assert run([name, *line.split(), "--json", str(out)]) == 130
@@ -114,7 +114,7 @@ def test_ctrl_c_when_all_is_done_loses_nothing(
         heard.append(done)
 
     monkeypatch.setattr(Bar, "update", interrupt)
-    monkeypatch.setattr("workbench.workers.pool._GRACE", 60.0)
+    monkeypatch.setattr("workbench.jobs.pool._GRACE", 60.0)
     whole, out = folder / f"{name}_whole.json", folder / f"{name}_out.json"
     assert run([name, *line.split(), *where.split(), "--json", str(out)]) == 130, capsys.readouterr().err
     cut = json.loads(out.read_text(encoding="utf-8"))
@@ -185,7 +185,7 @@ def test_a_slow_trim_says_what_it_costs_and_leaves_its_best_point(tmp_path: Path
 def test_a_slow_linearisation_says_what_it_costs_and_leaves_what_nothing_has_tested(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("workbench.analysis.lin.response.SLOW", 0.0)
+    monkeypatch.setattr("workbench.point.lin.response.SLOW", 0.0)
     with wb.load(build_mimic(tmp_path, "orderly"), interface="cs") as model:
         before, said = _stopped(Lin(workers=Worker(in_process=True)), model, 1)
         found, _ = _stopped(Lin(workers=Worker(in_process=True)), model, 4)

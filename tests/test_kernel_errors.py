@@ -28,7 +28,7 @@ from workbench.kernel.structs import FUNCTIONS, STRUCTURES
 from workbench.model.load import load
 from workbench.session.compiled import CompiledSession
 from workbench.session.compiled_errors import FAILURES, PAUSED
-from workbench.signals import Constant, Signal, Sine
+from workbench.signals.kinds import Constant, Signal, Sine
 
 ROOT = Path(__file__).parent.parent
 

@@ -14,7 +14,7 @@ from workbench.kernel.native_record import NativeFourier
 from workbench.model.load import load
 from workbench.session.base import Recorded
 from workbench.session.compiled import CompiledSession
-from workbench.signals import Prbs, Sine
+from workbench.signals.kinds import Prbs, Sine
 
 
 def random_rows(mean: float) -> Recorded:

@@ -17,7 +17,7 @@ from workbench.kernel.structs import Cs, Me
 from workbench.model.fmu_model import FmuModel
 from workbench.model.load import load
 from workbench.session.base import Floats
-from workbench.signals import Signal, Sine, Step
+from workbench.signals.kinds import Signal, Sine, Step
 from workbench.system.order import plan
 
 GAIN = -0.5

@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from tests.drivers import driven_by
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.kernel_signals import signals
-from workbench.build import build_all
+from workbench.build.fmu import build_all
 from workbench.fmi.platforms import host
 from workbench.model.load import load
 from workbench.session.base import Recorded
 from workbench.session.fmu import FmuSession
-from workbench.signals import Signal
+from workbench.signals.kinds import Signal
 
 # Their vkm is the same to rounding. Their gear is not (CVODE looks for events in Python, the kernel
 # itself in C), and what it computes, event times included, is right to its tolerance only.

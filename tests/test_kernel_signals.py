@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.kernel_signals import signals
 from workbench.kernel.library import kernel
 from workbench.kernel.native_signals import Trouble, native_signal
-from workbench.signals import Prbs, Signal, Sine, Table
+from workbench.signals.kinds import Prbs, Signal, Sine, Table
 
 TIMES = st.one_of(
     st.floats(-5.0, 50.0),

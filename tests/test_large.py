@@ -15,18 +15,18 @@ from scipy.linalg import block_diag, expm
 
 import workbench as wb
 from tests.large_fmus import build_large
-from workbench.analysis.nfr import solved
-from workbench.core import large, matrices, modal
-from workbench.core.linear import Linear
-from workbench.core.matrices import is_sparse, resolvent
-from workbench.core.modal import poles_near, poles_of
+from workbench.core.values import large, matrices, modal
+from workbench.core.values.linear import Linear
+from workbench.core.values.matrices import is_sparse, resolvent
+from workbench.core.values.modal import poles_near, poles_of
 from workbench.errors import SimulationError
-from workbench.model.described import DescribedModel
-from workbench.report.lin import lin_page
-from workbench.report.terminal import text_of
+from workbench.model.described_model import DescribedModel
+from workbench.point.lin.page import lin_page
+from workbench.response.nfr import period_solver as solved
 from workbench.session import directional
 from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession
+from workbench.show.terminal import text_of
 
 N = 80  # states: large enough to count as large
 
@@ -345,7 +345,7 @@ def test_modes_follows_the_wanted_ones_only(folder: Path, monkeypatch: pytest.Mo
 def test_a_point_of_a_model_too_large_for_slopes_is_right(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a linear model and without slopes it is waited for."""
     monkeypatch.setattr(solved, "_MOST_STATES", N - 1)
-    monkeypatch.setattr("workbench.analysis.nfr.surroundings._MOST_STATES", N - 1)
+    monkeypatch.setattr("workbench.response.nfr.prior_knowledge._MOST_STATES", N - 1)
     with wb.load(build_large(folder, "rod", N), tolerance=1e-7) as model:
         found = wb.nfr(model, "u", "y", frequencies=[0.5], amplitudes=[1.0], in_process=True)
     A, B = rod()

@@ -15,20 +15,20 @@ from scipy.optimize import brentq
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.limit_cycle_loops import LAG, around, chain
-from workbench.analysis.describing.describe import standard_block
-from workbench.analysis.limit_cycle.confirm import confirm
-from workbench.analysis.limit_cycle.floquet import multipliers, others
-from workbench.analysis.limit_cycle.harmonic_balance import balance
-from workbench.analysis.limit_cycle.request import limit_cycle
-from workbench.analysis.limit_cycle.result import LimitCycle, LimitCycleResult
-from workbench.analysis.nyquist.nyquist import nyquist
-from workbench.analysis.periodic.stability import is_stable
-from workbench.core.linear import LinearPart
+from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
+from workbench.jobs.options import Workers
+from workbench.limit_cycles.limit_cycle.confirm import confirm
+from workbench.limit_cycles.limit_cycle.floquet import multipliers, others
+from workbench.limit_cycles.limit_cycle.harmonic_balance import balance
+from workbench.limit_cycles.limit_cycle.request import limit_cycle
+from workbench.limit_cycles.limit_cycle.result import LimitCycle, LimitCycleResult
+from workbench.loops.describing.describe import standard_block
+from workbench.loops.nyquist.nyquist import nyquist
+from workbench.response.periodic.stability import is_stable
 from workbench.session.base import Floats
 from workbench.system.connect import connect
 from workbench.system.load import load
-from workbench.workers import Workers
 
 REFINED = ("harmonic balance", "shooting", "simulation")
 

@@ -15,16 +15,16 @@ from scipy.optimize import brentq
 
 import workbench as wb
 from tests.limit_cycle_loops import LAG, chain
-from workbench.analysis.describing.describe import standard_block
-from workbench.analysis.limit_cycle.floquet import multipliers
-from workbench.analysis.limit_cycle.harmonic_balance import balance
-from workbench.analysis.limit_cycle.request import limit_cycle
-from workbench.analysis.limit_cycle.result import LimitCycleResult
-from workbench.analysis.periodic.place import Place
-from workbench.analysis.periodic.special import Missed
-from workbench.core.linear import LinearPart
+from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError, StoppedError
-from workbench.model.described import DescribedModel
+from workbench.limit_cycles.limit_cycle.floquet import multipliers
+from workbench.limit_cycles.limit_cycle.harmonic_balance import balance
+from workbench.limit_cycles.limit_cycle.request import limit_cycle
+from workbench.limit_cycles.limit_cycle.result import LimitCycleResult
+from workbench.loops.describing.describe import standard_block
+from workbench.model.described_model import DescribedModel
+from workbench.response.periodic.place import Place
+from workbench.response.periodic.special import Missed
 from workbench.system.connect import connect
 
 Floats = NDArray[np.float64]
@@ -198,7 +198,7 @@ def test_a_fold_of_cycles_that_cannot_be_located_is_told(monkeypatch: pytest.Mon
     def one_missed(_: object, a: Place, b: Place) -> list[Missed]:
         return [Missed("fold", (a.p, b.p))]
 
-    monkeypatch.setattr("workbench.analysis.periodic.continuation.between", one_missed)
+    monkeypatch.setattr("workbench.response.periodic.continuation.between", one_missed)
     with chain() as system:
         result = limit_cycle(
             system, block="block", methods=("shooting",), vary={"block.D": (0.9, 1.2)}, in_process=True

@@ -13,15 +13,15 @@ from scipy.optimize import fsolve
 
 from tests.platforms import needs_module
 from workbench import connect, limit_cycle
-from workbench.analysis.limit_cycle.cut import cut, driven_block
-from workbench.analysis.limit_cycle.driven import DrivenBlock
-from workbench.analysis.limit_cycle.entries import contradictions
-from workbench.analysis.limit_cycle.harmonic_balance import balance
-from workbench.analysis.limit_cycle.result import LimitCycle
-from workbench.build import build_fmu
-from workbench.model.described import DescribedModel
-from workbench.toolchain import host_only
-from workbench.workers import Workers
+from workbench.build.fmu import build_fmu
+from workbench.build.toolchain import host_only
+from workbench.jobs.options import Workers
+from workbench.limit_cycles.limit_cycle.cut import cut, driven_block
+from workbench.limit_cycles.limit_cycle.driven import DrivenBlock
+from workbench.limit_cycles.limit_cycle.entries import contradictions
+from workbench.limit_cycles.limit_cycle.harmonic_balance import balance
+from workbench.limit_cycles.limit_cycle.result import LimitCycle
+from workbench.model.described_model import DescribedModel
 
 RELAY = """
 model TwoLevels

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from workbench.analysis.limit_cycle.request import limit_cycle
-from workbench.analysis.limit_cycle.result import LimitCycle
+from workbench.limit_cycles.limit_cycle.request import limit_cycle
+from workbench.limit_cycles.limit_cycle.result import LimitCycle
 from workbench.system.connect import connect
 
 Floats = NDArray[np.float64]

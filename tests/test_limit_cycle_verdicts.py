@@ -13,19 +13,19 @@ import numpy as np
 import pytest
 
 from tests.platforms import needs_module
-from workbench.analysis.describing.base import Block
-from workbench.analysis.describing.describe import standard_block
-from workbench.analysis.limit_cycle.harmonic_balance import Cycle, balance
-from workbench.analysis.limit_cycle.request import limit_cycle
-from workbench.analysis.limit_cycle.result import LimitCycleResult
-from workbench.analysis.passes import told_mean
-from workbench.build import build_fmu
-from workbench.core.linear import LinearPart
+from workbench.build.fmu import build_fmu
+from workbench.core.values.linear import LinearPart
 from workbench.fmi.platforms import host
-from workbench.model.described import DescribedModel
+from workbench.jobs.options import Workers
+from workbench.limit_cycles.limit_cycle.harmonic_balance import Cycle, balance
+from workbench.limit_cycles.limit_cycle.request import limit_cycle
+from workbench.limit_cycles.limit_cycle.result import LimitCycleResult
+from workbench.loops.describing.base import Block
+from workbench.loops.describing.describe import standard_block
+from workbench.model.described_model import DescribedModel
+from workbench.response.simulate.zero_crossings import told_mean
 from workbench.system.connect import connect
 from workbench.system.description import FunctionComponent
-from workbench.workers import Workers
 
 RELAY = """
 model Relay
@@ -150,7 +150,7 @@ def test_a_mean_is_told_where_rounding_does_not_hide_it(mean: float, told: float
 
 def test_harmonic_balance_that_leads_out_of_the_band_is_no_cycle(monkeypatch: pytest.MonkeyPatch) -> None:
     """At 4e-15 Hz the equations hold as well, near the point of rest: that is not the cycle at 0.2757 Hz."""
-    module = importlib.import_module("workbench.analysis.limit_cycle.run")
+    module = importlib.import_module("workbench.limit_cycles.limit_cycle.run")
 
     def slow(
         part: LinearPart,

@@ -7,10 +7,10 @@ import pytest
 
 from scripts.chapter3 import Entry, main
 from tests.lin_fmus import fmu
-from workbench.analysis.lin.request import lin
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.task import Width
 from workbench.model.load import load
+from workbench.point.lin.request import lin
+from workbench.point.lin.result import LinResult
+from workbench.point.lin.task import Width
 from workbench.reproduce.chapter3 import EXPERIMENTS, Example, examples, slopes
 from workbench.reproduce.chapter3 import linearised as linearised_as_published
 from workbench.reproduce.measurement import Reproduction

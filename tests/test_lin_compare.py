@@ -12,15 +12,15 @@ import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built, fmu
-from workbench.analysis.lin.interfaces import compare_interfaces
-from workbench.analysis.lin.request import compare, lin, lin_along, lin_over
-from workbench.analysis.lin.step_check import step_check
 from workbench.cli.app import run
 from workbench.errors import InputError
+from workbench.jobs.options import Workers
 from workbench.model.load import load
-from workbench.signals import Sine
+from workbench.point.lin.request import compare, lin, lin_along, lin_over
+from workbench.point.lin.step_check import step_check
+from workbench.response.compare_linear.interfaces import compare_interfaces
+from workbench.signals.kinds import Sine
 from workbench.system.connect import connect
-from workbench.workers import Workers
 
 
 @needs_gemseo

@@ -9,10 +9,10 @@ import pytest
 
 import workbench as wb
 from scripts.figure31 import main
-from workbench.plotting.figure import save
 from workbench.reproduce.chapter6 import draw_widths
 from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study
 from workbench.reproduce.targets import read_targets
+from workbench.show.figure import save
 
 TARGETS = read_targets()
 TRAVEL = 2.0 * 30.0 * 0.022  # [deg]: from limit to limit of the rate, in one sample

@@ -11,8 +11,8 @@ import pytest
 
 import workbench as wb
 from tests.lin_fmus import built
-from workbench.analysis.lin.realise import realise
 from workbench.cli.app import run
+from workbench.point.lin.realisation import realise
 
 # All-pass: its gain is 1 at every pole, so that another pole changes the phase alone.
 TURNING = """

@@ -11,13 +11,13 @@ import pytest
 from tests.fmi1_fmus import build_fmi1
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built, fmu, sparse_system
-from workbench.analysis.lin.request import lin
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.state_space import LinearModel
 from workbench.errors import InputError
 from workbench.fmi.instance import Instance
 from workbench.model import FmuModel, Variable
 from workbench.model.load import load
+from workbench.point.lin.request import lin
+from workbench.point.lin.result import LinResult
+from workbench.point.lin.state_space import LinearModel
 from workbench.session.base import Floats
 from workbench.system.connect import connect
 
@@ -246,8 +246,8 @@ def test_rudder_agrees_with_the_published_bounds() -> None:
     """Trim at delC = 2, published widths and defaults, against a sine of amplitude 2 (chapter 7)."""
     from dataclasses import replace
 
-    from workbench.analysis.nfr.request import nfr
-    from workbench.analysis.trim.request import trim
+    from workbench.point.trim.request import trim
+    from workbench.response.nfr.request import nfr
 
     frequencies = np.array([0.5, 2.0, 3.7, 5.6, 8.5, 13.0, 20.0])
     with load(fmu("Rudder"), "me") as model:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.lin_fmus import built
-from workbench.analysis.lin.request import lin
 from workbench.model.load import load
+from workbench.point.lin.request import lin
 
 PRODUCT = """model Product "an input acts through a state that is 0 at the start"
   input Real u(start = 0.0);

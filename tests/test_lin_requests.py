@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 import workbench as wb
-from workbench.analysis.lin.request import LinOver
-from workbench.analysis.lin.sweep import LinGrid, LinPoint
-from workbench.analysis.trim.request import Trim
 from workbench.cli.app import run
-from workbench.core.job import Job
-from workbench.core.option import options_of
+from workbench.core.records.option import options_of
+from workbench.jobs.job import Job
+from workbench.point.lin.request import LinOver
+from workbench.point.lin.sweep import LinGrid, LinPoint
+from workbench.point.trim.request import Trim
 
 SLOW = ("control", "matplotlib", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats")
 

@@ -12,14 +12,14 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
 from tests.mimic_fmus import build_mimic
-from workbench.analysis.lin.between import lines
-from workbench.analysis.lin.realise import Realisation, realise
-from workbench.analysis.lin.request import lin
-from workbench.analysis.lin.result import Doubt, LinResult
-from workbench.analysis.lin.trial import MoveTrial, smallest, trial_levels
-from workbench.core.matrices import unheld
+from workbench.core.values.matrices import unheld
 from workbench.errors import InputError, SimulationError
 from workbench.model.load import load
+from workbench.point.lin.intersample import lines
+from workbench.point.lin.realisation import Realisation, realise
+from workbench.point.lin.request import lin
+from workbench.point.lin.result import Doubt, LinResult
+from workbench.point.lin.validation_run import MoveTrial, smallest, trial_levels
 from workbench.system.connect import connect
 
 

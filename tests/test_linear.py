@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from workbench.core import matrices
-from workbench.core.linear import Linear, LinearPart
-from workbench.core.matrices import held, resolvent, unheld
-from workbench.core.operating_point import OperatingPoint
-from workbench.core.poles import growth_rates, sides
+from workbench.core.values import matrices
+from workbench.core.values.linear import Linear, LinearPart
+from workbench.core.values.matrices import held, resolvent, unheld
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.core.values.poles import growth_rates, sides
 from workbench.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -281,7 +281,7 @@ def test_python_control_has_the_names_without_dots() -> None:
 
 def test_one_thread_is_one_of_libraries_loaded_since_the_last_time_too() -> None:
     code = (
-        "import numpy, sys; from workbench.core.blas import one_thread\n"
+        "import numpy, sys; from workbench.core.machine.blas import one_thread\n"
         "with one_thread(): assert 'scipy.linalg' not in sys.modules\n"
         "import scipy.linalg, threadpoolctl\n"
         "with one_thread():\n"

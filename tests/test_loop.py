@@ -11,13 +11,13 @@ import pytest
 
 import workbench as wb
 from tests.loop_models import S, transfer, unity
-from workbench.analysis.loop.crossings import gain_crossings, real_crossings
-from workbench.analysis.loop.margins import margins_of, peak
-from workbench.analysis.loop.request import loop
-from workbench.analysis.trim.request import trim
-from workbench.core.linear import LinearPart
-from workbench.core.margins import Margins
+from workbench.core.values.linear import LinearPart
+from workbench.core.values.margins import Margins
 from workbench.errors import InputError
+from workbench.loops.loop.margins import margins_of, peak
+from workbench.loops.loop.request import loop
+from workbench.loops.nyquist.level_crossings import gain_crossings, real_crossings
+from workbench.point.trim.request import trim
 from workbench.system.connect import connect
 from workbench.system.description import SumComponent
 from workbench.system.model import SystemModel

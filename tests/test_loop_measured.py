@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from tests.loop_models import SATURATION, S, saturation_gain, transfer, unity
-from workbench.analysis.loop.curve_margins import curve_margins
-from workbench.analysis.loop.margins import margins_of
-from workbench.analysis.loop.request import loop
-from workbench.analysis.loop.result import LoopResult
-from workbench.analysis.loop.settings import LoopSettings
-from workbench.analysis.trim.request import trim
-from workbench.core.linear import Linear, LinearPart
+from workbench.core.values.linear import Linear, LinearPart
 from workbench.errors import InputError
+from workbench.jobs.options import Workers
+from workbench.loops.loop.curve_margins import curve_margins
+from workbench.loops.loop.margins import margins_of
+from workbench.loops.loop.request import loop
+from workbench.loops.loop.result import LoopResult
+from workbench.loops.loop.settings import LoopSettings
+from workbench.point.trim.request import trim
 from workbench.system.connect import connect
-from workbench.workers import Workers
 
 HERE = Workers(in_process=True)
 LAGS = {"a": "fmu:FirstOrderLag", "b": "fmu:FirstOrderLag", "c": "fmu:FirstOrderLag"}

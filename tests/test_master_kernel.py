@@ -17,9 +17,9 @@ from tests.master_loops import fmu, lags
 from tests.reference_fmus import build_reference
 from tests.system_models import difference
 from workbench.errors import SimulationError
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.session.base import Recorded
-from workbench.signals import Signal, Sine, Table
+from workbench.signals.kinds import Signal, Sine, Table
 from workbench.system.connect import connect
 
 Make = Callable[[Path], DescribedModel]

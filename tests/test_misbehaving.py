@@ -12,10 +12,10 @@ import pytest
 import workbench as wb
 from scripts.misbehave import DEEDS, LIE, LIES, ME, Case, build, expected, in_python, truth_of
 from tests.misbehaving_fmus import WAYS, build_misbehaving
-from workbench.analysis.feedback import analyse
 from workbench.cli.app import run
-from workbench.core.where import Workers
 from workbench.errors import SimulationError
+from workbench.jobs.options import Workers
+from workbench.limit_cycles.feedback import analyse
 
 _CASES = [
     *((way, "doStep", "cs", "simulate") for way in WAYS),
@@ -68,7 +68,7 @@ def test_the_caller_is_told_and_lives(
 ) -> None:
     monkeypatch.setenv("MISBEHAVES", "")  # to be as it was
     if (way, call) == ("hang", "terminate"):
-        monkeypatch.setattr("workbench.workers.process.AFTERWARDS", 3.0)
+        monkeypatch.setattr("workbench.jobs.worker_process.AFTERWARDS", 3.0)
     case = Case(way, call, interface, what)
     seen = in_python(build(tmp_path, case), case, truths[interface, what, call == LIE])
     assert seen.right, seen

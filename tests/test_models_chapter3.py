@@ -16,11 +16,11 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from tests.platforms import needs_module
-from workbench.analysis.simulate.request import simulate
 from workbench.model.load import load
 from workbench.reproduce.targets import read_targets
+from workbench.response.simulate.request import simulate
 from workbench.session.point import Point
-from workbench.signals import Constant, Step
+from workbench.signals.kinds import Constant, Step
 
 Vector = npt.NDArray[np.float64]
 

@@ -16,16 +16,16 @@ from scipy.linalg import block_diag
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.mimic_fmus import build_mimic
 from tests.reference_fmus import build_reference
-from workbench.analysis.modes.match import Group, Match, closeness, coincide, match, turning
-from workbench.analysis.modes.modes import critical_values, find_root, sign_of
-from workbench.analysis.modes.request import modes
-from workbench.analysis.modes.result import Critical, Mode
-from workbench.analysis.modes.source import ModelSource
-from workbench.analysis.modes.track import Track, track
 from workbench.cli.app import run
-from workbench.core.modal import Poles, poles_of
+from workbench.core.values.modal import Poles, poles_of
 from workbench.errors import InputError
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
+from workbench.point.modes.match import Group, Match, closeness, coincide, match, turning
+from workbench.point.modes.modes import critical_values, find_root, sign_of
+from workbench.point.modes.request import modes
+from workbench.point.modes.result import Critical, Mode
+from workbench.point.modes.source import ModelSource
+from workbench.point.modes.track import Track, track
 from workbench.session.base import Floats
 from workbench.system.connect import connect
 from workbench.system.description import GainComponent

@@ -60,7 +60,7 @@ def test_what_has_no_events_and_is_linear_along_its_run_is_not_run(monkeypatch: 
     def refused(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("workbench.analysis.nfr.job.run_point", refused)
+    monkeypatch.setattr("workbench.response.nfr.job.run_point", refused)
     with wb.load("fmu:Aircraft") as model:
         found = wb.nfr(model, "elevator", "z_front_fuselage", [2.0, 3.0, 7.0], [1e-3], **HERE)
     assert {c.reached for c in found.certificates[0] if c is not None} == {"contracts"}

@@ -11,14 +11,14 @@ import control
 import numpy as np
 import pytest
 
-from workbench.analysis.motions.measures import measure
-from workbench.analysis.motions.request import compare_motions
-from workbench.analysis.motions.units import shown_unit
 from workbench.cli.app import run
 from workbench.errors import InputError
-from workbench.model.described import DescribedModel
-from workbench.signal_text import parse_signal
-from workbench.signals import Sine, Step
+from workbench.model.described_model import DescribedModel
+from workbench.response.compare.measures import measure
+from workbench.response.compare.request import compare_motions
+from workbench.response.compare.units import shown_unit
+from workbench.signals.kinds import Sine, Step
+from workbench.signals.text import parse_signal
 from workbench.system.connect import connect
 from workbench.system.load import load
 

@@ -12,9 +12,9 @@ import workbench as wb
 from tests.reference_fmus import build_reference
 from workbench.cli.app import run
 from workbench.errors import InputError
-from workbench.origin import origin_of
-from workbench.signal_text import readable, signals_of
-from workbench.signals import Constant, Signal, Step, Table
+from workbench.requests.kept import origin_of
+from workbench.signals.kinds import Constant, Signal, Step, Table
+from workbench.signals.text import readable, signals_of
 
 OPTION, TRUTH = "option_input", "boolean_input"
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.fakes import DeadTimeSession, FakeModel, Rows, StaticSession, lag, linear, oscillator
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.result import NfrResult
 from workbench.session.base import Floats
-from workbench.signals import Sine
+from workbench.signals.kinds import Sine
 
 
 def errors(result: NfrResult, truth: Callable[[complex], complex]) -> tuple[float, float]:

@@ -12,10 +12,10 @@ import pytest
 
 import workbench as wb
 from tests.fakes import EulerOscillator, FakeModel, Rows, SampledSession, StaticSession, lag, linear, oscillator
-from workbench.analysis.harmonics import distortion
-from workbench.analysis.nfr.request import nfr
+from workbench.response.nfr.request import nfr
+from workbench.response.periodic.fourier import distortion
 from workbench.session.base import Floats
-from workbench.signals import Sine
+from workbench.signals.kinds import Sine
 
 
 def static(function: object) -> FakeModel:

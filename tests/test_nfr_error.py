@@ -16,18 +16,18 @@ import workbench as wb
 from scripts.coverage_nfr import Mode, Plant, Trial, lines, measure
 from scripts.coverage_sampled import SampledPlant, good, trials, trials_of
 from tests.fakes import FakeModel, Rows, SampledSession, StaticSession, lag
-from workbench.analysis.harmonics import Period
-from workbench.analysis.nfr.beats import Beat, repeats_every
-from workbench.analysis.nfr.certificate import Certificate
-from workbench.analysis.nfr.jumps import disagreements, jumps
-from workbench.analysis.nfr.point import NfrPoint
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.nfr.settling import Outcome, Settling
-from workbench.analysis.nfr.surroundings import LinearStart, surroundings
-from workbench.core.linear import LinearPart
+from workbench.core.values.linear import LinearPart
+from workbench.response.nfr.beats import Beat, repeats_every
+from workbench.response.nfr.certificate import Certificate
+from workbench.response.nfr.jumps import disagreements, jumps
+from workbench.response.nfr.point import NfrPoint
+from workbench.response.nfr.prior_knowledge import LinearStart, surroundings
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.result import NfrResult
+from workbench.response.nfr.settling import Outcome, Settling
+from workbench.response.periodic.fourier import Period
 from workbench.session.base import Floats
-from workbench.signals import Sine
+from workbench.signals.kinds import Sine
 
 HERE = wb.Workers(in_process=True)
 

@@ -11,8 +11,8 @@ import pytest
 
 import workbench as wb
 from tests.lin_fmus import built
-from workbench.analysis.harmonics import measure_period
-from workbench.analysis.nfr.error import quadrature
+from workbench.response.nfr.error import quadrature
+from workbench.response.periodic.fourier import measure_period
 from workbench.session import Recorded
 from workbench.session.base import Floats
 

@@ -10,8 +10,8 @@ import pytest
 
 import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.analysis.nfr.result import NfrResult
 from workbench.reproduce.targets import read_targets
+from workbench.response.nfr.result import NfrResult
 
 TARGETS = read_targets()
 

@@ -12,14 +12,14 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.fakes import FakeModel, Rows, SampledSession, lag, linear
-from workbench.analysis.nfr.frequency_grid import frequency_grid, geometric_band
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult
-from workbench.core.decibels import follow_phase
+from workbench.core.values.decibels import follow_phase
 from workbench.errors import InputError, SimulationError
-from workbench.plotting.figure import save
+from workbench.response.nfr.frequency_grid import frequency_grid, geometric_band
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.result import NfrResult
 from workbench.session.base import Floats
-from workbench.signals import Sine
+from workbench.show.figure import save
+from workbench.signals.kinds import Sine
 
 
 def phasors(degrees: list[float]) -> NDArray[np.complex128]:

@@ -10,16 +10,16 @@ import pytest
 
 import workbench as wb
 from tests.fakes import DeadTimeSession, FakeModel, LinearSession, Rows, SampledSession, StaticSession, lag, linear
-from workbench.analysis.harmonics import Period
-from workbench.analysis.nfr import transient
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.run import NfrSweep
-from workbench.analysis.nfr.settling import Outcome, Settling
-from workbench.analysis.nfr.transient import remove_transient
 from workbench.errors import SimulationError
+from workbench.response.nfr import transient
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.run import NfrSweep
+from workbench.response.nfr.settling import Outcome, Settling
+from workbench.response.nfr.transient import remove_transient
+from workbench.response.periodic.fourier import Period
 from workbench.session import Session
 from workbench.session.base import Floats
-from workbench.signals import Sine
+from workbench.signals.kinds import Sine
 
 HERE = wb.Workers(in_process=True)
 

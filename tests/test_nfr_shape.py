@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from tests.fakes import lag
-from workbench.analysis.nfr.certificate import Certificate
-from workbench.analysis.nfr.jumps import jumps, may_jump, stepped_over
-from workbench.analysis.nfr.point import NfrPoint, change
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult, percent
-from workbench.analysis.nfr.shape import fall_of, peak_of
-from workbench.analysis.nfr.surroundings import LinearStart
-from workbench.core.decibels import decibels
-from workbench.core.linear import LinearPart
-from workbench.report.nfr import nfr_page
+from workbench.core.values.decibels import decibels
+from workbench.core.values.linear import LinearPart
+from workbench.response.nfr.certificate import Certificate
+from workbench.response.nfr.curve import fall_of, peak_of
+from workbench.response.nfr.jumps import jumps, may_jump, stepped_over
+from workbench.response.nfr.page import nfr_page
+from workbench.response.nfr.point import NfrPoint, change
+from workbench.response.nfr.prior_knowledge import LinearStart
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.result import NfrResult, percent
 from workbench.session.base import Floats
 
 

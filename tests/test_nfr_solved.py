@@ -21,14 +21,14 @@ from scipy.optimize import fsolve
 import workbench as wb
 from scripts.coverage_nfr import Plant, measure
 from tests.lin_fmus import built
-from workbench.analysis.harmonics import Period
-from workbench.analysis.nfr.error import Evidence
-from workbench.analysis.nfr.point import PointTask
-from workbench.analysis.nfr.solved import Search, can_solve
-from workbench.analysis.periodic.monodromy import Tangent
-from workbench.analysis.periodic.period_map import Lap
+from workbench.jobs.store import FILE_NAME
+from workbench.response.nfr.error import Evidence
+from workbench.response.nfr.period_solver import Search, can_solve
+from workbench.response.nfr.point import PointTask
+from workbench.response.periodic.fourier import Period
+from workbench.response.periodic.monodromy import Tangent
+from workbench.response.periodic.period_map import Lap
 from workbench.session.compiled import CompiledMeSession
-from workbench.store import FILE_NAME
 
 HERE: dict[str, Any] = {"in_process": True, "drift_check": False}
 
@@ -281,7 +281,7 @@ def test_a_second_response_at_a_peak_that_the_sweep_steps_over_is_told(
 
 def test_a_jump_is_guessed_only_where_nobody_looked(monkeypatch: pytest.MonkeyPatch) -> None:
     """A narrow resonance between two frequencies looks like a jump."""
-    monkeypatch.setattr("workbench.analysis.nfr.run.jumps", lambda _, **__: ["it may jump"])
+    monkeypatch.setattr("workbench.response.nfr.run.jumps", lambda _, **__: ["it may jump"])
     found = {}
     for method in ("auto", "settle"):
         with wb.load("fmu:Duffing") as model:

@@ -14,17 +14,17 @@ import workbench as wb
 from tests.fakes import EulerOscillator, FakeModel, Rows, StaticSession
 from tests.mimic_fmus import build_mimic
 from tests.reference_fmus import build_reference
-from workbench.analysis.nfr.certificate import Certificate
-from workbench.analysis.nfr.job import PointsJob
-from workbench.analysis.nfr.own_solver import own_step
-from workbench.analysis.nfr.point import NfrPoint, PointTask, failed_point
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.step import refine
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.recipe import LoadRecipe
+from workbench.response.nfr.certificate import Certificate
+from workbench.response.nfr.communication_step import refine
+from workbench.response.nfr.job import PointsJob
+from workbench.response.nfr.own_solver import own_step
+from workbench.response.nfr.point import NfrPoint, PointTask, failed_point
+from workbench.response.nfr.request import nfr
 from workbench.session.base import Floats
-from workbench.signals import Sine
+from workbench.signals.kinds import Sine
 
 
 def euler() -> FakeModel:

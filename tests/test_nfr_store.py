@@ -18,12 +18,12 @@ from tests.fakes import lag
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.platforms import posix_signals
 from tests.programs import start, wait_for
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.nfr.run import NfrSweep
 from workbench.cli.app import run
-from workbench.store import FILE_NAME, _check_sum
-from workbench.workers import Workers
+from workbench.jobs.options import Workers
+from workbench.jobs.store import FILE_NAME, _check_sum
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.result import NfrResult
+from workbench.response.nfr.run import NfrSweep
 
 RUDDER = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--amplitude", "0.5,2", "--band", "2:20"]
 

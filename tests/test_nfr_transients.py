@@ -11,8 +11,8 @@ import pytest
 
 import workbench as wb
 from scripts.coverage_nfr import Mode, Plant, measure
-from workbench.analysis.harmonics import Period
-from workbench.analysis.nfr.settling import Outcome, Settling
+from workbench.response.nfr.settling import Outcome, Settling
+from workbench.response.periodic.fourier import Period
 
 
 @pytest.mark.parametrize(("frequency", "amplitude"), [(0.25, 0.3), (0.28, 0.3), (0.3, 0.3), (0.3, 0.5)])

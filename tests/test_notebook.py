@@ -10,8 +10,8 @@ import pytest
 
 import workbench as wb
 from tests.test_records import RECORDS, example
-from workbench.core.operating_point import OperatingPoint
-from workbench.core.record import Part, Record
+from workbench.core.records.record import Part, Record
+from workbench.core.values.operating_point import OperatingPoint
 
 
 def parts_of(value: object, depth: int = 0) -> Iterator[Part]:

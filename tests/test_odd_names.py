@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tests.foreign_fmus import build_foreign
-from workbench.analysis.simulate.request import simulate
 from workbench.cli.app import run
-from workbench.core.conversion import known_unit
-from workbench.core.names import plain_unit, split_names
+from workbench.core.records.names_in_text import plain_unit, split_names
+from workbench.core.values.conversion import known_unit
 from workbench.errors import InputError
 from workbench.model.load import load
+from workbench.response.simulate.request import simulate
 from workbench.study.names import _parts
 
 

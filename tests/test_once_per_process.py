@@ -11,9 +11,9 @@ import pytest
 import workbench as wb
 from tests.mimic_fmus import MIMICS, build_mimic
 from tests.platforms import posix_signals
-from workbench.core.loading import Loading
-from workbench.core.scratch import scratch_folder
-from workbench.signals import Constant
+from workbench.core.machine.scratch import scratch_folder
+from workbench.model.loading import Loading
+from workbench.signals.kinds import Constant
 from workbench.system.load import open_file
 
 PLAIN = MIMICS["statics"]

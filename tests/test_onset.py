@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.analysis.onset.boundary import BOUNDARY, boundary_db
-from workbench.analysis.onset.request import onset
 from workbench.cli.app import run
 from workbench.errors import InputError
-from workbench.model.described import DescribedModel
+from workbench.loops.onset.boundary import BOUNDARY, boundary_db
+from workbench.loops.onset.request import onset
+from workbench.model.described_model import DescribedModel
 
 GC = (5.21 * np.poly([57.36, -4.26, -0.55]), np.polymul([1, 2 * 0.442 * 22.85, 22.85**2], np.poly([0.0, -1.16])))
 GA = (-10.524 * np.poly([-1.562, -0.038, 0.0]), np.polymul([1, 2 * 0.212 * 0.088, 0.088**2], np.poly([-3.75, 1.44])))

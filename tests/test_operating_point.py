@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 import workbench as wb
-from workbench.bundled import bundled_files
-from workbench.core.operating_point import OperatingPoint
+from workbench.core.machine.bundled_files import bundled_files
+from workbench.core.values.operating_point import OperatingPoint
 from workbench.fmi.bundled import bundled_path
-from workbench.model.placing import find_point, standing
+from workbench.model.operating_point import find_point, standing
 
 
 @pytest.fixture(scope="module")

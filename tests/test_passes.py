@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from workbench.analysis.passes import half_range, highest
+from workbench.response.simulate.zero_crossings import half_range, highest
 
 
 @pytest.mark.parametrize("samples", [10, 24, 200])

@@ -14,16 +14,16 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import workbench as wb
-from workbench.analysis.harmonics import Period
-from workbench.analysis.periodic.monodromy import Tangent
-from workbench.analysis.periodic.period_map import Lap, PeriodMap
-from workbench.analysis.periodic.place import Family, arrive, stride_from
-from workbench.analysis.periodic.special import _turning
-from workbench.core.matrices import exponentials
+from workbench.core.values.matrices import exponentials
 from workbench.errors import InputError, SimulationError
+from workbench.response.periodic.fourier import Period
+from workbench.response.periodic.monodromy import Tangent
+from workbench.response.periodic.period_map import Lap, PeriodMap
+from workbench.response.periodic.place import Family, arrive, stride_from
+from workbench.response.periodic.special import _turning
 from workbench.session.compiled import CompiledMeSession
-from workbench.session.target import NotReachedError
-from workbench.signals import Sine
+from workbench.session.start_values import NotReachedError
+from workbench.signals.kinds import Sine
 
 Floats = NDArray[np.float64]
 FORCED = {"u": Sine(amplitude=0.3, frequency=0.2)}

@@ -47,7 +47,7 @@ def test_areas_are_known(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_changed_module_is_what_runs_in_this_process_and_its_children() -> None:
     file = PACKAGE / "core" / "decibels.py"
     text = file.read_text(encoding="utf-8").replace("20.0 * np.log10", "10.0 * np.log10")
-    own = "from workbench.core.decibels import decibels; print(float(decibels(10.0)))"
+    own = "from workbench.core.values.decibels import decibels; print(float(decibels(10.0)))"
     child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {own!r}], check=True)"
     for code in (own, child):
         assert run_planted(["-c", code], file, text, timeout=60.0).stdout.split() == ["10.0"]
@@ -121,8 +121,8 @@ TESTS = """
 import os
 import subprocess
 import sys
-from workbench.core.decibels import decibels
-CODE = "from workbench.core.decibels import decibels; decibels(10.0)"
+from workbench.core.values.decibels import decibels
+CODE = "from workbench.core.values.decibels import decibels; decibels(10.0)"
 
 def test_here():
     assert decibels(10.0) == 20.0

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 import workbench as wb
 from tests.fakes import lag
 from tests.test_records import example
-from workbench.analysis.branches.result import Fold, ResponseBranch
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult
-from workbench.core.record import Record
-from workbench.plotting.bode import plot_nfr
-from workbench.plotting.figure import rows
-from workbench.plotting.response import Degrees, gain_label, log_axis
-from workbench.report.results import picture_of
+from workbench.core.records.record import Record
+from workbench.response.branches.result import Fold, ResponseBranch
+from workbench.response.nfr.picture import plot_nfr
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.result import NfrResult
+from workbench.show.bode import Degrees, gain_label, log_axis
+from workbench.show.figure import rows
+from workbench.show.result import picture_of
 
 
 def labels(figure: Figure) -> list[str]:

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.transforms import Bbox
 
 import workbench as wb
-from workbench.core.operating_point import OperatingPoint
-from workbench.plotting.figure import panels, with_point
-from workbench.plotting.names import Names, name_lines, name_points
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.show.figure import panels, with_point
+from workbench.show.labels import Names, name_lines, name_points
 
 
 def crowded(count: int) -> tuple[Axes, list[tuple[float, float]]]:

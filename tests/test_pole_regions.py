@@ -10,8 +10,8 @@ from scipy import signal, stats
 
 import workbench as wb
 from scripts.coverage_identify import _looped
-from workbench.analysis.validate.polynomial import Parameters, compatible_regions
-from workbench.analysis.validate.regions import PoleRegion
+from workbench.identification.validate.polynomial import Parameters, compatible_regions
+from workbench.identification.validate.regions import PoleRegion
 from workbench.session.base import Floats
 
 CONFIDENCE = 0.95

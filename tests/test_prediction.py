@@ -13,14 +13,14 @@ from scipy import signal
 
 import workbench as wb
 from tests.random_systems import random_plant
-from workbench.analysis.identified.march import march, march_one
-from workbench.analysis.prediction.choose import Wish, _Search
-from workbench.analysis.prediction.gradient import errors_of, jacobian, normal_equations
-from workbench.analysis.prediction.innovations import Innovations
-from workbench.analysis.prediction.refine import refine
-from workbench.analysis.prediction.start import _cut_off
 from workbench.cli.app import run
 from workbench.errors import InputError
+from workbench.identification.identified.recursion import march, march_one
+from workbench.identification.prediction.gradient import errors_of, jacobian, normal_equations
+from workbench.identification.prediction.innovations import Innovations
+from workbench.identification.prediction.model_selection import Wish, _Search
+from workbench.identification.prediction.refine import refine
+from workbench.identification.prediction.start import _cut_off
 from workbench.kernel.native_predictor import sensitivities
 from workbench.session.base import Floats
 
@@ -101,7 +101,7 @@ def test_stretches_give_the_same_derivatives(monkeypatch: pytest.MonkeyPatch) ->
     model, data = box_jenkins(), record(700)
     entries = model.free()
     whole = normal_equations(model, data, np.eye(2), entries, np.eye(len(entries)))
-    monkeypatch.setattr("workbench.analysis.prediction.gradient._BYTES", 1.0)  # 64 rows at a time
+    monkeypatch.setattr("workbench.identification.prediction.gradient._BYTES", 1.0)  # 64 rows at a time
     parts = normal_equations(model, data, np.eye(2), entries, np.eye(len(entries)))
     assert parts.matrix == pytest.approx(whole.matrix, rel=1e-10, abs=1e-8)
     assert parts.right == pytest.approx(whole.right, rel=1e-9, abs=1e-8)

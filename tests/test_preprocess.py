@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tests.identification_data import DT, A, B, data, prbs, response, white, with_noise
-from workbench.analysis.experiment.experiment import make_experiment
-from workbench.analysis.preprocess.detrend import detrend, remove_offset
-from workbench.analysis.preprocess.flat import flat_extremes
-from workbench.analysis.preprocess.outliers import _without_gross, remove_outliers
-from workbench.analysis.preprocess.resample import resample
-from workbench.analysis.preprocess.scale import scale
-from workbench.analysis.preprocess.settle import cut_settling, settling_samples
+from workbench.data.advice.flat import flat_extremes
+from workbench.data.experiment.experiment import make_experiment
+from workbench.data.preprocess.detrend import detrend, remove_offset
+from workbench.data.preprocess.outliers import _without_gross, remove_outliers
+from workbench.data.preprocess.resample import resample
+from workbench.data.preprocess.scale import scale
+from workbench.data.preprocess.settle import cut_settling, settling_samples
 from workbench.errors import InputError
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.core import progress
+from workbench.requests import progress_bar as progress
 
 SHELLS = {"notebook": SimpleNamespace(kernel=None), "terminal": SimpleNamespace(), "script": None}
 
@@ -31,7 +31,7 @@ def test_in_a_file_there_is_a_line_now_and_then(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = 0.0
-    monkeypatch.setattr("workbench.core.progress.time.monotonic", lambda: now)
+    monkeypatch.setattr("workbench.requests.progress_bar.time.monotonic", lambda: now)
     monkeypatch.setattr(progress, "FIRST_LINE", 30.0)
     with progress.Bar(400.0) as bar:
         for second in range(0, 402, 2):

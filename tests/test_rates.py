@@ -15,14 +15,14 @@ import pytest
 import workbench as wb
 from tests.lin_fmus import built
 from tests.multirate import connected, departure, random_system, verdict_fault
-from workbench.analysis.excite.playing import sampling_of
-from workbench.analysis.lin.request import lin_result
-from workbench.analysis.loop.request import loop
-from workbench.analysis.rates import NoRatesError, basic_period, rates_of, sampled, sequences
-from workbench.core.calendar import TOGETHER
-from workbench.core.margins import STABLE, UNSTABLE
+from workbench.core.values.calendar import TOGETHER
+from workbench.core.values.margins import STABLE, UNSTABLE
+from workbench.data.excite.recording import sampling_of
 from workbench.errors import InputError
+from workbench.loops.loop.request import loop
 from workbench.model.load import load
+from workbench.model.sample_rates import NoRatesError, basic_period, rates_of, sampled, sequences
+from workbench.point.lin.request import lin_result
 from workbench.session.compiled import CompiledMeSession
 
 HEAD = """

@@ -19,9 +19,9 @@ from typing_extensions import TypeAliasType
 import workbench
 from tests.platforms import needs_module
 from tests.record_examples import Maker
-from workbench.analysis.nfr.result import NfrResult
-from workbench.core.record import Part, Record, entry
+from workbench.core.records.record import Part, Record, entry
 from workbench.errors import InputError
+from workbench.response.nfr.result import NfrResult
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,14 +8,14 @@ import pytest
 from scipy.linalg import block_diag, eig, solve_continuous_lyapunov
 
 from tests.random_systems import pole_error
-from workbench.analysis.describing.base import Complex, Floats
-from workbench.analysis.reduction.balanced import balanced_reduction
-from workbench.analysis.reduction.band_error import band_error
-from workbench.analysis.reduction.cancel import cancel, mirror, pair_distances
-from workbench.analysis.reduction.factored import Factored, factored, low_pass
-from workbench.analysis.reduction.sections import to_state_space
-from workbench.core.linear import LinearPart
+from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
+from workbench.loops.describing.base import Complex, Floats
+from workbench.point.reduction.balanced import balanced_reduction
+from workbench.point.reduction.band_error import band_error
+from workbench.point.reduction.cancel import cancel, mirror, pair_distances
+from workbench.point.reduction.factored import Factored, factored, low_pass
+from workbench.point.reduction.sections import to_state_space
 
 F = np.geomspace(1e-3, 1e2, 400)
 

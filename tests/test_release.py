@@ -18,8 +18,8 @@ from packaging.utils import parse_wheel_filename
 from scripts.release.__main__ import ReleaseError, different, unpack, wheel_for
 from scripts.release.bom import invalid, source_parts
 from scripts.release.natives import faults, library_faults
+from workbench.build.toolchain import PLATFORMS, Platform, host_only
 from workbench.kernel.library import kernel_path
-from workbench.toolchain import PLATFORMS, Platform, host_only
 
 ROOT = Path(__file__).parent.parent
 FMU = ROOT / "fmus" / "fmi2" / "FirstOrderLag.fmu"

@@ -13,7 +13,6 @@ import weakref
 from collections.abc import Callable
 from dataclasses import is_dataclass, replace
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +24,16 @@ import workbench as wb
 from tests.report_pages import changed_lag, check_page_file, data_of, facts_of_page, page, read_page
 from tests.test_records import RECORDS, example
 from workbench.cli.program import COMMANDS
-from workbench.core.named import named
-from workbench.core.record import Record, Reportable, plain
+from workbench.core.records.named import named
+from workbench.core.records.record import Record, Reportable, plain
 from workbench.fmi.archive import locate
-from workbench.origin import Origin, origin_of, remember, with_origin
-from workbench.report import Page, Section, Table, Verdict, write_page
-from workbench.report.facts import point_facts
-from workbench.report.page import SUFFIXES
-from workbench.report.results import SHOWN, page_of, picture_of, write_report
-from workbench.report.tones import TONES, counted, tone, worst_first
+from workbench.requests.decorator import with_origin
+from workbench.requests.kept import origin_of, remember
+from workbench.requests.origin import Origin
+from workbench.show.facts import point_facts
+from workbench.show.page import SUFFIXES, Page, Section, Table, write_page
+from workbench.show.result import page_of, picture_of, write_report
+from workbench.show.verdicts import TONES, Verdict, counted, tone, worst_first
 
 # Data that results are made from, models, and parts of results: none is what an analysis answers with.
 NO_RESULTS = {"Experiment", "IdentifiedModel"}
@@ -55,15 +55,11 @@ def answers() -> list[type]:
     return sorted((c for c in found if c.__name__ not in NO_RESULTS), key=lambda c: c.__name__)
 
 
-def row_of(kind: type) -> str:
-    return f"{kind.__module__}.{kind.__qualname__}".removeprefix("workbench.")
-
-
 @pytest.mark.parametrize("kind", answers(), ids=lambda c: c.__name__)
-def test_every_result_has_a_page(kind: type) -> None:
-    assert callable(kind.report)  # type: ignore[attr-defined]
+def test_every_result_has_a_page(kind: type[Reportable]) -> None:
+    assert callable(kind.report)
     if getattr(kind, "report", None) is Reportable.report:
-        assert row_of(kind) in SHOWN
+        assert kind._page
 
 
 # Pages of these are text and tables, or hold the pictures of others.
@@ -76,12 +72,12 @@ WITHOUT_PICTURE = {
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda c: c.__name__)
 def test_every_record_has_a_page_and_a_picture_or_says_that_there_is_none(kind: type[Record]) -> None:
-    assert row_of(kind) in SHOWN or kind.report is not Reportable.report, "a row in report/results.py"
+    assert kind._page or kind.report is not Reportable.report
     if kind.__name__ in WITHOUT_PICTURE:
         with pytest.raises(wb.InputError, match=f"{kind.__name__} has no picture"):
             example(kind).plot()
     else:
-        assert kind.plot is not Reportable.plot or SHOWN[row_of(kind)][1], "a picture in report/results.py"
+        assert kind.plot is not Reportable.plot or kind._picture
 
 
 # Made by `build` and `reproduce`, which the command line has.
@@ -106,17 +102,14 @@ def test_every_command_is_in_the_index_of_methods(command: str) -> None:
 NO_METHOD = {"info", "ui"}  # one reads what the FMU says, the other shows what all do
 
 
-@pytest.mark.parametrize("name", SHOWN)
-def test_every_page_and_picture_is_there_and_takes_its_result(name: str) -> None:
-    module, _, cls = name.rpartition(".")
-    kind = getattr(import_module(f"workbench.{module}"), cls)
-    assert issubclass(kind, Reportable)
-    for folder, function, made in zip(("report", "plotting"), SHOWN[name], (Page, Figure), strict=True):
+@pytest.mark.parametrize("kind", answers(), ids=lambda c: c.__name__)
+def test_every_page_and_picture_is_there_and_takes_its_result(kind: type[Reportable]) -> None:
+    for function, made in ((kind._page, Page), (kind._picture, Figure)):
         if function:
-            shows = named(function if function.startswith("workbench.") else f"workbench.{folder}.{function}")
-            hints = shows.__annotations__
+            assert function.startswith(kind.__module__.rpartition(".")[0]), "they stand in its folder"
+            hints = named(function).__annotations__
             assert hints["return"] == made.__name__
-            assert next(iter(hints.values())).rpartition(".")[2] == cls
+            assert next(iter(hints.values())).rpartition(".")[2] in {c.__name__ for c in kind.__mro__}
 
 
 def test_a_result_without_a_page_is_told(tmp_path: Path) -> None:

@@ -13,13 +13,13 @@ import pytest
 from tests.command_lines import LAG_FMU, LINES, LOOP, write_files
 from tests.report_pages import PageReader, check_page_file, data_of, facts_of_page
 from workbench.build.fmu import BuildResult
+from workbench.build.page import build_page
+from workbench.build.toolchain import host_only
 from workbench.cli.app import run
 from workbench.cli.program import COMMANDS as EVERY
 from workbench.cli.program import command_of
 from workbench.fmi.archive import locate
-from workbench.report.build import build_page
-from workbench.report.page import write_page
-from workbench.toolchain import host_only
+from workbench.show.page import write_page
 
 LAG = hashlib.sha256(locate("fmu:FirstOrderLag").read_bytes()).hexdigest()
 
@@ -48,7 +48,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def folder(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     shutil.copytree(files, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("workbench.toolchain.PLATFORMS", host_only())
+    monkeypatch.setattr("workbench.build.toolchain.PLATFORMS", host_only())
     return tmp_path
 
 

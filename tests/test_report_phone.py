@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from workbench.report import Page, Section, Table, write_page
+from workbench.show.page import Page, Section, Table, write_page
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

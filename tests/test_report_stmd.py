@@ -11,9 +11,9 @@ from lxml import etree
 
 import workbench as wb
 from tests.report_pages import changed_lag, facts_of_page, page, read_page
-from workbench.origin import origin_of
-from workbench.report import Verdict
-from workbench.report.results import write_report
+from workbench.requests.kept import origin_of
+from workbench.show.result import write_report
+from workbench.show.verdicts import Verdict
 
 
 @pytest.fixture(scope="module")

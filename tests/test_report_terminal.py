@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.analysis.limit_cycle.result import SimulatedCycle
-from workbench.analysis.simulate.result import SimulationResult
-from workbench.report import limit_cycle, simulate
-from workbench.report.page import Page, Section, Table, write_page
-from workbench.report.terminal import text_of
+from workbench.limit_cycles.limit_cycle import page as limit_cycle
+from workbench.limit_cycles.limit_cycle.result import SimulatedCycle
+from workbench.response.simulate import page as simulate
+from workbench.response.simulate.result import SimulationResult
+from workbench.show.page import Page, Section, Table, write_page
+from workbench.show.terminal import text_of
 
 NAMES = [f"component[{k}].signal_{k}" for k in range(12)]
 NUMBERS = [[f"{10.0**k * (-1) ** k:.6g}" for k in range(12)] for _ in range(4)]

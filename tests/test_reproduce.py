@@ -19,13 +19,13 @@ import pytest
 
 from workbench.cli.app import run
 from workbench.errors import InputError, SimulationError
+from workbench.jobs.options import Workers
 from workbench.reproduce import reproduce
 from workbench.reproduce.measurement import Measured, Measurement, Picture
 from workbench.reproduce.registry import experiments
 from workbench.reproduce.result import Outcome, ReproduceResult, TargetList, plain
 from workbench.reproduce.run import _runner
 from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, parse_targets, read_targets
-from workbench.workers import Workers
 
 HERE = Workers(in_process=True)
 # Measured by no other test, and in well under a second each.

@@ -10,20 +10,20 @@ from typing import Any
 import pytest
 import typer
 
-from workbench.analysis.commands import REQUESTS, request_of
-from workbench.analysis.excite.multisine import MultisineDesign
-from workbench.analysis.excite.prbs import PrbsDesign
-from workbench.analysis.nfr.request import Nfr
-from workbench.analysis.request import Request, Subject, asked_options, command_line_of, request_from
 from workbench.cli.derive import command
 from workbench.cli.program import program
-from workbench.core.loading import Loading
-from workbench.core.option import Declared, asked_of, put_together, recast
-from workbench.core.where import Workers
+from workbench.commands import REQUESTS, request_of
+from workbench.core.records.option import Declared, asked_of, put_together, recast
+from workbench.data.excite.multisine import MultisineDesign
+from workbench.data.excite.prbs import PrbsDesign
 from workbench.errors import InputError
-from workbench.gusts import gust
-from workbench.signal_text import parse_signal, signal_text
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, pulse
+from workbench.jobs.options import Workers
+from workbench.model.loading import Loading
+from workbench.requests.request import Request, Subject, asked_options, command_line_of, request_from
+from workbench.response.nfr.request import Nfr
+from workbench.signals.gusts import gust
+from workbench.signals.kinds import Constant, Prbs, Signal, Sine, Step, Table, pulse
+from workbench.signals.text import parse_signal, signal_text
 
 NAMES = ("u", "plant.y[2]", "side stick", "x_1")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import workbench as wb
 from workbench.cli.app import run
-from workbench.origin import origin_of
+from workbench.requests.kept import origin_of
 
 
 def line_of(record: object) -> str:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from workbench.core.decibels import decibels, degrees, difference, follow_phase, unwrapped
-from workbench.core.linear import Linear, LinearPart
-from workbench.core.response import Response
+from workbench.core.values.decibels import decibels, degrees, difference, follow_phase, unwrapped
+from workbench.core.values.linear import Linear, LinearPart
+from workbench.core.values.response import Response
 from workbench.errors import InputError
 
 FREQUENCY = np.geomspace(0.01, 10.0, 400)

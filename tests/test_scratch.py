@@ -16,7 +16,7 @@ from tests.programs import ended, start
 MAKES = """
 import os, signal, sys, tempfile
 tempfile.tempdir = {folder!r}
-from workbench.core.scratch import scratch_folder
+from workbench.core.machine.scratch import scratch_folder
 print(scratch_folder("one"), flush=True)
 {then}
 """
@@ -103,7 +103,7 @@ def test_a_killed_program_leaves_neither_process_nor_folder(tmp_path: Path) -> N
     code = (
         f"import signal, tempfile; tempfile.tempdir = {str(tmp_path)!r}\n"
         "import workbench as wb\n"
-        "from workbench.workers.process import _idle\n"
+        "from workbench.jobs.worker_process import _idle\n"
         "with wb.load('fmu:FirstOrderLag') as model:\n"
         "    wb.simulate(model, stop=0.1)\n"
         "    print(*(w.pid for w in _idle), flush=True)\n"
@@ -147,7 +147,7 @@ def test_a_link_with_its_name_leads_nowhere(tmp_path: Path) -> None:
 RACE = """
 import os, sys, tempfile
 tempfile.tempdir = {folder!r}
-from workbench.core import scratch
+from workbench.core.machine import scratch
 for _ in range(200):
     scratch._Mine.folder = None  # as a new process would
     held = scratch.scratch_folder("one")
@@ -167,7 +167,7 @@ def test_processes_that_begin_at_the_same_time_leave_each_other_alone(tmp_path: 
 def test_threads_that_begin_at_the_same_time_share_a_folder(tmp_path: Path) -> None:
     code = (
         f"import tempfile, threading; tempfile.tempdir = {str(tmp_path)!r}\n"
-        "from workbench.core.scratch import scratch_folder\n"
+        "from workbench.core.machine.scratch import scratch_folder\n"
         "gate = threading.Barrier(8)\n"
         "def make(): gate.wait(); scratch_folder('one')\n"
         "threads = [threading.Thread(target=make) for _ in range(8)]\n"
@@ -183,8 +183,8 @@ def test_a_worker_that_is_let_go_of_removes_nothing_of_its_parent(tmp_path: Path
     """As one whose start was interrupted: its pipe ends, the parent goes on."""
     code = (
         f"import tempfile, time; tempfile.tempdir = {str(tmp_path)!r}\n"
-        "from workbench.core.scratch import scratch_folder\n"
-        "from workbench.workers.process import WorkerProcess\n"
+        "from workbench.core.machine.scratch import scratch_folder\n"
+        "from workbench.jobs.worker_process import WorkerProcess\n"
         "kept = scratch_folder('kept')\n"
         "worker = WorkerProcess()\n"
         "worker._process.stdin.close()\n"

@@ -12,7 +12,7 @@ from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_names
 from workbench.model.load import load
 from workbench.session.base import Floats
-from workbench.signals import Prbs, Signal, Sine, Step
+from workbench.signals.kinds import Prbs, Signal, Sine, Step
 
 BOTH = pytest.mark.parametrize("version", ["", "@3"])
 

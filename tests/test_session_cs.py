@@ -15,7 +15,7 @@ from tests.lying_fmus import build_lying
 from tests.mimic_fmus import build_mimic
 from workbench.errors import InputError, SimulationError
 from workbench.session.fmu import FmuSession
-from workbench.signals import Constant, Sine, Step
+from workbench.signals.kinds import Constant, Sine, Step
 
 
 class Euler(Hybrid):

@@ -10,7 +10,7 @@ import pytest
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from tests.hybrid_fmus import FakeC, Hybrid, LyingC, inside, open_fake
 from workbench.errors import InputError, SimulationError
-from workbench.signals import Constant, Prbs, Sine, Step, Table
+from workbench.signals.kinds import Constant, Prbs, Sine, Step, Table
 
 SOLVERS = ["vkm", "gear"]
 G = 9.81

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import workbench as wb
 from workbench.errors import InputError
-from workbench.signal_text import parse_signal, signals_of
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table
+from workbench.signals.kinds import Constant, Prbs, Signal, Sine, Step, Table
+from workbench.signals.text import parse_signal, signals_of
 
 
 def test_sine_counts_its_phase_from_start() -> None:

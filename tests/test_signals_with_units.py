@@ -13,12 +13,12 @@ import pytest
 import workbench as wb
 from tests.fmi3_fmus import build_sized
 from workbench.cli.app import run as command
-from workbench.core.conversion import in_other_unit, named_conversion
-from workbench.core.quantity import Quantity, amount, quantity
+from workbench.core.records.quantity import Quantity, amount, quantity
+from workbench.core.values.conversion import in_other_unit, named_conversion
 from workbench.errors import InputError
-from workbench.gusts import gust, turbulence
 from workbench.model.names import forced_inputs
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table, pulse
+from workbench.signals.gusts import gust, turbulence
+from workbench.signals.kinds import Constant, Prbs, Signal, Sine, Step, Table, pulse
 
 
 @pytest.fixture(scope="module")

@@ -14,14 +14,14 @@ import pytest
 import workbench as wb
 from tests.hybrid_fmus import Hybrid, open_fake
 from tests.mimic_fmus import build_mimic
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.simulate.result import SimulationResult
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
 from workbench.model.load import load
+from workbench.response.simulate.request import simulate
+from workbench.response.simulate.result import SimulationResult
 from workbench.session import Session
-from workbench.signals import Constant, Signal, Step
+from workbench.signals.kinds import Constant, Signal, Step
 
 
 class Integrator(Hybrid):

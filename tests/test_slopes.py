@@ -18,7 +18,7 @@ from workbench.fmi.variable import Variable
 from workbench.kernel.native_slopes import BY_DIRECTIONAL, BY_GROUPS, BY_STATES, NativeSlopes, Pattern, pattern_of
 from workbench.session.compiled import CompiledMeSession
 from workbench.session.directional import slopes_pattern
-from workbench.signals import Sine
+from workbench.signals.kinds import Sine
 
 Floats = NDArray[np.float64]
 ENTRY = 1e-5  # of the largest of a matrix: a forward difference over 1e-6 of a state's size, or of its nominal value

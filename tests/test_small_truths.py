@@ -11,47 +11,46 @@ import pytest
 
 import workbench as wb
 from tests.test_validate_overlay import measured
-from workbench.analysis.check.jumps import jumps
-from workbench.analysis.check.nominals import _judge
-from workbench.analysis.check.run import validation
-from workbench.analysis.check.start_time import _judge as judge_start
-from workbench.analysis.check.step import _Convergence, _order_words
-from workbench.analysis.check.subject import Trajectory
-from workbench.analysis.describing.measured import MeasuredBlock
-from workbench.analysis.describing.sector import sector_of
-from workbench.analysis.experiment.missing import regular
-from workbench.analysis.feedback.gains import crossings
-from workbench.analysis.feedback.locus import shown_gains
-from workbench.analysis.fit.run import _sampled
-from workbench.analysis.limit_cycle.centre import _meeting
-from workbench.analysis.lin.interfaces import _shift
-from workbench.analysis.lin.task import width_for
-from workbench.analysis.nfr.beats import Beat, mean_over_beats
-from workbench.analysis.nfr.error import slowness
-from workbench.analysis.nfr.settling import Settling
-from workbench.analysis.nfr.surroundings import LinearStart
-from workbench.analysis.nfr.transient import remove_transient
-from workbench.analysis.periodic.monodromy import _rows
-from workbench.analysis.subspace.delivered import _weight
-from workbench.analysis.trim.family import null_space
-from workbench.analysis.trim.search import _left
-from workbench.core.conversion import known_unit
-from workbench.core.forms import _read_widths
-from workbench.core.linear import LinearPart
-from workbench.core.loading import Loading
-from workbench.core.matrices import exponentials
-from workbench.core.record import brief
-from workbench.core.where import _take_scheduler
+from workbench.core.records.forms import _read_widths
+from workbench.core.records.record import brief
+from workbench.core.values.conversion import known_unit
+from workbench.core.values.linear import LinearPart
+from workbench.core.values.matrices import exponentials
+from workbench.data.experiment.missing import regular
 from workbench.errors import InputError
+from workbench.health.check.jumps import jumps
+from workbench.health.check.nominals import _judge
+from workbench.health.check.run import validation
+from workbench.health.check.start_time import _judge as judge_start
+from workbench.health.check.step import _Convergence, _order_words
+from workbench.health.check.subject import Trajectory
+from workbench.identification.fit.run import _sampled
+from workbench.identification.subspace.final_model import _weight
+from workbench.jobs.options import Workers, _take_scheduler
+from workbench.limit_cycles.feedback.gains import crossings
+from workbench.limit_cycles.feedback.locus import shown_gains
+from workbench.limit_cycles.limit_cycle.bias import _meeting
+from workbench.loops.describing.measured import MeasuredBlock
+from workbench.loops.describing.sector import sector_of
+from workbench.model.loading import Loading
+from workbench.point.lin.task import width_for
+from workbench.point.trim.null_space import null_space
+from workbench.point.trim.search import _left
+from workbench.response.compare_linear.interfaces import _shift
+from workbench.response.nfr.beats import Beat, mean_over_beats
+from workbench.response.nfr.error import slowness
+from workbench.response.nfr.prior_knowledge import LinearStart
+from workbench.response.nfr.settling import Settling
+from workbench.response.nfr.transient import remove_transient
+from workbench.response.periodic.monodromy import _rows
 from workbench.session.base import Floats
 from workbench.session.fmu import _plus
 from workbench.session.me import MeSession
-from workbench.signals import Constant, Signal, Sine, Step
+from workbench.signals.kinds import Constant, Signal, Sine, Step
 from workbench.system.block_table.base import _short
 from workbench.system.blocks import block_description
 from workbench.system.description import SumComponent
 from workbench.system.load import open_files
-from workbench.workers import Workers
 
 INF = math.inf
 

@@ -10,8 +10,8 @@ import pytest
 from scipy import signal
 
 from tests.identification_data import DT, A, B, data, prbs, response, white, with_noise
-from workbench.analysis.experiment.experiment import make_experiment
-from workbench.analysis.spectra import Coherence, SpectralDensity, coherence, sdf
+from workbench.data.experiment.experiment import make_experiment
+from workbench.data.spectra import Coherence, SpectralDensity, coherence, sdf
 from workbench.errors import InputError
 from workbench.session.base import Floats
 

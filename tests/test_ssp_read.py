@@ -24,12 +24,12 @@ from tests.ssp_packages import (
 )
 from tests.system_fmus import plain_fmu
 from workbench.errors import FmuError
+from workbench.system.connection_checks import resolve
 from workbench.system.description import (
     Connection,
     FmuComponent,
 )
-from workbench.system.health import resolve
-from workbench.system.read import read_system
+from workbench.system.files.read import read_system
 
 
 def test_a_part_without_binary_is_named_by_its_place_in_the_package(tmp_path: Path) -> None:

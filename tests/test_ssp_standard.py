@@ -25,15 +25,15 @@ from tests.ssp_packages import (
     wire,
 )
 from tests.system_fmus import plain_fmu
-from workbench.analysis.simulate.request import simulate
-from workbench.core.conversion import Unit
-from workbench.core.loading import Loading
-from workbench.signals import Constant
+from workbench.core.values.conversion import Unit
+from workbench.model.loading import Loading
+from workbench.response.simulate.request import simulate
+from workbench.signals.kinds import Constant
 from workbench.system.connect import open_description
+from workbench.system.connection_checks import resolve
 from workbench.system.description import Connection, FmuComponent, SystemDescription
-from workbench.system.health import resolve
-from workbench.system.read import read_system
-from workbench.system.ssp_write import write_ssp
+from workbench.system.files.read import read_system
+from workbench.system.files.ssp_write import write_ssp
 
 LENGTH = (0, 1, 0, 0, 0, 0, 0, 0)
 A = component("a", {"y": ("output", "")})

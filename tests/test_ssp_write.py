@@ -17,14 +17,15 @@ from tests.reference_fmus import build_reference
 from tests.ssp_packages import (
     variables_of,
 )
-from workbench.analysis.simulate.request import simulate
-from workbench.core.conversion import BASE_UNITS
+from workbench.core.values.conversion import BASE_UNITS
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value
-from workbench.signals import Sine
+from workbench.response.simulate.request import simulate
+from workbench.signals.kinds import Sine
 from workbench.system.connect import open_description
+from workbench.system.connection_checks import resolve
 from workbench.system.description import (
     Connection,
     FmuComponent,
@@ -35,12 +36,11 @@ from workbench.system.description import (
     SumComponent,
     SystemDescription,
 )
+from workbench.system.files.read import read_system
+from workbench.system.files.ssp_write import write_ssp
+from workbench.system.files.toml_write import write_toml
 from workbench.system.fmu_facts import fmu_facts
-from workbench.system.health import resolve
 from workbench.system.load import load
-from workbench.system.read import read_system
-from workbench.system.ssp_write import write_ssp
-from workbench.system.toml_write import write_toml
 
 
 def loop() -> SystemDescription:

@@ -16,7 +16,7 @@ import pytest
 
 import workbench as wb
 from tests.platforms import posix_signals
-from workbench.store import FILE_NAME, Store, contents
+from workbench.jobs.store import FILE_NAME, Store, contents
 
 ROOT = Path(__file__).resolve().parent.parent
 SUBJECT: dict[str, Any] = {"fmu": "abc", "errcrit": 0.1}
@@ -173,7 +173,7 @@ def test_nothing_but_locks_of_files_is_needed(tmp_path: Path) -> None:
 
 
 def test_a_lock_that_is_never_given_back_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("workbench.store._PATIENCE", 0.05)
+    monkeypatch.setattr("workbench.jobs.store._PATIENCE", 0.05)
     with store(tmp_path) as first:
         first.save("p", 1)
         with closing(sqlite3.connect(tmp_path / FILE_NAME, isolation_level=None)) as stranger:
@@ -227,7 +227,7 @@ def test_a_full_disk_is_told(tmp_path: Path) -> None:
 WRITER = """
 import sys
 from pathlib import Path
-from workbench.store import Store
+from workbench.jobs.store import Store
 with Store(sys.argv[1], subject={"s": 1}, effort={}) as store:
     for k in range(int(sys.argv[3])):
         store.save(f"{sys.argv[2]}{k}", [k, sys.argv[2]])

@@ -11,14 +11,14 @@ import pytest
 from scipy import signal
 
 import workbench as wb
-from workbench.analysis.structures.refine import Chain, Table, line_of
-from workbench.analysis.structures.request import IdentifyCommand, IdentifyStructure
-from workbench.analysis.structures.run import _Scaled, _Search
-from workbench.analysis.structures.start import block_of, placed, rescaled
-from workbench.analysis.structures.table import StaticTable, free_directions, knots_for, weights
 from workbench.cli.app import run
 from workbench.errors import InputError
-from workbench.report.structures import structure_page
+from workbench.identification.structures.page import structure_page
+from workbench.identification.structures.refine import Chain, Table, line_of
+from workbench.identification.structures.request import IdentifyCommand, IdentifyStructure
+from workbench.identification.structures.run import _Scaled, _Search
+from workbench.identification.structures.start import block_of, placed, rescaled
+from workbench.identification.structures.table import StaticTable, free_directions, knots_for, weights
 from workbench.session.base import Floats
 
 B, A = [0.0, 0.1, 0.05], [1.0, -1.6, 0.8]

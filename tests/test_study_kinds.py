@@ -12,14 +12,14 @@ import pytest
 import scipy.linalg
 from numpy.typing import NDArray
 
-from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.lin.result import LinResult
-from workbench.core.operating_point import OperatingPoint
+from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
-from workbench.study.kinds import KINDS, read_requirement
-from workbench.study.kinds.base import Compliance, NotMeasured
-from workbench.study.kinds.curves import unwrap
-from workbench.study.kinds.value import found_at
+from workbench.identification.identified.model import IdentifiedModel
+from workbench.point.lin.result import LinResult
+from workbench.study.requirements import KINDS, read_requirement
+from workbench.study.requirements.base import Compliance, NotMeasured
+from workbench.study.requirements.curves import unwrap
+from workbench.study.requirements.value import found_at
 
 
 def find(kind: str, *results: dict[str, Any], **options: Any) -> Compliance:  # noqa: ANN401

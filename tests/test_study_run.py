@@ -16,8 +16,8 @@ import pytest
 from tests.fmi3_fmus import build_sized
 from tests.hostile_fmus import build_hostile
 from workbench.cli.app import run
-from workbench.core.where import Workers
 from workbench.fmi.bundled import bundled_path
+from workbench.jobs.options import Workers
 from workbench.study import worker
 from workbench.study.plan import Outcome
 from workbench.study.run import StudyRun
@@ -161,7 +161,7 @@ def test_the_second_run_measures_nothing(
     def forbidden(*_: object, **__: object) -> None:
         raise AssertionError("a worker was started")
 
-    monkeypatch.setattr("workbench.workers.pool.Pool.run", forbidden)
+    monkeypatch.setattr("workbench.jobs.pool.Pool.run", forbidden)
     monkeypatch.setattr("workbench.study.names.check_names", forbidden)
     again, second = measured(folder, GRID)
     assert (again, second["measured"], second["reused"]) == (code, 0, 6)

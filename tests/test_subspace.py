@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tests.random_systems import Plant, pole_error, random_plant
-from workbench.analysis.subspace import METHODS, estimate
-from workbench.analysis.subspace.order import _inflation
 from workbench.errors import InputError
+from workbench.identification.subspace import METHODS, estimate
+from workbench.identification.subspace.order import _inflation
 
 Floats = NDArray[np.float64]
 SECOND = Plant(

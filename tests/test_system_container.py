@@ -17,18 +17,18 @@ from fmpy.validation import validate_fmu
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.system_models import run as run_system
+from workbench.build.container import ContainerResult, export_container
+from workbench.build.request import export
 from workbench.cli.app import run
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.model.load import load
 from workbench.session.base import Floats
-from workbench.signals import Constant, Step
+from workbench.signals.kinds import Constant, Step
 from workbench.system.connect import connect
-from workbench.system.container import ContainerResult, export_container
 from workbench.system.description import Connection, FmuComponent, SystemDescription
 from workbench.system.load import load as load_system
-from workbench.to_fmu.request import export
 
 pytest.importorskip("fmpy.container_fmu", reason="this FMPy is older than container FMUs (0.3.22)")
 

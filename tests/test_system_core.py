@@ -13,22 +13,22 @@ from scipy.integrate import solve_ivp
 from tests.drivers import DRIVERS, driven_by
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.system_models import LAG, difference, loop_of_two_saturations, run, unity_feedback
-from workbench.analysis.lin.request import lin, lin_over
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.trim.request import trim
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.bundled import bundled_path, bundled_systems, name_of_bundled
 from workbench.fmi.variable import Variable
+from workbench.jobs.options import Workers
 from workbench.model import Model
 from workbench.model.load import load
+from workbench.point.lin.request import lin, lin_over
+from workbench.point.trim.request import trim
+from workbench.response.nfr.request import nfr
+from workbench.response.simulate.request import simulate
 from workbench.session.fmu import FmuSession
-from workbench.signals import Constant, Sine, Step
+from workbench.signals.kinds import Constant, Sine, Step
 from workbench.study.fingerprint import Hashes
 from workbench.system.connect import connect
+from workbench.system.files.read import read_system
 from workbench.system.load import load as load_any
-from workbench.system.read import read_system
-from workbench.workers import Workers
 
 both = pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 

@@ -12,11 +12,11 @@ from tests.hybrid_fmus import FakeC, FakeInstance, Hybrid, describe
 from tests.test_session_events import Ball, Integrator, Sampler
 from workbench.errors import SimulationError
 from workbench.session.base import Floats, Recorded
-from workbench.signals import Signal, Sine, Step
+from workbench.signals.kinds import Signal, Sine, Step
+from workbench.system.components import Opened, Part
+from workbench.system.connection_checks import resolve
 from workbench.system.description import Connection, FmuComponent, SystemDescription
-from workbench.system.health import resolve
 from workbench.system.model import SystemModel
-from workbench.system.parts import Opened, Part
 from workbench.system.recipe import SystemRecipe
 
 

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from tests.system_fmus import description_of, plain_fmu
-from workbench.core.conversion import BASE_UNITS, Unit, conversion, is_same_unit, known_unit
+from workbench.core.values.conversion import BASE_UNITS, Unit, conversion, is_same_unit, known_unit
 from workbench.errors import FmuError, InputError
 from workbench.fmi.variable import Variable
+from workbench.system.connection_checks import resolve, settled
 from workbench.system.description import (
     Connection,
     FmuComponent,
@@ -23,9 +24,8 @@ from workbench.system.description import (
     SumComponent,
     SystemDescription,
 )
+from workbench.system.files.read import is_system_file, read_system
 from workbench.system.fmu_facts import fmu_facts
-from workbench.system.health import resolve, settled
-from workbench.system.read import is_system_file, read_system
 
 LOOP = """
 name = "loop"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.master_loops import REFERENCE, error_of, lags, mastered
-from workbench.analysis.delays.request import delays
-from workbench.analysis.delays.result import DelayReport
-from workbench.analysis.simulate.request import simulate
 from workbench.errors import InputError
+from workbench.health.delays.request import delays
+from workbench.health.delays.result import DelayReport
+from workbench.response.simulate.request import simulate
 from workbench.system.load import load
 
 

@@ -10,8 +10,8 @@ import pytest
 import workbench as wb
 from tests.command_lines import BRAKED, ENVELOPE, LAG_FMU, LAGS, LINES, LOOP, MASTER
 from tests.misbehaving_fmus import build_misbehaving
-from workbench.analysis.commands import REQUESTS
 from workbench.cli.app import run
+from workbench.commands import REQUESTS
 
 # Commands that run no FMU.
 WITHOUT = {"identify", "fit", "reproduce", "blocks", "build", "compile", "export"}

@@ -7,7 +7,7 @@ import tomllib
 import hypothesis.strategies as st
 from hypothesis import given, settings
 
-from workbench.core.parsing import toml_key, toml_value
+from workbench.core.records.parsing import toml_key, toml_value
 
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 VALUES = st.recursive(

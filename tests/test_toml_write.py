@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.bundled import bundled_files
-from workbench.core.conversion import Unit
-from workbench.core.record import plain
+from workbench.core.machine.bundled_files import bundled_files
+from workbench.core.records.record import plain
+from workbench.core.values.conversion import Unit
 from workbench.errors import InputError
 from workbench.fmi.description import DefaultExperiment
 from workbench.system.description import (

@@ -10,16 +10,24 @@ from pathlib import Path
 
 import pytest
 
-from workbench import toolchain
+from workbench.build import toolchain
+from workbench.build.toolchain import (
+    PLATFORMS,
+    CFile,
+    Platform,
+    chosen_platforms,
+    compile_files,
+    compile_kernel,
+    host_only,
+)
 from workbench.errors import BuildError, InputError
-from workbench.toolchain import PLATFORMS, CFile, Platform, chosen_platforms, compile_files, compile_kernel, host_only
 
 ROOT = Path(__file__).parent.parent
 ANSWER = '__attribute__((visibility("default"))) int answer(void);\nint answer(void)\n{\n    return %d;\n}\n'
 BARE = """
 import sys
 sys.path.insert(0, {root!r})
-import workbench.toolchain
+import workbench.build.toolchain
 print(sorted(m for m in ("numpy", "fmpy", "workbench.kernel", "rich") if m in sys.modules))
 """
 
@@ -91,6 +99,6 @@ def test_platforms_have_names_and_two_words(monkeypatch: pytest.MonkeyPatch) -> 
     assert (names("host"), names(usual="host"), names("all"), names()) == (here, here, every, every)
     with pytest.raises(InputError, match=r"no platform 'amiga'; there are: .*; host for this machine's, all for all"):
         names("amiga")
-    monkeypatch.setattr("workbench.toolchain.host_only", tuple)
+    monkeypatch.setattr("workbench.build.toolchain.host_only", tuple)
     with pytest.raises(InputError, match="this machine is none of those"):
         names("host")

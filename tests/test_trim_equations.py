@@ -10,12 +10,12 @@ import pytest
 
 import workbench as wb
 from tests.trim_models import Equations, Function, Plant
-from workbench.analysis.trim.balance import ContinuousBalance
-from workbench.analysis.trim.problem import TrimSets, pose
-from workbench.analysis.trim.request import trim
-from workbench.analysis.trim.result import TrimResult
-from workbench.analysis.trim.scaled import Scaled
-from workbench.analysis.trim.solve import _Search
+from workbench.point.trim.balance import ContinuousBalance
+from workbench.point.trim.problem import TrimSets, pose
+from workbench.point.trim.request import trim
+from workbench.point.trim.result import TrimResult
+from workbench.point.trim.scaled import Scaled
+from workbench.point.trim.solve import _Search
 
 
 def told(result: TrimResult) -> list[str]:

@@ -11,13 +11,13 @@ import pytest
 
 import workbench as wb
 from tests.trim_models import Equations, Plant
-from workbench.analysis.trim.problem import TrimSets
-from workbench.analysis.trim.request import Trim, trim
-from workbench.analysis.trim.run import _Trim
-from workbench.core.job import Job
 from workbench.errors import SimulationError
+from workbench.jobs.job import Job
+from workbench.point.trim.problem import TrimSets
+from workbench.point.trim.request import Trim, trim
+from workbench.point.trim.run import _Trim
 from workbench.session.settle import settle
-from workbench.session.target import NotReachedError
+from workbench.session.start_values import NotReachedError
 
 
 def sampled() -> Plant:

@@ -10,12 +10,12 @@ import pytest
 
 from tests.trim_cases import Case, cases, judged
 from tests.trim_models import Equations, Function, Plant, Values
-from workbench.analysis.trim.balance import ContinuousBalance
-from workbench.analysis.trim.problem import TrimSets, pose
-from workbench.analysis.trim.request import trim
-from workbench.analysis.trim.result import TrimResult
-from workbench.analysis.trim.scaled import Scaled
-from workbench.analysis.trim.verdict import Judge
+from workbench.point.trim.balance import ContinuousBalance
+from workbench.point.trim.convergence import Judge
+from workbench.point.trim.problem import TrimSets, pose
+from workbench.point.trim.request import trim
+from workbench.point.trim.result import TrimResult
+from workbench.point.trim.scaled import Scaled
 from workbench.session.base import Floats
 
 

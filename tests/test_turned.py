@@ -14,9 +14,9 @@ import pytest
 import workbench as wb
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from tests.hybrid_fmus import Hybrid, open_fake
-from workbench.build import build_fmu
+from workbench.build.fmu import build_fmu
+from workbench.build.toolchain import host_only
 from workbench.errors import SimulationError
-from workbench.toolchain import host_only
 
 SOLVERS = ["vkm", "gear"]
 GRAVITY = 9.81

@@ -11,7 +11,7 @@ import pytest
 
 import workbench as wb
 from workbench.errors import InputError
-from workbench.system.read import read_system
+from workbench.system.files.read import read_system
 from workbench.ui.root import Root
 
 pytest.importorskip("tomlkit", reason="the extra 'ui' is not installed")

@@ -8,8 +8,8 @@ from shutil import which
 
 import pytest
 
-from workbench.analysis.commands import request_of
-from workbench.analysis.request import asked_options, command_line_of
+from workbench.commands import request_of
+from workbench.requests.request import asked_options, command_line_of
 from workbench.ui.curves import _with_unit
 from workbench.ui.forms import MEASURED, FormError, form_of, request_of_form
 from workbench.ui.root import Root

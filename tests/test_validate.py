@@ -12,14 +12,14 @@ from scipy.signal import lfilter
 from scipy.stats import binom, chi2
 
 from tests.bootstrap_coverage import DT, System, random_system
-from workbench.analysis.experiment.experiment import Experiment, make_experiment, read_experiment
-from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.validate.cross_correlation import _each, _probability, cross_correlation
-from workbench.analysis.validate.fit import ERROR_FIGURES, error_figure, fit_of
-from workbench.analysis.validate.pole_zero import near_cancellations
-from workbench.analysis.validate.validate import validate
-from workbench.analysis.validate.whiteness import LEVEL, autocorrelation
+from workbench.data.experiment.experiment import Experiment, make_experiment, read_experiment
 from workbench.errors import InputError
+from workbench.identification.identified.model import IdentifiedModel
+from workbench.identification.validate.cross_correlation import _each, _probability, cross_correlation
+from workbench.identification.validate.fit import ERROR_FIGURES, error_figure, fit_of
+from workbench.identification.validate.pole_zero import near_cancellations
+from workbench.identification.validate.validate import validate
+from workbench.identification.validate.whiteness import LEVEL, autocorrelation
 from workbench.session.base import Floats
 
 

@@ -11,13 +11,13 @@ import pytest
 
 from tests.bootstrap_coverage import DT, Complex, bootstrap_of, cases, noisy_record, random_system
 from tests.random_systems import random_plant
-from workbench.analysis.experiment.experiment import make_experiment
-from workbench.analysis.subspace import estimate
-from workbench.analysis.validate.bootstrap import PoleBootstrap, bootstrap_poles, match, match_clouds
-from workbench.analysis.validate.estimator import same_settings
-from workbench.analysis.validate.regions import PoleRegion, pole_regions
-from workbench.analysis.validate.validate import validate
+from workbench.data.experiment.experiment import make_experiment
 from workbench.errors import InputError
+from workbench.identification.subspace import estimate
+from workbench.identification.validate.bootstrap import PoleBootstrap, bootstrap_poles, match, match_clouds
+from workbench.identification.validate.estimator import same_settings
+from workbench.identification.validate.regions import PoleRegion, pole_regions
+from workbench.identification.validate.validate import validate
 from workbench.session.base import Floats
 
 

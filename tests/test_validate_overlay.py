@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from workbench.analysis.identified.model import IdentifiedModel
-from workbench.analysis.lin.result import Intersample, LinResult
-from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.validate.overlay import Overlay, overlay
-from workbench.analysis.validate.pole_zero import near_cancellations
-from workbench.core.decibels import follow_phase
-from workbench.core.operating_point import OperatingPoint
+from workbench.core.values.decibels import follow_phase
+from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
-from workbench.plotting.identify import plot_order, plot_poles
+from workbench.identification.identified.model import IdentifiedModel
+from workbench.identification.identify.picture import plot_order, plot_poles
+from workbench.identification.validate.overlay import Overlay, overlay
+from workbench.identification.validate.pole_zero import near_cancellations
+from workbench.point.lin.result import Intersample, LinResult
+from workbench.response.nfr.result import NfrResult
 from workbench.session.base import Floats
 
 DT = 0.02
@@ -190,7 +190,7 @@ def test_pole_zero_picture_without_bootstrap() -> None:
 
 
 def test_picture_of_the_order() -> None:
-    from workbench.analysis.subspace import estimate
+    from workbench.identification.subspace import estimate
 
     rng = np.random.default_rng(0)
     u = np.sign(rng.normal(size=(600, 1)))

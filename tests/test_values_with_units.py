@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.fmi.description import DisplayUnit, UnitDefinition
 from workbench.fmi.variable import Variable
 from workbench.model.starts import check_biases, check_starts
-from workbench.signal_text import signal_text
+from workbench.signals.text import signal_text
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 UNITS = {

@@ -9,8 +9,8 @@ import pytest
 
 import workbench as wb
 from tests.reference_fmus import build_reference
-from workbench.analysis.simulate.request import Simulate
-from workbench.core.job import Job
+from workbench.jobs.job import Job
+from workbench.response.simulate.request import Simulate
 
 
 class _SaidError(Exception):

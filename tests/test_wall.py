@@ -12,7 +12,7 @@ from tests.mimic_fmus import build_mimic
 from tests.misbehaving_fmus import CALLS, build_misbehaving
 from tests.platforms import posix_signals
 from workbench.cli.app import run
-from workbench.workers import process
+from workbench.jobs import worker_process as process
 
 pytestmark = posix_signals
 
@@ -170,8 +170,8 @@ def test_what_is_to_run_in_this_process_begins_no_other(monkeypatch: pytest.Monk
         raise AssertionError("a worker process is begun")
 
     with wb.load("fmu:FirstOrderLag") as model:
-        monkeypatch.setattr("workbench.workers.process.WorkerProcess.__init__", refuse)
-        monkeypatch.setattr("workbench.workers.process._idle", [])
+        monkeypatch.setattr("workbench.jobs.worker_process.WorkerProcess.__init__", refuse)
+        monkeypatch.setattr("workbench.jobs.worker_process._idle", [])
         assert wb.trim(model, u0={"u": 2.0}, in_process=True).point.x["x"] == pytest.approx(2.0)
         assert wb.simulate(model, stop=1.0, in_process=True).signals["y"][-1] == pytest.approx(0.0)
         with pytest.raises(AssertionError, match="is begun"):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import workbench as wb
-from workbench.core.files import pack
+from workbench.core.machine.files import pack
 from workbench.fmi.archive import locate
 
 LAG = "fmu:FirstOrderLag"

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from workbench.workers.channel import MARK_BYTES, Channel
+from workbench.jobs.channel import MARK_BYTES, Channel
 
 MARK = bytes(range(MARK_BYTES))
 

@@ -20,10 +20,12 @@ from tests.fakes import lag
 from tests.platforms import posix_signals
 from tests.worker_tasks import obey
 from workbench.errors import LostError
+from workbench.jobs.executor import OnExecutor
+from workbench.jobs.options import Workers
+from workbench.jobs.pool import Pool
+from workbench.jobs.runner import InProcess, Lost, Reply, Runner
+from workbench.jobs.runner_choice import choose
 from workbench.model.load import load
-from workbench.workers import InProcess, Lost, Reply, Runner, Workers, choose
-from workbench.workers.executor import OnExecutor
-from workbench.workers.pool import Pool
 
 ROOT = Path(__file__).resolve().parent.parent
 

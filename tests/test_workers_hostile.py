@@ -12,8 +12,8 @@ import workbench as wb
 from tests.hostile_fmus import build_hostile, lose_patience_at_once
 from tests.platforms import posix_signals
 from workbench.cli.app import run
-from workbench.workers import Workers
-from workbench.workers.limits import memory_limit_works
+from workbench.jobs.limits import memory_limit_works
+from workbench.jobs.options import Workers
 
 pytestmark = posix_signals
 

@@ -18,14 +18,14 @@ from tests.platforms import posix_signals
 from tests.programs import ended
 from tests.worker_tasks import obey
 from workbench.cli.app import run
-from workbench.core.option import recast
-from workbench.core.where import Limits, Worker
-from workbench.endings import ENDING
-from workbench.workers.child import DONE, ERROR, ITEM, READY
-from workbench.workers.limits import memory_limit_works
-from workbench.workers.pool import Pool, died
-from workbench.workers.process import WorkerProcess
-from workbench.workers.runner import Lost, Reply
+from workbench.core.records.option import recast
+from workbench.jobs.end_signals import ENDING
+from workbench.jobs.limits import memory_limit_works
+from workbench.jobs.options import Limits, Worker
+from workbench.jobs.pool import Pool, died
+from workbench.jobs.runner import Lost, Reply
+from workbench.jobs.worker_main import DONE, ERROR, ITEM, READY
+from workbench.jobs.worker_process import WorkerProcess
 
 ROOT = Path(__file__).resolve().parent.parent
 linux = pytest.mark.skipif(not memory_limit_works(), reason="this platform enforces no memory limit")
@@ -81,8 +81,8 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now, self.per_look = 0.0, 0.0
-        monkeypatch.setattr("workbench.workers.pool.time", self)
-        monkeypatch.setattr("workbench.workers.process.time", self)
+        monkeypatch.setattr("workbench.jobs.pool.time", self)
+        monkeypatch.setattr("workbench.jobs.worker_process.time", self)
 
     def monotonic(self) -> float:
         self.now += self.per_look

@@ -20,12 +20,13 @@ from tests.platforms import posix_signals
 from tests.programs import ended, start
 from tests.worker_tasks import obey
 from workbench.cli.app import run
-from workbench.core.scratch import scratch_folder
-from workbench.core.where import Limits
-from workbench.workers import Lost, Reply, process
-from workbench.workers.limits import memory_limit_works
-from workbench.workers.pool import Pool
-from workbench.workers.process import WorkerProcess
+from workbench.core.machine.scratch import scratch_folder
+from workbench.jobs import worker_process as process
+from workbench.jobs.limits import memory_limit_works
+from workbench.jobs.options import Limits
+from workbench.jobs.pool import Pool
+from workbench.jobs.runner import Lost, Reply
+from workbench.jobs.worker_process import WorkerProcess
 
 linux = pytest.mark.skipif(not memory_limit_works(), reason="this platform enforces no memory limit")
 
@@ -35,8 +36,8 @@ import workbench as wb
 from collections import deque
 from tests.programs import ended, start
 from tests.worker_tasks import obey
-from workbench.workers import Limits
-from workbench.workers.pool import Pool
+from workbench.jobs.options import Limits
+from workbench.jobs.pool import Pool
 model = wb.load("fmu:FirstOrderLag")
 pool = Pool(model.recipe, jobs=2, limits=Limits())
 for event in pool.run(obey, deque([("sleep", 0.0, 100.0), ("say", 1), ("endless_in_c",)])):
@@ -74,8 +75,8 @@ STARTING = """
 from collections import deque
 import workbench as wb
 from tests.worker_tasks import obey
-from workbench.core.where import Limits
-from workbench.workers.pool import Pool
+from workbench.jobs.options import Limits
+from workbench.jobs.pool import Pool
 with wb.load("fmu:FirstOrderLag") as model, Pool(model.recipe, jobs=1, limits=Limits(timeout=TIME)) as pool:
     for event in pool.run(obey, deque([("start",)])):
         print(getattr(event, "value", "lost"), flush=True)
@@ -172,9 +173,9 @@ import os, signal, sys, threading
 from collections import deque
 import workbench as wb
 from tests.worker_tasks import obey
-from workbench.workers import Limits
-from workbench.workers.pool import Pool
-from workbench.workers.channel import Channel
+from workbench.jobs.options import Limits
+from workbench.jobs.pool import Pool
+from workbench.jobs.channel import Channel
 
 model = wb.load("fmu:FirstOrderLag")
 pool = Pool(model.recipe, jobs=1, limits=Limits())
@@ -213,9 +214,10 @@ import os, sys, threading
 from collections import deque
 import workbench as wb
 from tests.worker_tasks import obey
-from workbench.core import scratch
-from workbench.workers import Limits, process
-from workbench.workers.pool import Pool
+from workbench.core.machine import scratch
+from workbench.jobs import worker_process as process
+from workbench.jobs.options import Limits
+from workbench.jobs.pool import Pool
 
 model = wb.load("fmu:FirstOrderLag")
 held, free = threading.Event(), threading.Event()

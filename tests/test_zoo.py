@@ -16,7 +16,7 @@ from scripts.zoo import BAD, Row, page_of, zoo
 from tests.corpus import CORPUS, Exhibit, build_corpus
 from tests.hostile_fmus import build_hostile
 from tests.lying_fmus import build_lying
-from workbench.report.page import write_page
+from workbench.show.page import write_page
 
 # Without a limit of memory, under which each FMU takes a worker process of its own.
 LIMITS = oracle.Limits(seconds=120.0)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from tests.trim_models import Equations, Plant, Values
-from workbench.analysis.trim.request import trim
+from workbench.point.trim.request import trim
 
 Truth = Callable[[Values], bool]  # whether values of the states are an equilibrium
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.core.calendar import Sampler, exact
+from workbench.core.values.calendar import Sampler, exact
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
@@ -16,8 +16,8 @@ from workbench.model.base import DeclaredRates
 from workbench.session import Recorded, Session, Snapshot
 from workbench.session.base import Floats
 from workbench.session.point import Evaluation, Point
-from workbench.session.target import NotReachedError
-from workbench.signals import Signal
+from workbench.session.start_values import NotReachedError
+from workbench.signals.kinds import Signal
 
 Values = dict[str, float]
 Function = Callable[[Values], Sequence[float]]

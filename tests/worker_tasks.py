@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import SimulationError
+from workbench.jobs.worker_main import _Worker
 from workbench.model import Model
-from workbench.workers.child import _Worker
 
 
 def obey(model: Model, job: tuple[Any, ...]) -> Iterator[Any]:

@@ -11,7 +11,7 @@ result.plot("bode.png")
 Names are loaded when they are first used, so that importing the package is quick; `__init__.pyi` lists them.
 """
 
-from workbench.core.lazily import lazily
+from workbench.core.records.lazy import lazily
 
 __version__ = "0.1.0"
 

@@ -197,7 +197,7 @@ def _captured(out: io.StringIO) -> Iterator[None]:
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(out),
         mock.patch.dict(os.environ, plain),
-        mock.patch("workbench.core.progress.FIRST_LINE", math.inf),  # a slow machine shows no more than another
+        mock.patch("workbench.requests.progress_bar.FIRST_LINE", math.inf),  # a slow machine shows no more than another
     ):
         os.environ.pop("FORCE_COLOR", None)
         yield

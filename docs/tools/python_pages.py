@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import workbench as wb
-from workbench.core.lazily import homes_in
+from workbench.core.records.lazy import homes_in
 
 __all__ = ["grouped_names", "python_page", "python_pages"]
 

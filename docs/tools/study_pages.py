@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 from pydantic.fields import FieldInfo
 
-from workbench.study.kinds import KINDS
-from workbench.study.kinds.base import Requirement
-from workbench.system.toml_schema import Table
+from workbench.study.requirements import KINDS
+from workbench.study.requirements.base import Requirement
+from workbench.system.files.toml_schema import Table
 
 __all__ = ["requirements_page"]
 

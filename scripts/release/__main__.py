@@ -26,7 +26,7 @@ from pathlib import Path
 from hatch_build import PLATFORM
 from scripts.release.bom import write_bom
 from scripts.release.natives import faults
-from workbench.toolchain import PLATFORMS, host_only
+from workbench.build.toolchain import PLATFORMS, host_only
 
 ROOT = Path(__file__).resolve().parents[2]
 TRIALS = (

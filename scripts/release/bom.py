@@ -23,7 +23,7 @@ from cyclonedx.output.json import JsonV1Dot6
 from cyclonedx.schema import SchemaVersion
 from packageurl import PackageURL
 
-from workbench.toolchain import FLAGS
+from workbench.build.toolchain import FLAGS
 
 __all__ = ["invalid", "source_parts", "write_bom"]
 

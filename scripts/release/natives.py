@@ -14,7 +14,7 @@ from io import BytesIO
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from workbench.toolchain import KERNEL, PLATFORMS, Platform
+from workbench.build.toolchain import KERNEL, PLATFORMS, Platform
 
 if TYPE_CHECKING:
     import lief

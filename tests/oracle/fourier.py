@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.harmonics import Period, fundamental
+from workbench.response.periodic.fourier import Period, fundamental
 from workbench.session.base import Floats, Recorded
 
 __all__ = ["period_by_numpy"]
@@ -20,7 +20,7 @@ Indices = NDArray[np.intp]
 def period_by_numpy(
     record: Recorded, *, u: str, y: str, begin: float, frequency: float, orders: int, points: Floats | None = None
 ) -> Period:
-    """Return what `workbench.analysis.harmonics.measure_period` does."""
+    """Return what `workbench.response.periodic.fourier.measure_period` does."""
     rule = _Rule.of(record.time, 2.0 * math.pi * frequency, points)
     angle = 2.0 * math.pi * frequency * (record.time - begin)
     out = record.values[y]

@@ -13,7 +13,7 @@ from tests.oracle.completed_step import completed_step
 from tests.oracle.problem import Problem
 from tests.oracle.solvers import SOLVERS, Solver, Tolerance
 from tests.oracle.turned import Turned
-from workbench.core.calendar import is_due
+from workbench.core.values.calendar import is_due
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats, Recorded
@@ -21,7 +21,7 @@ from workbench.session.compiled_errors import MAX_STEPS, chattering, too_many_st
 from workbench.session.forcing import Forcing
 from workbench.session.me import MeSession
 from workbench.session.rows import Rows
-from workbench.signals import Signal
+from workbench.signals.kinds import Signal
 
 __all__ = ["OracleMeSession"]
 

@@ -15,11 +15,11 @@ from workbench.build.scalar_model import ScalarModel
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
-from workbench.core.files import file_to_write, replacing
-from workbench.core.job import Job
-from workbench.core.record import Record, entry
+from workbench.build.toolchain import chosen_platforms, require
+from workbench.core.machine.files import file_to_write, replacing
+from workbench.core.records.record import Record, entry
 from workbench.errors import InputError
-from workbench.toolchain import chosen_platforms, require
+from workbench.jobs.job import Job
 
 __all__ = ["ExportResult", "check_linear_file", "export_linear", "generate_linear", "write_linear"]
 
@@ -41,6 +41,8 @@ class ExportResult(Record):
         renamed: name in the model → name in the FMU, for states whose name an input or output has.
         notes: what of the model is not in the FMU, one line each.
     """
+
+    _page = "workbench.build.page:export_page"
 
     model: str
     file: Path

@@ -25,13 +25,13 @@ from workbench.build.frontend import Checked, check, models_in
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
-from workbench.core.files import cache_folder, named_path, pack, replacing
-from workbench.core.job import Job
-from workbench.core.names import OUR_TOOL
-from workbench.core.record import Record, entry
+from workbench.build.toolchain import Platform, chosen_platforms, compile_all
+from workbench.core.machine.files import cache_folder, named_path, pack, replacing
+from workbench.core.records.names_in_text import OUR_TOOL
+from workbench.core.records.record import Record, entry
 from workbench.errors import BuildError, suggest
-from workbench.origin import with_origin
-from workbench.toolchain import Platform, chosen_platforms, compile_all
+from workbench.jobs.job import Job
+from workbench.requests.decorator import with_origin
 
 DEFAULT_TOLERANCE = 1.0e-6
 FMI_VERSIONS = (2, 3)
@@ -50,6 +50,8 @@ class BuildResult(Record):
         n_states: Number of continuous states.
     """
 
+    _page = "workbench.build.page:build_page"
+
     model: str
     files: tuple[Path, ...]
     platforms: tuple[str, ...]
@@ -66,6 +68,8 @@ class BuiltModels(Record):
     Attributes:
         models: one of each.
     """
+
+    _page = "workbench.build.page:built_page"
 
     models: tuple[BuildResult, ...]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.build.ir import Dae
-from workbench.core.files import content_of
+from workbench.core.machine.files import content_of
 from workbench.errors import BuildError
 
 REQUIRED_VERSION = "0.10.2"

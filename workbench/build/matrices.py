@@ -12,8 +12,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.linear import Linear
-from workbench.core.record import read_json
+from workbench.core.records.record import read_json
+from workbench.core.values.linear import Linear
 from workbench.errors import InputError
 
 __all__ = ["Matrices", "matrices_of", "read_matrices"]

@@ -31,8 +31,8 @@ from workbench.build.expressions import (
     evaluate,
 )
 from workbench.build.scalar_model import ScalarModel
-from workbench.core.blas import one_thread
-from workbench.core.grouping import groups_of, rows_by_column
+from workbench.core.machine.blas import one_thread
+from workbench.core.values.grouping import groups_of, rows_by_column
 
 STIFF_RATIO = 1.0e3
 _ROWS = {DOT, DOT_TANGENT, MATRIX, MATRIX_PRE, MATRIX_TANGENT}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from workbench.build.describe import DefaultExperiment
 from workbench.build.fmu import DEFAULT_TOLERANCE
 from workbench.build.matrices import Matrices
-from workbench.core.matrices import resolvent
+from workbench.core.values.matrices import resolvent
 
 __all__ = ["default_experiment", "nominals"]
 

@@ -20,7 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the program is there, Ctrl-C ends it without a traceback
-    from workbench.core.cycles import seldom
+    from workbench.core.machine.cycles import seldom
 
     seldom()
     from workbench.cli import app, interrupt, streams

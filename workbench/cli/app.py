@@ -7,13 +7,14 @@ from collections.abc import Sequence
 
 import typer
 
-from workbench.analysis.commands import REQUESTS, request_of
-from workbench.cli import asked, notes
+from workbench.cli import command_line as asked
+from workbench.cli import notes
 from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
 from workbench.cli.program import completing, options_of, program, said
-from workbench.core.where import InWorker
-from workbench.endings import INTERRUPTED
+from workbench.commands import REQUESTS, request_of
 from workbench.errors import WorkbenchError, one_line
+from workbench.jobs.end_signals import INTERRUPTED
+from workbench.jobs.options import InWorker
 
 __all__ = ["BAD_INPUT", "run"]
 
@@ -68,7 +69,7 @@ def _expect(name: str | None, words: Sequence[str]) -> None:
         return
     request = request_of(name) if name in REQUESTS else None
     if request is not None and (request.isolated or issubclass(request, InWorker)):
-        from workbench.workers.process import prepare
+        from workbench.jobs.worker_process import prepare
 
         prepare(request.algorithm.partition(":")[0])
 

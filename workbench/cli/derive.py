@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.analysis.request import Request, asked_options, function, request_from, values_from
-from workbench.core.forms import File
-from workbench.core.option import Declared, Options, asked_in_json, option, parts_of, put_together, values_of
-from workbench.endings import INTERRUPTED
+from workbench.core.records.forms import File
+from workbench.core.records.option import Declared, Options, asked_in_json, option, parts_of, put_together, values_of
 from workbench.errors import InputError, WorkbenchError, suggest
-from workbench.report.extras import EXTRAS, Written
+from workbench.jobs.end_signals import INTERRUPTED
+from workbench.requests.request import Request, asked_options, function, request_from, values_from
+from workbench.show.files_written import EXTRAS, Written
 
 if TYPE_CHECKING:
-    from workbench.cli.ask import Before
     from workbench.cli.output import Output
-    from workbench.core.job import Job
-    from workbench.origin import Origin
-    from workbench.report import Page
+    from workbench.cli.questions import Before
+    from workbench.jobs.job import Job
+    from workbench.requests.origin import Origin
+    from workbench.show.page import Page
 
 __all__ = ["command"]
 
@@ -42,7 +42,7 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
 
     Args:
         request: what is asked for.
-        before: returns the request that is run, see `workbench.cli.ask`.
+        before: returns the request that is run, see `workbench.cli.questions`.
     """
     kind = EXTRAS.get(request.command, Written)
 
@@ -92,8 +92,8 @@ def _under_way() -> Iterator[_Work]:
     """Show how far a request is while it is run here; whatever ends it, what it has is kept."""
     from workbench.cli.interrupt import OnInterrupt
     from workbench.cli.notes import say
-    from workbench.core.job import Job
-    from workbench.core.progress import Bar
+    from workbench.jobs.job import Job
+    from workbench.requests.progress_bar import Bar
 
     def tell(what: object, done: int, total: int) -> None:
         bar.update(done / total, str(what))
@@ -111,7 +111,7 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _Work, out: Output, wri
     """Show and write what a request gave; return its exit code, or raise what ended it."""
     from workbench.cli.interrupt import interrupted
     from workbench.cli.notes import note
-    from workbench.origin.call import origin_of_call
+    from workbench.requests.call import origin_of_call
 
     record, stopped = work.record, work.stopped
     for text in work.job.notes:
@@ -148,8 +148,8 @@ def _show(
     """Print the page of a record, and write its files."""
     from workbench.cli.notes import flush, note
     from workbench.cli.output import failure_in_json
-    from workbench.report.results import page_of
-    from workbench.report.terminal import text_of
+    from workbench.show.result import page_of
+    from workbench.show.terminal import text_of
 
     page: Page = page_of(record, **written.told(written.drawn))
     for text in [*page.notes, *out.unsaid(record)]:

@@ -16,8 +16,8 @@ from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import Any, NoReturn, Self
 
-from workbench.core.interrupts import Insist
-from workbench.endings import ENDING
+from workbench.core.machine.interrupts import Insist
+from workbench.jobs.end_signals import ENDING
 
 __all__ = [
     "OnInterrupt",

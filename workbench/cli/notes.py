@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 
-from workbench.cli.asked import spoken
+from workbench.cli.command_line import spoken
 from workbench.errors import one_line
 
 __all__ = ["drop", "flush", "note", "said", "say"]

@@ -14,17 +14,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench import __version__
-from workbench.cli.asked import command_line, was_given
+from workbench.cli.command_line import command_line, was_given
 from workbench.cli.notes import note, said
-from workbench.core.files import file_to_write, replacing
-from workbench.core.record import plain
+from workbench.core.machine.files import file_to_write, replacing
+from workbench.core.records.record import plain
 from workbench.errors import UNSEEN, InputError, WorkbenchError, visible
-from workbench.origin import Origin, origin_of
+from workbench.requests.kept import origin_of
+from workbench.requests.origin import Origin
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from workbench.report import Page
+    from workbench.show.page import Page
 
 __all__ = ["Output", "check_kind"]
 
@@ -146,7 +147,7 @@ class Output:
             result: makes what stands in JSON, where that is wanted; command, version and seconds are added.
             csv: writes the CSV to a path or stream; it may return the files that it wrote.
             plot: writes the picture.
-            report: the result itself, whose class has a page in `workbench.report.results.SHOWN`.
+            report: the result itself, whose class names its page.
             page: makes the page in place of that one, where the command knows more than the result.
             origin: on what the result was made; None: what the result remembers.
 
@@ -209,7 +210,7 @@ class Output:
         return {key: plain(value) for key, value in full.items()}
 
     def _write_report(self, result: object, origin: Origin | None, full: Mapping[str, Any]) -> None:
-        from workbench.report.results import write_report
+        from workbench.show.result import write_report
 
         known = replace(
             origin or Origin(),

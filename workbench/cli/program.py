@@ -16,8 +16,8 @@ import typer
 import typer.core
 
 from workbench import __version__
-from workbench.analysis.commands import REQUESTS, request_of
-from workbench.core.named import named
+from workbench.commands import REQUESTS, request_of
+from workbench.core.records.named import named
 from workbench.errors import one_line
 
 __all__ = ["COMMANDS", "command_of", "completing", "function_of", "options_of", "program", "said"]
@@ -81,8 +81,8 @@ def function_of(name: str) -> Callable[..., int | None]:
     found: Callable[..., Any] = _declared(name)
     if not isinstance(found, type):
         return found
-    from workbench.cli.ask import before
     from workbench.cli.derive import command
+    from workbench.cli.questions import before
 
     return command(found, before(name))
 

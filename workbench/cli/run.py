@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workbench.core.closable import Closable
-from workbench.core.where import DEFAULT_TIMEOUT, Workers
-from workbench.endings import INTERRUPTED
+from workbench.core.machine.closable import Closable
 from workbench.errors import InputError, unbroken
+from workbench.jobs.end_signals import INTERRUPTED
+from workbench.jobs.options import DEFAULT_TIMEOUT, Workers
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from workbench.cli.output import Output
-    from workbench.core.progress import Bar
+    from workbench.requests.progress_bar import Bar
     from workbench.study.result import StudyResult
     from workbench.study.run import StudyRun
 
@@ -125,7 +125,7 @@ def _print_example(name: str) -> int:
 
 def _check_junit(path: Path | None) -> None:
     from workbench.cli.output import check_kind
-    from workbench.core.files import file_to_write
+    from workbench.core.machine.files import file_to_write
 
     check_kind("--junit", str(path or ""), ".xml")
     if path is not None:
@@ -134,7 +134,7 @@ def _check_junit(path: Path | None) -> None:
 
 def _run(prepared: StudyRun, workers: Workers) -> StudyResult:
     """Run with a bar; Ctrl-C ends it, what is finished stays."""
-    from workbench.cli.asked import command_line
+    from workbench.cli.command_line import command_line
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
 
@@ -162,7 +162,7 @@ class _Progress(Closable):
 
     def update(self, done: int, label: str) -> None:
         """Tell what was done; before anything is, with an empty label."""
-        from workbench.core.progress import Bar
+        from workbench.requests.progress_bar import Bar
 
         if self._bar is None:
             self._bar = self._stack.enter_context(Bar(self._total))
@@ -199,7 +199,7 @@ def _table(result: StudyResult) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
-    from workbench.study.kinds.base import PASSED, number
+    from workbench.study.requirements.base import PASSED, number
 
     shown = result.shown
     table = Table(title=escape(unbroken(result.study.name)), title_justify="left", box=box.SIMPLE_HEAD)

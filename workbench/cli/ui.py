@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from workbench.errors import InputError
-from workbench.store import FILE_NAME
+from workbench.jobs.store import FILE_NAME
 
 __all__ = ["ui"]
 

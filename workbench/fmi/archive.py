@@ -13,9 +13,9 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
-from workbench.core.closable import Closable
-from workbench.core.files import named_path
-from workbench.core.scratch import remove, scratch_folder
+from workbench.core.machine.closable import Closable
+from workbench.core.machine.files import named_path
+from workbench.core.machine.scratch import remove, scratch_folder
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, what_is_meant
 from workbench.fmi.platforms import is_foreign, note_foreign, note_sources

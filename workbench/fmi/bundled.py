@@ -5,7 +5,7 @@ from __future__ import annotations
 from difflib import get_close_matches
 from pathlib import Path
 
-from workbench.bundled import bundled_files, find_bundled
+from workbench.core.machine.bundled_files import bundled_files, find_bundled
 from workbench.errors import InputError
 
 __all__ = [

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from workbench.core.conversion import BASE_UNITS, Unit
+from workbench.core.values.conversion import BASE_UNITS, Unit
 from workbench.fmi.variable import Variable
 
 __all__ = [

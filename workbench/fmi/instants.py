@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
-from workbench.core.calendar import Sampler
+from workbench.core.values.calendar import Sampler
 from workbench.errors import InputError
 
 __all__ = ["Instants"]

@@ -15,8 +15,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from workbench.core.cycles import undisturbed
-from workbench.core.files import cache_folder, replacing
+from workbench.core.machine.cycles import undisturbed
+from workbench.core.machine.files import cache_folder, replacing
 from workbench.errors import InputError
 from workbench.fmi import description, variable
 from workbench.fmi.description import Description

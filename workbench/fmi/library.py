@@ -16,8 +16,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from workbench.core.arithmetic import kept_arithmetic
-from workbench.core.scratch import remove, scratch_folder
+from workbench.core.machine.arithmetic import kept_arithmetic
+from workbench.core.machine.scratch import remove, scratch_folder
 from workbench.errors import FmuError
 from workbench.fmi.fmpy_access import fmi1, fmi2, fmi3
 

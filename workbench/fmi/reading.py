@@ -10,14 +10,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from workbench.core.cycles import undisturbed
-from workbench.core.locks import forkable_lock
+from workbench.core.machine.cycles import undisturbed
+from workbench.core.machine.locks import forkable_lock
 from workbench.errors import FmuError
 from workbench.fmi.archive import DAMAGED
 from workbench.fmi.declared_xml import read_declared
 from workbench.fmi.description import Description
+from workbench.fmi.description_maker import described
 from workbench.fmi.kept import keep, kept
-from workbench.fmi.meaning import described
 from workbench.fmi.platforms import platforms_in
 from workbench.fmi.structure import with_structure
 from workbench.fmi.terminals import terminals_in

@@ -10,7 +10,7 @@ import ctypes
 import math
 from collections.abc import Callable, Mapping
 
-from workbench.core.calendar import Sampler, exact, is_due
+from workbench.core.values.calendar import Sampler, exact, is_due
 from workbench.errors import SimulationError
 from workbench.fmi.c_array import array_type
 from workbench.fmi.description import Clock

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.calendar import is_due
+from workbench.core.values.calendar import is_due
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 
 __all__ = ["Group", "Wire", "Wiring", "wiring"]

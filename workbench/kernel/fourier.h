@@ -1,6 +1,6 @@
 /* fourier.h: mean and harmonics of rows that come one by one.
  *
- * The same integrals as workbench/analysis/harmonics.py, to rounding: the trapezoidal rule over an even grid, and
+ * The same integrals as workbench/response/periodic/fourier.py, to rounding: the trapezoidal rule over an even grid, and
  * what the jumps between two rows with one time add to it (see there); or over all rows. The first row's value is
  * taken off first, so that a large constant part leaves no rounding.
  */

@@ -1,5 +1,5 @@
 /* instants.h: when something samples: instants are counted, never added up, and those that only rounding tells apart
- * are one. The twin of workbench/core/calendar.py.
+ * are one. The twin of workbench/core/values/calendar.py.
  */
 #ifndef WORKBENCH_KERNEL_INSTANTS_H
 #define WORKBENCH_KERNEL_INSTANTS_H

@@ -12,7 +12,7 @@ from workbench.kernel.native_access import join_access, native_access, value_typ
 from workbench.kernel.native_signals import native_signal
 from workbench.kernel.native_system import NativeSystem
 from workbench.kernel.structs import Access, Forcing, Signal
-from workbench.signals import Signal as PythonSignal
+from workbench.signals.kinds import Signal as PythonSignal
 
 __all__ = ["ForcedInput", "NativeForcing"]
 

@@ -74,7 +74,7 @@ def _no_feedthrough(system: NativeSystem, variable: Variable, owner: int) -> boo
 
 
 class NativeFourier:
-    """Fourier sums over rows; the integrals of `workbench.analysis.harmonics.measure_period`.
+    """Fourier sums over rows; the integrals of `workbench.response.periodic.fourier.measure_period`.
 
     Args:
         library: the kernel.

@@ -10,7 +10,7 @@ from typing import Any
 from workbench.fmi.c_array import array_type, c_array
 from workbench.kernel.structs import PARAMETERS
 from workbench.kernel.structs import Signal as Native
-from workbench.signals import Constant, Prbs, Signal, Sine, Step, Table
+from workbench.signals.kinds import Constant, Prbs, Signal, Sine, Step, Table
 
 __all__ = ["Trouble", "native_signal"]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.grouping import groups_of, rows_by_column
+from workbench.core.values.grouping import groups_of, rows_by_column
 from workbench.kernel.structs import Groups, Slopes, Sparsity
 
 __all__ = [

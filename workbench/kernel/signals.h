@@ -1,4 +1,4 @@
-/* signals.h: functions of absolute session time; the twins of workbench/signals.py, to the last bit. */
+/* signals.h: functions of absolute session time; the twins of workbench/signals/kinds.py, to the last bit. */
 #ifndef WORKBENCH_KERNEL_SIGNALS_H
 #define WORKBENCH_KERNEL_SIGNALS_H
 

@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Self
 
-from workbench.core.calendar import Sampler, exact
-from workbench.core.closable import Closable
-from workbench.core.closed_loop import ClosedLoop
-from workbench.core.operating_point import At, OperatingPoint
+from workbench.core.machine.closable import Closable
+from workbench.core.values.calendar import Sampler, exact
+from workbench.core.values.closed_loop import ClosedLoop
+from workbench.core.values.operating_point import At, OperatingPoint
 from workbench.errors import InputError, visible
 from workbench.fmi.variable import Value, Variable
-from workbench.model.placing import find_point
+from workbench.model.operating_point import find_point
 from workbench.session.base import Session
 from workbench.session.point import Point
-from workbench.signals import Signal
+from workbench.signals.kinds import Signal
 
 if TYPE_CHECKING:
     from workbench.model.recipe import Recipe

@@ -10,7 +10,7 @@ from workbench.fmi.description import Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library
 from workbench.kernel.library import intermediate_update
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.session.fmu import Setup
 
 if TYPE_CHECKING:

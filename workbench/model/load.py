@@ -10,10 +10,9 @@ from dataclasses import KW_ONLY, field, replace
 from pathlib import Path
 from typing import Any
 
-from workbench.core.loading import Loading
-from workbench.core.locks import forkable_lock
-from workbench.core.option import values_of, with_options
-from workbench.core.scratch import scratch
+from workbench.core.machine.locks import forkable_lock
+from workbench.core.machine.scratch import scratch
+from workbench.core.records.option import values_of, with_options
 from workbench.errors import FmuError, InputError, suggest
 from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.description import Description
@@ -24,6 +23,7 @@ from workbench.fmi.structure import structural_values
 from workbench.fmi.ticking import time_based
 from workbench.kernel.gear import why_missing
 from workbench.model.fmu_model import FmuModel
+from workbench.model.loading import Loading
 from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe, content_hash, files_of, hash_of
 from workbench.model.starts import check_biases, check_starts
 from workbench.session.directional import newton_note

@@ -6,22 +6,22 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from workbench.core.conversion import in_other_unit
-from workbench.core.names import check_names
-from workbench.core.option import EACH, Declared
-from workbench.core.quantity import Quantity
+from workbench.core.records.names_in_text import check_names
+from workbench.core.records.option import EACH, Declared
+from workbench.core.records.quantity import Quantity
+from workbench.core.values.conversion import in_other_unit
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import Variable
 from workbench.model.base import Model
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.model.starts import conversion_to, in_its_unit
-from workbench.signal_numbers import Numbers
-from workbench.signal_text import signals_of
-from workbench.signals import Signal, Step, Table, levels_of
+from workbench.signals.kinds import Signal, Step, Table, levels_of
+from workbench.signals.numbers import Numbers
+from workbench.signals.text import signals_of
 
 if TYPE_CHECKING:
-    from workbench.signal_text import Signals
+    from workbench.signals.text import Signals
 
 __all__ = [
     "Kind",

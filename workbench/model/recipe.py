@@ -9,17 +9,17 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from workbench.core.loading import Loading
-from workbench.core.operating_point import OperatingPoint
-from workbench.core.option import values_of
+from workbench.core.records.option import values_of
+from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
+from workbench.model.loading import Loading
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from workbench.fmi.variable import Value
     from workbench.model.base import Model
-    from workbench.model.described import DescribedModel
+    from workbench.model.described_model import DescribedModel
 
 __all__ = ["DEFAULT_TOLERANCE", "LoadRecipe", "Recipe", "content_hash", "files_of", "hash_of"]
 

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import TypeAlias, Union
 
-from workbench.core.conversion import in_other_unit, named_conversion
-from workbench.core.names import check_names, plain_unit, split_names
-from workbench.core.quantity import DecimalCommaError, quantity
+from workbench.core.records.names_in_text import check_names, plain_unit, split_names
+from workbench.core.records.quantity import DecimalCommaError, quantity
+from workbench.core.values.conversion import in_other_unit, named_conversion
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.description import UnitDefinition
 from workbench.fmi.variable import FLOAT_TYPES, WHOLE_RANGES, Value, Variable
-from workbench.signal_numbers import Meaning
+from workbench.signals.numbers import Meaning
 
 __all__ = ["check_biases", "check_starts", "conversion_to", "elements_of", "in_its_unit"]
 

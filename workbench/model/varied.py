@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.base import Model
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 
 __all__ = ["Varied", "set_to", "with_parameters"]
 

@@ -5,6 +5,6 @@ Targets and tolerances stand in `targets.toml`, once; what measures them in a fi
 test that reads a target need not load what measures it.
 """
 
-from workbench.core.lazily import lazily
+from workbench.core.records.lazy import lazily
 
 __getattr__, __dir__ = lazily(__name__, __file__)

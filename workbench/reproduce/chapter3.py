@@ -12,13 +12,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.analysis.lin.request import lin
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.simulate.request import simulate
-from workbench.plotting.lin import plot_curves
+from workbench.point.lin.picture import plot_curves
+from workbench.point.lin.request import lin
+from workbench.point.lin.result import LinResult
 from workbench.reproduce.drawings import draw_loop, draw_secants, draw_steps, titled
 from workbench.reproduce.measurement import Measured, Measurement, Picture, Reproduction
-from workbench.signals import Constant, Sine, Table
+from workbench.response.simulate.request import simulate
+from workbench.signals.kinds import Constant, Sine, Table
 from workbench.system.load import load
 
 Floats = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.analysis.lin.request import lin
+from workbench.point.lin.request import lin
 from workbench.reproduce.measurement import Measurement, Reproduction
 from workbench.system.connect import connect
 from workbench.system.description import Connection

@@ -8,21 +8,21 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.analysis.lin.request import lin
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.simulate.request import simulate
-from workbench.core.decibels import decibels, degrees
-from workbench.plotting.figure import COLOURS, LEGEND, rows
-from workbench.plotting.response import plain_decades
-from workbench.plotting.time_history import time_history
+from workbench.core.values.decibels import decibels, degrees
+from workbench.jobs.options import Workers
+from workbench.point.lin.request import lin
+from workbench.point.lin.result import LinResult
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.reproduce.published_rule import largest_jump, published_response
-from workbench.signals import Sine
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.result import NfrResult
+from workbench.response.simulate.picture import time_history
+from workbench.response.simulate.request import simulate
+from workbench.show.bode import plain_decades
+from workbench.show.figure import COLOURS, LEGEND, rows
+from workbench.signals.kinds import Sine
 from workbench.system.load import load
-from workbench.workers import Workers
 
 __all__ = ["EXPERIMENTS"]
 
@@ -141,7 +141,7 @@ def _sweep() -> Figure:
     frequency = np.sort(np.append(np.linspace(15.30, 15.48, 19), CRITICAL[1]))
     with load("fmu:TwoRateQuantizer") as model:
         result = nfr(model, "u", "y", frequency, 1.0, errcrit=0.08, workers=HERE)
-        from workbench.plotting.bode import plot_nfr  # noqa: PLC0415 - for this picture only
+        from workbench.response.nfr.picture import plot_nfr  # noqa: PLC0415 - for this picture only
 
         return titled(plot_nfr(result, offset=True), "Figures 21 and 23: two quantisers around 15.407 Hz")
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.simulate.result import SimulationResult
-from workbench.core.decibels import degrees
-from workbench.plotting.time_history import time_history
+from workbench.core.values.decibels import degrees
+from workbench.jobs.options import Workers
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
-from workbench.signals import Sine
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.result import NfrResult
+from workbench.response.simulate.picture import time_history
+from workbench.response.simulate.request import simulate
+from workbench.response.simulate.result import SimulationResult
+from workbench.signals.kinds import Sine
 from workbench.system.load import load
-from workbench.workers import Workers
 
 __all__ = ["EXPERIMENTS"]
 

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.simulate.request import simulate
-from workbench.plotting.figure import COLOURS, LEGEND, rows
+from workbench.jobs.options import Workers
+from workbench.point.lin.result import LinResult
 from workbench.reproduce.identification import PERIOD
 from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
-from workbench.signals import Constant, Signal, Sine
+from workbench.response.nfr.request import nfr
+from workbench.response.simulate.request import simulate
+from workbench.show.figure import COLOURS, LEGEND, rows
+from workbench.signals.kinds import Constant, Signal, Sine
 from workbench.system.load import load
-from workbench.workers import Workers
 
 __all__ = ["EXPERIMENTS", "draw_widths"]
 

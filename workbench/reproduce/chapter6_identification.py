@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.analysis.excite.result import ExciteResult
-from workbench.analysis.experiment.experiment import Experiment as Record
-from workbench.analysis.identify.request import identify
-from workbench.analysis.identify.result import IdentifyResult
-from workbench.analysis.spectra import Coherence, coherence, sdf
-from workbench.analysis.validate.fit import ERROR_FIGURES, error_figure
+from workbench.data.excite.result import ExciteResult
+from workbench.data.experiment.experiment import Experiment as Record
+from workbench.data.spectra import Coherence, coherence, sdf
+from workbench.identification.identify.request import identify
+from workbench.identification.identify.result import IdentifyResult
+from workbench.identification.validate.fit import ERROR_FIGURES, error_figure
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.identification import (
     SEEDS,

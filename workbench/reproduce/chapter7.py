@@ -8,26 +8,26 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.analysis.excite.prbs import PrbsDesign
-from workbench.analysis.excite.request import excite
-from workbench.analysis.excite.result import ExciteResult
-from workbench.analysis.experiment.experiment import make_experiment
-from workbench.analysis.identify.request import identify
-from workbench.analysis.identify.result import IdentifyResult
-from workbench.analysis.lin.request import lin
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.lin.step_check import StepCheck, step_check
-from workbench.analysis.nfr.request import nfr
-from workbench.analysis.nfr.result import NfrResult
-from workbench.analysis.trim.request import trim
-from workbench.analysis.trim.result import TrimResult
-from workbench.analysis.validate.overlay import Overlay, overlay
-from workbench.core.decibels import difference
+from workbench.core.values.decibels import difference
+from workbench.data.excite.prbs import PrbsDesign
+from workbench.data.excite.request import excite
+from workbench.data.excite.result import ExciteResult
+from workbench.data.experiment.experiment import make_experiment
+from workbench.identification.identify.request import identify
+from workbench.identification.identify.result import IdentifyResult
+from workbench.identification.validate.overlay import Overlay, overlay
+from workbench.jobs.options import Workers
+from workbench.point.lin.request import lin
+from workbench.point.lin.result import LinResult
+from workbench.point.lin.step_check import StepCheck, step_check
+from workbench.point.trim.request import trim
+from workbench.point.trim.result import TrimResult
 from workbench.reproduce.drawings import draw_steps, titled
 from workbench.reproduce.identification import SEEDS, rudder
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
+from workbench.response.nfr.request import nfr
+from workbench.response.nfr.result import NfrResult
 from workbench.system.load import load
-from workbench.workers import Workers
 
 __all__ = ["EXPERIMENTS"]
 

@@ -8,23 +8,23 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from workbench.analysis.describing.describe import describing_function
-from workbench.analysis.limit_cycle.request import limit_cycle
-from workbench.analysis.limit_cycle.result import LimitCycleResult
-from workbench.analysis.lin.request import lin
-from workbench.analysis.nyquist.result import Crossing
-from workbench.analysis.simulate.request import simulate
-from workbench.core.poles import damped_frequency_hz
+from workbench.core.values.poles import damped_frequency_hz
 from workbench.fmi.variable import Value
-from workbench.plotting.nyquist import plot_nyquist
+from workbench.jobs.options import Workers
+from workbench.limit_cycles.limit_cycle.request import limit_cycle
+from workbench.limit_cycles.limit_cycle.result import LimitCycleResult
+from workbench.loops.describing.describe import describing_function
+from workbench.loops.nyquist.picture import plot_nyquist
+from workbench.loops.nyquist.result import Crossing
+from workbench.point.lin.request import lin
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.reproduce.targets import read_targets
-from workbench.signals import Constant
+from workbench.response.simulate.request import simulate
+from workbench.signals.kinds import Constant
 from workbench.system.description import FmuComponent
+from workbench.system.files.read import read_system
 from workbench.system.load import load
-from workbench.system.read import read_system
-from workbench.workers import Workers
 
 __all__ = ["EXPERIMENTS"]
 

@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.analysis.passes import rising_passes
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.simulate.result import SimulationResult
-from workbench.plotting.figure import COLOURS, rows
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.reproduce.targets import read_targets
-from workbench.signals import Table
+from workbench.response.simulate.request import simulate
+from workbench.response.simulate.result import SimulationResult
+from workbench.response.simulate.zero_crossings import rising_passes
+from workbench.show.figure import COLOURS, rows
+from workbench.signals.kinds import Table
 from workbench.system.load import load
 
 __all__ = ["EXPERIMENTS", "PULSE", "frequency", "peak"]

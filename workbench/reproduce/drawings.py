@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from workbench.plotting.figure import COLOURS, LEGEND, rows
+from workbench.show.figure import COLOURS, LEGEND, rows
 
 __all__ = ["draw_loop", "draw_secants", "draw_steps", "titled"]
 

@@ -7,15 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.advice import advise
-from workbench.analysis.excite.multisine import MultisineDesign
-from workbench.analysis.excite.prbs import PrbsDesign
-from workbench.analysis.excite.request import excite
-from workbench.analysis.excite.result import ExciteResult
-from workbench.analysis.experiment.experiment import Experiment
-from workbench.analysis.identify.request import identify
-from workbench.analysis.identify.result import IdentifyResult
-from workbench.analysis.spectra import coherence
+from workbench.data.advice import advise
+from workbench.data.excite.multisine import MultisineDesign
+from workbench.data.excite.prbs import PrbsDesign
+from workbench.data.excite.request import excite
+from workbench.data.excite.result import ExciteResult
+from workbench.data.experiment.experiment import Experiment
+from workbench.data.spectra import coherence
+from workbench.identification.identify.request import identify
+from workbench.identification.identify.result import IdentifyResult
 from workbench.system.load import load
 
 __all__ = [

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.analysis.lin.request import lin
-from workbench.analysis.lin.result import LinResult
-from workbench.analysis.simulate.request import simulate
-from workbench.analysis.trim.request import trim
-from workbench.analysis.trim.result import TrimResult
-from workbench.core.decibels import degrees
+from workbench.core.values.decibels import degrees
 from workbench.model import Model
-from workbench.signals import Sine
+from workbench.point.lin.request import lin
+from workbench.point.lin.result import LinResult
+from workbench.point.trim.request import trim
+from workbench.point.trim.result import TrimResult
+from workbench.response.simulate.request import simulate
+from workbench.signals.kinds import Sine
 from workbench.system.load import load
 
 __all__ = [

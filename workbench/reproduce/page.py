@@ -9,10 +9,10 @@ from typing import IO, TYPE_CHECKING, cast
 
 from workbench.fmi.bundled import bundled_names, bundled_path
 from workbench.model.recipe import content_hash
-from workbench.report.page import Page, Section, Table
-from workbench.report.tables import counted, sentence
-from workbench.report.tones import Verdict
 from workbench.reproduce.targets import MISSED, NOT_REACHABLE, VERDICTS, Target
+from workbench.show.page import Page, Section, Table
+from workbench.show.tables import counted, sentence
+from workbench.show.verdicts import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,7 +15,7 @@ from scipy.integrate import trapezoid
 
 from workbench.model import Model
 from workbench.session import Session
-from workbench.signals import Signal, Sine
+from workbench.signals.kinds import Signal, Sine
 
 __all__ = ["largest_jump", "published_response"]
 

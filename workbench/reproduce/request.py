@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Self
 
-from workbench.analysis.request import Request, Subject, function
-from workbench.core.forms import File
-from workbench.core.option import option
-from workbench.core.where import Workers
+from workbench.core.records.forms import File
+from workbench.core.records.option import option
+from workbench.jobs.options import Workers
+from workbench.requests.request import Request, Subject, function
 
 if TYPE_CHECKING:
     from workbench.reproduce.result import ReproduceResult, TargetList

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.core.record import Part, Record, entry
+from workbench.core.records.record import Part, Record, entry
 from workbench.reproduce.targets import BASES, MET, MISSED, NOT_REACHABLE, VERDICTS, Target
 
 __all__ = ["Drawing", "Outcome", "ReproduceResult", "TargetList", "plain"]
@@ -144,6 +144,8 @@ class ReproduceResult(Record):
         interrupted: whether Ctrl-C ended it before all was measured.
     """
 
+    _page = "workbench.reproduce.page:reproduce_page"
+
     outcomes: tuple[Outcome, ...] = field(metadata=entry(key="targets"))
     drawings: tuple[Drawing, ...] = field(metadata=entry(key="pictures"))
     seconds: float = field(metadata=entry(key="wall_seconds"))
@@ -217,6 +219,8 @@ class TargetList(Record):
     Attributes:
         targets: in the order of the source report.
     """
+
+    _page = "workbench.reproduce.page:targets_page"
 
     targets: tuple[Target, ...] = field(metadata=entry(kept=False))
 

@@ -7,17 +7,18 @@ from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
-from workbench.core.job import Job as RequestJob
 from workbench.errors import InputError
+from workbench.jobs.job import Job as RequestJob
+from workbench.jobs.limits import cores
+from workbench.jobs.options import Workers
+from workbench.jobs.runner import Lost, Runner
+from workbench.jobs.runner_choice import runner_for
 from workbench.reproduce.registry import experiments
 from workbench.reproduce.request import Reproduce, ReproduceCommand
 from workbench.reproduce.result import Outcome, ReproduceResult, TargetList
 from workbench.reproduce.select import select
 from workbench.reproduce.targets import Target
 from workbench.reproduce.work import Found, Job, perform
-from workbench.workers import Lost, Runner, Workers
-from workbench.workers.choose import runner_for
-from workbench.workers.limits import cores
 
 __all__ = ["run", "run_command"]
 
@@ -103,7 +104,7 @@ def _runner(workers: Workers, folder: Path | None) -> Runner:
 
 def _processes(workers: Workers) -> int:
     if workers.scheduler is not None:
-        from workbench.workers.cluster import Cluster  # noqa: PLC0415 - seldom needed
+        from workbench.jobs.cluster import Cluster  # noqa: PLC0415 - seldom needed
 
         return Cluster.at(workers).size
     return 1 if workers.in_process else workers.jobs or cores()

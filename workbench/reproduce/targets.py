@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from workbench.errors import InputError
-from workbench.system.toml_schema import Table, read_table
+from workbench.system.files.toml_schema import Table, read_table
 
 __all__ = [
     "BASES", "MET", "MISSED", "NOT_REACHABLE", "VERDICTS", "Instead", "Number", "Target", "parse_targets",

@@ -81,7 +81,7 @@ def _measured(job: Job) -> Found:
 
 
 def _drawn(picture: Picture, job: Job, number: int) -> Drawing:
-    from workbench.plotting.figure import save  # noqa: PLC0415 - matplotlib is slow to import
+    from workbench.show.figure import save  # noqa: PLC0415 - matplotlib is slow to import
 
     figure = picture.draw()
     files: tuple[str, ...] = ()

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.closable import Closable
-from workbench.signals import Signal
+from workbench.core.machine.closable import Closable
+from workbench.signals.kinds import Signal
 
 __all__ = ["Floats", "Recorded", "Session", "Snapshot"]
 

@@ -24,12 +24,12 @@ from workbench.kernel.structs import Cs, Me
 from workbench.session.base import Floats, Recorded
 from workbench.session.cs import CsSession
 from workbench.session.directional import newton_sparsity, slopes_pattern
+from workbench.session.evaluated_point import Stand
 from workbench.session.fmu import Call, FmuSession
 from workbench.session.loop import InnerLoop, Recording, closed
 from workbench.session.me import MeSession
-from workbench.session.stand import Stand
-from workbench.session.target import NotReachedError
-from workbench.signals import Constant, Prbs, Signal, Step
+from workbench.session.start_values import NotReachedError
+from workbench.signals.kinds import Constant, Prbs, Signal, Step
 
 __all__ = ["CompiledCsSession", "CompiledMeSession", "CompiledSession", "Harmonics"]
 
@@ -127,7 +127,7 @@ class CompiledSession(FmuSession):
     ) -> Harmonics:
         """Advance as `advance` does, over whole periods; keep no rows, only their Fourier coefficients.
 
-        The integrals are those of `workbench.analysis.harmonics.measure_period`.
+        The integrals are those of `workbench.response.periodic.fourier.measure_period`.
 
         Args:
             until: see `advance`, as for the next three.

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from workbench.core.calendar import is_due
+from workbench.core.values.calendar import is_due
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
@@ -15,7 +15,7 @@ from workbench.session.fmu import FmuSession, Lead
 from workbench.session.forcing import convert
 from workbench.session.pauses import pause
 from workbench.session.rows import Rows
-from workbench.session.target import COMPUTED, Target
+from workbench.session.start_values import COMPUTED, Target
 
 __all__ = ["CsSession", "off_grid"]
 

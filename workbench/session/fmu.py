@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.calendar import Sampler, check_countable
+from workbench.core.values.calendar import Sampler, check_countable
 from workbench.errors import EndedError, InputError, SimulationError, WorkbenchError
 from workbench.fmi.instance import NO_EVENT, EventInfo, Instance
 from workbench.fmi.structure import STRUCTURAL
@@ -18,8 +18,8 @@ from workbench.fmi.variable import Value, Variable
 from workbench.session.base import Floats, Recorded, Session, Snapshot
 from workbench.session.forcing import Forcing
 from workbench.session.rows import find, read_finite
-from workbench.session.target import Miss, NotReachedError, Target, in_words, misses
-from workbench.signals import Signal
+from workbench.session.start_values import Miss, NotReachedError, Target, in_words, misses
+from workbench.signals.kinds import Signal
 
 __all__ = ["Call", "FmuSession", "Lead", "Manners", "Setup"]
 

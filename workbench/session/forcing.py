@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from workbench.core.names import check_names
+from workbench.core.records.names_in_text import check_names
 from workbench.errors import InputError, article
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import EXACT_TO, FLOAT_TYPES, WHOLE_RANGES, Value, Variable
-from workbench.signals import Constant, Signal, Table, levels_of
+from workbench.signals.kinds import Constant, Signal, Table, levels_of
 
 __all__ = ["Forcing", "convert"]
 

@@ -20,7 +20,7 @@ from workbench.session.base import Floats, Recorded
 from workbench.session.compiled_errors import PAUSED, Situation, exception_of
 from workbench.session.forcing import Forcing
 from workbench.session.pauses import pause
-from workbench.signals import Signal
+from workbench.signals.kinds import Signal
 
 __all__ = ["InnerLoop", "Recording", "closed"]
 

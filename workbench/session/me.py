@@ -9,9 +9,9 @@ import numpy as np
 
 from workbench.fmi.instance import EventInfo
 from workbench.session.base import Floats
+from workbench.session.evaluated_point import Stand
 from workbench.session.fmu import FmuSession
-from workbench.session.stand import Stand
-from workbench.session.target import Target
+from workbench.session.start_values import Target
 
 __all__ = ["MeSession"]
 

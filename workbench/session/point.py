@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.closable import Closable
+from workbench.core.machine.closable import Closable
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.kernel.native_slopes import Pattern
 from workbench.session.base import Floats
 from workbench.session.directional import columns_pattern, why_not_exact
+from workbench.session.evaluated_point import Stand, named_states
 from workbench.session.exact_jacobian import ExactJacobian
 from workbench.session.fmu import FmuSession
 from workbench.session.me import MeSession
-from workbench.session.stand import Stand, named_states
 
 __all__ = ["Evaluation", "FmuPoint", "Point"]
 

@@ -14,7 +14,7 @@ from workbench.errors import WorkbenchError
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession, Setup
-from workbench.signals import Constant, Signal, Sine
+from workbench.signals.kinds import Constant, Signal, Sine
 
 __all__ = ["begins_at_zero", "forced", "slopes_act", "why_state_fails"]
 

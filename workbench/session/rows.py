@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from workbench.core.names import check_names
+from workbench.core.records.names_in_text import check_names
 from workbench.errors import InputError, SimulationError, StoppedError
 from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from workbench.analysis.commands import REQUESTS, request_of
-from workbench.analysis.request import Request, asked_options
-from workbench.core.forms import Form
-from workbench.core.loading import Loading
-from workbench.core.option import Declared, options_of, parts_of, put_together
+from workbench.commands import REQUESTS, request_of
+from workbench.core.records.forms import Form
+from workbench.core.records.option import Declared, options_of, parts_of, put_together
 from workbench.errors import InputError, suggest
-from workbench.report.extras import EXTRAS, Written
+from workbench.model.loading import Loading
+from workbench.requests.request import Request, asked_options
+from workbench.show.files_written import EXTRAS, Written
 
 __all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "references"]
 

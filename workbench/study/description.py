@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.study.commands import Command, Reference, references
-from workbench.study.kinds.base import Requirement, Scalar
+from workbench.study.requirements.base import Requirement, Scalar
 
 if TYPE_CHECKING:
-    from workbench.study.envelope.table import Envelope
+    from workbench.study.envelope_table import Envelope
 
 __all__ = ["Analysis", "Approval", "Change", "Point", "Study"]
 

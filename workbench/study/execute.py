@@ -9,17 +9,17 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench.core.option import recast
-from workbench.core.where import Workers
-from workbench.endings import INTERRUPTED
+from workbench.core.records.option import recast
 from workbench.errors import InputError, WorkbenchError
+from workbench.jobs.end_signals import INTERRUPTED
+from workbench.jobs.options import Workers
 from workbench.study.commands import Reference, filled
-from workbench.study.finished import Finished
+from workbench.study.finished_store import Finished
 from workbench.study.plan import Outcome, Plan, Run
 
 if TYPE_CHECKING:  # a study that is in its store as a whole needs no workers
+    from workbench.jobs.runner import Runner
     from workbench.study.worker import Job
-    from workbench.workers import Runner
 
 __all__ = ["Execution", "Progress"]
 
@@ -80,7 +80,7 @@ class Execution:
             InputError: an analysis asks for what cannot be done, at every point.
             WorkbenchError: the store cannot be written.
         """
-        from workbench.workers.choose import runner_for  # noqa: PLC0415
+        from workbench.jobs.runner_choice import runner_for  # noqa: PLC0415
 
         progress(len(self.outcomes), "")
         # The worker of an analysis writes its files; that of the FMU, which it begins, is confined.
@@ -103,15 +103,15 @@ class Execution:
             InputError, WorkbenchError: see `execute`.
             KeyboardInterrupt: the runner was stopped.
         """
-        from workbench.workers.limits import cores  # noqa: PLC0415
+        from workbench.jobs.limits import cores  # noqa: PLC0415
 
         self._jobs = 1 if workers.scheduler is not None else workers.jobs or cores()
         self._confine = workers.confine
         self._drive(runner, progress)
 
     def _drive(self, runner: Runner, progress: Progress) -> None:
+        from workbench.jobs.runner import Lost  # noqa: PLC0415
         from workbench.study.worker import perform  # noqa: PLC0415
-        from workbench.workers import Lost  # noqa: PLC0415
 
         runs = self.missing
         waiting = dict(enumerate(runs))

@@ -11,7 +11,7 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 
-from workbench.core.record import read_toml_table
+from workbench.core.records.record import read_toml_table
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled
 from workbench.model.recipe import content_hash

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from workbench.core.files import replacing
+from workbench.core.machine.files import replacing
 from workbench.study.plan import Run
 
 if TYPE_CHECKING:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from workbench.core.names import check_names as refuse_names
-from workbench.core.names import split_names
+from workbench.core.records.names_in_text import check_names as refuse_names
+from workbench.core.records.names_in_text import split_names
 from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.bundled import is_bundled
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.study.description import Change, Study
-from workbench.study.place import place
 from workbench.study.plan import Run
+from workbench.study.position_in_file import place
 from workbench.system.load import load
 
 __all__ = ["check_names", "units_of"]

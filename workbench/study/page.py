@@ -7,14 +7,14 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError
-from workbench.report.facts import point_facts
-from workbench.report.page import Page, Section, Table
-from workbench.report.tables import sentence
-from workbench.report.tones import Verdict
-from workbench.study.kinds.base import Compliance, Result
-from workbench.study.kinds.response import UNITS, Mask
-from workbench.study.kinds.step import Overshoot, SettlingTime
+from workbench.show.facts import point_facts
+from workbench.show.page import Page, Section, Table
+from workbench.show.tables import sentence
+from workbench.show.verdicts import Verdict
 from workbench.study.plan import Outcome, Run
+from workbench.study.requirements.base import Compliance, Result
+from workbench.study.requirements.response import UNITS, Mask
+from workbench.study.requirements.step import Overshoot, SettlingTime
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -207,7 +207,7 @@ def _title(checked: Checked, result: Result) -> str:
 
 
 def _mask(requirement: Mask, result: Result, title: str, found: Compliance) -> Figure:
-    from workbench.plotting.study import plot_between_masks  # noqa: PLC0415 - matplotlib is slow to import
+    from workbench.study.picture import plot_between_masks  # noqa: PLC0415 - matplotlib is slow to import
 
     curves = requirement.responses(result, requirement.corners)
     return plot_between_masks(
@@ -229,7 +229,7 @@ def _place(found: Compliance) -> tuple[float, float] | None:
 
 
 def _step(requirement: SettlingTime | Overshoot, result: Result, title: str, found: Compliance) -> Figure:
-    from workbench.plotting.study import LIMIT, plot_step  # noqa: PLC0415 - matplotlib is slow to import
+    from workbench.study.picture import LIMIT, plot_step  # noqa: PLC0415 - matplotlib is slow to import
 
     history = requirement.history(result)
     begin, final = requirement.ends(history)

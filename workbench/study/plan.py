@@ -17,7 +17,7 @@ from workbench.errors import InputError
 from workbench.study.commands import Command, Reference
 from workbench.study.description import Analysis, Change, Point, Study
 from workbench.study.fingerprint import Hashes, code_hash
-from workbench.study.place import place
+from workbench.study.position_in_file import place
 
 __all__ = ["OUTPUTS", "Outcome", "Plan", "Run", "make_plan"]
 

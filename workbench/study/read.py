@@ -10,16 +10,16 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from workbench.bundled import bundled_files, find_bundled
-from workbench.core.files import named_path
-from workbench.core.record import read_toml_table
+from workbench.core.machine.bundled_files import bundled_files, find_bundled
+from workbench.core.machine.files import named_path
+from workbench.core.records.record import read_toml_table
 from workbench.errors import InputError, suggest
 from workbench.study.commands import COMMANDS, Command, Reference, command
 from workbench.study.description import Analysis, Approval, Change, Study
-from workbench.study.kinds import read_requirement
-from workbench.study.kinds.base import Requirement, Scalar
-from workbench.study.place import known, place
-from workbench.system.toml_schema import Table, read_table
+from workbench.study.position_in_file import known, place
+from workbench.study.requirements import read_requirement
+from workbench.study.requirements.base import Requirement, Scalar
+from workbench.system.files.toml_schema import Table, read_table
 
 __all__ = ["bundled_studies", "is_bundled_study", "locate_study", "read_study"]
 
@@ -193,7 +193,7 @@ def _study(path: Path, data: Mapping[str, Any]) -> Study:
     )
     if table.envelope is None:
         return study
-    from workbench.study.envelope.table import read_envelope  # noqa: PLC0415 - few studies have one, and it is slow
+    from workbench.study.envelope_table import read_envelope  # noqa: PLC0415 - few studies have one, and it is slow
 
     return replace(study, envelope=read_envelope(table.envelope, study))
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from workbench.core.csv_file import write_csv
+from workbench.core.records.csv_file import write_csv
 from workbench.study.description import Study
-from workbench.study.kinds.base import Compliance, Requirement
 from workbench.study.plan import Outcome, Run
+from workbench.study.requirements.base import Compliance, Requirement
 
 if TYPE_CHECKING:
-    from workbench.report.page import Page
+    from workbench.show.page import Page
 
 __all__ = ["Checked", "StudyResult"]
 
@@ -192,8 +192,8 @@ class StudyResult:
         Raises:
             InputError: another suffix, or the file cannot be written.
         """
-        from workbench.origin import Origin  # noqa: PLC0415 - only pages need them
-        from workbench.report.results import write_report  # noqa: PLC0415
+        from workbench.requests.origin import Origin  # noqa: PLC0415 - only pages need them
+        from workbench.show.result import write_report  # noqa: PLC0415
 
         origin = Origin(command="run", call=self.command)
         write_report(self.page(), path, origin)

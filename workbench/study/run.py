@@ -8,19 +8,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from workbench.core.where import Scheduler
 from workbench.errors import InputError
+from workbench.jobs.options import Scheduler
 from workbench.study.description import Point, Study
 from workbench.study.execute import Execution, Progress
-from workbench.study.finished import FOLDER, Finished
-from workbench.study.kinds.base import Compliance, NotMeasured, Requirement, Result
-from workbench.study.place import place
+from workbench.study.finished_store import FOLDER, Finished
 from workbench.study.plan import Outcome, Plan, Run, make_plan
+from workbench.study.position_in_file import place
 from workbench.study.read import is_bundled_study, read_study
+from workbench.study.requirements.base import Compliance, NotMeasured, Requirement, Result
 from workbench.study.result import Checked, StudyResult
 
 if TYPE_CHECKING:
-    from workbench.workers import Workers
+    from workbench.jobs.options import Workers
 
 __all__ = ["StudyRun", "check_runs", "default_store", "finding_of", "run_study"]
 
@@ -167,7 +167,7 @@ def run_study(
         >>> print(wb.run_study("lag.toml", store=None).passed)
         True
     """
-    from workbench.workers import DEFAULT_TIMEOUT, Workers  # noqa: PLC0415 - see `StudyRun`
+    from workbench.jobs.options import DEFAULT_TIMEOUT, Workers  # noqa: PLC0415 - see `StudyRun`
 
     limit = DEFAULT_TIMEOUT if timeout is None else timeout
     place = Workers(jobs=jobs, timeout=limit, confine=confine, scheduler=scheduler)

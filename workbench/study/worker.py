@@ -14,19 +14,19 @@ from pathlib import Path
 from typing import Any
 
 from workbench import __version__
-from workbench.analysis.request import Request, function
-from workbench.core.blas import one_thread
-from workbench.core.files import file_to_write
-from workbench.core.job import Job as RequestJob
-from workbench.core.loading import Loading
-from workbench.core.option import asked_in_json, recast, values_of
-from workbench.core.record import plain
-from workbench.core.where import InWorker
+from workbench.core.machine.blas import one_thread
+from workbench.core.machine.files import file_to_write
+from workbench.core.records.option import asked_in_json, recast, values_of
+from workbench.core.records.record import plain
 from workbench.errors import WorkbenchError
-from workbench.model.described import DescribedModel
-from workbench.origin.call import origin_of_call
-from workbench.report.extras import Written
-from workbench.report.results import page_of, write_report
+from workbench.jobs.job import Job as RequestJob
+from workbench.jobs.options import InWorker
+from workbench.model.described_model import DescribedModel
+from workbench.model.loading import Loading
+from workbench.requests.call import origin_of_call
+from workbench.requests.request import Request, function
+from workbench.show.files_written import Written
+from workbench.show.result import page_of, write_report
 from workbench.study.commands import Command, command
 from workbench.study.plan import Outcome
 from workbench.system.load import open_file

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.calendar import Sampler, exact
+from workbench.core.values.calendar import Sampler, exact
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.access import TypeCalls
 from workbench.fmi.description import Capabilities, DefaultExperiment, Description

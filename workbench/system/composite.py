@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.calendar import gathered
+from workbench.core.values.calendar import gathered
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.fmi.access import Access, TypeCalls
 from workbench.fmi.binding import VERSIONS
@@ -21,8 +21,8 @@ from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, St
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wiring
+from workbench.session.evaluated_point import named_states
 from workbench.session.forcing import convert
-from workbench.session.stand import named_states
 from workbench.system.propagation import Propagation
 from workbench.system.tangent import Tangent
 

@@ -10,16 +10,16 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from workbench.core.linear import Linear
-from workbench.core.loading import Loading
-from workbench.core.option import values_of
+from workbench.core.records.option import values_of
+from workbench.core.values.linear import Linear
 from workbench.errors import InputError, one_line, suggest
 from workbench.fmi.archive import locate
 from workbench.fmi.bundled import is_bundled
 from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.model.fmu_model import FmuModel
+from workbench.model.loading import Loading
 from workbench.model.recipe import LoadRecipe
 from workbench.system.description import (
     Component,

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.conversion import Unit
-from workbench.core.linear import Linear
+from workbench.core.values.conversion import Unit
+from workbench.core.values.linear import Linear
 from workbench.errors import InputError, suggest
 from workbench.fmi.archive import Unpacked
 from workbench.fmi.description import DefaultExperiment

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from lxml import etree
 
-from workbench.core.conversion import BASE_UNITS, Unit
-from workbench.core.names import plain_unit
+from workbench.core.records.names_in_text import plain_unit
+from workbench.core.values.conversion import BASE_UNITS, Unit
 from workbench.errors import FmuError
 from workbench.fmi.archive import locate
 from workbench.fmi.description import UnitDefinition

@@ -7,12 +7,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from workbench.core.loading import Loading
-from workbench.core.option import with_options
+from workbench.core.records.option import with_options
 from workbench.errors import InputError
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.model.load import load_fmu
-from workbench.system.read import is_system_file, read_system
+from workbench.model.loading import Loading
+from workbench.system.files.read import is_system_file, read_system
 
 __all__ = ["load", "open_file", "open_files"]
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from workbench.core.closed_loop import ClosedLoop
+from workbench.core.values.closed_loop import ClosedLoop
 
 if TYPE_CHECKING:
-    from workbench.system.parts import Opened
+    from workbench.system.components import Opened
 
 __all__ = ["closed_loops"]
 

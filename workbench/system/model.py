@@ -8,26 +8,26 @@ from dataclasses import replace
 from types import MethodType
 from typing import TYPE_CHECKING
 
-from workbench.core.closed_loop import ClosedLoop
-from workbench.core.named import named
+from workbench.core.records.named import named
+from workbench.core.values.closed_loop import ClosedLoop
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value
 from workbench.fmi.wiring import Wiring
 from workbench.model.base import DeclaredRates
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
 from workbench.model.starts import check_biases
 from workbench.session.fmu import Setup
+from workbench.system.components import Opened, circle_notes, declared_rates, starts_of, system_starts
 from workbench.system.composite import CompositeInstance
-from workbench.system.joint import joint_description, joint_ports
+from workbench.system.joint_description import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
-from workbench.system.parts import Opened, circle_notes, declared_rates, starts_of, system_starts
 
 if TYPE_CHECKING:
-    from workbench.analysis.loop.result import LoopResult
+    from workbench.loops.loop.result import LoopResult
     from workbench.system.recipe import SystemRecipe
 
 __all__ = ["SystemModel"]
@@ -78,7 +78,7 @@ class SystemModel(DescribedModel):
     @property
     def loop(self) -> Callable[..., LoopResult]:
         """`system.loop("plant.y", …)` is `workbench.loop(system, "plant.y", …)`: margins of a loop."""
-        return MethodType(named("workbench.analysis.loop.request:loop"), self)
+        return MethodType(named("workbench.loops.loop.request:loop"), self)
 
     def with_values(self, values: Mapping[str, Value]) -> DescribedModel:
         opened, rest = reparametrised(self._opened, values)

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from workbench.core.option import options_of
-from workbench.core.parsing import from_toml
+from workbench.core.records.option import options_of
+from workbench.core.records.parsing import from_toml
 from workbench.errors import InputError, close_names
 from workbench.fmi.variable import Value, Variable
+from workbench.system.components import Opened, Part, block_part
+from workbench.system.connection_checks import resolve
 from workbench.system.description import BlockComponent, Component, FmuComponent, GainComponent, SystemDescription
-from workbench.system.health import resolve
-from workbench.system.parts import Opened, Part, block_part
 
 __all__ = ["component_parameters", "reparametrised", "with_parameters"]
 

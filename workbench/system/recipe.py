@@ -16,14 +16,14 @@ import numpy as np
 from workbench.errors import FmuError, InputError
 from workbench.model.load import FmuRecipe
 from workbench.model.recipe import LoadRecipe
+from workbench.system.components import Opened, Part, open_parts
+from workbench.system.connection_checks import resolve
 from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
-from workbench.system.health import resolve
 from workbench.system.parameters import with_parameters
-from workbench.system.parts import Opened, Part, open_parts
 from workbench.system.terminals import members_connected
 
 if TYPE_CHECKING:
-    from workbench.model.described import DescribedModel
+    from workbench.model.described_model import DescribedModel
 
 __all__ = ["SystemRecipe"]
 

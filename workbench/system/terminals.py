@@ -8,9 +8,9 @@ from dataclasses import replace
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import Terminal, TerminalMember
 from workbench.fmi.variable import Variable
+from workbench.system.components import Part
 from workbench.system.description import Connection, SystemDescription
 from workbench.system.names import NameTable
-from workbench.system.parts import Part
 
 __all__ = ["members_connected"]
 

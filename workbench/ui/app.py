@@ -19,17 +19,17 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from workbench import __version__
-from workbench.core.files import replacing
-from workbench.core.record import plain
-from workbench.core.scratch import scratch
+from workbench.core.machine.files import replacing
+from workbench.core.machine.scratch import scratch
+from workbench.core.records.record import plain
 from workbench.errors import InputError, WorkbenchError
-from workbench.report.results import picture_of, write_report
+from workbench.show.result import picture_of, write_report
 from workbench.ui.curves import curves_of, loop_at, signals_of, stored_curves
 from workbench.ui.diagram import PALETTE, drawn, edited
 from workbench.ui.forms import MEASURED, FormError, form_of
+from workbench.ui.jobs import Desk, Work
 from workbench.ui.root import NotHereError
 from workbench.ui.study import study_of
-from workbench.ui.works import Desk, Work
 
 __all__ = ["app_of"]
 

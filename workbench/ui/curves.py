@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.record import plain
-from workbench.core.response import Response
-from workbench.store import contents
+from workbench.core.records.record import plain
+from workbench.core.values.response import Response
+from workbench.jobs.store import contents
 
 # The server names what a record is, and imports no analysis for it: the page is there before python-control is.
 if TYPE_CHECKING:
-    from workbench.analysis.branches.result import BranchesResult, ResponseBranch
-    from workbench.analysis.feedback.result import FeedbackResult
-    from workbench.analysis.lin.result import LinResult
-    from workbench.analysis.lin.sweep import LinGrid
-    from workbench.analysis.loop.result import LoopResult
-    from workbench.analysis.nfr.result import NfrResult
-    from workbench.core.linear import Linear, LinearPart
+    from workbench.core.values.linear import Linear, LinearPart
+    from workbench.limit_cycles.feedback.result import FeedbackResult
+    from workbench.loops.loop.result import LoopResult
+    from workbench.point.lin.result import LinResult
+    from workbench.point.lin.sweep import LinGrid
+    from workbench.response.branches.result import BranchesResult, ResponseBranch
+    from workbench.response.nfr.result import NfrResult
 
 __all__ = ["curves_of", "loop_at", "signals_of", "stored_curves"]
 
@@ -145,7 +145,7 @@ def stored_curves(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     Raises:
         InputError: it is not a store, or damaged.
     """
-    from workbench.analysis.nfr.point import NfrPoint  # noqa: PLC0415 - as above
+    from workbench.response.nfr.point import NfrPoint  # noqa: PLC0415 - as above
 
     found = []
     every, remarks = contents(folder)
@@ -169,7 +169,7 @@ def stored_curves(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
 
 def signals_of(record: object) -> dict[str, Any] | None:
     """Return the time histories of a record, ready for JSON; None: it has none."""
-    from workbench.analysis.simulate.result import SimulationResult  # noqa: PLC0415 - as above
+    from workbench.response.simulate.result import SimulationResult  # noqa: PLC0415 - as above
 
     if not isinstance(record, SimulationResult):
         return None
@@ -185,7 +185,7 @@ def loop_at(record: object, gain: float, *, locus: bool = False) -> dict[str, An
         gain: by which the loop transfer is multiplied.
         locus: whether to add the poles of the closed loop at many gains.
     """
-    from workbench.analysis.loop.result import LoopResult  # noqa: PLC0415 - as above
+    from workbench.loops.loop.result import LoopResult  # noqa: PLC0415 - as above
 
     if not isinstance(record, LoopResult) or record.linear is None:
         return None

@@ -11,7 +11,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Table
 
-from workbench.core.parsing import from_toml
+from workbench.core.records.parsing import from_toml
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
 from workbench.system.block_table.registry import BLOCKS as KINDS
@@ -49,8 +49,8 @@ def drawn(text: str, root: Root, name: str) -> dict[str, Any]:
         InputError: it is not TOML, or no system.
         NotHereError: the name leads out of the folder.
     """
-    from workbench.system.toml_file import connections_in  # noqa: PLC0415 - needs what the first page does not
-    from workbench.system.toml_schema import SystemTable, read_table  # noqa: PLC0415
+    from workbench.system.files.toml_file import connections_in  # noqa: PLC0415 - needs what the first page does not
+    from workbench.system.files.toml_schema import SystemTable, read_table  # noqa: PLC0415
 
     table = read_table(SystemTable, _read(text), "")
     wrong: list[str] = []
@@ -77,7 +77,7 @@ def _read(text: str) -> dict[str, Any]:
 def _component(name: str, given: object, root: Root, folder: Path, wrong: list[str]) -> dict[str, Any]:
     from workbench.system.blocks import block_ports  # noqa: PLC0415 - as above
     from workbench.system.description import FmuComponent  # noqa: PLC0415
-    from workbench.system.toml_components import read_component  # noqa: PLC0415
+    from workbench.system.files.toml_components import read_component  # noqa: PLC0415
 
     table = given if isinstance(given, dict) else {"gain" if isinstance(given, int | float) else "model": given}
     found: dict[str, Any] = {
@@ -182,7 +182,7 @@ def edited(text: str, edit: str, *names: str) -> str:
 
 def _told(data: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a system says, however its connections are written, and without empty tables."""
-    from workbench.system.toml_file import connections_in  # noqa: PLC0415 - as above
+    from workbench.system.files.toml_file import connections_in  # noqa: PLC0415 - as above
 
     flat = {to: holder[key] for to, holder, key in connections_in(data.get("connections", {}))}
     rest = {key: value for key, value in data.items() if key != "connections" and value != {}}
@@ -208,7 +208,7 @@ def _cut(document: _Table, destination: str) -> None:
 
 
 def _drop(document: _Table, unwanted: Callable[[str, str], bool]) -> None:
-    from workbench.system.toml_file import connections_in  # noqa: PLC0415 - as above
+    from workbench.system.files.toml_file import connections_in  # noqa: PLC0415 - as above
 
     for to, holder, key in list(connections_in(document.get("connections", {}))):
         given = holder[key]

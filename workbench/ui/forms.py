@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from workbench.analysis.commands import REQUESTS, request_of
-from workbench.analysis.request import Request, asked_options, request_from
-from workbench.core.loading import Loading
-from workbench.core.option import Declared, Option
+from workbench.commands import REQUESTS, request_of
+from workbench.core.records.option import Declared, Option
 from workbench.errors import InputError
+from workbench.model.loading import Loading
+from workbench.requests.request import Request, asked_options, request_from
 from workbench.ui.root import NotHereError, Root
 
 __all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "request_of_form", "without_flags"]

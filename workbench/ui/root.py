@@ -8,11 +8,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from workbench.bundled import bundled_files, find_bundled
-from workbench.core.parsing import from_toml
+from workbench.core.machine.bundled_files import bundled_files, find_bundled
+from workbench.core.records.parsing import from_toml
 from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.bundled import is_bundled
-from workbench.store import FILE_NAME
+from workbench.jobs.store import FILE_NAME
 
 __all__ = ["NotHereError", "Root"]
 
@@ -60,7 +60,7 @@ class Root:
         return self.name_of(path)
 
     def _check_parts(self, text: str, path: Path) -> None:
-        from workbench.system.read import read_system  # noqa: PLC0415 - needs what the first page does not
+        from workbench.system.files.read import read_system  # noqa: PLC0415 - needs what the first page does not
 
         try:
             system = read_system(path)

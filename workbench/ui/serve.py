@@ -41,7 +41,7 @@ def serve(folder: Path, *, port: int = 0, browser: bool = True, opened: str = ""
         from workbench.ui.guard import Guard  # noqa: PLC0415
     except ModuleNotFoundError as error:
         raise InputError(f"ui: {error.name} is not installed; pip install 'fmi-workbench[ui]'") from None
-    from workbench.ui.works import Desk  # noqa: PLC0415
+    from workbench.ui.jobs import Desk  # noqa: PLC0415
 
     with socket.socket() as listening:
         if sys.platform != "win32":

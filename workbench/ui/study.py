@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from workbench.core.parsing import toml_key, toml_value
-from workbench.ui.works import Work
+from workbench.core.records.parsing import toml_key, toml_value
+from workbench.ui.jobs import Work
 
 __all__ = ["study_of"]
 
@@ -51,7 +51,7 @@ def _name(subject: str, taken: Iterable[str]) -> str:
 
 
 def _key(work: Work, name: str) -> str:
-    from workbench.analysis.request import asked_options  # noqa: PLC0415
+    from workbench.requests.request import asked_options  # noqa: PLC0415
 
     declared, _ = asked_options(type(work.asked))[name]
     key = declared.flag.removeprefix("--")

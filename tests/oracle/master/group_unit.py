@@ -8,7 +8,7 @@ from tests.oracle.master.course import Course, Reached
 from workbench.errors import SimulationError
 from workbench.fmi.access import Access
 from workbench.fmi.variable import Variable
-from workbench.signals import Constant, Signal, Table
+from workbench.signals.kinds import Constant, Signal, Table
 from workbench.system.master.group_unit import GroupUnit
 
 __all__ = ["GroupStepper"]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from tests.oracle.master.control import StepControl
 from tests.oracle.master.instance import OracleMasterInstance
-from workbench.core.calendar import is_due
+from workbench.core.values.calendar import is_due
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.session.base import Floats, Recorded

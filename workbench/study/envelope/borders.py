@@ -10,7 +10,7 @@ import numpy as np
 from workbench.study.description import Point, Study
 from workbench.study.envelope.result import Border
 from workbench.study.envelope.sampling import point_of
-from workbench.study.envelope.table import Envelope
+from workbench.study.envelope_table import Envelope
 
 __all__ = ["border_points", "borders_in"]
 

@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from workbench.core.closable import Closable
-from workbench.core.option import recast
-from workbench.core.where import Workers
+from workbench.core.machine.closable import Closable
+from workbench.core.records.option import recast
 from workbench.errors import InputError
+from workbench.jobs.options import Workers
 from workbench.study.description import Point, Study
 from workbench.study.execute import Execution, Progress
-from workbench.study.finished import Finished
-from workbench.study.kinds.base import Compliance, Requirement
+from workbench.study.finished_store import Finished
 from workbench.study.plan import Outcome, Plan, Run, make_plan
+from workbench.study.requirements.base import Compliance, Requirement
 from workbench.study.run import check_runs, finding_of
 
 if TYPE_CHECKING:
-    from workbench.workers import Runner
+    from workbench.jobs.runner import Runner
 
 __all__ = ["Evaluator"]
 
@@ -140,7 +140,7 @@ class Evaluator(Closable):
         return self._stopped
 
     def _open(self) -> Runner:
-        from workbench.workers.choose import runner_for  # noqa: PLC0415 - what is in the store needs no workers
+        from workbench.jobs.runner_choice import runner_for  # noqa: PLC0415 - what is in the store needs no workers
 
         if self._runner is None:
             # The worker of an analysis writes its files; that of the FMU, which it begins, is confined.

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.report.page import Page, Section, Table
-from workbench.report.tables import bracketed, counted, sentence
-from workbench.report.tones import Verdict
+from workbench.show.page import Page, Section, Table
+from workbench.show.tables import bracketed, counted, sentence
+from workbench.show.verdicts import Verdict
 from workbench.study.envelope.surface import Surface
-from workbench.study.kinds.base import number
+from workbench.study.requirements.base import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from workbench.plotting.envelope import EnvelopePanel
+    from workbench.study.envelope.picture import EnvelopePanel
     from workbench.study.envelope.probability import Probability
     from workbench.study.envelope.result import EnvelopePoint, EnvelopeResult
 
@@ -214,7 +214,7 @@ def plot_envelope(result: EnvelopeResult) -> Figure:
     Raises:
         InputError: there is no axis, or no margin.
     """
-    from workbench.plotting.envelope import plot_maps  # noqa: PLC0415 - matplotlib is slow to import
+    from workbench.study.envelope.picture import plot_maps  # noqa: PLC0415 - matplotlib is slow to import
 
     if not result.axes or all(p.margin is None for p in result.points):
         raise InputError("no picture of the envelope: it needs a parameter with a range, and margins")
@@ -245,7 +245,7 @@ def _remark(result: EnvelopeResult) -> str:
 
 
 def _panel(result: EnvelopeResult, failure: str | None, axes: list[tuple[str, float, float]]) -> EnvelopePanel:
-    from workbench.plotting.envelope import EnvelopePanel  # noqa: PLC0415 - matplotlib is slow to import
+    from workbench.study.envelope.picture import EnvelopePanel  # noqa: PLC0415 - matplotlib is slow to import
 
     points = result.of(failure)
     placed = [np.array([float(p.values[name]) for p in points]) for name in result.axes]

@@ -9,7 +9,7 @@ from typing import Any
 
 from scipy.special import ndtri
 
-from workbench.core.record import Part
+from workbench.core.records.record import Part
 
 __all__ = ["Probability", "probability", "samples_for", "together", "wilson"]
 

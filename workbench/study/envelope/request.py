@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Literal, get_args
 
-from workbench.analysis.request import Request, Subject, function
-from workbench.core.forms import File
-from workbench.core.option import option
-from workbench.core.where import Workers
+from workbench.core.records.forms import File
+from workbench.core.records.option import option
+from workbench.jobs.options import Workers
+from workbench.requests.request import Request, Subject, function
 
 if TYPE_CHECKING:
     from pathlib import Path  # noqa: F401 - the subject's type, below

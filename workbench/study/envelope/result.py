@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.record import Part, Record
+from workbench.core.records.record import Part, Record
 from workbench.study.envelope.probability import Probability
-from workbench.study.kinds.base import Scalar
+from workbench.study.requirements.base import Scalar
 
 __all__ = ["Border", "EnvelopeParameter", "EnvelopePoint", "EnvelopeResult", "WorstCase"]
 
@@ -127,6 +127,9 @@ class EnvelopeResult(Record):
         files: the study and every file that the models consist of → SHA-256.
         notes: one line each.
     """
+
+    _page = "workbench.study.envelope.page:envelope_page"
+    _picture = "workbench.study.envelope.page:plot_envelope"
 
     study: str
     requirement: str

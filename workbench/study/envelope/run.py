@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.job import Job
 from workbench.errors import InputError
+from workbench.jobs.job import Job
 from workbench.study.description import Point, Study
 from workbench.study.envelope.borders import border_points, borders_in
 from workbench.study.envelope.evaluate import Evaluator
@@ -21,12 +21,12 @@ from workbench.study.envelope.request import EnvelopeOf
 from workbench.study.envelope.result import Border, EnvelopeParameter, EnvelopePoint, EnvelopeResult, WorstCase
 from workbench.study.envelope.sampling import COUNTS, planned, point_of
 from workbench.study.envelope.search import search
-from workbench.study.envelope.table import Envelope
 from workbench.study.envelope.worst import system_at
-from workbench.study.finished import Finished
-from workbench.study.kinds.base import Compliance
-from workbench.study.place import place
+from workbench.study.envelope_table import Envelope
+from workbench.study.finished_store import Finished
+from workbench.study.position_in_file import place
 from workbench.study.read import read_study
+from workbench.study.requirements.base import Compliance
 from workbench.study.run import default_store
 
 __all__ = ["run"]

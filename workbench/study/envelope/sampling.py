@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from workbench.study.description import Point, Study
-from workbench.study.envelope.spread import Spread
-from workbench.study.envelope.table import Envelope
-from workbench.study.kinds.base import Scalar
+from workbench.study.envelope_table import Envelope
+from workbench.study.requirements.base import Scalar
+from workbench.study.spread import Spread
 
 __all__ = ["COUNTS", "planned", "point_of", "shares"]
 

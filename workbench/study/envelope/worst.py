@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.core.parsing import toml_key, toml_value
-from workbench.core.record import read_toml_table
+from workbench.core.records.parsing import toml_key, toml_value
+from workbench.core.records.record import read_toml_table
 from workbench.errors import WorkbenchError
 from workbench.fmi.bundled import bundled_path, is_bundled
 from workbench.study.description import Change
+from workbench.system.files.read import is_system_file
 from workbench.system.load import load
-from workbench.system.read import is_system_file
 
 __all__ = ["system_at"]
 

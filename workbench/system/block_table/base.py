@@ -9,8 +9,8 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.forms import Form, several
-from workbench.core.option import Options, options_of, values_of
+from workbench.core.records.forms import Form, several
+from workbench.core.records.option import Options, options_of, values_of
 from workbench.errors import InputError
 
 __all__ = ["Block", "Described", "Floats", "Matrices", "Matrix", "Values"]

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench.core.option import option
+from workbench.core.records.option import option
 from workbench.errors import InputError
 from workbench.system.block_table.base import Block, Described, Floats, ordered
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.core.option import option
+from workbench.core.records.option import option
 from workbench.errors import InputError
 from workbench.system.block_table.base import Matrices
 from workbench.system.block_table.linear import PADE, PAST, Delayed, realised

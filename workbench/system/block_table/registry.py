@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from workbench.core.option import options_of
-from workbench.core.parsing import toml_value
+from workbench.core.records.option import options_of
+from workbench.core.records.parsing import toml_value
 from workbench.errors import InputError, suggest
 from workbench.system.block_table.base import Block
 from workbench.system.block_table.choices import Friction, Lookup, Lookup2d, Maximum, Minimum, Product, Switch

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.core.linear import LinearPart
+from workbench.core.values.linear import LinearPart
 from workbench.errors import WorkbenchError
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.session.base import Floats
+from workbench.system.connection_checks import as_written
 from workbench.system.description import FmuComponent, MasterOptions
-from workbench.system.health import as_written
 
 if TYPE_CHECKING:
-    from workbench.system.parts import Opened
+    from workbench.system.components import Opened
     from workbench.system.recipe import SystemRecipe
 
 __all__ = ["crossover", "opened_loop"]

@@ -9,7 +9,7 @@ from workbench.kernel.structs import Me
 from workbench.session.base import Floats, Recorded, Snapshot
 from workbench.session.compiled import CompiledMeSession
 from workbench.session.me import MeSession
-from workbench.signals import Signal
+from workbench.signals.kinds import Signal
 
 __all__ = ["CompiledGroupSession", "GroupSession"]
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.calendar import Sampler, gathered, is_due, rounding
+from workbench.core.values.calendar import Sampler, gathered, is_due, rounding
 from workbench.errors import SimulationError
 from workbench.fmi.description import Description
 from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult

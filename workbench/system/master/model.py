@@ -8,20 +8,21 @@ from contextlib import ExitStack
 from types import MethodType
 from typing import TYPE_CHECKING
 
-from workbench.core.closed_loop import ClosedLoop
-from workbench.core.named import named
+from workbench.core.records.named import named
+from workbench.core.values.closed_loop import ClosedLoop
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import Capabilities, Description
 from workbench.fmi.instance import Instance
 from workbench.fmi.ticking import time_based
 from workbench.fmi.variable import Value
 from workbench.model.base import DeclaredRates
-from workbench.model.described import DescribedModel
+from workbench.model.described_model import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.recipe import DEFAULT_TOLERANCE
 from workbench.model.starts import check_biases
 from workbench.session.fmu import FmuSession, Setup
-from workbench.system.joint import joint_description, joint_ports
+from workbench.system.components import Opened, circle_notes, declared_rates, starts_of, system_starts
+from workbench.system.joint_description import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.master.crossover import opened_loop
 from workbench.system.master.instance import MasterInstance, MasterPlan
@@ -31,10 +32,9 @@ from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
 from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
-from workbench.system.parts import Opened, circle_notes, declared_rates, starts_of, system_starts
 
 if TYPE_CHECKING:
-    from workbench.analysis.delays.result import DelayReport
+    from workbench.health.delays.result import DelayReport
     from workbench.system.recipe import SystemRecipe
 
 __all__ = ["MasterModel"]
@@ -202,7 +202,7 @@ class MasterModel(DescribedModel):
     @property
     def delays(self) -> Callable[..., DelayReport]:
         """`system.delays(stop=5.0, …)` is `workbench.delays(system, stop=5.0, …)`: what the master costs."""
-        return MethodType(named("workbench.analysis.delays.request:delays"), self)
+        return MethodType(named("workbench.health.delays.request:delays"), self)
 
     def shows_input(self, output: str) -> bool:
         """Whether an output of the system shows what a component sees, which depends on the step by nature.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.calendar import Sampler
+from workbench.core.values.calendar import Sampler
 from workbench.fmi.access import Access
 from workbench.fmi.c_array import c_array
 from workbench.fmi.instants import Instants
@@ -23,7 +23,7 @@ from workbench.kernel.native_system import NativeSystem
 from workbench.kernel.structs import Access as NativeAccess
 from workbench.kernel.structs import Control, Master, Unit
 from workbench.session.forcing import Forcing
-from workbench.signals import Table
+from workbench.signals.kinds import Table
 from workbench.system.master.group_unit import GroupUnit
 from workbench.system.master.instance import MasterInstance
 from workbench.system.master.units import moves

@@ -12,7 +12,7 @@ from workbench.fmi.variable import Variable
 from workbench.session.base import Floats
 from workbench.session.cs import CsSession
 from workbench.session.fmu import Setup
-from workbench.signals import Signal
+from workbench.signals.kinds import Signal
 from workbench.system.master.instance import MasterInstance
 
 __all__ = ["RehearsingSession"]

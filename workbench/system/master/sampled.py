@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.core.calendar import Calendar, Sampler, exact
+from workbench.core.values.calendar import Calendar, Sampler, exact
 from workbench.errors import WorkbenchError
 from workbench.fmi.ticking import periodic
 from workbench.model.load import FmuRecipe
 from workbench.session.point import FmuPoint
+from workbench.system.components import Part
 from workbench.system.description import FmuComponent
 from workbench.system.master.ticks import repeating
 from workbench.system.master.units import Units
-from workbench.system.parts import Part
 
 __all__ = ["Sampled", "find_ticks"]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
 
-from workbench.core.calendar import Calendar, Sampler, exact, simplest_between
+from workbench.core.values.calendar import Calendar, Sampler, exact, simplest_between
 
 __all__ = ["repeating"]
 

@@ -12,11 +12,11 @@ from scipy.sparse.csgraph import connected_components
 from workbench.fmi.description import DefaultExperiment, Description
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.fmi.wiring import Wire
+from workbench.system.components import Part
 from workbench.system.composite import Ports
 from workbench.system.description import Port, Resolved, SystemDescription
-from workbench.system.joint import joint_description, joint_ports
+from workbench.system.joint_description import joint_description, joint_ports
 from workbench.system.order import feeds_through
-from workbench.system.parts import Part
 
 __all__ = ["Group", "Unit", "Units", "find_units", "moves"]
 

@@ -1,1 +1,0 @@
-"""Analyses: each sees models and sessions only, and returns a frozen result."""

@@ -1,0 +1,1 @@
+"""Files, scratch folders, arithmetic, interrupts."""

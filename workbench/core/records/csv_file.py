@@ -1,0 +1,59 @@
+"""Tables as CSV files: one way to write them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+from workbench.core.machine.files import replacing
+from workbench.errors import visible
+
+__all__ = ["is_number", "write_csv"]
+
+_FORMULA = ("=", "@", "+", "-", "\t", "\r")  # begins one in a spreadsheet
+
+
+def write_csv(target: str | Path | TextIO, rows: Iterable[Sequence[Any]], *, remarks: Sequence[str] = ()) -> None:
+    """Write rows, the heading line first; None becomes an empty cell, a row of one cell with # a comment line.
+
+    Args:
+        target: path of the file, or an open text stream.
+        rows: cells.
+        remarks: lines before them.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    if not isinstance(target, str | Path):
+        target.writelines(f"{line}\n" for line in remarks)
+        _write(target, rows)
+        return
+    with replacing(target) as path, path.open("w", newline="", encoding="utf-8") as file:
+        write_csv(file, rows, remarks=remarks)
+
+
+def _write(file: TextIO, rows: Iterable[Sequence[Any]]) -> None:
+    writer = csv.writer(file, lineterminator="\n")
+    for row in rows:
+        if len(row) == 1 and str(row[0]).startswith("#"):
+            file.write(f"{row[0]}\n")  # quotes around it would make it a cell
+        else:
+            writer.writerow([_cell(cell) for cell in row])
+
+
+def _cell(cell: Any) -> Any:  # noqa: ANN401 - anything that a cell can be
+    """Return a cell that no spreadsheet takes for a formula, and no terminal for a command."""
+    if not isinstance(cell, str):
+        return cell
+    return f"'{visible(cell)}" if cell.startswith(_FORMULA) and not is_number(cell) else visible(cell)
+
+
+def is_number(text: str) -> bool:
+    """Return whether a text is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

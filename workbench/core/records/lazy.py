@@ -1,0 +1,57 @@
+"""Packages whose public names are loaded when they are first used, so that importing them is quick."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+TYPE_CHECKING = False  # as type checkers know it; importing typing would take the longest of importing the package
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["homes_in", "lazily"]
+
+
+def homes_in(stub: str) -> dict[str, str]:
+    """Return name → module of the public names that a stub imports, sorted.
+
+    Args:
+        stub: path of an `__init__.pyi`.
+    """
+    import ast  # noqa: PLC0415 - it takes longer than importing the package does
+
+    with open(stub, encoding="utf-8") as file:  # noqa: PTH123 - so does pathlib
+        lines = ast.parse(file.read()).body
+    found = {a.name: line.module or "" for line in lines if isinstance(line, ast.ImportFrom) for a in line.names}
+    return dict(sorted(found.items()))
+
+
+def lazily(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+    """Return `__getattr__` and `__dir__` of a package whose public names are those of its stub.
+
+    Args:
+        package: its name.
+        file: its `__init__.py`; beside it stands the stub `__init__.pyi`, which type checkers read.
+
+    Source: Scientific Python, SPEC 1, lazy loading of submodules and functions.
+    """
+    homes: dict[str, str] = {}
+
+    def known() -> dict[str, str]:
+        if not homes:
+            homes.update(homes_in(f"{file}i"))
+        return homes
+
+    def get(name: str) -> object:
+        if name == "__all__":
+            return list(known())
+        if name.startswith("__") or name not in known():
+            raise AttributeError(f"module '{package}' has no attribute '{name}'")
+        from workbench.core.machine.interrupts import insisting  # noqa: PLC0415 - see above
+
+        with insisting():
+            value: object = getattr(import_module(homes[name]), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return get, lambda: sorted({*vars(sys.modules[package]), *known()})

@@ -1,0 +1,1 @@
+"""Values that all layers know: units, linear models, responses, margins, operating points."""

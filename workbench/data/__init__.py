@@ -1,0 +1,1 @@
+"""Records before a model is fitted."""

@@ -1,0 +1,240 @@
+"""Measure best linear approximations of a model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.data.bla.design import Lines, RandomPhase, lines_of
+from workbench.data.bla.estimate import Approximation, approximate, response_of
+from workbench.data.bla.request import Bla
+from workbench.data.bla.result import BlaResult
+from workbench.data.bla.transient import MATTERS
+from workbench.data.excite.recording import Begin, Samples, measure, sampling_of
+from workbench.data.excite.request import Excite
+from workbench.errors import FmuError, InputError, SimulationError
+from workbench.jobs.job import Job
+from workbench.model import Model
+from workbench.model.names import check_variables, declared_units
+from workbench.model.operating_point import find_point
+from workbench.session.base import Floats
+
+__all__ = ["Grid", "gathered", "run"]
+
+_PER_PERIOD = 8.0  # samples of the highest frequency's period
+# With this part of the tolerance the first realisation has about this part of the integration's error; the change is
+# the rest of it.
+_TIGHTER = 0.1
+_DOMINATES = 0.5  # of the error
+_LONG = 1e4  # periods that nobody waits for
+
+
+def run(model: Model, asked: Bla, job: Job) -> BlaResult:
+    """Measure; see `Bla`."""
+    check_variables(model, [asked.input], "input", what="input")
+    check_variables(model, [asked.output], "variable", what="output")
+    point, remarks = find_point(model, asked.at)
+    low, high = asked.band
+    dt = sampling_of(model, point, asked.dt or _usual(model, point, high)).dt
+    if high >= 0.5 / dt:
+        raise InputError(f"band: {high:g} Hz is not below half the sampling rate, {0.5 / dt:g} Hz")
+    length = 2 * math.ceil(0.5 / (low * dt) - 1e-9)
+    lines = lines_of(asked.lines, 1, math.floor(high * length * dt + 1e-6), asked.seed)
+    levels = np.atleast_1d(np.asarray(asked.rms, dtype=np.float64))
+    under_way = _UnderWay(model, asked, levels, Grid(lines, dt, length), list(remarks))
+    total = len(levels) * asked.realisations
+    for rms in levels:
+        inputs, outputs, rest, designs = [], [], 0.0, list[RandomPhase]()
+        for number in range(asked.realisations):
+            design = RandomPhase(
+                rms=float(rms), length=length, excited=tuple(lines.excited.tolist()), periods=asked.periods,
+                transient=asked.transient, seed=1000 * asked.seed + number,
+            )  # fmt: skip
+            designs.append(design)
+            u, y, begin = _played(model, asked, design, point, dt)
+            under_way.take(begin)
+            rest = float(begin.y0[0])
+            inputs.append(u)
+            outputs.append(y)
+            if number + 1 == asked.realisations:
+                found = approximate(np.array(inputs), np.array(outputs), lines, rest=rest)
+                finer = _finer(model, asked, designs[0], point, dt)
+                if not isinstance(finer, str):
+                    away = np.abs(response_of(*finer, lines) - response_of(inputs[0], outputs[0], lines))
+                    found = _with_integration(found, away)
+                under_way.take_integration(found, float(rms), finer if isinstance(finer, str) else "changes nothing")
+                under_way.found.append(found)
+                job.partial = under_way.result
+            done = len(under_way.found) * asked.realisations + (number + 1) % asked.realisations
+            job.done(f"{rms:g} rms, realisation {number + 1}", done, total)
+    return under_way.result()
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Lines of a multisine, sampling interval [s] and samples of a period."""
+
+    lines: Lines
+    dt: float
+    length: int
+
+
+@dataclass(eq=False)
+class _UnderWay:
+    """What is there so far.
+
+    Attributes:
+        model, asked, levels, grid: what is measured.
+        notes: found out on the way.
+        found: one for each power that is done.
+        where: the session began there.
+    """
+
+    model: Model
+    asked: Bla
+    levels: Floats
+    grid: Grid
+    notes: list[str]
+    found: list[Approximation] = field(default_factory=list)
+    where: OperatingPoint | None = None
+
+    def take(self, begin: Begin) -> None:
+        """Take what is known at the beginning of a run."""
+        self.where = self.where or begin.operating_point
+        self.notes += [note for note in begin.notes if note not in self.notes]
+
+    def take_integration(self, found: Approximation, rms: float, why: str) -> None:
+        """Say what the errors are where they are not statistics; `why`: what became of a tighter tolerance."""
+        if not found.integration.any():
+            words = f"the integration error is not included in the error: a tighter tolerance {why}"
+            self.notes += [words] * (self.model.solver != "none" and words not in self.notes)
+        elif np.median(found.integration / found.error) > _DOMINATES:
+            self.notes.append(
+                f"at {rms:.4g} rms the error is what the integration makes, as a tenth of the tolerance shows: noise "
+                "and distortion are below it (a smaller --tolerance narrows it)"
+            )
+
+    def result(self) -> BlaResult:
+        """Return the result of the powers that are done."""
+        asked, model = self.asked, self.model
+        units = declared_units(model, (asked.input, asked.output))
+        told = {
+            "model": model.name, "input": asked.input, "output": asked.output, "input_unit": units[asked.input],
+            "output_unit": units[asked.output], "periods": asked.periods, "realisations": asked.realisations,
+            "transient": asked.transient, "lines": asked.lines, "notes": tuple(self.notes),
+            "operating_point": self.where,
+        }  # fmt: skip
+        return gathered(self.found, self.levels[: len(self.found)], self.grid, told)
+
+
+def _usual(model: Model, point: OperatingPoint | None, high: float) -> float | None:
+    """Return the sampling interval where none is given; None: the model's own."""
+    try:
+        sampling_of(model, point, None)
+    except InputError:
+        return 1.0 / (_PER_PERIOD * high)
+    return None
+
+
+def _played(
+    model: Model, asked: Bla, design: RandomPhase, point: OperatingPoint | None, dt: float
+) -> tuple[Floats, Floats, Begin]:
+    """Return input and output of one realisation, shape (P, N), about their values at the operating point."""
+    wish = Excite(
+        inputs=(asked.input,), outputs=(asked.output,), signal=design, dt=dt, samples=design.length * design.periods,
+        validation_samples=0,
+    )  # fmt: skip
+    begin: Begin | None = None
+    pieces: list[Samples] = []
+    for item in measure(model, wish, point):
+        if isinstance(item, Begin):
+            begin = item
+        else:
+            pieces.append(item)
+    assert begin is not None  # noqa: S101 - `measure` begins with it
+    skip = design.transient * design.length
+    u, y = (np.vstack([getattr(p, side) for p in pieces])[skip:, 0] for side in ("u", "y"))
+    shape = design.periods, design.length
+    return (u - begin.u0[0]).reshape(shape), y.reshape(shape), begin
+
+
+def _finer(
+    model: Model, asked: Bla, design: RandomPhase, point: OperatingPoint | None, dt: float
+) -> tuple[Floats, Floats] | str:
+    """Return a realisation with a tighter tolerance, or words why there is none."""
+    if model.recipe is None or model.solver == "none":
+        return "cannot be tried"
+    try:
+        with model.recipe.tighter(_TIGHTER).open() as exact:
+            u, y, _ = _played(exact, asked, design, point, dt)
+    except (FmuError, SimulationError) as error:
+        return f"fails ({error})"
+    return u, y
+
+
+def _with_integration(found: Approximation, away: Floats) -> Approximation:
+    """Return the approximation, its error widened by what the integration gets wrong.
+
+    Args:
+        found: without.
+        away: how far a tighter tolerance has the response off, shape (k,).
+    """
+    part = np.max([np.append(away[1:], 0.0), away, np.append(0.0, away[:-1])], axis=0) / (1.0 - _TIGHTER)
+    return replace(found, error=np.hypot(found.error, part), integration=part)
+
+
+_STACKED = (
+    "response", "error", "integration", "noise", "distortion", "noise_rms", "distortion_rms", "removed_rms",
+    "unsettled_rms", "odd_rms", "even_rms", "offset",
+)  # fmt: skip
+
+
+def _doubts(found: Approximation, size: float) -> Iterator[str]:
+    """Yield what is to be said of the periods at one power.
+
+    Args:
+        found: there.
+        size: root mean square of the output.
+    """
+    removed, unsettled, noise = (part / size for part in (found.removed_rms, found.unsettled_rms, found.noise_rms))
+    if removed > MATTERS:
+        later = f"; about {max(found.wait, 1.0):.2g} more transient periods let it decay" if found.wait < _LONG else ""
+        yield f"a transient of {100.0 * removed:.3g} % of the output was estimated and taken off{later}"
+    if unsettled > MATTERS:
+        yield (
+            f"the periods have not settled: up to {100.0 * unsettled:.3g} % of the output may still be a transient "
+            "(more transient periods)"
+        )
+    elif noise > MATTERS:
+        yield (
+            f"the periods differ by {100.0 * noise:.3g} % of the output, which does not decay: noise, or no answer "
+            "with this period"
+        )
+
+
+def gathered(found: Sequence[Approximation], levels: Floats, grid: Grid, told: dict[str, Any]) -> BlaResult:
+    """Return the result of all powers, with a note where periods differ.
+
+    Args:
+        found: one for each power.
+        levels: root mean squares of the input.
+        grid: of all.
+        told: further fields by name.
+    """
+    stacked: dict[str, Any] = {name: np.array([getattr(a, name) for a in found]) for name in _STACKED}
+    output = np.array([a.output for a in found])
+    doubts = [
+        f"at {rms:.4g} rms {words}"
+        for rms, size, found_there in zip(levels, np.maximum(output, 1e-300), found, strict=True)
+        for words in _doubts(found_there, float(size))
+    ]
+    return BlaResult(
+        rms=levels, frequency_hz=grid.lines.excited / (grid.length * grid.dt), output_rms=output,
+        linear_rms=np.array([a.linear for a in found]), dt=grid.dt, samples=grid.length,
+        **stacked, **{**told, "notes": (*told.get("notes", ()), *doubts)},
+    )  # fmt: skip

@@ -1,0 +1,154 @@
+"""Record identification experiments on a model."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.data.excite.assemble import assemble
+from workbench.data.excite.recording import Begin, Samples, measure
+from workbench.data.excite.request import Excite
+from workbench.data.excite.result import ExciteResult
+from workbench.errors import InputError, SimulationError
+from workbench.jobs import job as telling
+from workbench.jobs.runner import Job, Remark, Reply, perform
+from workbench.jobs.runner_choice import at_work
+from workbench.model import Model
+from workbench.model.operating_point import find_point
+from workbench.session.base import Floats
+
+__all__ = ["run"]
+
+WORRYING_CHANGE = 0.01  # of an output's range, with half the communication step
+
+
+def run(model: Model, asked: Excite, job: telling.Job) -> ExciteResult:
+    """Record an experiment; see `Excite`."""
+    point, remarks = find_point(model, asked.at)
+    plain = replace(
+        asked,
+        inputs=tuple(dict.fromkeys(asked.inputs)),
+        outputs=tuple(dict.fromkeys(asked.outputs)),
+        at=None,
+        workers=None,
+        progress=None,
+    )
+    recording = _Recording(model, plain, [*remarks])
+    job.partial = recording.result
+    with at_work(model, asked.place, job) as runner:
+        for event in runner.run(perform, deque([_ExciteJob(plain, point)])):
+            if not isinstance(event, Reply):
+                raise event.error
+            recording.take(event.value)
+            job.done(f"{recording.done} of {recording.total} samples", recording.done, recording.total)
+    found = recording.result()
+    if found is None:
+        raise SimulationError("nothing was recorded")
+    return found
+
+
+@dataclass
+class _Recording:
+    """An experiment under way: what is recorded is kept, whatever ends it.
+
+    Attributes:
+        model: what runs.
+        asked: the experiment.
+        notes: found out while it runs.
+        begin: what is known before the first sample; None: it has not begun.
+        pieces: the samples so far.
+        done: how many samples were run, those of a repetition counted.
+        total: how many there will be.
+    """
+
+    model: Model
+    asked: Excite
+    notes: list[str]
+    begin: Begin | None = None
+    pieces: list[Samples] = field(default_factory=list)
+    done: int = 0
+    total: int = 1
+
+    def take(self, item: object) -> None:
+        """Take what the job yields."""
+        if isinstance(item, Begin):
+            self.begin = item
+            again = self.model.interface == "cs" and self.asked.verify_step
+            self.total = item.total + (len(item.sequences.identification.values) if again else 0)
+        elif isinstance(item, Samples):
+            self.pieces.append(item)
+            self.done += len(item.u)
+        elif isinstance(item, int):
+            self.done += item
+        elif isinstance(item, Remark):
+            self.notes.append(item.text)
+
+    def result(self) -> ExciteResult | None:
+        """Return what was recorded so far; None: too little.
+
+        Raises:
+            SimulationError: it is not finite.
+        """
+        if self.begin is None or sum(len(p.u) for p in self.pieces) < self.begin.sequences.identification.skip + 2:
+            return None
+        return assemble(self.model, self.asked, self.begin, self.pieces, notes=self.notes)
+
+
+# -- in a worker -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _ExciteJob(Job):
+    """The experiment where a crash of the FMU ends in an error.
+
+    Attributes:
+        asked: the experiment.
+        at: operating point; None: the model's start values.
+    """
+
+    asked: Excite
+    at: OperatingPoint | None
+
+    def run(self, model: Model) -> Iterator[Begin | Samples | Remark | int]:
+        begin: Begin | None = None
+        pieces: list[Samples] = []
+        for item in measure(model, self.asked, self.at):
+            if isinstance(item, Begin):
+                begin = item
+            else:
+                pieces.append(item)
+            yield item
+        if self.asked.verify_step and model.interface == "cs" and begin is not None:
+            yield from self._verify(model, begin, np.vstack([p.y for p in pieces]))
+
+    def _verify(self, model: Model, begin: Begin, y: Floats) -> Iterator[Remark | int]:
+        """Repeat the identification part with half the communication step; yields progress, then remarks."""
+        step = begin.step or begin.sampling.dt
+        advice = model.way_out(f"use a step below {step:.3g} s")
+        try:
+            other = yield from self._again(model, 0.5 * step, len(begin.sequences.identification.values))
+        except SimulationError as error:
+            yield Remark(f"with half the communication step the run fails ({error}); {advice}")
+            return
+        except InputError:  # a constant step that cannot be halved
+            return
+        change = np.max(np.abs(other - y[: len(other)]), axis=0) / np.maximum(np.ptp(other, axis=0), 1e-300)
+        for name, value in zip(self.asked.outputs, change.tolist(), strict=True):
+            if value > WORRYING_CHANGE:
+                words = f"{name} changes by {100.0 * value:.3g} % of its range with half the communication step"
+                yield Remark(f"{words}; {advice}")
+
+    def _again(self, model: Model, step: float, count: int) -> Generator[int, None, Floats]:
+        """Run the first `count` samples with another communication step; yields progress, returns the outputs."""
+        seen: list[Floats] = []
+        for item in measure(model, self.asked, self.at, step):
+            if isinstance(item, Samples):
+                seen.append(item.y)
+                yield len(item.y)
+            if sum(len(y) for y in seen) >= count:
+                break
+        return np.vstack(seen)[:count]

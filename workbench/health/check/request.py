@@ -1,0 +1,93 @@
+"""The health card of an FMU: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from workbench.core.records.forms import Names
+from workbench.core.records.option import option
+from workbench.jobs.options import InWorkers, Workers
+from workbench.model.loading import INTERFACES, Loading
+from workbench.requests.request import MODEL_FILE, Request, function
+
+if TYPE_CHECKING:
+    from workbench.health.check.result import HealthCard
+
+__all__ = ["Check", "check"]
+
+_PATIENCE = 60.0  # [s]
+
+
+class _Patient(Workers):
+    """Where the checks run, and for how long each of them may."""
+
+    scheduler: str | None = option("Not for checks.", default=None, python=True)
+    timeout: float | None = option("Time limit for one check [s]; inf for no limit.", metavar="S", default=_PATIENCE)
+
+
+class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
+    """Check whether an FMU keeps its promises: a health card for each interface of the FMU, or of each FMU in a system.
+
+    Each line has a verdict (good, watch, broken, not applicable), the evidence, and what follows for the analyses.
+    The FMU runs in worker processes; a crash or a hang becomes a line, and the other checks go on in a new worker.
+    After a run that fails on its way, the other checks look at a tenth of it. Of a system each FMU is checked by
+    itself, with the start values and steps of the system.
+
+    Not a proof: a check sees only test runs near the start values. What it calls broken has been observed.
+
+    Returns:
+        The card; `card.passed` tells whether no promise is broken.
+
+    Raises:
+        InputError: no such file, an unknown name, a value out of range.
+        FmuError: the file cannot be read, or has no binary for this platform.
+
+    Examples:
+        >>> card = wb.check("fmu:FirstOrderLag", interface="me", only=["reset", "determinism"])
+        >>> print(card.passed)
+        True
+    """
+
+    command = "check"
+    algorithm = "workbench.health.check.run:run"
+    example = "workbench check fmu:Rudder --report health.html"
+    subject = MODEL_FILE
+    counts = "checks"
+
+    _: KW_ONLY
+    only: Names | None = option(
+        "Run these checks only: validation, runs, step, reset, determinism, processes, instances, snapshots, "
+        "promise, directional, dependencies, drift, start-time, nominals, inputs, jumps, memory.",
+        default=None,
+    )
+    skip: Names | None = option("Leave these checks out.", default=None)
+    interface: str = option(
+        "Interface to check, model exchange or co-simulation; auto checks each that the FMU offers.",
+        choices=("auto", *INTERFACES),
+        default="auto",
+        group="Model",
+    )
+    workers: Workers | None = option(
+        "Where the FMU runs and under which limits; by default in worker processes, with 60 s for each check.",
+        default=None,
+        group="Where it runs",
+        part=_Patient,
+    )
+
+    @property
+    def place(self) -> Workers:
+        """Where the FMU runs."""
+        return self._place(_Patient)
+
+    def went_well(self, record: HealthCard) -> bool:
+        """Return whether no promise is broken, and every check came to its end.
+
+        Args:
+            record: of this request.
+        """
+        return record.passed
+
+
+check = function(Check)

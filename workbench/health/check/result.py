@@ -1,0 +1,140 @@
+"""What the health card of an FMU says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from workbench.core.records.record import Part, Record
+from workbench.errors import InputError, suggest
+
+__all__ = ["VERDICTS", "Answer", "HealthCard", "HealthLine"]
+
+# From harmless to serious.
+VERDICTS = ("not applicable", "good", "watch", "broken")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer of one check.
+
+    Attributes:
+        verdict: "good", "watch" (no promise is broken, but an analysis must know it), "broken" (a promise of the FMU
+            or of the standard is not kept) or "not applicable" (`evidence` says why).
+        evidence: what was found, with numbers, in one line.
+        consequence: what it means for the analyses here, in one line; empty: nothing.
+        numbers: what was measured, by name, for programs.
+        finished: whether the check came to its end; not where a crash or the time limit cut it off.
+    """
+
+    verdict: str
+    evidence: str
+    consequence: str = ""
+    numbers: dict[str, Any] = field(default_factory=dict)
+    finished: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class HealthLine(Part):
+    """One check of one interface of one FMU.
+
+    Attributes:
+        component: name in the system; empty where the card is of one FMU.
+        interface: "me" or "cs"; "file": the description, without running it.
+        name: name of the check, a key of `CHECKS`.
+        verdict, evidence, consequence, numbers, finished: see `Answer`.
+        seconds: how long it took.
+    """
+
+    component: str = ""
+    interface: str
+    name: str
+    verdict: str
+    evidence: str
+    consequence: str = ""
+    numbers: dict[str, Any] = field(default_factory=dict)
+    finished: bool = True
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        where = ", ".join(filter(None, (self.component, self.interface)))
+        tail = f" → {self.consequence}" if self.consequence else ""
+        return f"{self.name} ({where}): {self.verdict}: {self.evidence}{tail}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class HealthCard(Record):
+    """Whether an FMU, or each FMU of a system, keeps its promises.
+
+    Attributes:
+        model: name of the model or of the system's file.
+        source: what was checked.
+        sha256: of the FMU's file or folder; of a system those of its FMUs, joined by commas, as the next two are.
+        fmi_version, generation_tool: as the FMU tells them.
+        interfaces: those checked.
+        checks: every line, component by component, the file first, then "me", then "cs".
+        notes: remarks for the user.
+    """
+
+    _page = "workbench.health.check.page:check_page"
+    _picture = "workbench.health.check.picture:plot_check"
+
+    model: str
+    source: str
+    sha256: str
+    fmi_version: str
+    generation_tool: str
+    interfaces: tuple[str, ...]
+    checks: tuple[HealthLine, ...]
+    notes: tuple[str, ...] = ()
+
+    _WHAT, _COMMAND = "a health card", "check"
+
+    @property
+    def worst(self) -> str:
+        """The most serious verdict."""
+        return max((c.verdict for c in self.checks), key=VERDICTS.index, default=VERDICTS[0])
+
+    @property
+    def passed(self) -> bool:
+        """Whether no promise is broken and every check came to its end: what was not seen is not kept."""
+        return self.worst != "broken" and self.finished
+
+    @property
+    def finished(self) -> bool:
+        """Whether every check came to its end."""
+        return all(c.finished for c in self.checks)
+
+    @property
+    def concerns(self) -> tuple[HealthLine, ...]:
+        """What is "broken" or "watch", the serious ones first."""
+        chosen = [c for c in self.checks if c.verdict in VERDICTS[2:]]
+        return tuple(sorted(chosen, key=lambda c: -VERDICTS.index(c.verdict)))
+
+    def line(self, name: str, interface: str, *, component: str = "") -> HealthLine:
+        """Return one line.
+
+        Args:
+            name: name of the check.
+            interface: "me", "cs" or "file".
+            component: component of a system.
+
+        Raises:
+            InputError: there is no such line.
+        """
+        for found in self.checks:
+            if (found.component, found.interface, found.name) == (component, interface, name):
+                return found
+        known = [c.name for c in self.checks if c.interface == interface]
+        raise InputError(f"the card has no check '{name}' of {interface}; {suggest(name, known)}")
+
+    def derived(self) -> dict[str, Any]:
+        """Return the verdict."""
+        return {"verdict": self.worst, "passed": self.passed}
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each check."""
+        names = ("component", "interface", "name", "verdict", "evidence", "consequence")
+        yield names
+        yield from ([getattr(c, n) for n in names] for c in self.checks)

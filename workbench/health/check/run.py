@@ -1,0 +1,256 @@
+"""The health card: every check on every interface of an FMU, or of the FMUs of a system."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+from workbench.core.records.option import options_of
+from workbench.errors import FmuError, InputError, TimedOutError, WorkbenchError
+from workbench.fmi.description import Description
+from workbench.fmi.platforms import binary_path
+from workbench.health.check.job import CheckJob, Done, adapted
+from workbench.health.check.processes import processes
+from workbench.health.check.registry import CHECKS, FILE, PROCESSES, VALIDATION, choose
+from workbench.health.check.request import Check
+from workbench.health.check.result import Answer, HealthCard, HealthLine
+from workbench.health.check.subject import CheckedFmu
+from workbench.jobs.job import Job
+from workbench.jobs.options import Workers
+from workbench.jobs.runner import Lost, Reply, perform
+from workbench.jobs.runner_choice import at_work
+from workbench.model.fmu_model import FmuModel
+from workbench.model.load import load_fmu
+from workbench.model.loading import Loading
+from workbench.model.recipe import content_hash
+from workbench.system.description import FmuComponent, SystemDescription
+from workbench.system.files.read import is_system_file, read_system
+
+__all__ = ["run", "validation"]
+
+_V = TypeVar("_V")
+
+_HANG = "such points are lost after --timeout; simulate also shows chattering or a solver in trouble"
+_SLOW = "not checked, so that the card is not passed: give it longer (--timeout), or leave it out (--skip {name})"
+_UNKNOWN = Answer("not applicable", "another check lost the process that it ran in", finished=False)
+_CRASH = "it ends its process: keep the worker processes (never --in-process); such points are lost"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Part:
+    """One FMU to be checked, and how it is loaded."""
+
+    component: str
+    file: str
+    loading: Loading
+
+
+def run(path: str | Path, asked: Check, job: Job) -> HealthCard:
+    """Check an FMU, or the FMUs of a system; see `Check`."""
+    names = choose(asked.only, asked.skip)
+    given = Loading(**{d.name: getattr(asked, d.name) for d in options_of(Loading)})
+    system = read_system(path) if is_system_file(path) else None  # an .ssp stays unpacked as long as this lives
+    parts = [_Part(component="", file=str(path), loading=given)] if system is None else _parts_of(system, path, given)
+    cards: list[HealthCard] = []
+    for number, part in enumerate(parts, 1):
+        job.stage(number, len(parts))
+        joined = partial(_joined, str(path), tuple(cards))
+        cards.append(_card(part, names, asked.place, job, joined))
+    return _joined(str(path), tuple(cards[:-1]), cards[-1])
+
+
+def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> list[_Part]:
+    """Return each FMU of a system; the interface that the system names, unless the user names one."""
+    found = [c for c in system.components if isinstance(c, FmuComponent)]
+    if not found:
+        raise InputError(f"{path}: the system contains no FMU to check")
+    return [
+        _Part(
+            component=c.name,
+            file=c.file,
+            loading=replace(
+                given,
+                interface=c.interface if given.interface == "auto" else given.interface,
+                solver=c.solver if given.solver == "auto" else given.solver,
+                step=given.step or c.step,
+                start_values={**c.set, **_own(c.name, given.start_values)},
+                bias=_own(c.name, given.bias),
+            ),
+        )
+        for c in found
+    ]
+
+
+def _own(component: str, values: Mapping[str, _V]) -> dict[str, _V]:
+    head = f"{component}."
+    return {name.removeprefix(head): value for name, value in values.items() if name.startswith(head)}
+
+
+# -- one FMU ------------------------------------------------------------------------------------
+
+
+def _card(
+    part: _Part, names: tuple[str, ...], where: Workers, job: Job, joined: Callable[[HealthCard], HealthCard]
+) -> HealthCard:
+    with load_fmu(part.file, part.loading) as model:
+        interfaces = _interfaces(model, part.loading.interface)
+        wanted = {i: tuple(n for n in names if i in CHECKS[n].interfaces) for i in interfaces}
+        lines = [_validated(model)] if VALIDATION in names else []
+        total = len(lines) + sum(map(len, wanted.values()))
+        about = model.description
+        order = {(FILE, VALIDATION): 0} | {(i, n): k for k, (i, n) in enumerate(_pairs(wanted), 1)}
+
+        def card() -> HealthCard:
+            return HealthCard(
+                model=about.model_name,
+                source=part.file,
+                sha256=content_hash(Path(model.recipe.source)),
+                fmi_version=about.fmi_version,
+                generation_tool=about.generation_tool or "unknown tool",
+                interfaces=tuple(interfaces),
+                checks=tuple(
+                    replace(line, component=part.component)
+                    for line in sorted(lines, key=lambda c: order[c.interface, c.name])
+                ),
+                notes=_notes(about, interfaces),
+            )
+
+        for line in _run(model, wanted, where, job):
+            lines.append(line)
+            job.partial = lambda: joined(card())
+            job.done(f"{part.component} {line.interface} {line.name}".strip(), len(lines), total)
+        return card()
+
+
+def _pairs(wanted: Mapping[str, tuple[str, ...]]) -> list[tuple[str, str]]:
+    return [(interface, name) for interface, names in wanted.items() for name in names]
+
+
+def _interfaces(model: FmuModel, wanted: str) -> list[str]:
+    """Return the interfaces to check: those offered, with a binary for this platform."""
+    if wanted != "auto":
+        return [wanted]
+    about = model.description
+    return [i for i in ("me", "cs") if i in about.interfaces and _runs_here(model, about.interfaces[i].identifier)]
+
+
+def _runs_here(model: FmuModel, identifier: str) -> bool:
+    try:
+        binary_path(Path(model.recipe.folder), identifier, source=model.source)
+    except FmuError:
+        return False
+    return True
+
+
+def _notes(about: Description, interfaces: list[str]) -> tuple[str, ...]:
+    missing = [i for i in about.interfaces if i not in interfaces]
+    return tuple(f"interface {i} is available but was not checked" for i in missing)
+
+
+def _validated(model: FmuModel) -> HealthLine:
+    begin = time.monotonic()
+    finding = validation(model.description)
+    return _line(FILE, Done(VALIDATION, finding, time.monotonic() - begin))
+
+
+def _line(interface: str, done: Done) -> HealthLine:
+    return HealthLine(interface=interface, name=done.name, seconds=round(done.seconds, 3), **vars(done.finding))
+
+
+def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers, job: Job) -> Iterator[HealthLine]:
+    """Yield the lines as they are finished; what a crash cuts off goes on in a new worker."""
+    open_names = {i: [n for n in names if n != PROCESSES] for i, names in wanted.items()}
+    jobs = deque(CheckJob(interface=i, names=tuple(names)) for i, names in open_names.items() if names)
+    subjects, lost = {i: CheckedFmu(model) for i in wanted}, set[str]()
+    with at_work(model, where, job) as runner:
+        try:
+            for event in runner.run(perform, jobs):
+                of = event.job
+                if isinstance(event, Reply) and isinstance(event.value, Done):
+                    open_names[of.interface].remove(event.value.name)
+                    subjects[of.interface] = adapted(subjects[of.interface], event.value)
+                    yield _line(of.interface, event.value)
+                elif isinstance(event, Lost):
+                    lost.add(of.interface)
+                    yield from _lost(event, open_names[of.interface], jobs)
+        except WorkbenchError as error:
+            for interface, names in open_names.items():
+                yield from (
+                    _line(interface, Done(n, Answer("broken", str(error), _CRASH, finished=False), 0.0)) for n in names
+                )
+    for interface, subject in subjects.items():
+        if PROCESSES in wanted[interface]:
+            begin = time.monotonic()
+            answer = _UNKNOWN if interface in lost else processes(subject, interface, where, job)
+            yield _line(interface, Done(PROCESSES, answer, time.monotonic() - begin))
+
+
+def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[HealthLine]:
+    """Yield the line of the check in which a worker was lost; queue the others."""
+    job: CheckJob = event.job
+    lost = names.pop(0)
+    yield _line(job.interface, Done(lost, _loss(lost, event), 0.0))
+    again = job.after_loss(lost)
+    if again is None:
+        return
+    if not again.hopeless:
+        jobs.append(again)
+        return
+    reason = f"stopped after {again.crashes} crashes or hangs"
+    while names:
+        yield _line(job.interface, Done(names.pop(0), Answer("not applicable", reason, finished=False), 0.0))
+
+
+def _loss(name: str, lost: Lost) -> Answer:
+    """Return what is said of a check in which the worker was lost; one that takes too long after `runs` may be slow."""
+    if not isinstance(lost.error, TimedOutError):
+        return Answer("broken", lost.reason, _CRASH, finished=False)
+    if name == "runs":
+        return Answer("broken", lost.reason, _HANG, finished=False)
+    return Answer("watch", lost.reason, _SLOW.format(name=name), finished=False)
+
+
+# -- all of them --------------------------------------------------------------------------------
+
+
+def _joined(source: str, before: tuple[HealthCard, ...], last: HealthCard) -> HealthCard:
+    """Return one card of one or several FMUs."""
+    cards = [*before, last]
+    if len(cards) == 1 and not any(line.component for line in cards[0].checks):
+        return cards[0]
+    return HealthCard(
+        model=Path(source).name,
+        source=source,
+        sha256=", ".join(dict.fromkeys(c.sha256 for c in cards)),
+        fmi_version=", ".join(dict.fromkeys(c.fmi_version for c in cards)),
+        generation_tool=", ".join(dict.fromkeys(c.generation_tool for c in cards)),
+        interfaces=tuple(dict.fromkeys(i for c in cards for i in c.interfaces)),
+        checks=tuple(line for c in cards for line in c.checks),
+        notes=tuple(dict.fromkeys(n for c in cards for n in c.notes)),
+    )
+
+
+# -- the description ---------------------------------------------------------------------------
+
+
+def validation(description: Description) -> Answer:
+    """Compare modelDescription.xml with the standard: schema, names, start values, causalities, units, model structure.
+
+    Watch: rules are bent; the workbench reads the file nevertheless, and `consequence` says what it made of it. A file
+    that cannot be read at all never gets a card: the command ends with the reason.
+
+    Args:
+        description: as the workbench read it, leniently.
+    """
+    problems = list(description.problems)
+    if not problems:
+        text = f"FMI {description.fmi_version}: {len(description.variables)} variables, no rule violated"
+        return Answer("good", text, numbers={"problems": []})
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    read = "; ".join(description.notes) or "it is read nevertheless; nothing is lost"
+    return Answer("watch", problems[0] + more, read, {"problems": problems[:100]})

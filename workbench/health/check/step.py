@@ -1,0 +1,211 @@
+"""Does a co-simulation FMU converge with the communication step, how fast, and how far is it at its natural one?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from workbench.errors import SimulationError
+from workbench.health.check.compare import relative_gaps, usual_gap
+from workbench.health.check.result import Answer
+from workbench.health.check.subject import CheckedFmu, Trajectory
+from workbench.session.base import Floats
+
+__all__ = ["step"]
+
+_COARSE = 64  # natural steps over which convergence is judged: short, so that unstable models do not fly away
+_HALVINGS = 8
+_FLOOR = 1e-9  # of the range: changes below it are rounding and the FMU's own tolerance
+_STEADY = 0.25  # orders that close to each other are the order
+_BESIDE = 0.1  # of the points may lie at a jump
+_ORDERS = 3  # steady ones in a row, after which no finer step is tried
+
+_EXACT, _FIRST, _FINE = 1e-4, 1.5, 1e-2
+_ROUNDING = 1e-5  # what an FMU with error control leaves
+_NO_ORDER = 0.5
+
+_DIVERGES = 10.0  # times larger than with a shorter step
+_SETTLED = 2.0
+_FINEST_WHOLE = 5  # halvings of the whole test run
+
+
+@dataclass(frozen=True)
+class _Convergence:
+    """Changes from each step to half of it, relative to the range.
+
+    Attributes:
+        steps: [s], falling.
+        changes: shape (len(steps) − 1,); inf where the longer step failed.
+        orders: log2 of each change over the next.
+        order: the last steady one; NaN: none is seen.
+        error: of the longest step, by Richardson's extrapolation from the shortest two.
+    """
+
+    steps: list[float]
+    changes: list[float]
+    orders: list[float]
+    order: float
+    error: float
+
+
+def step(subject: CheckedFmu) -> Answer:
+    """Halve the communication step until the change falls steadily; then run long enough to see divergence.
+
+    Inputs jump once and stand still, so that what is seen is the FMU's own integration, not how it takes inputs (see
+    inputs). Over 64 natural steps h: y_k with step h/2^k, change d_k = max |y_k − y_(k+1)| over the range, observed
+    order p = log2(d_k / d_(k+1)), y* = y_K + (y_K − y_(K−1)) / (2^p − 1) (Richardson), error of the natural
+    step max |y_0 − y*|. One point of ten may differ by more: where a jump falls beside a communication point, rounding
+    decides on which side. Then over the whole test run (at most 500 natural steps) the largest excursion is
+    compared with that of shorter steps until two of these agree within a factor of 2.
+
+    Broken: the excursion at the natural step is 10 times that of a short one, or it fails where a short one does not:
+    the FMU diverges where the model does not. A model that is itself unstable passes, since it flies away with all
+    steps. Watch: first order with an error above 1e-4, any order with one above 1 %, or no convergence. Good: else.
+
+    Source: Richardson, The approximate arithmetical solution by finite differences, Phil. Trans. A 210 (1911).
+    """
+    near = _converge(subject)
+    far, reached = _excursion(subject)
+    numbers = {
+        "step": subject.step, "own_step": subject.own_step is not None, "steps": near.steps,
+        "changes": _plain(near.changes), "orders": _plain(near.orders), "order": _number(near.order),
+        "error": _number(near.error), "excursion": _number(far), "excursion_step": reached,
+        "diverges": far >= _DIVERGES,
+    }  # fmt: skip
+    return Answer(*_verdict(subject, near, far, reached), numbers=numbers)
+
+
+def _verdict(subject: CheckedFmu, near: _Convergence, far: float, reached: float) -> tuple[str, str, str]:
+    whose = "its own step" if subject.own_step is not None else "its natural step"
+    order = _order_words(near)
+    if far >= _DIVERGES:
+        times = "fails" if math.isinf(far) else f"{far:.3g} times too large"
+        text = f"{order}, diverging at {whose} {subject.step:.4g} s ({times} after {subject.span:.3g} s; "
+        return "broken", f"{text}not with {reached:.3g} s)", _advice(subject, near, reached)
+    error = f"error {100.0 * near.error:.2g} % at {whose} {subject.step:.4g} s"
+    if near.error <= _EXACT or (near.order >= _FIRST and near.error <= _FINE):
+        return "good", f"{error} ({order})", ""
+    return "watch", f"{order}, {error}", _advice(subject, near, subject.step)
+
+
+def _order_words(near: _Convergence) -> str:
+    if near.error <= _ROUNDING or (not near.order >= _NO_ORDER and near.error <= _EXACT):
+        return "the step has almost no effect"
+    if not near.order >= _NO_ORDER:
+        return "no convergence" if math.isnan(near.order) else f"no convergence (order {round(near.order, 1) + 0.0:g})"
+    names = {1: "first", 2: "second", 3: "third", 4: "fourth"}
+    return f"{names.get(round(near.order), 'higher')} order ({near.order:.2f})"
+
+
+def _advice(subject: CheckedFmu, near: _Convergence, reached: float) -> str:
+    if near.order >= _NO_ORDER and near.error <= _FINE and reached >= subject.step:
+        return subject.model.way_out("use a shorter --step where that is too much: half the step leaves half the error")
+    if near.order >= _NO_ORDER and 0.0 < near.error < math.inf:
+        wanted = min(subject.step * (_FINE / near.error) ** (1.0 / near.order), reached)
+        shorter = f"use --step {wanted:.1g} (about 1 % then)"
+    else:
+        shorter = "use a shorter --step, and compare"
+    return f"{subject.model.way_out(shorter)}; nfr and simulate halve the step and tell"
+
+
+# -- near: order and error ----------------------------------------------------------------------
+
+
+def _converge(subject: CheckedFmu) -> _Convergence:
+    points: Floats = subject.start + subject.step * np.arange(1.0, min(_COARSE, subject.steps) + 1)
+    runs: list[Trajectory | None] = []
+    changes: list[float] = []
+    for k in range(_HALVINGS + 1):
+        runs.append(_try(subject, points, subject.step / 2**k))
+        if k:
+            changes.append(_change(runs[-2], runs[-1]))
+        if _enough(changes):
+            break
+    steps = [subject.step / 2**k for k in range(len(runs))]
+    orders = _orders(changes)
+    order = next((p for p in reversed(orders) if math.isfinite(p)), math.nan)
+    return _Convergence(steps, changes, orders, order, _error(runs, order))
+
+
+def _try(subject: CheckedFmu, points: Floats, h: float) -> Trajectory | None:
+    try:
+        return subject.run(subject.constants(), step=h, points=points)
+    except SimulationError:
+        return None
+
+
+def _change(coarse: Trajectory | None, fine: Trajectory | None) -> float:
+    if coarse is None or fine is None:
+        return math.inf
+    return float(usual_gap(coarse, fine, _BESIDE).max(initial=0.0))
+
+
+def _orders(changes: list[float]) -> list[float]:
+    """Return log2 of successive changes; NaN where one of them is below the floor or is not a number."""
+    good = [c if _FLOOR < c < math.inf else math.nan for c in changes]
+    return [math.log2(a / b) for a, b in pairwise(good)]
+
+
+def _enough(changes: list[float]) -> bool:
+    if len(changes) >= 2 and max(changes[-2:]) <= _FLOOR:
+        return True
+    last = _orders(changes)[-_ORDERS:]
+    steady = len(last) == _ORDERS and max(last) - min(last) <= _STEADY and min(last) >= _NO_ORDER
+    return steady and changes[-1] <= _FINE
+
+
+def _error(runs: list[Trajectory | None], order: float) -> float:
+    """Return the error of the first run against the extrapolated last."""
+    first, before, last = runs[0], runs[-2], runs[-1]
+    if first is None or before is None or last is None:
+        return math.inf
+    gain = 1.0 / (2.0**order - 1.0) if order >= _NO_ORDER else 0.0
+    best = Trajectory(last.time, last.values + gain * (last.values - before.values))
+    return float(np.quantile(relative_gaps(first, best), 1.0 - _BESIDE, axis=0).max(initial=0.0))
+
+
+# -- far: divergence ----------------------------------------------------------------------------
+
+
+def _excursion(subject: CheckedFmu) -> tuple[float, float]:
+    """Return how many times larger the excursion at the natural step is than at a short one, and that step [s].
+
+    1 where all steps fail: then it is not the step.
+    """
+    h = subject.step
+    first = reach = _reach(subject, h)
+    for _ in range(_FINEST_WHOLE):
+        before, h = reach, 0.5 * h
+        reach = _reach(subject, h)
+        if reach is not None and before is not None and _times(before, reach) <= _SETTLED:
+            break
+    if reach is None:
+        return 1.0, subject.step
+    return (math.inf if first is None else _times(first, reach)), h
+
+
+def _reach(subject: CheckedFmu, h: float) -> Floats | None:
+    """Return how far each variable gets from where it starts, None where the run fails."""
+    try:
+        found = subject.run(subject.constants(), step=h)
+    except SimulationError:
+        return None
+    reach: Floats = np.abs(found.values - found.values[0]).max(axis=0, initial=0.0)
+    return reach
+
+
+def _times(coarse: Floats, fine: Floats) -> float:
+    """Return the largest ratio of excursions of variables that move."""
+    moving = fine > _FLOOR * fine.max(initial=0.0)
+    return float(np.max(coarse[moving] / fine[moving], initial=1.0))
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _plain(values: list[float]) -> list[float | None]:
+    return [_number(v) for v in values]

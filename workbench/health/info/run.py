@@ -1,0 +1,184 @@
+"""Read what an FMU or a system says of itself, and try how the FMU's state is saved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from workbench.core.machine.cycles import undisturbed
+from workbench.errors import FmuError
+from workbench.fmi.archive import Unpacked, locate, unpack
+from workbench.fmi.description import Description, DisplayUnit
+from workbench.fmi.platforms import binary_path
+from workbench.fmi.reading import read_description
+from workbench.fmi.structure import STRUCTURAL
+from workbench.fmi.ticking import time_based
+from workbench.fmi.variable import Variable
+from workbench.health.info.request import Info
+from workbench.health.info.result import (
+    ClockFacts,
+    FmuInfo,
+    InterfaceFacts,
+    PartFacts,
+    SystemInfo,
+    VariableFacts,
+    WireFacts,
+)
+from workbench.health.info.snapshots import Snapshots, probe_snapshots
+from workbench.jobs.job import Job
+from workbench.model.load import FmuRecipe
+from workbench.requests.kept import remember
+from workbench.requests.model_facts import facts_of, fmu_facts
+from workbench.requests.origin import ModelFacts, Origin
+from workbench.system.description import (
+    BlockComponent,
+    Component,
+    FmuComponent,
+    FunctionComponent,
+    GainComponent,
+    LinearComponent,
+    SumComponent,
+)
+from workbench.system.files.read import is_system_file, read_system
+from workbench.system.load import load
+
+__all__ = ["run"]
+
+
+def run(path: str | Path, asked: Info, job: Job) -> FmuInfo | SystemInfo:
+    """Read an FMU or a system; see `Info`."""
+    if is_system_file(path):
+        return _system(path)
+    with undisturbed():
+        return _fmu(path, job, probe=asked.probe)
+
+
+def _fmu(path: str | Path, job: Job, *, probe: bool) -> FmuInfo:
+    source = locate(path)
+    with unpack(source) as unpacked:
+        found = read_description(unpacked.folder, source=str(source))
+        reasons = {i: _why_not(unpacked.folder, c.identifier, source) for i, c in found.interfaces.items()}
+        runs = [i for i, reason in reasons.items() if not reason]
+        snapshots = _snapshots(unpacked, found, runs, job) if probe and runs else {}
+
+    def having(causality: str) -> tuple[VariableFacts, ...]:
+        return _facts(v for v in found.variables if v.causality == causality and v.type != "Clock")
+
+    shown = ("input", "output", "parameter", STRUCTURAL)
+    told = [*found.states, *(v for v in found.variables if v.causality in shown)]
+    record = FmuInfo(
+        model=found.model_name,
+        description=found.description,
+        fmi_version=found.fmi_version,
+        generation_tool=found.generation_tool,
+        interfaces=tuple(sorted(found.interfaces)),
+        platforms=tuple(found.platforms),
+        runnable=bool(runs),
+        runs_here=tuple(sorted(runs)),
+        inputs=having("input"),
+        outputs=having("output"),
+        states=_facts(found.states),
+        parameters=having("parameter"),
+        capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in found.interfaces.items()},
+        experiment=found.experiment,
+        notes=(*found.notes, *dict.fromkeys(filter(None, reasons.values()))),
+        structural_parameters=having(STRUCTURAL),
+        scheduled_execution=found.scheduled is not None,
+        clocks=_clocks(found),
+        terminals=found.terminals,
+        enumerations={v.name: items for v in told if (items := found.enumerations.get(v.declared_type or ""))},
+        display_units=_display_units(told, found),
+    )
+    facts = ModelFacts(name=found.model_name, fmus=(fmu_facts(source, found, ""),))  # no interface was chosen
+    remember(record, Origin(models=(facts,)))
+    return record
+
+
+def _facts(variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
+    return tuple(VariableFacts(v.name, v.type, v.unit, v.start, v.description) for v in variables)
+
+
+def _display_units(variables: Iterable[Variable], described: Description) -> dict[str, DisplayUnit]:
+    """Return variable → the unit in which it is to be shown."""
+    shown = ((v, described.units.get(v.unit or "")) for v in variables if v.display_unit)
+    return {v.name: d for v, unit in shown if unit is not None for d in unit.display if d.name == v.display_unit}
+
+
+def _clocks(described: Description) -> tuple[ClockFacts, ...]:
+    """Return the clocks; they tick in event mode, so not in every interface."""
+    here = any(name == "me" or claims.event_mode for name, claims in described.interfaces.items())
+    driven = time_based(described.clocks)
+    return tuple(
+        ClockFacts(
+            name=name,
+            kind=clock.kind,
+            causality=clock.causality,
+            interval=clock.interval,
+            shift=clock.shift,
+            driven=here and name in driven,
+            variables=tuple(v for v, clocks in described.clocked.items() if name in clocks),
+        )
+        for name, clock in described.clocks.items()
+    )
+
+
+def _why_not(folder: Path, identifier: str, source: Path) -> str:
+    """Return why an interface does not run here; empty: it does."""
+    try:
+        binary_path(folder, identifier, source=str(source))
+    except FmuError as error:
+        return str(error)
+    return ""
+
+
+def _snapshots(
+    unpacked: Unpacked, description: Description, interfaces: Sequence[str], job: Job
+) -> dict[str, Snapshots]:
+    """Return how snapshots are taken with each interface that runs here."""
+    recipe = FmuRecipe(
+        source=str(unpacked.source),
+        folder=str(unpacked.folder),
+        interface=interfaces[0],
+        solver="auto",
+    )
+    return dict(probe_snapshots(recipe, description.interfaces, interfaces, job))
+
+
+def _system(path: str | Path) -> SystemInfo:
+    system = read_system(path)
+    with load(path) as model:
+        record = SystemInfo(
+            model=system.name,
+            interfaces=(model.interface,),
+            solver=model.solver,
+            runnable=True,
+            components=tuple(PartFacts(c.name, _what(c)) for c in system.components),
+            connections=tuple(
+                WireFacts(c.destination, c.source, c.gain, c.offset, c.unit, c.closes_at) for c in system.connections
+            ),
+            inputs=_facts(model.inputs),
+            outputs=_facts(model.outputs),
+            parameters=_facts(model.parameters),
+            states=_facts(model.states),
+            notes=tuple(model.notes),
+        )
+        remember(record, Origin(models=(facts_of(model),)))
+        return record
+
+
+def _what(component: Component) -> str:
+    """A component in a few words."""
+    match component:
+        case FmuComponent():
+            return component.file
+        case LinearComponent():
+            kind = f"sampled at {component.dt:g} s" if component.dt > 0.0 else "continuous"
+            return f"linear, {len(component.A)} states, {kind}"
+        case GainComponent():
+            return f"gain {component.gain:g}"
+        case SumComponent():
+            return f"sum {''.join('+' if s > 0 else '-' for s in component.signs)}"
+        case FunctionComponent():
+            return "Python function"
+        case BlockComponent():
+            return component.block.words

@@ -1,0 +1,75 @@
+"""How snapshots of an FMU are taken: found out where a crash harms nobody."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from workbench.errors import WorkbenchError
+from workbench.fmi.description import Capabilities
+from workbench.jobs import job as telling
+from workbench.jobs.options import Limits
+from workbench.jobs.pool import Pool
+from workbench.jobs.runner import Job, Lost, Reply, perform
+from workbench.model import DescribedModel, Model
+from workbench.model.load import FmuRecipe
+
+__all__ = ["Snapshots", "probe_snapshots"]
+
+# A probe that takes longer finds nothing that is of use [s].
+_PATIENCE = 20.0
+
+
+@dataclass(frozen=True)
+class Snapshots:
+    """How snapshots are taken.
+
+    Attributes:
+        method: "state" (the FMU's own, proved by a probe) or "replay" of what was done since the start.
+        why: why not the FMU's own state; empty where it is used.
+    """
+
+    method: str
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class _Probe(Job):
+    interface: str
+
+    def run(self, model: Model) -> Iterator[Snapshots]:
+        if not isinstance(model, DescribedModel):
+            return
+        with replace(model.recipe, interface=self.interface, solver="auto").open() as probed:
+            yield Snapshots(probed.snapshot_method(), probed.why_replay())
+
+
+def probe_snapshots(
+    recipe: FmuRecipe, claims: Mapping[str, Capabilities], interfaces: Sequence[str], told: telling.Job
+) -> dict[str, Snapshots]:
+    """Take, disturb, restore and compare, in worker processes.
+
+    Args:
+        recipe: of the FMU, with one of the interfaces.
+        claims: what the FMU says about its interfaces.
+        interfaces: those to be probed; they must be able to run on this platform.
+        told: gets what the user should know of how they ran.
+    """
+    found = {
+        name: Snapshots("replay", "the FMU does not claim to save its state")
+        for name in interfaces
+        if not claims[name].state
+    }
+    jobs: deque[_Probe] = deque(_Probe(name) for name in interfaces if name not in found)
+    with Pool(recipe, jobs=1, limits=Limits(timeout=_PATIENCE)) as pool:
+        try:
+            for event in pool.run(perform, jobs):
+                if isinstance(event, Reply):
+                    found[event.job.interface] = event.value
+                elif isinstance(event, Lost):
+                    found[event.job.interface] = Snapshots("replay", f"the probe failed: {event.reason}")
+        except WorkbenchError as error:
+            found |= {n: Snapshots("replay", f"the probe failed: {error}") for n in interfaces if n not in found}
+    told.notes += pool.remarks()
+    return found

@@ -1,0 +1,238 @@
+"""Fit a rational model to a measured frequency response."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from workbench.core.values.response import Response
+from workbench.data.bla.result import BlaResult
+from workbench.errors import InputError
+from workbench.identification.fit.matrix import Points, StateSpaceFit, fitted_matrix
+from workbench.identification.fit.noise import course, judged
+from workbench.identification.fit.rational import Rational, fitted
+from workbench.identification.fit.reading import Measured, measured
+from workbench.identification.fit.request import Fit
+from workbench.identification.fit.result import FitResult
+from workbench.jobs.job import Job
+from workbench.response.nfr.result import NfrResult
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from control import FrequencyResponseData
+
+__all__ = ["run"]
+
+Complex = NDArray[np.complex128]
+
+_CIRCLE = 1.7308  # radius of the 95 % circle over σ of a complex normal error: √(−ln 0.05)
+_LEAST = 1e-6  # of the largest gain: no response is known better
+_EVEN = 2.0 * np.log(20.0)  # criteria nearer than this are even: the odds are below 20 to 1
+_ENOUGH = 10  # numbers beyond those fitted: with fewer the size of noise is known to no better than half of itself
+
+
+def run(
+    response: Response | NfrResult | BlaResult | FrequencyResponseData | str | Path, asked: Fit, job: Job
+) -> FitResult:
+    """Fit a model; see `Fit`."""
+    source = measured(response, asked)
+    data = _data(source, asked)
+    p, m = len(source.outputs), len(source.inputs)
+    most = (2 * len(data.f) - p * m) // (p + m) - 1
+    if most < 0:
+        raise InputError(f"{source.model}: the response has {len(data.f)} points with a value, too few to fit")
+    if asked.order != "auto" and asked.order > most:
+        raise InputError(f"order {asked.order} is too high: {len(data.f)} points allow {most}")
+    orders = range(min(asked.max_order, most) + 1) if asked.order == "auto" else (asked.order,)
+    found = _chosen(data, orders, asked, job)
+    best, criterion = found.best, found.criterion
+    A, B, C, D = best.matrices if source.dt == 0.0 else _sampled(best.matrices, source.dt)
+    amplitudes = {curve.amplitude for curve in source.curves}
+    return FitResult(
+        A=A, B=B, C=C, D=D, dt=source.dt, state_names=tuple(f"x{k + 1}" for k in range(best.order)),
+        input_names=source.inputs, output_names=source.outputs, units=source.units,
+        model=source.model, order=best.order, order_reason=_reason(criterion, best.order, asked),
+        order_criterion=criterion if asked.order == "auto" else np.zeros(0), delay=asked.delay,
+        amplitude=amplitudes.pop() if len(amplitudes) == 1 else None, frequency_hz=data.f, measured=data.value,
+        sigma=found.sigma, pole_spread=best.pole_spread(), of_output=data.points.row,
+        of_input=data.points.column, notes=(*_notes(source, best, criterion, asked), *_noise_notes(found, data)),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Chosen:
+    """The best order.
+
+    Attributes:
+        best: its fit, with the errors that are known of the values.
+        criterion: shape (o,), of each order.
+        sigma: shape (k,), standard deviation of the values.
+        free: numbers left to chance.
+    """
+
+    best: Rational | StateSpaceFit
+    criterion: Floats
+    sigma: Floats
+    free: float
+
+
+def _chosen(data: _Data, orders: Sequence[int], asked: Fit, job: Job) -> _Chosen:
+    """Return the order of the least criterion; where errors are not known, with the course of noise of the least."""
+    courses = [data.points] if data.known else [data.points, *_scattered(data)]
+    found: list[_Chosen] = []
+    for part, points in enumerate(courses, 1):
+        tried: list[Rational | StateSpaceFit] = []
+        job.stage(part, len(courses))
+        for n in orders:
+            tried.append(_fitted(points, n, asked))
+            job.done(f"order {n}", len(tried), len(orders))
+        found.append(_of_course(tried, points, data))
+    return min(found, key=lambda one: float(np.min(one.criterion)))
+
+
+def _of_course(tried: Sequence[Rational | StateSpaceFit], points: Points, data: _Data) -> _Chosen:
+    """Return the best of several orders with one course of the noise."""
+    count = 2.0 * len(points.s)
+    if data.known:
+        # The misfits of real and imaginary parts over their σ/√2 have χ² of 2 k numbers.
+        criterion = np.array([2.0 * r.cost + r.freedom * np.log(count) for r in tried])
+        best = tried[int(np.argmin(criterion))]
+        return _Chosen(best, criterion, points.sigma, count - best.freedom)
+    noise = judged(tried, points, data.points.sigma)
+    place = int(np.argmin(noise.criterion))
+    scale, best = float(noise.scale[place]), tried[place]
+    own = replace(best, cost=best.cost / scale**2, covariance=best.covariance * scale**2)
+    return _Chosen(own, noise.criterion, scale * points.sigma, float(noise.free[place]))
+
+
+def _scattered(data: _Data) -> Iterator[Points]:
+    """Yield the points of a single channel with noise of another course than the gain's, where neighbours show one."""
+    points = data.points
+    if points.shape == (1, 1):
+        found = course(data.f, points.value)
+        if found is not None:
+            yield replace(points, sigma=found * float(np.median(points.sigma / found)))
+
+
+def _noise_notes(found: _Chosen, data: _Data) -> Iterator[str]:
+    """Yield what the order and the errors rest on where the response comes without errors."""
+    if data.known:
+        yield from data.bare
+        return
+    part = 100.0 * float(np.median(found.sigma / np.abs(data.value)))
+    if found.free < _ENOUGH:
+        yield (
+            f"no errors of the response are given, and {found.free:.0f} numbers beyond those fitted do not tell noise "
+            "from dynamics: the order rests on no error (give errors, or the order)"
+        )
+    elif np.allclose(found.sigma, data.points.sigma):
+        yield f"no errors of the response are given; beyond the accuracy of {part:.2g} % it shows no noise"
+    else:
+        yield (
+            f"no errors of the response are given: order and errors rest on the scatter about the model, {part:.2g} % "
+            "of the gain (median)"
+        )
+    near = np.flatnonzero(found.criterion - np.min(found.criterion) < _EVEN)
+    near = near[near != np.argmin(found.criterion)]
+    if len(near):
+        orders = ", ".join(str(n) for n in near)
+        yield f"order {orders} explains the values about as well; without errors they do not tell which: give errors"
+
+
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """What is fitted.
+
+    Attributes:
+        f: shape (k,) [Hz].
+        value: shape (k,), as measured.
+        points: the same without the known delay.
+        known: whether there are errors.
+        bare: words about each channel with values that have none.
+    """
+
+    f: Floats
+    value: Complex
+    points: Points
+    known: bool
+    bare: tuple[str, ...]
+
+
+def _data(source: Measured, asked: Fit) -> _Data:
+    """Return the points with a value of all channels, one channel after the other."""
+    parts, bare, known = [], [], False
+    for curve in source.curves:
+        good = np.isfinite(curve.value) & (np.abs(curve.value) > 0.0) & (curve.frequency_hz > 0.0)
+        if source.dt > 0.0:
+            good &= curve.frequency_hz < 0.4999 / source.dt
+        f, value = curve.frequency_hz[good], curve.value[good]
+        error = np.full(len(f), np.nan) if curve.error is None else curve.error[good]
+        sigma = np.abs(value) * np.hypot(np.nan_to_num(error, nan=0.0) / _CIRCLE, asked.accuracy)
+        sigma = np.maximum(sigma, _LEAST * np.abs(value).max(initial=0.0))
+        if len(source.curves) > 1 and not len(f):
+            raise InputError(f"{source.model}: no point from {curve.input} to {curve.output} has a value")
+        known = known or bool(np.isfinite(error).any())
+        if np.isnan(error).any():
+            of = f" of the response from {curve.input} to {curve.output}" if len(source.curves) > 1 else ""
+            at = "" if np.isnan(error).all() else f" at {np.count_nonzero(np.isnan(error))} of {len(f)} frequencies"
+            bare.append(
+                f"no error{of} is given{at}, and other values have theirs: the accuracy of "
+                f"{100.0 * max(asked.accuracy, _LEAST):.2g} % alone counts there (give errors, or a larger accuracy)"
+            )
+        place = source.outputs.index(curve.output or "y"), source.inputs.index(curve.input or "u")
+        parts.append((f, value, sigma, *(np.full(len(f), number) for number in place)))
+    f, value, sigma, row, column = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    plain = value * np.exp(2j * np.pi * f * asked.delay)
+    return _Data(f, value, Points(_laplace(f, source.dt), row, column, plain, sigma), known, tuple(bare))
+
+
+def _fitted(points: Points, order: int, asked: Fit) -> Rational | StateSpaceFit:
+    if points.shape == (1, 1):
+        return fitted(points.s, points.value, points.sigma, order, direct=asked.feedthrough, stable=asked.stable)
+    return fitted_matrix(points, order, direct=asked.feedthrough, stable=asked.stable)
+
+
+def _reason(criterion: Floats, order: int, asked: Fit) -> str:
+    if asked.order != "auto":
+        return "given"
+    why = f"smallest Bayesian criterion among orders 0 to {len(criterion) - 1}"
+    for n in (order - 1, order + 1):
+        if 0 <= n < len(criterion):
+            why += f"; order {n} would raise it by {criterion[n] - criterion[order]:.4g}"
+    return why
+
+
+def _notes(source: Measured, best: Rational | StateSpaceFit, criterion: Floats, asked: Fit) -> tuple[str, ...]:
+    notes = []
+    # At several powers of the same input, there is one word for each.
+    at = {(c.input, c.amplitude, c.input_unit) for c in source.curves if c.amplitude is not None}
+    for name, amplitude, unit in sorted(at, key=str):
+        of = f" of {name}" if len(source.curves) > 1 else ""
+        notes.append(f"measured at {amplitude:.4g}{f' {unit}' if unit else ''}{of}: a linear model at this amplitude")
+    if asked.order == "auto" and best.order == len(criterion) - 1 > 0:
+        notes.append(f"order {best.order} is the largest considered: allow more, or a larger misfit (accuracy)")
+    if asked.delay:
+        notes.append(f"the delay of {asked.delay:g} s is not in A, B, C and D")
+    return tuple(notes)
+
+
+def _laplace(f: Floats, dt: float) -> Complex:
+    """Return s = jω, or of a sampled model (2/dt) (z − 1)/(z + 1), in which it is rational too."""
+    if dt == 0.0:
+        return np.asarray(2j * np.pi * f)
+    return np.asarray(2j / dt * np.tan(np.pi * f * dt))
+
+
+def _sampled(matrices: tuple[Floats, Floats, Floats, Floats], dt: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the sampled model whose response at z is that of the given one at (2/dt) (z − 1)/(z + 1)."""
+    A, B, C, D = matrices
+    n = len(A)
+    inverse = scipy.linalg.inv(np.eye(n) - 0.5 * dt * A) if n else np.zeros((0, 0))
+    root = np.sqrt(dt)
+    return inverse @ (np.eye(n) + 0.5 * dt * A), root * inverse @ B, root * C @ inverse, D + 0.5 * dt * C @ inverse @ B

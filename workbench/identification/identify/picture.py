@@ -1,0 +1,312 @@
+"""Pictures of an identified model: bars for the choice of its order, poles and zeros with their confidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Polygon
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from workbench.core.values.poles import pole_rows
+from workbench.identification.validate.pole_zero import in_words
+from workbench.session.base import Floats
+from workbench.show.bode import Degrees, log_axis
+from workbench.show.figure import ABOVE, COLOURS, LEGEND, LINE, panels
+
+if TYPE_CHECKING:
+    from workbench.identification.identified.model import IdentifiedModel
+    from workbench.identification.subspace.result import SubspaceEstimate
+    from workbench.identification.validate.bootstrap import PoleBootstrap
+    from workbench.identification.validate.pole_zero import NearCancellation
+    from workbench.identification.validate.regions import PoleRegion
+    from workbench.identification.validate.spread import ModelSpread
+
+__all__ = ["plot_bootstrap", "plot_order", "plot_poles", "plot_spread"]
+
+Complex = NDArray[np.complex128]
+
+_BARS = 24
+_GREY = "#b8c4ce"
+_SMALL = 0.15  # half axes of regions that deserve a magnified picture
+_PAIRS = 4  # inputs and outputs that fit beside each other
+_FAR = 1.6  # zeros further out are named instead of drawn
+
+
+def plot_order(result: SubspaceEstimate) -> Figure:
+    """Draw singular values and principal angles [deg] as bars, the order taken in colour.
+
+    Args:
+        result: of the subspace identification.
+    """
+    criterion = len(result.order_criterion) > 0
+    title = f"{result.model.name}: choice of the order ({result.method}), {result.order} taken"
+    figure, grid = panels(3 if criterion else 2, 1, title=title, height=2.1)
+    shown = min(_BARS, max(len(result.singular_values), result.order + 1))
+    _singular(grid[0][0], result, shown)
+    _angles(grid[1][0], result, shown)
+    if criterion:
+        _criterion(grid[2][0], result, shown)
+    for ax in (row[0] for row in grid):
+        ax.set_xlim(0.3 if not criterion else -0.7, shown + 0.7)
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=13))
+        ax.grid(visible=False, axis="x")
+    grid[-1][0].set_xlabel("order")
+    reason = "\n".join(wrap(f"order {result.order}: {result.order_reason}", LINE))
+    figure.supxlabel(reason, x=0.01, ha="left", fontsize=8.5)
+    return figure
+
+
+def _bars(ax: Axes, values: Floats, order: int) -> None:
+    at = np.arange(1, len(values) + 1)
+    for chosen, colour, text in ((at <= order, COLOURS[0], "taken"), (at > order, _GREY, "left out")):
+        ax.bar(at[chosen], values[chosen], color=colour, width=0.7, label=text)
+
+
+def _singular(ax: Axes, result: SubspaceEstimate, shown: int) -> None:
+    values = result.singular_values[:shown]
+    positive = values[values > 0.0]
+    ax.set_yscale("log")
+    _bars(ax, values, result.order)
+    ax.legend(**LEGEND)
+    if result.floor > 0.0 and positive.size and positive.min() < 1e3 * result.floor:
+        ax.axhline(result.floor, color="#666666", linestyle="--", linewidth=0.9)
+        ax.annotate("rounding", (shown, result.floor), va="bottom", ha="right", fontsize=8.0, color="#555555")
+    if positive.size:
+        ax.set_ylim(0.3 * float(positive.min()), 4.0 * float(positive.max()))
+    ax.set_ylabel("canonical correlation" if result.basis == "combined" else "singular value")
+
+
+def _angles(ax: Axes, result: SubspaceEstimate, shown: int) -> None:
+    _bars(ax, result.principal_angles_deg[:shown], result.order)
+    ax.axhline(90.0, color="#666666", linestyle="--", linewidth=0.9)
+    ax.set_ylim(0.0, 100.0)
+    ax.set_yticks([0.0, 30.0, 60.0, 90.0])
+    ax.set_ylabel("principal angle [deg]")
+
+
+def _criterion(ax: Axes, result: SubspaceEstimate, shown: int) -> None:
+    values = result.order_criterion[: shown + 1]
+    best = min(result.order, len(values) - 1)
+    ax.plot(np.arange(len(values)), values, "o-", color=COLOURS[0], markersize=3.5, linewidth=1.0)
+    ax.plot(best, values[best], "o", color=COLOURS[1], markersize=6.5, label="taken")
+    ax.set_ylabel("information criterion")
+    ax.legend(**LEGEND)
+
+
+def plot_poles(
+    model: IdentifiedModel,
+    *,
+    cancellations: Sequence[NearCancellation] = (),
+    bootstrap: PoleBootstrap | ModelSpread | None = None,
+) -> Figure:
+    """Draw poles and zeros of a discrete model with the unit circle, near-cancellations marked, and 95 % regions.
+
+    A table beside names natural frequency and damping ratio of each pole.
+
+    Args:
+        model: discrete.
+        cancellations: pairs to be marked.
+        bootstrap: regions of the poles.
+    """
+    poles, zeros = model.undelayed().poles, model.undelayed().zeros
+    title = f"{model.name}: poles and zeros of the model of order {len(poles)}"
+    figure, ax, side, cells = _plane(title)
+    if bootstrap is not None:
+        _regions(ax, bootstrap)
+    near = zeros[np.abs(zeros) <= _FAR]
+    ax.plot(near.real, near.imag, "o", color=COLOURS[1], markerfacecolor="none", markersize=7.5, label="zero")
+    ax.plot(poles.real, poles.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8, label="pole")
+    _mark(ax, cancellations)
+    _legend(ax, bootstrap, cancellations)
+    _table(side, poles, model.dt, bootstrap)
+    _zooms(figure, cells, bootstrap)
+    far = [z for z in zeros[np.abs(zeros) > _FAR].tolist() if z.imag >= 0.0]
+    if far:
+        outside = f"zeros outside the picture: {', '.join(in_words(z) for z in far)}"
+        figure.supxlabel(outside, x=0.01, ha="left", fontsize=8.5)
+    return figure
+
+
+def plot_bootstrap(result: PoleBootstrap) -> Figure:
+    """Draw poles, those of all bootstrap replicates and the confidence regions.
+
+    Args:
+        result: what to draw.
+    """
+    poles = np.array([r.pole for r in result.regions], dtype=np.complex128)
+    figure, ax, side, cells = _plane(f"Confidence of the poles: {len(result.replicates)} bootstrap replicates")
+    _regions(ax, result)
+    ax.plot(poles.real, poles.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8, label="pole")
+    _legend(ax, result, ())
+    _table(side, poles, result.dt, result)
+    _zooms(figure, cells, result)
+    return figure
+
+
+def plot_spread(result: ModelSpread) -> Figure:
+    """Draw gain [dB] and phase [deg] over frequency [Hz], from each input to each output, with their regions.
+
+    Args:
+        result: what to draw.
+    """
+    _, p, m = result.response.shape
+    pairs = [(i, j) for i in range(p) for j in range(m)][:_PAIRS]
+    title = f"{result.name}: frequency response with {100.0 * result.confidence:g} % regions"
+    figure, grid = panels(2, len(pairs), title=title, height=2.3)
+    for column, (i, j) in enumerate(pairs):
+        value, error = result.response[:, i, j], result.gain_error[:, i, j]
+        gain, phase = np.abs(value), np.unwrap(np.angle(value))
+        turn = np.degrees(np.arcsin(np.minimum(error, 1.0)))
+        curves = (
+            tuple(20.0 * np.log10(gain * part) for part in (np.maximum(1.0 - error, 1e-3), 1.0, 1.0 + error)),
+            (np.degrees(phase) - turn, np.degrees(phase), np.degrees(phase) + turn),
+        )  # fmt: skip
+        for ax, (low, middle, high), text in zip(
+            (grid[0][column], grid[1][column]), curves, ("gain [dB]", "phase [deg]"), strict=True
+        ):
+            ax.fill_between(result.frequency_hz, low, high, color=COLOURS[2], alpha=0.3, linewidth=0.0)
+            ax.semilogx(result.frequency_hz, middle, color=COLOURS[0], linewidth=1.2)
+            if column == 0:
+                ax.set_ylabel(text)
+        grid[0][column].set_title(f"{result.input_names[j]} → {result.output_names[i]}", fontsize=9.0, loc="left")
+        grid[1][column].set_xlabel("frequency [Hz]")
+        grid[1][column].yaxis.set_major_locator(Degrees())
+        for ax in (grid[0][column], grid[1][column]):
+            log_axis(ax, float(result.frequency_hz[0]), float(result.frequency_hz[-1]))
+    return figure
+
+
+def _plane(title: str) -> tuple[Figure, Axes, Axes, GridSpec]:
+    """Return a figure with the plane of discrete poles, room for a table, and the grid they lie in."""
+    figure, grid = panels(1, 1, title=title, width=9.6, height=5.0)
+    ax = grid[0][0]
+    cells = figure.add_gridspec(2, 4)
+    ax.set_subplotspec(cells[:, :2])
+    side = figure.add_subplot(cells[0, 2:])
+    ax.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor="#444444", linewidth=1.0))
+    ax.axhline(0.0, color="#888888", linewidth=0.7)
+    ax.axvline(0.0, color="#888888", linewidth=0.7)
+    ax.set_aspect("equal")
+    ax.set_xlim(-1.2, 1.2)
+    ax.set_ylim(-1.2, 1.2)
+    ax.set_xlabel("real part [1]")
+    ax.set_ylabel("imaginary part [1]")
+    side.set_axis_off()
+    return figure, ax, side, cells
+
+
+def _regions(ax: Axes, bootstrap: PoleBootstrap | ModelSpread) -> None:
+    _clouds(ax, bootstrap)
+    if bootstrap.determined < len(bootstrap.regions):
+        ax.add_patch(Circle((0.0, 0.0), 1.0, color=COLOURS[5], alpha=0.15, zorder=1.0, linewidth=0.0))
+    for region in bootstrap.regions:
+        if region.determined:
+            _region(ax, region)
+
+
+def _clouds(ax: Axes, bootstrap: PoleBootstrap | ModelSpread) -> None:
+    every = bootstrap.replicates.ravel()
+    ax.plot(every.real, every.imag, ".", color=COLOURS[4], markersize=2.0, alpha=0.5, zorder=1.5)
+
+
+def _region(ax: Axes, region: PoleRegion) -> None:
+    if region.on_axis:
+        half = region.half_axes[0]
+        ends = [region.pole.real - half, region.pole.real + half]
+        ax.plot(ends, [0.0, 0.0], "-|", color=COLOURS[2], linewidth=3.0, alpha=0.7, markersize=9.0, zorder=1.8)
+        return
+    edge = region.outline()
+    corners = np.column_stack([edge.real, edge.imag])
+    ax.add_patch(Polygon(corners, facecolor=COLOURS[2], edgecolor="none", alpha=0.25, zorder=1.7))
+    ax.plot(edge.real, edge.imag, color=COLOURS[2], linewidth=1.0, zorder=1.8)
+
+
+def _zooms(figure: Figure, cells: GridSpec, bootstrap: PoleBootstrap | ModelSpread | None) -> None:
+    """Magnify two regions that are too small to be seen, those nearest to the unit circle."""
+    if bootstrap is None:
+        return
+    upper = [r for r in bootstrap.regions if r.determined and r.pole.imag >= 0.0 and r.half_axes[0] < _SMALL]
+    for k, region in enumerate(sorted(upper, key=lambda r: abs(abs(r.pole) - 1.0))[:2]):
+        ax = figure.add_subplot(cells[1, 2 + k])
+        ax.grid(visible=True, color="#dddddd", linewidth=0.6)
+        _clouds(ax, bootstrap)
+        _region(ax, region)
+        ax.plot(region.pole.real, region.pole.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8)
+        half = 1.35 * region.half_axes[0]
+        ax.set_xlim(region.pole.real - half, region.pole.real + half)
+        ax.set_ylim(region.pole.imag - half, region.pole.imag + half)
+        ax.set_aspect("equal")
+        ax.tick_params(labelsize=7.5)
+        ax.set_xlabel("real part [1]", fontsize=8.0)
+        ax.locator_params(nbins=4)
+        ax.set_title(f"magnified: {in_words(region.pole)}", fontsize=8.5, loc="left")
+
+
+def _mark(ax: Axes, cancellations: Sequence[NearCancellation]) -> None:
+    for pair in cancellations:
+        middle = 0.5 * (pair.pole + pair.zero)
+        radius = 0.5 * pair.distance + 0.07
+        for sign in (1.0, -1.0) if middle.imag > 1e-9 else (1.0,):
+            at = (middle.real, sign * middle.imag)
+            ax.add_patch(Circle(at, radius, fill=False, edgecolor=COLOURS[3], linewidth=1.4, linestyle="--"))
+
+
+def _legend(ax: Axes, bootstrap: PoleBootstrap | ModelSpread | None, cancellations: Sequence[NearCancellation]) -> None:
+    handles, labels = ax.get_legend_handles_labels()
+    extra: list[tuple[dict[str, Any], str]] = []
+    if bootstrap is not None:
+        if len(bootstrap.replicates):
+            extra.append(({"color": COLOURS[4], "marker": ".", "linestyle": "none"}, "bootstrap replicate"))
+        if bootstrap.determined:
+            wide = {"color": COLOURS[2], "linewidth": 4.0, "alpha": 0.5}
+            extra.append((wide, f"{100.0 * bootstrap.confidence:g} % region"))
+        if bootstrap.determined < len(bootstrap.regions):
+            extra.append(({"color": COLOURS[5], "linewidth": 6.0, "alpha": 0.25}, "region of undetermined poles"))
+    if cancellations:
+        extra.append(({"color": COLOURS[3], "linestyle": "--"}, "nearly cancel"))
+    handles = [*handles, *(Line2D([], [], **style) for style, _ in extra)]
+    ax.legend(handles, [*labels, *(text for _, text in extra)], ncols=3, **ABOVE)
+
+
+def _table(ax: Axes, poles: Complex, dt: float, bootstrap: PoleBootstrap | ModelSpread | None) -> None:
+    """List poles, one line for a pair, with natural frequency, damping ratio and size of the region."""
+    head = ["pole", "natural\n[Hz]", "damping\nratio"]
+    head += [] if bootstrap is None else [f"{100.0 * bootstrap.confidence:g} % region,\nhalf axes"]
+    upper = sorted((p for p in poles.tolist() if p.imag >= 0.0), key=lambda p: -abs(p))
+    rows = [[in_words(p), *_motion(p, dt), *_size(p, bootstrap)] for p in upper]
+    if not rows:
+        ax.text(0.0, 0.9, "no poles: a gain alone")
+        return
+    widths = [0.36, 0.2, 0.16] + ([] if bootstrap is None else [0.34])
+    table = ax.table(cellText=rows, colLabels=head, loc="upper left", cellLoc="left", colWidths=widths)
+    table.auto_set_font_size(False)
+    table.set_fontsize(8.0)
+    for (row, _), cell in table.get_celld().items():
+        cell.set_edgecolor("#cccccc")
+        cell.set_height(0.11 if row == 0 else 0.06)
+        if row == 0:
+            cell.set_facecolor("#eef2f5")
+
+
+def _motion(pole: complex, dt: float) -> list[str]:
+    """Return natural frequency [Hz] and damping ratio of the continuous pole behind a discrete one."""
+    (row,) = pole_rows([pole], dt)
+    return [row.natural, row.damping]
+
+
+def _size(pole: complex, bootstrap: PoleBootstrap | ModelSpread | None) -> list[str]:
+    if bootstrap is None:
+        return []
+    region = min(bootstrap.regions, key=lambda r: abs(r.pole - pole))
+    if not region.determined:
+        return ["not determined"]
+    long, short = region.half_axes
+    return [f"± {long:.2g}" if region.on_axis else f"{long:.2g}, {short:.2g}"]

@@ -1,0 +1,207 @@
+"""Refine a subspace model, and take the refined one where it validates no worse."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.data.experiment.experiment import Experiment
+from workbench.errors import InputError, suggest
+from workbench.identification.identified.model import IdentifiedModel
+from workbench.identification.identify.preparation import Prepared
+from workbench.identification.identify.request import Identify
+from workbench.identification.identify.several import without_joints
+from workbench.identification.prediction.model import RefinedModel, refined_model, refining
+from workbench.identification.prediction.model_selection import Wish
+from workbench.identification.prediction.result import NOT_REFINED, Refinement
+from workbench.identification.subspace import SubspaceEstimate
+from workbench.identification.subspace.final_model import cost
+from workbench.identification.validate.estimator import Estimator, same_settings
+from workbench.identification.validate.validate import suited
+from workbench.session.base import Floats
+
+__all__ = ["refined", "wished"]
+
+_DOUBT = 0.01  # probability below which the data are said to disagree with a gain
+_NOTHING_LEFT = 1e-6  # of the output: prediction errors below are rounding, not noise
+# How much larger the simulation's error may be, in log det for each output. On other data both models have the same
+# noise in it, so that little is a lot; on the data of the fit the subspace model has fitted the noise.
+_SAME = 1e-3  # a change of the prediction error that counts as none, in log det for each output
+_WORSE = {"other": 0.02, "own": 0.1}
+
+
+def refined(
+    found: SubspaceEstimate, prepared: Prepared, other: Experiment | None, asked: Identify
+) -> tuple[SubspaceEstimate, Refinement, Estimator, IdentifiedModel | None]:
+    """Return the better estimate, how it was refined, what finds poles in other records in the same way, and a rival.
+
+    The rival is a model of a higher order that explains significantly more; the regions of the response allow for it.
+
+    Args:
+        found: of the subspaces.
+        prepared: the data of the fit.
+        other: data to validate with; None: those of the fit.
+        asked: with the options.
+    """
+    same = found, same_settings(found)
+    gains = _gains(asked, prepared)
+    if asked.refine == "never":
+        return found, NOT_REFINED, same[1], None
+    if _noise_free(found.model, prepared):
+        if asked.refine == "always" or gains is not None:
+            raise InputError(f"{prepared.data.name}: the data are free of noise: there is nothing to refine")
+        return found, Refinement(taken=False, reason="the data are free of noise"), same[1], None
+    direct = asked.closed_loop == "direct"
+    best = refined_model(found.model, prepared.u, prepared.y, wished(found, prepared, asked))
+    if best is None and gains is not None:
+        raise InputError(f"{prepared.data.name}: no model of this order has the gains {_told(asked)}; leave gains out")
+    if best is None:
+        return found, Refinement(taken=False, reason="no model has a finite prediction of these data"), same[1], None
+    taken, reason = _judged(found.model, best, prepared, other, closed=direct)
+    if asked.refine == "always" or asked.closed_loop is not None or gains is not None:
+        taken = True
+    if not taken:
+        reason += "; so there are no regions of poles and response, which refine=always gives"
+    elif best.model.spread is None:
+        reason += "; the data leave a direction of the parameters open, so there are no regions of poles and response"
+    reason += _agreement(best, asked)
+    words = _refinement(best, taken=taken, reason=reason)
+    if not taken:
+        return found, words, same[1], None
+    return _in_place(found, best), words, refining(best, prepared.u, prepared.y), best.above
+
+
+def wished(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> Wish:
+    """Return what the refined model is to be.
+
+    Args:
+        found: of the subspaces.
+        prepared: the data of the fit.
+        asked: with the options.
+
+    Raises:
+        InputError: a gain between channels that the data do not have.
+    """
+    return Wish(
+        order=found.order if asked.order != "auto" or asked.biased else None,
+        noise=None if asked.noise == "auto" else asked.noise,
+        most=asked.max_order,
+        feedthrough=asked.feedthrough,
+        stable=asked.stable,
+        closed_loop=asked.closed_loop == "direct",
+        gains=_gains(asked, prepared),
+    )
+
+
+def _gains(asked: Identify, prepared: Prepared) -> Floats | None:
+    """Return the gains that are held, shape (p, m) with the inputs that join experiments; None: there are none."""
+    if not asked.gains:
+        return None
+    data = prepared.data
+    places = {f"{y}/{u}": (i, j) for i, y in enumerate(data.output_names) for j, u in enumerate(data.input_names)}
+    found = np.full((prepared.y.shape[1], prepared.u.shape[1]), np.nan)
+    for name, value in asked.gains.items():
+        if name not in places:
+            raise InputError(f"gains: '{name}' is not an output/input of {data.name}; {suggest(name, places)}")
+        if not math.isfinite(value):
+            raise InputError(f"gains: {name} is not a finite number: {value:g}")
+        found[places[name]] = value
+    return found
+
+
+def _told(asked: Identify) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in (asked.gains or {}).items())
+
+
+def _agreement(best: RefinedModel, asked: Identify) -> str:
+    """Return what is held, and whether the data agree; empty: nothing is."""
+    if not asked.gains:
+        return ""
+    p = best.chosen.agree
+    words = "not known" if p is None else f"the data {'agree' if p >= _DOUBT else 'disagree'} (p = {p:.2g})"
+    return f"; steady gain held: {_told(asked)}, {words}"
+
+
+def _noise_free(model: IdentifiedModel, prepared: Prepared) -> bool:
+    left = np.sqrt(np.maximum(np.diag(model.covariance), 0.0))
+    return bool(np.all(left <= _NOTHING_LEFT * np.sqrt(np.mean(prepared.y**2, axis=0))))
+
+
+def _judged(
+    before: IdentifiedModel, best: RefinedModel, prepared: Prepared, other: Experiment | None, *, closed: bool
+) -> tuple[bool, str]:
+    """Return whether the refined model is taken, and why."""
+    after = best.model
+    where = "the data of the fit" if other is None else other.name
+    models = [before, after]
+    u, y = prepared.u, prepared.y
+    if other is not None:
+        own = [without_joints(m, len(prepared.u0)) for m in models]
+        models = [_at(m, prepared.u0, prepared.y0) for m in own]
+        u, y = _channels(own[0], prepared, other)
+    predicted = [cost(y - m.predict(u, y)) for m in models]
+    simulated = [_simulation_cost(m, u, y) for m in models]
+    p = len(before.y0)
+    told = f"on {where} the prediction error changes by {_change(predicted, p)}"
+    better = predicted[1] < predicted[0] + max(_SAME * p, 0.0 if other is not None else _saved(before, best, len(u)))
+    if not after.is_stable:
+        if before.is_stable and not closed:
+            return False, f"{told}, but the model is unstable and has no simulation; refine=always takes it"
+        return better, told
+    told += f", the simulation error by {_change(simulated, p)}" if before.is_stable else ""
+    worse = _WORSE["own" if other is None else "other"]
+    return better and (closed or simulated[1] <= simulated[0] + worse * p), told
+
+
+def _saved(before: IdentifiedModel, best: RefinedModel, samples: int) -> float:
+    """Return what the numbers that the refined model has less are worth, by the Bayesian criterion, in log det.
+
+    Those of the predictor's gain follow the noise of the fit, where a disturbance is white.
+    """
+    (p, m), n = before.D.shape, before.undelayed().order
+    fewer = n * (2 * p + m) + p * m - best.chosen.refined.freedom
+    return float(fewer * math.log(samples) / samples)
+
+
+def _change(costs: list[float], outputs: int) -> str:
+    return f"{100.0 * math.expm1(min((costs[1] - costs[0]) / (2.0 * outputs), 50.0)):+.2g} %"
+
+
+def _simulation_cost(model: IdentifiedModel, u: Floats, y: Floats) -> float:
+    return cost(y - model.simulate(u, model.initial_state(u, y))) if model.is_stable else math.inf
+
+
+def _at(model: IdentifiedModel, u0: Floats, y0: Floats) -> IdentifiedModel:
+    return replace(model, u0=u0, y0=model.y0 + y0)
+
+
+def _channels(model: IdentifiedModel, prepared: Prepared, other: Experiment) -> tuple[Floats, Floats]:
+    named = model.named(input_names=prepared.data.input_names, output_names=prepared.data.output_names)
+    given = suited(named, other)
+    return given.u, given.y
+
+
+def _refinement(best: RefinedModel, *, taken: bool, reason: str) -> Refinement:
+    refined = best.chosen.refined
+    return Refinement(
+        taken=taken, reason=reason, order=refined.model.plant, noise_order=refined.model.disturbance,
+        shared=refined.model.shared, steps=refined.steps, settled=refined.settled, tried=best.chosen.tried,
+    )  # fmt: skip
+
+
+def _in_place(found: SubspaceEstimate, best: RefinedModel) -> SubspaceEstimate:
+    """Return the estimate with the refined model in place of its own."""
+    order = best.chosen.refined.model.plant
+    if found.order_reason == "given":
+        return replace(found, model=best.model, stabilised=0)
+    why = f"smallest Bayesian criterion of the prediction error among {len(best.chosen.tried)} structures"
+    least = {n: min(c.criterion for c in best.chosen.tried if c.order == n) for n in (order - 1, order, order + 1)
+             if any(c.order == n for c in best.chosen.tried)}  # fmt: skip
+    for n in (order - 1, order + 1):
+        if n in least:
+            why += f"; order {n} would raise it by {least[n] - least[order]:.4g}"
+    if order != found.order:
+        why += f"; the simulation error alone would take {found.order}"
+    return replace(found, model=best.model, order=order, order_reason=why, stabilised=0)

@@ -1,0 +1,240 @@
+"""A linear model in innovations form, plant and disturbance together, as the refinement changes it.
+
+    x(k + 1) = A x(k) + B u(k) + K e(k),   y(k) = C x(k) + D u(k) + offset + e(k)
+
+The first states are the plant's, the others the disturbance's. What may be changed is said by the structure:
+
+- *shared*: K drives the plant's states: plant and disturbance have their poles in common (ARMAX, for one output);
+- *output error*: K is zero, the disturbance is white;
+- *Box–Jenkins*: the disturbance has states of its own, which no input reaches; A is block diagonal.
+
+The free entries of all matrices are more than the model's degrees of freedom: every change of the state basis leaves
+the model the same. The directions at right angles to these changes are the local coordinates (data-driven local
+coordinates: T. McKelvey, A. Helmersson and T. Ribarits, Automatica 40, 2004); they are found anew at each step.
+
+A steady gain of the plant, C (I − A)⁻¹ B + D, can be held: the local coordinates then are those at right angles to its
+derivative, too, and what a step leaves of it is taken away by Newton's method, by the smallest change of the entries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from workbench.identification.subspace.matrices import radius
+from workbench.session.base import Floats
+
+__all__ = ["Entries", "Innovations"]
+
+Entries = NDArray[np.intp]
+
+_NEAR = 0.9999  # from here on gramians are too large to balance with
+_HELD = 1e-12  # of a gain that is held, relative to the larger of it and 1
+_CORRECTIONS = 30  # of Newton's method
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Innovations:
+    """Matrices and structure.
+
+    Attributes:
+        A: shape (n + d, n + d).
+        B: shape (n + d, m).
+        C: shape (p, n + d).
+        D: shape (p, m).
+        K: shape (n + d, p).
+        offset: shape (p,), constant part of the output.
+        x0: shape (n + d,), state at the first sample.
+        plant: n, states of the plant.
+        shared: K drives the plant's states; there are no others then.
+        feedthrough: D is free, else it stays as it is.
+        gains: shape (p, m), steady gains of the plant that are held; not a number where one is free; None: all are.
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    K: Floats
+    offset: Floats
+    x0: Floats
+    plant: int
+    shared: bool
+    feedthrough: bool = True
+    gains: Floats | None = None
+
+    @property
+    def disturbance(self) -> int:
+        """Number of states of the disturbance."""
+        return len(self.A) - self.plant
+
+    @property
+    def predictor(self) -> Floats:
+        """A − K C, whose poles are those of the one-step prediction."""
+        return self.A - self.K @ self.C
+
+    @property
+    def matrices(self) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+        """A, B, C, D, K and offset."""
+        return self.A, self.B, self.C, self.D, self.K, self.offset
+
+    # -- free entries ------------------------------------------------------------------------------
+
+    @property
+    def parts(self) -> tuple[Floats, ...]:
+        """A, B, K, C, D, offset and x0, in the order of the entries."""
+        return self.A, self.B, self.K, self.C, self.D, self.offset, self.x0
+
+    def free(self) -> Entries:
+        """Return which entries may be changed, as numbers in the order of `parts`, by rows."""
+        size, n = len(self.A), self.plant
+        own = np.arange(size) < n
+        masks = (
+            own[:, None] == own[None, :],
+            np.broadcast_to(own[:, None], self.B.shape),
+            np.broadcast_to(own[:, None] == self.shared, self.K.shape) if self.shared or size > n else self.K != self.K,
+            np.ones(self.C.shape, dtype=np.bool_),
+            np.full(self.D.shape, self.feedthrough),
+            np.ones(self.offset.shape, dtype=np.bool_),
+            np.ones(self.x0.shape, dtype=np.bool_),
+        )
+        return np.flatnonzero(np.concatenate([mask.ravel() for mask in masks]))
+
+    def moved(self, entries: Entries, change: Floats) -> Innovations:
+        """Return the model with a change of its free entries.
+
+        Args:
+            entries: numbers of the free entries.
+            change: as many.
+        """
+        return self._changed(entries, change).held()
+
+    def _changed(self, entries: Entries, change: Floats) -> Innovations:
+        flat = np.concatenate([part.ravel() for part in self.parts])
+        flat[entries] += change
+        return self._from(flat)
+
+    def _from(self, flat: Floats) -> Innovations:
+        found, first = [], 0
+        for part in self.parts:
+            found.append(flat[first : first + part.size].reshape(part.shape))
+            first += part.size
+        A, B, K, C, D, offset, x0 = found
+        return replace(self, A=A, B=B, K=K, C=C, D=D, offset=offset, x0=x0)
+
+    def coordinates(self, entries: Entries) -> Floats:
+        """Return the local coordinates: orthonormal directions of the free entries, shape (entries, freedom).
+
+        With T a small change of basis, A changes by T A − A T, B by T B, K by T K, C by −C T, x0 by T x0; the
+        directions are those at right angles to all of these.
+
+        Args:
+            entries: numbers of the free entries.
+        """
+        size = len(self.A)
+        eye = np.eye(size)
+        tangent = np.vstack([
+            np.kron(eye, self.A.T) - np.kron(self.A, eye), np.kron(eye, self.B.T), np.kron(eye, self.K.T),
+            -np.kron(self.C, eye), np.zeros((self.D.size + self.offset.size, size * size)),
+            np.kron(eye, self.x0[None, :]),
+        ])  # fmt: skip
+        own = np.arange(size) < self.plant
+        within = np.flatnonzero((own[:, None] == own[None, :]).ravel())
+        full, _ = scipy.linalg.qr(tangent[np.ix_(entries, within)])
+        directions = np.asarray(full[:, len(within) :])
+        if self.gains is None:
+            return directions
+        return np.asarray(directions @ scipy.linalg.null_space(self._gains_off(entries)[1] @ directions))
+
+    # -- steady gains that are held ------------------------------------------------------------------
+
+    @property
+    def holds(self) -> bool:
+        """Whether the plant has the steady gains that are held."""
+        if self.gains is None:
+            return True
+        off = self._gains_off(self.free())[0]
+        wanted = np.abs(self.gains[~np.isnan(self.gains)])
+        return bool(np.all(np.abs(off) <= 1e3 * _HELD * np.maximum(wanted, 1.0)))
+
+    def held(self) -> Innovations:
+        """Return the model with the steady gains that are held, by the smallest change of its free entries.
+
+        Where they cannot be reached (`holds` tells), it comes back as it is.
+        """
+        if self.gains is None:
+            return self
+        model, entries = self, self.free()
+        wanted = np.maximum(np.abs(self.gains[~np.isnan(self.gains)]), 1.0)
+        for _ in range(_CORRECTIONS):
+            off, slopes = model._gains_off(entries)
+            if not (np.all(np.isfinite(off)) and np.all(np.isfinite(slopes))):
+                return self
+            if np.all(np.abs(off) <= _HELD * wanted):
+                return model
+            change: Floats = -np.asarray(np.linalg.lstsq(slopes, off, rcond=None)[0], dtype=np.float64)
+            model = model._changed(entries, change)
+        return model if model.holds else self
+
+    def _gains_off(self, entries: Entries) -> tuple[Floats, Floats]:
+        """Return by how much the gains that are held are off, and their derivatives by the entries, (c, entries)."""
+        wanted = np.full(self.D.shape, np.nan) if self.gains is None else self.gains
+        n = self.plant
+        try:
+            inner = np.linalg.inv(np.eye(n) - self.A[:n, :n])
+        except np.linalg.LinAlgError:
+            inner = np.full((n, n), np.nan)
+        left, right = self.C[:, :n] @ inner, inner @ self.B[:n]
+        gain = self.C[:, :n] @ right + self.D
+        off, rows = [], []
+        for i, j in np.argwhere(~np.isnan(wanted)):
+            parts = [np.zeros_like(part) for part in self.parts]
+            parts[0][:n, :n] = np.outer(left[i], right[:, j])
+            parts[1][:n, j], parts[3][i, :n], parts[4][i, j] = left[i], right[:, j], 1.0
+            off.append(gain[i, j] - wanted[i, j])
+            rows.append(np.concatenate([part.ravel() for part in parts])[entries])
+        return np.array(off), np.array(rows).reshape(len(off), len(entries))
+
+    # -- basis ---------------------------------------------------------------------------------------
+
+    def balanced(self) -> Innovations:
+        """Return the same model, the states of plant and disturbance each in a basis where all are alike in size.
+
+        The gramians are those of the predictor's part, which is stable where the plant itself is not.
+        """
+        T, back = np.eye(len(self.A)), np.eye(len(self.A))
+        for part in self._blocks():
+            T[part, part], back[part, part] = _balancing(
+                self.A[part, part], np.hstack([self.B[part], self.K[part]]), self.C[:, part], self.K[part]
+            )
+        return replace(
+            self, A=T @ self.A @ back, B=T @ self.B, K=T @ self.K, C=self.C @ back, x0=T @ self.x0
+        )  # fmt: skip
+
+    def _blocks(self) -> Iterator[slice]:
+        if self.plant:
+            yield slice(0, self.plant)
+        if self.disturbance:
+            yield slice(self.plant, len(self.A))
+
+
+def _balancing(A: Floats, driven: Floats, C: Floats, K: Floats) -> tuple[Floats, Floats]:
+    """Return T and its inverse that balance a stable model, or one whose predictor is; else nothing is changed."""
+    same = np.eye(len(A)), np.eye(len(A))
+    stable = A if radius(A) < _NEAR else A - K @ C
+    if radius(stable) >= _NEAR:
+        return same
+    reach = scipy.linalg.solve_discrete_lyapunov(stable, driven @ driven.T)
+    seen = scipy.linalg.solve_discrete_lyapunov(stable.T, C.T @ C)
+    try:
+        root = np.linalg.cholesky(reach + 1e-12 * np.trace(reach) / len(A) * np.eye(len(A)))
+    except np.linalg.LinAlgError:
+        return same
+    values, vectors = np.linalg.eigh(root.T @ seen @ root)
+    values = np.maximum(values, 1e-10 * max(float(values[-1]), 1e-300))
+    quarter = values**0.25
+    return quarter[:, None] * vectors.T @ np.linalg.inv(root), (root @ vectors) / quarter

@@ -1,0 +1,199 @@
+"""From the signals of an identification to a refined model in their units, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.core.machine.blas import one_thread
+from workbench.errors import InputError
+from workbench.identification.identified.model import IdentifiedModel, NoiseModel
+from workbench.identification.prediction.gradient import normal_equations
+from workbench.identification.prediction.innovations import Innovations
+from workbench.identification.prediction.instrumental_variable import instrumented
+from workbench.identification.prediction.model_selection import Chosen, Wish, choose
+from workbench.identification.prediction.refine import Refined, refine
+from workbench.identification.prediction.start import started, with_own
+from workbench.identification.subspace.data import ScaledData, prepare
+from workbench.identification.subspace.delays import advance, as_tuple
+from workbench.identification.subspace.estimate import model_of
+from workbench.identification.subspace.simulated import InputFit
+from workbench.identification.subspace.states import Noise
+from workbench.session.base import Floats
+
+__all__ = ["RefinedModel", "instrumented_model", "refined_model", "refining", "truth_spread"]
+
+Complex = NDArray[np.complex128]
+
+_OPEN = 1e-13  # of the largest eigenvalue of the correlations of the information: rounding, the data say nothing
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedModel:
+    """A refined model in the units of its signals.
+
+    Attributes:
+        model: without names.
+        chosen: how it was found, of signals of size one.
+        above: the model of a higher order that explains significantly more; None: there is none.
+    """
+
+    model: IdentifiedModel
+    chosen: Chosen
+    above: IdentifiedModel | None = None
+
+
+def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: Wish) -> RefinedModel | None:
+    """Return the model of the least prediction error; None where nothing can be refined.
+
+    Args:
+        start: from the same signals, with its delays.
+        u: shape (N, m), the operating point taken off.
+        y: shape (N, p), likewise.
+        wish: what is asked for.
+    """
+    record = prepare(u, y)
+    delays = as_tuple(start.delay or 0, u.shape[1])
+    core, (su, sy) = start.undelayed(), (record.u_scale, record.y_scale)
+    plant = core.A, core.B * su, core.C / sy[:, None], core.D * su / sy[:, None]
+    scaled = wish if wish.gains is None else replace(wish, gains=wish.gains * su / sy[:, None])
+    with one_thread():
+        chosen = choose(advance(record.u, record.y, delays), [plant], scaled)
+    if chosen is None:
+        return None
+    above = None if chosen.above is None else _in_units(chosen.above, record, delays, start.dt)
+    return RefinedModel(_in_units(chosen.refined, record, delays, start.dt), chosen, above)
+
+
+def instrumented_model(
+    start: IdentifiedModel, u: Floats, driven: Floats, y: Floats, wish: Wish
+) -> IdentifiedModel | None:
+    """Return the model whose errors know nothing of a reference; None where there is none near, or it is open.
+
+    Args:
+        start: a stable plant near it, and its disturbance.
+        u: shape (N, m), the operating point taken off.
+        driven: shape (N, m), that part of u which the reference makes.
+        y: shape (N, p), the operating point taken off.
+        wish: with feedthrough and gains.
+    """
+    record, delays = prepare(u, y), as_tuple(start.delay or 0, u.shape[1])
+    core, (su, sy) = start.undelayed(), (record.u_scale, record.y_scale)
+    p = len(sy)
+    noise = (np.zeros((0, 0)), np.zeros((0, p)), np.zeros((p, 0)))
+    if start.noise is not None:
+        noise = start.noise.A, start.noise.K * sy, start.noise.C / sy[:, None]
+    with one_thread():
+        pair = advance(record.u, record.y, delays)
+        plant = core.A, core.B * su, core.C / sy[:, None], core.D * su / sy[:, None]
+        begun = replace(
+            with_own(started(pair, plant), noise, feedthrough=wish.feedthrough),
+            gains=None if wish.gains is None else wish.gains * su / sy[:, None],
+        )
+        known = advance(driven / su, record.y, delays)[0]
+        # The least prediction error under the inputs as they are is mostly near, too, and free of the first stage's.
+        near = refine(begun, pair, stable=True)
+        starts = [*(() if near is None else (near.model,)), begun]
+        found = next((one for one in (instrumented(start, pair, known) for start in starts) if one is not None), None)
+    model = None if found is None else _in_units(found, record, delays, start.dt)
+    return None if model is None or model.spread is None else model
+
+
+def _in_units(found: Refined, record: ScaledData, delays: tuple[int, ...], dt: float) -> IdentifiedModel:
+    fit, n, (su, sy) = found.model, found.model.plant, (record.u_scale, record.y_scale)
+    inputs = InputFit(fit.B[:n], fit.D, fit.x0[:n], fit.offset)
+    noise = Noise(fit.K[:n], found.covariance)
+    model = model_of(fit.A[:n, :n], fit.C[:, :n], inputs, noise, record=record, delays=delays, dt=dt)
+    own = None
+    if fit.disturbance:
+        own = NoiseModel(A=fit.A[n:, n:], K=fit.K[n:] / sy, C=sy[:, None] * fit.C[:, n:])
+    return replace(model, noise=own, spread=_spread(found, su, sy))
+
+
+def _spread(found: Refined, su: Floats, sy: Floats) -> Floats | None:
+    """Return a factor of the covariance of A, B, C, D of the plant; None where the data leave a direction open.
+
+    The inverse of Fisher's information (Ljung 1999, section 9.4), enlarged for the numbers fitted. It is so much larger
+    for the pole of an integrator than for others that only its correlations tell whether a direction is open.
+    """
+    fit, n = found.model, found.model.plant
+    size = np.sqrt(np.diag(found.information))
+    if size.min() <= 0.0:
+        return None
+    values, vectors = np.linalg.eigh(found.information / np.outer(size, size))
+    if values[0] <= _OPEN * values[-1]:
+        return None
+    left = found.samples - found.freedom / len(fit.C)
+    turned = found.directions @ (vectors / size[:, None])
+    factor = turned / np.sqrt(values) * np.sqrt(found.samples / max(left, 1.0))
+    every = np.zeros((sum(part.size for part in fit.parts), factor.shape[1]))
+    every[found.entries] = factor
+    sizes = np.cumsum([0, *(part.size for part in fit.parts)])
+    A, B, _, C, D = (
+        every[a:b].reshape(*part.shape, factor.shape[1])
+        for a, b, part in zip(sizes[:5], sizes[1:6], fit.parts[:5], strict=True)
+    )
+    count = factor.shape[1]
+    parts = (
+        A[:n, :n], B[:n] / su[:, None], sy[:, None, None] * C[:, :n], sy[:, None, None] * D / su[:, None],
+    )  # fmt: skip
+    return np.concatenate([part.reshape(-1, count) for part in parts])
+
+
+def truth_spread(model: Innovations, u: Floats, y: Floats, sizes: Floats) -> Floats:
+    """Return a factor of the Cramér–Rao bound of A, B, C, D of a known model: to judge estimates by.
+
+    Args:
+        model: the truth.
+        u: shape (N, m).
+        y: shape (N, p).
+        sizes: shape (p,), standard deviations of its innovations, which are independent.
+
+    Raises:
+        InputError: the record leaves a direction open.
+    """
+    entries = model.free()
+    Q = model.coordinates(entries)
+    normal = normal_equations(model, (u, y), np.diag(1.0 / sizes), entries, Q)
+    truth = Refined(model, np.diag(sizes**2), 0.0, normal.matrix, Q, entries, 10**9, 0, settled=True)
+    found = _spread(truth, np.ones(u.shape[1]), np.ones(y.shape[1]))
+    if found is None:
+        raise InputError("the record does not determine all parameters")
+    return found
+
+
+# -- the same for the records of a bootstrap -------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Refining:
+    """Refines the same structure from the model that was found; see `refining`."""
+
+    start: Innovations
+    u_scale: Floats
+    y_scale: Floats
+    delays: tuple[int, ...]
+
+    def __call__(self, u: Floats, y: Floats) -> Complex:
+        with one_thread():
+            found = refine(self.start, advance(u / self.u_scale, y / self.y_scale, self.delays))
+        n = self.start.plant
+        poles = np.full(n, np.nan) if found is None else np.linalg.eigvals(found.model.A[:n, :n])
+        return np.append(poles.astype(np.complex128), np.zeros(sum(self.delays)))
+
+
+def refining(found: RefinedModel, u: Floats, y: Floats) -> Callable[[Floats, Floats], Complex]:
+    """Return what finds poles in another record as `found` was found: its structure, refined from its matrices.
+
+    Args:
+        found: the refined model.
+        u: shape (N, m), that it was found from.
+        y: shape (N, p), likewise.
+    """
+    record = prepare(u, y)
+    return _Refining(
+        found.chosen.refined.model, record.u_scale, record.y_scale, as_tuple(found.model.delay or 0, u.shape[1])
+    )

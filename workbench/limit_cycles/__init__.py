@@ -1,0 +1,1 @@
+"""Limit cycles of a loop with nonlinear blocks, and what removes them."""

@@ -1,0 +1,108 @@
+"""What stands between a feedback's gain and its target: limits of deflection and rate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from workbench.core.records.record import Part, entry
+from workbench.errors import InputError
+from workbench.fmi.variable import FLOAT_TYPES, Value
+from workbench.system.description import FmuComponent
+from workbench.system.load import load
+
+__all__ = ["Actuator", "ends_of", "limited", "wrapped"]
+
+_LIMITER = "fmu:LimitedActuator"
+_FASTEST = 100.0  # largest rate limit of that model [1/s], against a deflection limit of 1
+_QUICK = 1e-4  # lag within the limits [s]: the least that the model takes; more would move the stable gains
+_FREE = 100.0  # [s]: how long the rate limit may last where no deflection limit is given
+
+
+@dataclass(frozen=True)
+class Actuator(Part):
+    """An FMU between gain and target.
+
+    Attributes:
+        component: the FMU.
+        input, output: of it.
+        limit: of the deflection, either way [unit of the target]; None: not known.
+        rate_limit: [unit of the target / s]; None: not known.
+        scale: the target's value for 1 of the FMU's.
+        set: parameters that were given.
+    """
+
+    component: FmuComponent
+    input: str
+    output: str
+    limit: float | None = None
+    rate_limit: float | None = None
+    scale: float = 1.0
+    set: dict[str, Value] = field(default_factory=dict, metadata=entry(key="given"))
+
+    def derived(self) -> dict[str, Any]:
+        """Return the FMU, with all that is set."""
+        return {"fmu": self.component.file, "set": self.component.set}
+
+
+def limited(limit: float | None, rate_limit: float | None) -> Actuator | None:
+    """Return the bundled `LimitedActuator` with limits in the target's unit; None: no limit is given.
+
+    It works on parts of its limit, so that any unit and size will do, and follows within them with a lag of 0.1 ms.
+
+    Args:
+        limit: of the deflection, either way [unit of the target]; None: none.
+        rate_limit: [unit of the target / s]; None: none, but no faster than 100 limits in a second.
+
+    Raises:
+        InputError: a limit that is not positive.
+    """
+    for name, value in (("limit", limit), ("rate limit", rate_limit)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise InputError(f"{name}: it must be positive, not {value:g}")
+    if limit is None and rate_limit is None:
+        return None
+    scale = limit if limit is not None else _FREE * float(rate_limit or 0.0)
+    rate = _FASTEST if rate_limit is None else rate_limit / scale
+    if rate > _FASTEST:
+        raise InputError(f"rate limit: {rate_limit:g} is more than {_FASTEST:g} times the limit {scale:g} in a second")
+    parts: dict[str, Value] = {"upper": 1.0, "lower": -1.0, "rateLimit": rate, "timeConstant": _QUICK}
+    component = FmuComponent(name="feedback_actuator", file=_LIMITER, set=parts)
+    return Actuator(component, "command", "deflection", limit, rate_limit, float(scale))
+
+
+def wrapped(name: str) -> Actuator:
+    """Return any FMU with one real input and one real output as an actuator; its limits are its own.
+
+    Args:
+        name: file, or `fmu:NAME`.
+
+    Raises:
+        InputError, FmuError: it cannot be loaded, or has other inputs or outputs.
+    """
+    into, out, starts = ends_of(name)
+    component = FmuComponent(name="feedback_actuator", file=name)
+    if not {"upper", "lower", "rateLimit"} <= set(starts):
+        return Actuator(component, into, out)
+    upper, lower, rate = (float(starts[n] or 0.0) for n in ("upper", "lower", "rateLimit"))
+    return Actuator(component, into, out, min(upper, -lower), rate)
+
+
+def ends_of(name: str) -> tuple[str, str, dict[str, Value | None]]:
+    """Return an actuator's one real input, its one real output, and the start values of its parameters.
+
+    Args:
+        name: file, or `fmu:NAME`.
+
+    Raises:
+        InputError, FmuError: it cannot be loaded, or has other inputs or outputs.
+    """
+    with load(name) as model:
+        ends = [[v.name for v in group if v.type in FLOAT_TYPES] for group in (model.inputs, model.outputs)]
+        starts = {v.name: v.start for v in model.parameters}
+    for what, found in zip(("input", "output"), ends, strict=True):
+        if len(found) != 1:
+            listed = f" ({', '.join(found)})" if found else ""
+            raise InputError(f"actuator {name}: it has {len(found)} real {what}s{listed}, and must have one")
+    return ends[0][0], ends[1][0], starts

@@ -1,0 +1,124 @@
+"""Margins of a loop whose transfer is a linear model: exact over all frequencies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.core.values.linear import LinearPart
+from workbench.core.values.margins import BORDER, GainCrossover, Margins, PhaseCrossover, disk_of
+from workbench.loops.loop.stability import Stability, stability_of
+from workbench.loops.nyquist.level_crossings import gain_crossings, real_crossings, scan
+from workbench.session.base import Floats
+
+__all__ = ["margins_of", "peak", "withheld"]
+
+
+def margins_of(loop: LinearPart) -> Margins:
+    """Return the margins of a loop transfer L, exact over all frequencies.
+
+    Sampled: up to the Nyquist frequency; the delay margin is that of a delay in whole samples read as a real number.
+
+    Args:
+        loop: L for negative feedback, closed loop 1/(1 + L).
+
+    Raises:
+        InputError: the closed loop has no solution (L is -1 at infinite frequency).
+
+    Source: K. J. Åström, R. M. Murray, Feedback Systems, 2nd ed., section 10.3; disk margins: P. Seiler, A. Packard,
+    P. Gahinet, An introduction to disk margins, IEEE Control Systems 40 (2020).
+    """
+    found = stability_of(loop)
+    s, t = loop.sensitivity(), loop.complementary()
+    on_border = found.verdict == BORDER
+    at_s, at_t = ((math.inf, math.nan),) * 2 if on_border else (peak(s), peak(t))
+    return Margins(
+        verdict=found.verdict,
+        words=found.words,
+        phase_crossovers=tuple(_phase_crossovers(loop)),
+        gain_crossovers=tuple(GainCrossover.of(f, loop.at(f)) for f in gain_crossings(loop)),
+        disk=disk_of(*peak(_difference(s))) if found.stable else None,
+        peak_sensitivity=at_s[0],
+        peak_sensitivity_hz=at_s[1],
+        peak_complementary=at_t[0],
+        peak_complementary_hz=at_t[1],
+    )
+
+
+def withheld(stability: Stability) -> Margins:
+    """Return margins that are not known, of a closed loop of which perhaps is known whether it is stable."""
+    return Margins(
+        verdict=stability.verdict, words=stability.words, phase_crossovers=(), gain_crossovers=(), disk=None,
+        peak_sensitivity=math.nan, peak_sensitivity_hz=math.nan, peak_complementary=math.nan,
+        peak_complementary_hz=math.nan, everywhere=False,
+    )  # fmt: skip
+
+
+def _difference(s: LinearPart) -> LinearPart:
+    """Return S - T = 2 S - 1."""
+    return replace(s, C=2.0 * s.C, D=2.0 * s.D - 1.0)
+
+
+def _phase_crossovers(loop: LinearPart) -> list[PhaseCrossover]:
+    inner = sorted([f for f in real_crossings(loop) if _negative(loop.at(f))])
+    found = [PhaseCrossover(f, 1.0 / abs(loop.at(f)), _upwards(loop, f)) for f in inner]
+    for end in (0.0, loop.highest_hz):
+        value = loop.at(end)
+        # Where L only tends to 0 no gain reaches the border.
+        if _negative(value) and abs(value) > 1e-12 * _size(loop, inner):
+            found.append(PhaseCrossover(end, 1.0 / abs(value)))
+    return sorted(found, key=lambda c: c.frequency_hz)
+
+
+def _negative(value: complex) -> bool:
+    return bool(np.isfinite(value)) and value.real < 0.0 and math.isfinite(1.0 / abs(value)) and abs(value) < 1e15
+
+
+def _upwards(loop: LinearPart, frequency: float) -> bool:
+    return loop.at(frequency * (1.0 + 1e-6)).imag > loop.at(frequency * (1.0 - 1e-6)).imag
+
+
+def _size(loop: LinearPart, frequencies: Sequence[float]) -> float:
+    return max((abs(loop.at(f)) for f in frequencies), default=1.0)
+
+
+# -- the largest gain of a transfer function over frequency ----------------------------------------
+
+_CLOSE = 1e-10  # relative: how exactly the peak is found
+_ROUNDS = 30
+
+
+def peak(f: LinearPart) -> tuple[float, float]:
+    """Return max |F(jω)| over all frequencies and where it lies [Hz] (infinity: at no finite frequency).
+
+    A level just above the largest value known is drawn; where F crosses it, the middles of the crossings are higher,
+    and so on until nothing crosses any more (N. A. Bruinsma, M. Steinbuch, A fast algorithm to compute the H∞-norm of
+    a transfer function matrix, 1990). For a stable F that is its H∞ norm.
+
+    Args:
+        f: transfer function without poles on the imaginary axis (or unit circle).
+    """
+    ends = np.array([0.0, f.highest_hz])
+    best, where = _largest(f, np.concatenate([ends, scan(f)]))
+    for _ in range(_ROUNDS):
+        level = best * (1.0 + _CLOSE)
+        if not 0.0 < level < np.inf:
+            break
+        crossed = np.array(gain_crossings(f.scaled(1.0 / level)))
+        if len(crossed) < 2:
+            break
+        value, at = _largest(f, np.sqrt(crossed[1:] * crossed[:-1]))
+        if value <= best:
+            break
+        best, where = value, at
+    return best, where
+
+
+def _largest(f: LinearPart, frequencies: Floats) -> tuple[float, float]:
+    sizes = np.abs(f.response(frequencies))
+    sizes = np.where(np.isnan(sizes), -np.inf, sizes)
+    k = int(np.argmax(sizes))
+    return float(sizes[k]), float(frequencies[k])

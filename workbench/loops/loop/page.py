@@ -1,0 +1,174 @@
+"""The page of a loop's margins."""
+
+from __future__ import annotations
+
+import math
+
+from workbench.core.values.decibels import decibels, degrees
+from workbench.core.values.margins import Margins
+from workbench.loops.loop.measured import LoopCurve, LoopPoint
+from workbench.loops.loop.result import LoopResult
+from workbench.loops.nyquist.absolute import AbsoluteStability
+from workbench.show.page import Page, Section, Table
+from workbench.show.tables import behind, number, pole_table
+from workbench.show.verdicts import Verdict
+
+__all__ = ["loop_page"]
+
+_HEADINGS = (
+    "frequency [Hz]", "gain", "gain [dB]", "phase [deg]", "THD passed [%]", "THD returned [%]", "injected",
+    "balance [%]", "periods", "status",
+)  # fmt: skip
+
+
+def loop_page(result: LoopResult) -> Page:
+    """Return the page of a loop: verdict on the closed loop, margins, pictures, what was measured."""
+    place = result.place
+    unit = behind(place.unit)
+    return Page(
+        title=f"Loop of {result.system} at {place.source}",
+        lead=f"Opened at {place.label}, where the signal is {result.value:.6g}{unit} at the operating point.",
+        facts={
+            "convention": (
+                "negative feedback: L is minus the ratio of the returned signal to the one passed on; closed loop "
+                "1/(1 + L)"
+            ),
+            **({"measured so": result.why} if result.why else {}),
+        },
+        sections=[
+            Section(
+                "Pictures", figures=[(result.plot, "Loop transfer L as Bode and Nyquist pictures, and |S| and |T|.")]
+            ),
+            *_linear(result),
+            *(_curve(c, unit) for c in result.curves),
+        ],
+        summary=_verdicts(result, unit),
+        notes=result.notes,
+        kind="loop",
+    )
+
+
+def _verdicts(result: LoopResult, unit: str) -> list[Verdict]:
+    linear = [] if result.linear is None else [_verdict("linear loop", result.linear.margins)]
+    found = [
+        *linear,
+        *(_verdict(f"{c.how}, amplitude {c.amplitude:g}{unit}", c.margins) for c in result.curves),
+    ]
+    failed = [(c, p) for c in result.curves for p in c.failed]
+    return found + [
+        Verdict("failed", f"amplitude {c.amplitude:g}{unit} at {p.frequency_hz:.5g} Hz: {p.reason}") for c, p in failed
+    ]
+
+
+def _verdict(where: str, margins: Margins) -> Verdict:
+    words = {"stable": "stable", "unstable": "unstable"}
+    found = [
+        f"gain margin {margins.gain_margin_db:.3g} dB" if 0.0 < margins.gain_margin < math.inf else "",
+        f"phase margin {margins.phase_margin_deg:.3g}°" if math.isfinite(margins.phase_margin_deg) else "",
+        f"delay margin {1e3 * margins.delay_margin_s:.3g} ms" if math.isfinite(margins.delay_margin_s) else "",
+    ]
+    text = "; ".join(filter(None, [margins.words, ", ".join(filter(None, found))]))
+    return Verdict(words.get(margins.verdict, "unknown"), f"{where}: {text}")
+
+
+def _linear(result: LoopResult) -> list[Section]:
+    if result.linear is None:
+        return []
+    dt = result.linear.transfer.dt
+    sampled = f", sampled every {dt:.6g} s" if dt > 0.0 else ""
+    poles = pole_table(result.linear.stability.poles.tolist(), dt)
+    return [
+        Section(
+            "Linear loop",
+            paragraphs=[f"Linearised by {result.linear.lin.method}{sampled}."],
+            tables=[*_margins(result.linear.margins), *_sectors(result.linear.absolute)],
+            parts=[Section("Closed loop", tables=[poles], folded=True)],
+        )
+    ]
+
+
+def _sectors(found: AbsoluteStability | None) -> list[Table]:
+    """Return what may stand in the connection in place of the gain 1."""
+    if found is None:
+        return []
+    if found.refused:
+        return [Table(("proven with a characteristic in the connection", ""), [("nothing", found.refused)])]
+
+    def row(name: str, k: float | None) -> tuple[str, str]:
+        return name, "any" if k is None else f"0 … {k:.6g}"
+
+    rows = [
+        row("constant gain", found.linear),
+        row("circle criterion: any, also one that changes with time", found.circle),
+        row("Popov's criterion: any that does not", found.popov),
+    ]
+    return [Table(("stable with, in the connection,", "slopes"), rows)]
+
+
+def _curve(curve: LoopCurve, unit: str) -> Section:
+    points = Table(_HEADINGS, [_point(p) for p in curve.points], verdict=9, right=range(9))
+    return Section(
+        f"Measured ({curve.how}), amplitude {curve.amplitude:g}{unit}",
+        items=curve.notes,
+        tables=_margins(curve.margins),
+        parts=[Section("Points", tables=[points], folded=True)],
+    )
+
+
+def _margins(m: Margins) -> list[Table]:
+    rows = [
+        ("gain margin", _db(m.gain_margin), _hz(m.phase_crossover_hz)),
+        ("gain may fall to", _db(m.gain_reduction), ""),
+        ("phase margin", _unit(m.phase_margin_deg, "deg"), _hz(m.gain_crossover_hz)),
+    ]
+    if not (m.everywhere and math.isnan(m.delay_margin_s)):  # else a delay is no factor on the signal
+        rows.append(("delay margin", _unit(m.delay_margin_s, "s"), ""))
+    if m.disk is not None:
+        d = m.disk
+        text = f"{d.alpha:.4g}: gain × {d.low:.4g} to {d.high:.4g}, phase ± {d.phase_deg:.4g}°"
+        rows.append(("disk margin", text, _hz(d.frequency_hz)))
+    rows.append(("largest |S|", f"{m.peak_sensitivity:.5g}", _hz(m.peak_sensitivity_hz)))
+    rows.append(("largest |T|", f"{m.peak_complementary:.5g}", _hz(m.peak_complementary_hz)))
+    known = m.meaningful and not math.isnan(m.peak_sensitivity)
+    single = [Table(("margin", "value", "at [Hz]"), rows, right=(2,))] if known else []
+    return [*single, *_crossovers(m)]
+
+
+def _crossovers(m: Margins) -> list[Table]:
+    rows = [
+        ("gain crossover", _hz(c.frequency_hz), f"phase margin {c.phase_margin_deg:.4g}°") for c in m.gain_crossovers
+    ]
+    rows += [("phase crossover", _hz(c.frequency_hz), f"{c.db:.4g} dB") for c in m.phase_crossovers]
+    return [Table(("crossover", "at [Hz]", "value"), rows, right=(1,))] if rows else []
+
+
+def _db(factor: float) -> str:
+    if not math.isfinite(factor):
+        return _unbounded(factor)
+    return "no lower limit" if factor <= 0.0 else f"{float(decibels(factor)):.4f} dB (factor {factor:.5g})"
+
+
+def _unit(value: float, unit: str) -> str:
+    return f"{value:.5g} {unit}" if math.isfinite(value) else _unbounded(value)
+
+
+def _unbounded(value: float) -> str:
+    return "infinite" if math.isinf(value) else "not seen in the band"
+
+
+def _hz(frequency: float) -> str:
+    return f"{frequency:.5g}" if math.isfinite(frequency) else ""
+
+
+def _point(p: LoopPoint) -> tuple[str, ...]:
+    gain, db, phase = ("–", "–", "–") if p.value is None else _polar(p.value)
+    percent = (None if x is None else 100.0 * x for x in (p.thd_passed, p.thd_returned))
+    balance = None if p.balance is None else 100.0 * p.balance
+    rest = (number(x, ".3g") for x in (*percent, p.injected, balance))
+    return (f"{p.frequency_hz:.5g}", gain, db, phase, *rest, str(p.periods), p.status)
+
+
+def _polar(value: complex) -> tuple[str, str, str]:
+    size = abs(value)
+    db = f"{float(decibels(size)):.3f}" if size > 0.0 else "–"
+    return f"{size:.5g}", db, f"{float(degrees(value)):.2f}"

@@ -1,0 +1,112 @@
+"""Open a system's loop at a connection and tell its margins."""
+
+from __future__ import annotations
+
+from workbench.core.records.forms import several
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.errors import InputError, SimulationError
+from workbench.jobs.job import Job
+from workbench.loops.loop.cut import CutLoop, cut_loop
+from workbench.loops.loop.linear import LinearLoop, linear_loop
+from workbench.loops.loop.measure import choose_measurement, measure
+from workbench.loops.loop.measured import LoopCurve
+from workbench.loops.loop.request import Loop
+from workbench.loops.loop.result import LoopResult
+from workbench.loops.loop.settings import LoopSettings
+from workbench.model import Model
+from workbench.model.operating_point import find_point, named, standing
+from workbench.point.lin.task import Width
+from workbench.point.trim.request import trim
+from workbench.response.nfr.frequency_grid import frequency_grid
+
+__all__ = ["run"]
+
+_BESIDE = 3.0  # a band that is not given reaches so far beyond the linear crossovers
+_SAMPLED = 0.5  # and to this part of the Nyquist frequency: near it periods do not repeat
+
+
+def run(system: Model, asked: Loop, job: Job) -> LoopResult:
+    """Open a loop; see `Loop`."""
+    wanted = asked.amplitudes is not None
+    amplitudes = tuple(sorted(several(asked.amplitudes or ())))
+    place, at, notes = asked.place_and_point()
+    found, remarks = find_point(system, _trimmed(system) if asked.trim else at)
+    cut = cut_loop(system, place, point=found)
+    linear, doubts = _linear(cut, asked.method, asked.dx, asked.du, needed=not wanted)
+    curves: list[LoopCurve] = []
+    why = ""
+    if wanted:
+        with job.ended_by(lambda: None):  # it ends after the points under way
+            curves, why = _measured(cut, linear, amplitudes, asked, job)
+    if wanted and linear is not None and linear.transfer.dt > 0.0:
+        doubts.append(
+            "the loop is sampled: what is measured holds the fundamentals of continuous signals, L(z) samples"
+        )
+    return LoopResult(
+        system=system.name,
+        place=cut.place,
+        value=cut.value,
+        linear=linear,
+        curves=tuple(curves),
+        why=why,
+        notes=(*notes, *remarks, *doubts),
+        operating_point=named(system, cut.point) if cut.point is not None else standing(system),
+    )
+
+
+def _trimmed(system: Model) -> OperatingPoint:
+    found = trim(system)
+    if not found.converged:
+        raise InputError(f"--trim: {found.message}")
+    return found.operating_point
+
+
+def _measured(
+    cut: CutLoop, linear: LinearLoop | None, amplitudes: tuple[float, ...], asked: Loop, job: Job
+) -> tuple[list[LoopCurve], str]:
+    """Return the curves, one for each way and amplitude, and why it was measured so."""
+    names, why = choose_measurement(asked.how, linear)
+    band = _own_band(linear) if asked.frequencies is None and asked.band is None else asked.band
+    grid = frequency_grid(asked.frequencies, band, asked.ratio, falling=False)
+    settings = LoopSettings(
+        errcrit=asked.errcrit,
+        max_periods=asked.max_periods,
+        value=cut.value,
+        loop=None if linear is None else linear.transfer,
+    )
+    curves: list[LoopCurve] = []
+    for number, name in enumerate(names, 1):
+        job.stage(number, len(names))
+        curves += measure(
+            cut,
+            name,
+            settings,
+            frequencies=grid,
+            amplitudes=amplitudes,
+            refine=asked.refine,
+            workers=asked.place,
+            linear=linear,
+            job=job,
+            stopped=lambda: job.stopped or (asked.stopped is not None and asked.stopped()),
+        )
+    return curves, why
+
+
+def _linear(
+    cut: CutLoop, method: str, dx: Width, du: float | None, *, needed: bool
+) -> tuple[LinearLoop | None, list[str]]:
+    try:
+        found = linear_loop(cut, method=method, dx=dx, du=du)
+    except (InputError, SimulationError) as error:
+        if needed:
+            raise
+        return None, [*cut.notes, f"there is no linear loop: {error}"]
+    return found, list(found.notes)
+
+
+def _own_band(linear: LinearLoop | None) -> tuple[float, float]:
+    inner = () if linear is None else linear.margins.crossovers_hz
+    if not inner:
+        raise InputError("band: none given, and the linear loop has no crossover to choose one around; give LO:HI [Hz]")
+    top = max(inner) * _BESIDE if linear is None else min(max(inner) * _BESIDE, _SAMPLED * linear.transfer.highest_hz)
+    return min(min(inner) / _BESIDE, top), top

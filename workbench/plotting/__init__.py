@@ -1,1 +1,0 @@
-"""Pictures of results; reached through a result's `plot` method."""

@@ -1,0 +1,1 @@
+"""An operating point and the linear model there."""

@@ -1,0 +1,246 @@
+"""Linearise a sampled, hybrid or multirate model over its basic time period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.errors import InputError, SimulationError
+from workbench.model.names import declared_units
+from workbench.model.sample_rates import NoRatesError, Rates, rates_of
+from workbench.point.lin.period_map import PeriodMap
+from workbench.point.lin.result import Doubt, Intersample, LinResult
+from workbench.point.lin.task import LinTask, moving_note, no_equations, open_base
+from workbench.point.lin.zero_entries import Reach, zeros_of
+from workbench.session.base import Floats
+
+__all__ = ["kalman_bertram", "period_map"]
+
+AGREE = 1e-3
+FAR = (0.1, 1.0, 10.0)  # of an input's own size: how far one looks behind a zero
+
+Flags = NDArray[np.bool_]
+
+
+def kalman_bertram(task: LinTask) -> LinResult:
+    """Linearise the map over one basic time period; the result is a discrete model with that period.
+
+    All rates of a hybrid or multirate model are taken together into the basic time period T, the least common
+    multiple of the sample periods within the tolerance `btptol`. With the inputs held over T, let F be the
+    transition of the continuous states while the discrete ones are constant (e^(FT)), and G
+    that of the discrete states at the samples while the continuous ones are constant. Kalman and
+    Bertram's overall transition is Φ = G·e^(FT) from just after one sample to just after the next.
+
+    Here Φ and Γ are differences of the map that the FMU itself makes of one period, begun just before a sample:
+    Φ = e^(FT)·G, similar to the above and with the same eigenvalues, but exact also where faster samplers update
+    within the period (which the classical merging holds constant) and with the input of the sample instant
+    itself reaching the samplers. FMI lets discrete states be set only before initialisation ends; so each
+    perturbed run is a new one, initialised at a multiple of T with changed start values. Discrete states
+    that have no influence (they are overwritten before they are read) are left out.
+
+    At the end the linear model is compared with the FMU over one more period from a point where everything is
+    perturbed at once.
+
+    Not for: discrete states that the FMU does not show or does not let one start elsewhere (the final comparison or
+    a missing influence shows it; use response); models without time events of constant rate; modes
+    (integers, Booleans), which stay as they are; amplitudes at which limits are reached.
+
+    Args:
+        task: the linearisation.
+
+    Raises:
+        InputError: no sample rates, co-simulation, or a continuous state that cannot be started elsewhere.
+        SimulationError: a run fails.
+
+    Source: the source report, chapter 3.1.3; R. E. Kalman and J. E. Bertram, A unified approach to the theory of
+    sampling systems, J. Franklin Inst. 267 (1959).
+    """
+    setting, rates = period_map(task)
+    return _linearise(setting, rates)
+
+
+def period_map(task: LinTask) -> tuple[PeriodMap, Rates]:
+    """Return the map over one basic period of a task's model, and its rates.
+
+    Raises:
+        InputError, SimulationError: see `kalman_bertram`.
+    """
+    if task.model.interface == "cs":
+        raise no_equations(task)
+    rates = rates_of(task.model, time=task.time, values=task.values, btptol=task.btptol)
+    if not rates.periods and rates.notes:
+        raise NoRatesError(f"{rates.notes[0].partition(':')[0]}; use difference, or give periods")
+    if not rates.periods:
+        raise InputError("method kalman-bertram: the model asks for no time events; use difference, or give periods")
+    with open_base(task) as point:
+        return PeriodMap.of(task, point, rates.start(task.time), rates.period, rates.ticks), rates
+
+
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """The map at the point and its partial derivatives.
+
+    Attributes:
+        x: states after one period, shape (n,).
+        y: outputs, shape (k, 2, q).
+        dx: shape (n, n + m).
+        dy: shape (k, 2, q, n + m).
+    """
+
+    x: Floats
+    y: Floats
+    dx: Floats
+    dy: Floats
+
+    @property
+    def all(self) -> Floats:
+        """Slopes of the states and of the outputs at the sample, shape (n + q, n + m)."""
+        return np.vstack([self.dx, self.dy[0, 0]])
+
+    @property
+    def values(self) -> Floats:
+        """States after the period and outputs at the sample, shape (n + q,)."""
+        return np.concatenate([self.x, self.y[0, 0]])
+
+
+def _slopes(setting: PeriodMap) -> _Slopes:
+    count = len(setting.names)
+    x, y = setting.run(np.zeros(count))
+    slopes_x, slopes_y = [], []
+    for unit, width in zip(np.eye(count), setting.widths.tolist(), strict=True):
+        (x1, y1), (x0, y0) = (setting.run(s * 0.5 * width * unit) for s in (1.0, -1.0))
+        slopes_x.append((x1 - x0) / width)
+        slopes_y.append((y1 - y0) / width)
+    return _Slopes(x, y, np.array(slopes_x).T.reshape(len(x), count), np.moveaxis(np.array(slopes_y), 0, -1))
+
+
+def _linearise(setting: PeriodMap, rates: Rates) -> LinResult:
+    n = len(setting.states)
+    slopes = _slopes(setting)
+    keep = _influential(slopes.dx[:, :n], slopes.dy[..., :n], setting.continuous)
+    result = _result(setting, slopes, keep)
+    reach = _reach(setting, slopes)
+    known = {*result.state_names, *result.output_names}
+    return replace(
+        result,
+        zeros=zeros_of(result, reach),
+        doubts=(*_check(setting, slopes), *(d for d in _flat(setting, reach) if d.row in known)),
+        notes=_notes(setting, slopes, keep, rates),
+    )
+
+
+def _notes(setting: PeriodMap, slopes: _Slopes, keep: Flags, rates: Rates) -> tuple[str, ...]:
+    listed = ", ".join(f"{p:.12g}" for p in rates.periods)
+    notes = [f"basic time period {setting.period:.9g} s out of sample periods {listed} s", *rates.notes]
+    left_out = [v.name for v, k in zip(setting.states, keep, strict=True) if not k]
+    if left_out:
+        notes.append(f"left out, because they are overwritten before anything reads them: {', '.join(left_out)}")
+    values = setting.values[: len(keep)]
+    moves = np.flatnonzero((np.abs(slopes.x - values) > 1e-6 * (np.abs(values) + 1e-6)) & keep)
+    shown = [f"{setting.names[i]} goes from {values[i]:.4g} to {slopes.x[i]:.4g} in one period" for i in moves]
+    return (*notes, *moving_note(shown))
+
+
+def _influential(phi: Floats, outer: Floats, continuous: int) -> Flags:
+    """Return which states matter: continuous ones, and discrete ones that reach another state or an output."""
+    n = len(phi)
+    keep = np.ones(n, dtype=bool)
+    for _ in range(n):
+        for i in range(continuous, n):
+            keep[i] = keep[i] and bool(phi[keep, i].any() or outer[..., i].any())
+    return keep
+
+
+def _point(setting: PeriodMap, slopes: _Slopes) -> OperatingPoint:
+    task, n, c = setting.task, len(setting.states), setting.continuous
+    names = [v.name for v in setting.states]
+    values = setting.values.tolist()
+    return OperatingPoint(
+        x=dict(zip(names[:c], values[:c], strict=True)),
+        u=dict(setting.inputs),
+        y=dict(zip(task.outputs, slopes.y[0, 0].tolist(), strict=True)),
+        discrete=dict(zip(names[c:], values[c:n], strict=True)),
+        units=declared_units(task.model, [*names, *task.inputs, *task.outputs]),
+        time=setting.start,
+        period=setting.period,
+    )
+
+
+def _result(setting: PeriodMap, slopes: _Slopes, keep: Flags) -> LinResult:
+    task, n = setting.task, len(setting.states)
+    between = _between(setting, keep)
+    C, D = slopes.dy[..., :n][..., keep], slopes.dy[..., n:]
+    point = _point(setting, slopes)
+    return LinResult(
+        model=task.model.name,
+        interface=task.model.interface,
+        method="kalman-bertram",
+        why="it was asked for",
+        A=slopes.dx[:, :n][np.ix_(keep, keep)],
+        B=slopes.dx[:, n:][keep],
+        C=C[0, 0],
+        D=D[0, 0],
+        dt=setting.period,
+        state_names=tuple(v.name for v, k in zip(setting.states, keep, strict=True) if k),
+        input_names=task.inputs,
+        output_names=task.outputs,
+        units=point.units,
+        operating_point=point,
+        calls={"runs": 2 * len(setting.names) + 2},
+        intersample=Intersample(setting.grid - setting.start, C, D, **between),
+    )
+
+
+def _between(setting: PeriodMap, keep: Flags) -> dict[str, Any]:
+    """Return what inputs do between samples; nothing where they act at samples only."""
+    if setting.acts_at_samples() or not all(v.is_continuous_input for v in setting.inputs_chosen):
+        return {"sampled": True}
+    columns = range(len(setting.states), len(setting.names))
+    nodes = setting.nodes()
+    found = [[setting.respond(j, k) for j in columns] for k in range(len(nodes))]
+    B = np.array([np.column_stack([x[keep] for x, _ in row]) for row in found])
+    D = np.array([np.stack([y for _, y in row], axis=-1) for row in found])
+    return {"sampled": False, "nodes": nodes, "B_nodes": B, "D_nodes": D}
+
+
+def _reach(setting: PeriodMap, slopes: _Slopes) -> Reach:
+    """Return which zero entries of inputs move when the input moves far."""
+    rows = [*(v.name for v in setting.states), *setting.task.outputs]
+    reach = Reach.none(rows, list(setting.names))
+    for j in range(len(setting.states), len(setting.names)):
+        zero = slopes.all[:, j] == 0.0
+        for sign, moved in ((1.0, reach.above), (-1.0, reach.below)) if zero.any() else ():
+            for far in FAR:
+                try:
+                    x, y = setting.run(sign * far * setting.sizes[j] * np.eye(len(setting.names))[j])
+                except SimulationError:  # so far away it need not run
+                    continue
+                moved[:, j] |= zero & (np.concatenate([x, y[0, 0]]) != slopes.values)
+    return reach
+
+
+def _flat(setting: PeriodMap, reach: Reach) -> list[Doubt]:
+    found = []
+    for i, j in np.argwhere(reach.above | reach.below):
+        far = FAR[-1] * setting.sizes[j]
+        reason = f"locally flat: 0 here, but it moves when {reach.columns[j]} {reach.where(i, j)} by up to {far:.3g}"
+        found.append(Doubt(reach.rows[i], reach.columns[j], 0.0, None, reason))
+    return found
+
+
+def _check(setting: PeriodMap, slopes: _Slopes) -> tuple[Doubt, ...]:
+    """Compare the linear map with the FMU where everything is perturbed at once."""
+    random = np.random.default_rng(3)
+    shift = 0.5 * setting.widths * random.choice([-1.0, 1.0], len(setting.names))
+    x, y = setting.run(shift)
+    real, expected = np.concatenate([x, y[0, 0]]) - slopes.values, slopes.all @ shift
+    scale = np.abs(slopes.all) @ np.abs(shift)
+    noise = 1e-9 * np.abs(slopes.values) * (setting.continuous > 0) + 1e-13
+    rows = [*(v.name for v in setting.states), *setting.task.outputs]
+    why = "with everything perturbed at once the result differs: not linear over the widths"
+    bad = np.flatnonzero(np.abs(real - expected) > 2.0 * AGREE * scale + noise)
+    return tuple(Doubt(rows[i], "all", float(expected[i]), float(real[i]), why) for i in bad)

@@ -1,0 +1,220 @@
+"""The pages of linear models."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from workbench.core.values.operating_point import told
+from workbench.core.values.poles import continuous, damping_ratio, natural_frequency_hz, vanished
+from workbench.point.lin.result import LinResult
+from workbench.point.lin.step_check import StepCheck
+from workbench.point.lin.sweep import LinGrid, LinPoint
+from workbench.response.compare_linear.run import LinComparison
+from workbench.response.compare_linear.run import Verdict as Agreement
+from workbench.show.page import Page, Section, Table
+from workbench.show.tables import bracketed, counted, matrices, number, pole_table
+from workbench.show.verdicts import Verdict
+
+__all__ = ["comparison_page", "grid_page", "lin_page", "step_check_page"]
+
+_BORDER = 1e-9  # of the fastest pole: real parts below are rounding
+
+
+def lin_page(result: LinResult) -> Page:
+    """Return the page of a linear model: response, poles, matrices, point, what is doubtful and why rows are zero."""
+    return Page(
+        title=f"Linear model of {result.model}",
+        lead=" ".join([_kind(result), *_motion(result)]),
+        facts=_facts(result),
+        sections=[
+            *_response(result),
+            *_parts(result),
+            _point(result),
+        ],
+        summary=_doubts(result),
+        notes=result.notes,
+        kind="lin",
+    )
+
+
+def _response(result: LinResult) -> list[Section]:
+    if not result.input_names or not result.output_names:
+        return []
+    words = "Bode picture and step response, one column for each input."
+    return [Section("Response", figures=[(result.plot, words)])]
+
+
+def _kind(result: LinResult) -> str:
+    kind = f"Discrete, period {result.dt:.9g} s" if result.dt > 0.0 else "Continuous"
+    sizes = (counted(len(result.state_names), "state"), counted(len(result.input_names), "input"))
+    return f"{kind}: {', '.join(sizes)}, {counted(len(result.output_names), 'output')}."
+
+
+def _motion(result: LinResult) -> list[str]:
+    """Return in words whether it is stable, and the oscillation that is damped least."""
+    s = continuous(result.shown_poles[~vanished(result.shown_poles, result.dt)], result.dt)
+    size, among = np.abs(s), "" if result.shows_all_poles else " of those shown"
+    unstable = int(np.sum(s.real > _BORDER * np.max(size, initial=0.0)))
+    words = [f"{counted(unstable, 'pole')}{among} in the right half-plane." if unstable else ""]
+    turning = (s.imag > 0.0) & (size > 0.0)
+    if np.any(turning):
+        least = s[turning][np.argmin(damping_ratio(s[turning]))]
+        frequency, ratio = float(natural_frequency_hz(least)), float(damping_ratio(least))
+        words.append(
+            f"The oscillation{among} damped least is at {frequency:.4g} Hz (natural), damping ratio {ratio:.3g}."
+        )
+    return [text for text in words if text]
+
+
+def _facts(result: LinResult) -> dict[str, str]:
+    calls = ", ".join(f"{n} {kind}" for kind, n in result.calls.items())
+    nothing = "; ".join(f"{source} → {target}" for source, target in result.without_effect)
+    return {
+        "inputs → outputs": f"{_names(result.input_names)} → {_names(result.output_names)}",
+        "method": f"{result.method} ({result.why})",
+        **({"no effect": nothing} if nothing else {}),
+        **({"model calls": calls} if calls else {}),
+    }
+
+
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(names) or "none"
+
+
+def _doubts(result: LinResult) -> list[Verdict]:
+    return [Verdict("doubtful", f"{d.row} by {d.column} = {d.value:.6g}: {d.reason}") for d in result.doubts]
+
+
+def _parts(result: LinResult) -> list[Section]:
+    values = (result.A, result.B, result.C, result.D)
+    sections = [
+        Section("Poles", tables=[_poles(result)]) if len(result.A) else None,
+        matrices(values, result.state_names, result.input_names, result.output_names, units=result.units, dt=result.dt),
+        Section("Rows and columns that are zero", items=[f"{z.kind} {z.name}: {z.reason}" for z in result.zeros])
+        if result.zeros
+        else None,
+    ]
+    return [s for s in sections if s is not None]
+
+
+def _poles(result: LinResult) -> Table:
+    if result.shows_all_poles:
+        return pole_table(result.poles.tolist(), result.dt)
+    shown = result.shown_poles
+    return pole_table(shown.tolist(), 0.0, f"{len(shown)} of {len(result.A)}, the nearest to {result.about_hz:g} Hz")
+
+
+def _point(result: LinResult) -> Section:
+    point = result.operating_point
+    groups = (("state", point.x), ("discrete state", point.discrete), ("input", point.u), ("output", point.y))
+    rows = [
+        (name, kind, f"{told(value):.8g}", point.units.get(name) or result.units.get(name) or "")
+        for kind, values in groups
+        for name, value in values.items()
+    ]
+    table = Table(("variable", "kind", "value", "unit"), rows, right=(2,))
+    return Section("Operating point", paragraphs=[f"At {point.time:g} s."], tables=[table], folded=True)
+
+
+# -- grids -------------------------------------------------------------------------------------
+
+
+def grid_page(grid: LinGrid) -> Page:
+    """Return the page of an array of linear models: one Bode picture, poles of each member."""
+    good = [(p, p.result) for p in grid.points if p.result is not None]
+    over = ", ".join(grid.over)
+    return Page(
+        title=f"Linear models{f' of {good[0][1].model}' if good else ''} over {over}",
+        lead=f"{counted(len(grid.points), 'point')}, {len(grid.failed)} of them without a model.",
+        facts={name: ", ".join(f"{v:g}" for v in values) for name, values in grid.over.items()},
+        sections=[
+            *(
+                [Section("Response", figures=[(grid.plot, "First input to first output, one curve for each point.")])]
+                if good
+                else []
+            ),
+            Section("Linear models", parts=[_member(p, r) for p, r in good], folded=len(good) > 1),
+        ],
+        summary=[Verdict("failed", f"{p}: {p.reason}") for p in grid.failed]
+        + [Verdict(v.word, f"{p}: {v.text}") for p, r in good for v in _doubts(r)],
+        notes=tuple(dict.fromkeys([*grid.notes, *(note for _, r in good for note in r.notes)])),
+        kind="lin",
+    )
+
+
+def _member(point: LinPoint, result: LinResult) -> Section:
+    words = [f"{_kind(result)} Method: {result.method} ({result.why})."]
+    return Section(str(point), paragraphs=words, parts=_parts(result))
+
+
+# -- comparisons -------------------------------------------------------------------------------
+
+
+def comparison_page(result: LinComparison) -> Page:
+    """Return the page of all methods beside a measurement: words, picture, verdict at each frequency."""
+    counts = Counter((v.method, v.agrees) for v in result.verdicts)
+    methods = dict.fromkeys(v.method for v in result.verdicts)
+    model = ", ".join(dict.fromkeys(one.model for one in result.results.values()))
+    return Page(
+        title=f"Linear models of {model} against measurement: {result.input} → {result.output}",
+        lead=f"{counted(len(result.results), 'linear model')} of the same operating point, compared with the response "
+        "to sines that was measured on the model itself.",
+        facts={"agreement": "within 0.5 dB and 5° of the measured response"},
+        sections=[
+            Section(
+                "Frequency responses",
+                items=[words for words in result.words if not _is_agreement(words, methods)],
+                figures=[(result.plot, "Curves: linear models; circles: measured with sines.")],
+            ),
+            _verdict_table(result),
+            *_inapplicable(result),
+        ],
+        summary=[_agreement(m, counts, result.words) for m in methods],
+        notes=result.notes,
+        kind="lin",
+    )
+
+
+def _is_agreement(words: str, methods: Iterable[str]) -> bool:
+    return any(words.startswith(f"{m}: within ") for m in methods)
+
+
+def _agreement(method: str, counts: Mapping[tuple[str, bool | None], int], words: Sequence[str]) -> Verdict:
+    yes, no = counts.get((method, True), 0), counts.get((method, False), 0)
+    if not yes + no:
+        return Verdict("unknown", f"{method}: nothing was measured to compare it with")
+    word = "agrees" if not no else "partly" if yes else "differs"
+    told = next((text for text in words if _is_agreement(text, [method])), "")
+    usual = f"{method}: agrees with the measurement at {yes} of {counted(yes + no, 'frequency', 'frequencies')}"
+    return Verdict(word, told or usual)
+
+
+def _verdict_table(result: LinComparison) -> Section:
+    headings = ("method", "frequency [Hz]", "gain less measured [dB]", "phase less measured [deg]", "verdict")
+    table = Table(headings, [_row(v) for v in result.verdicts], verdict=4, right=(1, 2, 3))
+    return Section("At each frequency", tables=[table], folded=len(result.verdicts) > 30)
+
+
+def _row(v: Agreement) -> tuple[str, ...]:
+    return (v.method, f"{v.frequency_hz:.5g}", number(v.gain_db, ".3f"), number(v.phase_deg, ".2f"), v.words)
+
+
+def _inapplicable(result: LinComparison) -> list[Section]:
+    if not result.failed:
+        return []
+    return [Section("Methods that do not apply", items=[f"{name}: {why}" for name, why in result.failed.items()])]
+
+
+def step_check_page(result: StepCheck) -> Page:
+    """Return the page of one step on the model and on its linear model."""
+    height, error = f"{result.height:g}", f"{100.0 * result.error:.3g} %"
+    return Page(
+        title=f"Step of {result.input}: linear model against the model",
+        lead=f"After a step of {height} the linear {result.output} differs by {error} of its motion (rms).",
+        facts={"input": result.input, "output": bracketed(result.output, result.unit), "height": height},
+        sections=[Section("Step response", figures=[(result.plot, "Both responses to the same step.")])],
+        kind="step check",
+    )

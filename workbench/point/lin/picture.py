@@ -1,0 +1,138 @@
+"""Pictures of linear models."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from workbench.core.values.large import corners_hz
+from workbench.core.values.poles import continuous, vanished
+from workbench.errors import InputError
+from workbench.point.lin.step_check import step_response
+from workbench.session.base import Floats
+from workbench.show.bode import bode_axes, draw_response
+from workbench.show.figure import COLOURS, LEGEND, frame, rows
+
+if TYPE_CHECKING:
+    from workbench.point.lin.result import LinResult
+
+__all__ = ["frequency_band", "plot_curves", "plot_lin"]
+
+_POINTS = 400
+_DASHES = ("-", "--", "-.", ":")
+
+
+def plot_lin(result: LinResult) -> Figure:
+    """Draw gain [dB] and phase [deg] over frequency [Hz] and the step responses over time [s].
+
+    Args:
+        result: the linear model; every pair of input and output is a curve.
+
+    Raises:
+        InputError: it has no input or no output.
+    """
+    if not result.input_names or not result.output_names:
+        missing = "output" if result.input_names else "input"
+        raise InputError(f"{result.model}: the linear model has no {missing}, so it has no response to draw")
+    figure, axes = rows(3, title=_title(result))
+    frequency = frequency_band([result])
+    nothing = set(result.without_effect)
+    # The step response has an axis of its own.
+    axes[2].remove()
+    step = figure.add_subplot(3, 1, 3)
+    frame(step)
+    time, outputs = _step(result)
+    pairs = len(result.input_names) * len(result.output_names)
+    units = {result.units.get(name) or "1" for name in result.output_names}
+    for j, source in enumerate(result.input_names):
+        for i, target in enumerate(result.output_names):
+            style = _style(i, j)
+            draw_response(axes[0], axes[1], result.curve(j, i, frequency), **style)
+            draw: Any = step.step if result.dt > 0.0 else step.plot
+            extra = {"where": "post"} if result.dt > 0.0 else {}
+            draw(time, outputs[:, i, j], label=_name(source, target, nothing), **style, **extra)
+    _finish(axes, frequency)
+    axes[1].tick_params(labelbottom=True)
+    step.set_xlabel("time [s]")
+    step.set_ylabel(f"step response [{units.pop()}]" if len(units) == 1 else "step response")
+    if pairs > 1 or nothing:
+        step.legend(**LEGEND)
+    return figure
+
+
+def _title(result: LinResult) -> str:
+    pairs = len(result.input_names) * len(result.output_names)
+    which = f"{result.input_names[0]} → {result.output_names[0]}" if pairs == 1 else "responses"
+    return f"{result.model}: {which} of the linear model, method {result.method}"
+
+
+def plot_curves(named: Sequence[tuple[str, LinResult]]) -> Figure:
+    """Draw the Bode picture of the first input and output of several models.
+
+    Args:
+        named: label and model.
+    """
+    results = [result for _, result in named]
+    first = results[0] if results else None
+    title = f"{first.model}: {first.input_names[0]} → {first.output_names[0]}" if first else "no linear model"
+    figure, axes = rows(2, title=title)
+    frequency = frequency_band(results)
+    for number, (label, result) in enumerate(named):
+        style = {**_style(number, number // len(COLOURS)), "label": label}
+        draw_response(axes[0], axes[1], result.curve(0, 0, frequency), **style)
+    _finish(axes, frequency)
+    if named:
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
+    return figure
+
+
+def frequency_band(results: Sequence[LinResult]) -> Floats:
+    """Return frequencies [Hz] around the poles, five decades at most, discrete models up to half their rate."""
+    corners = [c for r in results for c in _corners(r)]
+    low, high = (min(corners), max(corners)) if corners else (0.1, 10.0)
+    low, high = low / 10.0, min(high * 10.0, low * 1e4)
+    rates = [0.5 / r.dt for r in results if r.dt > 0.0]
+    if rates:
+        high = min(high, max(rates))
+        low = min(low, high / 100.0)
+    band: Floats = np.geomspace(low, high * (1.0 - 1e-6), _POINTS)
+    return band
+
+
+def _corners(result: LinResult) -> list[float]:
+    found = corners_hz(result.slowest_poles, result.A, result.dt, least=1e-6)
+    return list(found) if found else [0.05 / result.dt] if result.dt > 0.0 else []
+
+
+def _style(i: int, j: int) -> dict[str, Any]:
+    return {"color": COLOURS[i % len(COLOURS)], "linestyle": _DASHES[j % len(_DASHES)], "linewidth": 1.3}
+
+
+def _name(source: str, target: str, without_effect: Container[tuple[str, str]]) -> str:
+    return f"{source} → {target}{': no effect' if (source, target) in without_effect else ''}"
+
+
+def _finish(axes: Sequence[Axes], frequency: Floats) -> None:
+    bode_axes(axes)
+    for ax in axes[:2]:
+        ax.set_xlim(float(frequency[0]), float(frequency[-1]))
+
+
+def _step(result: LinResult) -> tuple[Floats, Floats]:
+    """Return times (k,) [s] and unit step responses (k, q, m)."""
+    dt = result.dt or _horizon(result) / _POINTS
+    count = min(_POINTS, max(20, round(_horizon(result) / dt))) if result.dt > 0.0 else _POINTS
+    outputs = [step_response(result, j, dt, count) for j in range(len(result.input_names))]
+    return np.asarray(dt * np.arange(count + 1), dtype=np.float64), np.stack(outputs, axis=-1)
+
+
+def _horizon(result: LinResult) -> float:
+    """Return how long the step response takes [s]."""
+    slow = result.slowest_poles
+    poles = [p for p in continuous(slow[~vanished(slow, result.dt)], result.dt).tolist() if abs(p) > 1e-6]
+    speeds = [abs(p.real) if abs(p.real) > 1e-3 * abs(p) else abs(p) / 5.0 for p in poles]
+    return 5.0 / min(speeds) if speeds else 20.0 * (result.dt or 0.05)

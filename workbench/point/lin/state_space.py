@@ -1,0 +1,71 @@
+"""A linear model as python-control has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import control
+
+from workbench.core.records.record import Reportable
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.point.lin.result import LinResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+__all__ = ["LinearModel"]
+
+
+class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # python-control has no types
+    """A `control.StateSpace` with names that knows how it was made.
+
+    Whatever python-control does with a StateSpace it does with this one; what comes out of such an
+    operation (a series connection, a sampled model) is a plain StateSpace. python-control forbids dots in
+    names: "plant.tau" is "plant_tau" there; `result` has the names as they are. It has no model without inputs: such a
+    one has the input "no_input", which does nothing, and `result` none.
+
+    Args:
+        result: the linearisation.
+        name: name of the model; None: its own.
+
+    Attributes:
+        result: the linearisation with its point, method, doubts and notes.
+    """
+
+    _page = "workbench.point.lin.page_state_space:linear_model_page"
+
+    def __init__(self, result: LinResult, name: str | None = None) -> None:
+        matrices, labels = result.for_control(name or result.model)
+        super().__init__(*matrices, result.dt, **labels)
+        self.result = result
+
+    @property
+    def operating_point(self) -> OperatingPoint:
+        """Where the model was linearised."""
+        return self.result.operating_point
+
+    point = operating_point  # as it was called
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a picture: Bode and step response, one column per input.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        return self.result.plot(path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain lists and numbers, ready for JSON."""
+        return self.result.to_dict()
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> LinearModel:
+        """Return the model that `to_dict` or a file of `workbench lin --json` describes.
+
+        Raises:
+            InputError: a key is missing or holds something else.
+        """
+        return cls(LinResult.from_dict(data))

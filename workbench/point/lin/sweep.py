@@ -1,0 +1,287 @@
+"""Linearise over a grid of parameters and inputs, or at several times of a simulation."""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.core.records.forms import several
+from workbench.core.records.option import recast
+from workbench.core.records.record import Part, Record, drawn, entry
+from workbench.errors import InputError, SimulationError
+from workbench.jobs.job import Job
+from workbench.jobs.options import Workers
+from workbench.jobs.runner import Lost, Reply
+from workbench.jobs.runner_choice import at_work
+from workbench.jobs.store import Store
+from workbench.jobs.version import stamp
+from workbench.model import Model
+from workbench.model.names import check_variables, forced_inputs
+from workbench.model.varied import with_parameters
+from workbench.point.lin.linearise import run
+from workbench.point.lin.request import Lin, LinAlong, LinOver
+from workbench.point.lin.result import LinResult
+from workbench.point.lin.task import make_task, point_in_full
+from workbench.session.base import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["LinGrid", "LinPoint", "along", "linearise_one", "over", "with_parameters"]
+
+# To be raised whenever a change of the code changes a result: stored results of both are not mixed.
+_ALGORITHM = 1
+
+# What a stored result depends on besides the model and what is varied.
+_DECIDING = ("method", "x0", "u0", "dx", "du", "inputs", "outputs", "time", "period")
+
+
+@dataclass(frozen=True, eq=False)
+class LinPoint(Part):
+    """One member of an array of linear models.
+
+    Attributes:
+        values: what was varied → value there.
+        result: the linear model; None where it failed.
+        reason: why it failed, one line; None where it did not.
+        kind: what went wrong, see `WorkbenchError.kind`; None where nothing did, or it was not reached.
+    """
+
+    values: dict[str, float]
+    result: LinResult | None = field(metadata=entry(inline=True))
+    reason: str | None = None
+    kind: str | None = None
+
+    def __str__(self) -> str:
+        return _label(self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class LinGrid(Record):
+    """An array of linear models.
+
+    Attributes:
+        model, interface, solver: what was linearised.
+        over: what was varied → values; the last one varies fastest in `points`.
+        points: one for each combination.
+        notes: on how they were found.
+    """
+
+    _page = "workbench.point.lin.page:grid_page"
+
+    model: str
+    interface: str
+    solver: str
+    over: dict[str, tuple[float, ...]]
+    points: tuple[LinPoint, ...] = field(metadata=entry(key="systems"))
+    notes: tuple[str, ...] = ()
+
+    _WHAT, _COMMAND = "a family of linear models", "lin --over"
+
+    @property
+    def failed(self) -> tuple[LinPoint, ...]:
+        """The points without a model."""
+        return tuple(p for p in self.points if p.result is None)
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is a model at every point."""
+        return not self.failed
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return a Bode picture of the first input and output, one curve per model.
+
+        Args:
+            path: also write it here; png, svg or pdf by suffix.
+        """
+        curves = [(str(p), p.result) for p in self.points if p.result is not None]
+        return drawn("workbench.point.lin.picture:plot_curves", path, curves)
+
+    def derived(self) -> dict[str, Any]:
+        """Return the points at which no linear model was found, and why."""
+        return {"failed": [{**p.values, "reason": p.reason, "kind": p.kind} for p in self.failed]}
+
+    def rows(self) -> Iterator[list[Any]]:
+        """Yield one row for each entry of a matrix, behind what was varied."""
+        yield [*self.over, "matrix", "row", "column", "value"]
+        for point in self.points:
+            if point.result is not None:
+                yield from ([*point.values.values(), *row] for row in point.result.entries())
+
+
+def _label(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in values.items())
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Job:
+    """One linearisation, for a worker process."""
+
+    varied: dict[str, float]
+    parameters: dict[str, float]
+    asked: Lin
+    explained: bool
+
+
+def over(model: Model, asked: LinOver, job: Job) -> LinGrid:
+    """Linearise at every combination; see `LinOver`."""
+    grid = {name: several(values) for name, values in asked.over.items()}
+    every = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
+    found: dict[str, LinPoint] = {}
+
+    def result() -> LinGrid:
+        points = (found.get(_label(varied)) or LinPoint(varied, None, "not reached") for varied in every)
+        return LinGrid(model.name, model.interface, model.solver, grid, tuple(points))
+
+    job.partial = lambda: result() if found else None
+    for point in points_over(model, asked, asked.place.apart, job):
+        found[str(point)] = point
+        job.done(point, len(found), len(every))
+    return result()
+
+
+def points_over(
+    model: Model, asked: LinOver, workers: Workers, job: Job, *, explained: bool = True
+) -> Iterator[LinPoint]:
+    """Linearise at every combination; yield the models as they are finished.
+
+    Args:
+        model: stays open.
+        asked: see `LinOver`.
+        workers: where.
+        job: can end it.
+        explained: see `LinTask`.
+
+    Raises:
+        InputError, FmuError: see `LinOver`.
+    """
+    grid = {name: several(values) for name, values in asked.over.items()}
+    _check(model, grid)
+    common = recast(Lin, asked, at=None, progress=None, workers=None, **point_in_full(model, asked)[0])
+    every = (dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values()))
+    todo = [_job(model, varied, common, explained=explained) for varied in every]
+    with _open_store(asked.store, model, common) as kept:
+        yield from _all(model, todo, workers, kept, job)
+
+
+def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
+    if not grid or not all(grid.values()):
+        raise InputError("over: nothing to vary; give NAME=value,value,…")
+    check_variables(model, grid, "parameter", "input", "state", what="over", number=True)
+    if model.recipe is None and any(n in {p.name for p in model.parameters} for n in grid):
+        raise InputError(f"over: the parameters of {model.name} cannot be set, as it is not a file")
+
+
+def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool) -> _Job:
+    inputs, states = {v.name for v in model.inputs}, {v.name for v in model.states}
+    asked = replace(
+        common,
+        u0={**(common.u0 or {}), **{n: v for n, v in varied.items() if n in inputs}},
+        x0={**(common.x0 or {}), **{n: v for n, v in varied.items() if n in states}},
+    )
+    parameters = {n: v for n, v in varied.items() if n not in inputs | states}
+    return _Job(varied=varied, parameters=parameters, asked=asked, explained=explained)
+
+
+def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | None, job: Job) -> Iterator[LinPoint]:
+    """Yield every point: those on disk, then those that are made now, each on disk before the next."""
+    done = kept.load() if kept is not None else {}
+    job.notes += kept.remarks() if kept is not None else []
+    for one in todo:
+        if kept is not None and _label(one.varied) in done:
+            yield LinPoint(one.varied, _kept(kept, done[_label(one.varied)]))
+    queue = deque(j for j in todo if _label(j.varied) not in done)
+    with at_work(model, workers, job, numbers=matrices_of) as runner:
+        for answer in runner.run(linearise_one, queue):
+            point = _point(answer)
+            if kept is not None and point.result is not None:
+                kept.save(str(point), point.result.to_dict())
+            yield point
+
+
+def matrices_of(points: Sequence[LinPoint]) -> Floats:
+    """Return all entries of the matrices of linear models, shape (n,).
+
+    Args:
+        points: those that failed have none.
+    """
+    found = [m.ravel() for p in points if (r := p.result) is not None for m in (r.A, r.B, r.C, r.D)]
+    return np.concatenate(found) if found else np.zeros(0)
+
+
+def _kept(kept: Store, value: Any) -> LinResult:  # noqa: ANN401 - whatever stands there
+    with kept.taken_apart():
+        return LinResult.from_dict(value)
+
+
+def _point(answer: Reply | Lost) -> LinPoint:
+    if isinstance(answer, Lost):
+        return LinPoint(answer.job.varied, None, answer.reason, answer.kind)
+    point: LinPoint = answer.value
+    return point
+
+
+def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
+    """Linearise one point of a grid; what a worker process runs."""
+    varied = with_parameters(model, job.parameters)
+    try:
+        task = replace(make_task(varied, job.asked), explained=job.explained)
+        yield LinPoint(job.varied, run(task, job.asked.method))
+    except SimulationError as error:
+        yield LinPoint(job.varied, None, str(error), error.kind)
+
+
+def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | nullcontext[None]:
+    if store is None:
+        return nullcontext()
+    if model.recipe is None:
+        raise InputError(f"store: {model.name} is not a file; its results cannot be distinguished from another model's")
+    subject = {
+        "analysis": "lin",
+        "algorithm": _ALGORITHM,
+        **stamp().in_store,
+        "model": model.recipe.identity(),
+        "interface": model.interface,
+        **{name: getattr(asked, name) for name in _DECIDING},
+    }
+    return Store(store, subject=subject, effort={})
+
+
+def along(model: Model, asked: LinAlong, job: Job) -> LinGrid:
+    """Linearise along a simulation; see `LinAlong`."""
+    times = several(asked.times)
+    if not times or times[0] < 0.0 or any(b <= a for a, b in itertools.pairwise(times)):
+        raise InputError("snapshot: the times must rise from 0 on")
+    forced = forced_inputs(model, asked.signals or {}, what="signals")
+    points: list[LinPoint] = []
+
+    def result() -> LinGrid:
+        return LinGrid(model.name, model.interface, model.solver, {"time": times[: len(points)]}, tuple(points))
+
+    job.partial = lambda: result() if points else None
+    with model.open_session(signals=forced) as session:
+        names = _standing_names(model)
+        for time in times:
+            session.advance(time, signals=forced)
+            session.advance(time, signals=forced)  # the right limit
+            task = replace(make_task(model, recast(Lin, asked, time=time)), values=session.values(names))
+            points.append(LinPoint({"time": time}, run(task, asked.method)))
+            job.done(points[-1], len(points), len(times))
+    return result()
+
+
+def _standing_names(model: Model) -> list[str]:
+    """Return what makes up where a model stands: states, discrete states, inputs."""
+    discrete = list[str]()
+    if model.interface == "me":
+        with model.open_point() as point:
+            discrete = list(point.discrete())
+    numeric = [v.name for v in (*model.states, *model.inputs) if v.is_number]
+    return list(dict.fromkeys([*numeric, *discrete]))

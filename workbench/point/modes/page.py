@@ -1,0 +1,105 @@
+"""The page of modes over a parameter: a flutter diagram."""
+
+from __future__ import annotations
+
+import math
+
+from workbench.point.modes.result import Critical, Mode, ModeSet, ModesResult
+from workbench.show.page import Page, Section, Table
+from workbench.show.tables import behind, bracketed, counted, number, sentence
+from workbench.show.verdicts import Verdict
+
+__all__ = ["modes_page"]
+
+_KINDS = {
+    "real axis": "meet on the real axis (a pair becomes two real poles, or the reverse)",
+    "unclear": "come so close that it is uncertain which is which afterwards",
+}
+
+
+def modes_page(result: ModesResult) -> Page:
+    """Return the page of modes: where they become unstable, the diagram, each mode at the ends of the range."""
+    parameter = bracketed(result.parameter, result.unit)
+    words = "Damping and frequency of the modes that matter; critical values are marked."
+    return Page(
+        title=f"Modes of {result.model} over {result.parameter}",
+        lead=_lead(result),
+        facts={
+            "parameter": f"{parameter}, {_range(result.sets[0])}",
+            "configurations": ", ".join(_name(s) for s in result.sets),
+            "critical values": f"to {result.tolerance:.2g}{behind(result.unit)}",
+        },
+        sections=[
+            Section("Diagram", paragraphs=[sentence(result.criterion)], figures=[(result.plot, words)]),
+            *(_configuration(result, s, parameter) for s in result.sets),
+        ],
+        summary=[v for s in result.sets for v in _verdicts(result, s)],
+        notes=result.notes,
+        kind="modes",
+    )
+
+
+def _name(modes: ModeSet) -> str:
+    return modes.label or "the model as it is"
+
+
+def _range(modes: ModeSet) -> str:
+    return f"{counted(len(modes.value), 'value')} from {modes.value[0]:g} to {modes.value[-1]:g}"
+
+
+def _lead(result: ModesResult) -> str:
+    found = [(s, s.first_unstable) for s in result.sets]
+    return " ".join(f"With {_name(s)}: {_critical_words(result, c) if c else _none(result)}." for s, c in found)
+
+
+def _none(result: ModesResult) -> str:
+    return f"no mode{'' if result.followed is None else ' that was followed'} becomes unstable in the range"
+
+
+def _critical_words(result: ModesResult, c: Critical) -> str:
+    where = f"{result.parameter} = {c.value:.6g}{behind(result.unit)}"
+    at = f" at {c.frequency_hz:.4g} Hz" if c.frequency_hz > 0.0 else ""
+    return f"mode {c.mode} becomes {c.becomes} at {where} ({c.kind}{at})"
+
+
+def _verdicts(result: ModesResult, modes: ModeSet) -> list[Verdict]:
+    name = _name(modes)
+    found = [Verdict(c.becomes, f"{name}: {_critical_words(result, c)}") for c in modes.critical]
+    found += [Verdict("unstable", f"{name}: mode {n}, at every value") for n in modes.unstable_throughout]
+    if any(modes.unstable_count[:1]):
+        begin = f"{result.parameter} = {modes.value[0]:g}"
+        found.append(Verdict("unstable", f"{name}: {modes.unstable_count[0]} of the modes at the first value, {begin}"))
+    found += [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
+    which = "every mode" if result.followed is None else "every mode that was followed"
+    return found or [Verdict("stable", f"{name}: {which}, at every value")]
+
+
+def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Section:
+    rows = [(str(c.mode), f"{c.value:.8g}", number(c.frequency_hz), c.kind, c.becomes) for c in modes.critical]
+    headings = ("mode", f"critical {parameter}", "frequency [Hz]", "kind", "becomes")
+    tables = [Table(headings, rows, verdict=4)] if rows else []
+    meetings = [
+        f"modes {' and '.join(map(str, m.modes))} {_KINDS.get(m.kind, m.kind)} near {result.parameter} = {m.value:.6g}"
+        for m in modes.meetings
+    ]
+    part = _modes(modes, parameter, every=result.followed is None)
+    return Section(f"With {_name(modes)}", items=meetings, tables=tables, parts=[part])
+
+
+def _modes(modes: ModeSet, parameter: str, *, every: bool) -> Section:
+    """Return every mode at both ends of the range, and where its damping is smallest."""
+    headings = (
+        "mode", "natural first [Hz]", "last [Hz]", "damping first", "last", "smallest", f"at {parameter}",
+        "states that take part",
+    )  # fmt: skip
+    rows = [_mode(m, modes) for m in modes.modes]
+    title = f"{'All' if every else 'The'} {counted(len(rows), 'mode')} with {_name(modes)}"
+    return Section(title, tables=[Table(headings, rows, right=range(7))], folded=len(rows) > 12)
+
+
+def _mode(mode: Mode, modes: ModeSet) -> tuple[str, ...]:
+    f, damping = mode.natural_frequency_hz, mode.damping
+    known = [(float(d), float(v)) for d, v in zip(damping, modes.value, strict=True) if not math.isnan(d)]
+    least, where = min(known, default=(math.nan, math.nan))
+    numbers = (f[0], f[-1], damping[0], damping[-1], least, where)
+    return (str(mode.number), *(number(float(x), ".4g") for x in numbers), ", ".join(mode.states))

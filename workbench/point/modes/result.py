@@ -1,0 +1,257 @@
+"""What the analysis of modes over a parameter found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.core.records.record import Part, Record, complex_of, entry
+from workbench.core.values.modal import Complex
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.core.values.poles import damped_frequency_hz, damping_ratio, natural_frequency_hz
+from workbench.fmi.variable import Value
+from workbench.session.base import Floats
+
+__all__ = ["CRITERION", "Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"]
+
+CRITERION = (
+    "critical: the real part of a mode's pole passes zero (or leaves it, for a mode that was neutral), by more than "
+    "rounding may have moved the pole"
+)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mode:
+    """One mode over the parameter.
+
+    Attributes:
+        number: from 1 on, by rising damped frequency at the first value; what appears later (two real poles of what
+            was a pair) comes after.
+        pole: of a pair the one with the positive imaginary part, shape (k,) [1/s]; NaN where it does not exist.
+        uncertain: how far rounding may have moved it, shape (k,) [1/s].
+        states: those that take most part in it, at its first value.
+    """
+
+    number: int
+    pole: Complex
+    uncertain: Floats
+    states: tuple[str, ...]
+
+    @property
+    def natural_frequency_hz(self) -> Floats:
+        """|pole|/2π, shape (k,) [Hz]; 0 for a pole at 0."""
+        return np.asarray(np.where(self._rests, 0.0, natural_frequency_hz(self.pole)), dtype=np.float64)
+
+    @property
+    def damped_frequency_hz(self) -> Floats:
+        """|Im pole|/2π, of the free motion; 0 for a real pole; shape (k,) [Hz]."""
+        return damped_frequency_hz(self.pole)
+
+    @property
+    def frequency_hz(self) -> Floats:
+        """The damped frequency, under its name of version 0.1; shape (k,) [Hz]."""
+        return self.damped_frequency_hz
+
+    @property
+    def damping(self) -> Floats:
+        """Damping ratio −Re/|pole|, shape (k,); NaN for a pole at 0."""
+        return np.asarray(np.where(self._rests, np.nan, damping_ratio(self.pole)), dtype=np.float64)
+
+    @property
+    def _rests(self) -> NDArray[np.bool_]:
+        """Where the pole is 0 within rounding, shape (k,)."""
+        return np.asarray(np.abs(self.pole) <= self.uncertain)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Critical(Part):
+    """A value of the parameter at which a mode becomes unstable or stable.
+
+    Attributes:
+        mode: number.
+        value: value of the parameter, to `ModesResult.tolerance`.
+        frequency_hz: frequency of the mode there [Hz]; 0: it does not oscillate (divergence).
+        becomes: "unstable" or "stable", the parameter rising.
+        real: real part of the pole there [1/s]; what the tolerance leaves.
+    """
+
+    mode: int
+    value: float
+    frequency_hz: float
+    becomes: str
+    real: float
+
+    @property
+    def kind(self) -> str:
+        """Return "flutter" for an oscillation, "divergence" for a real pole."""
+        return "flutter" if self.frequency_hz > 0.0 else "divergence"
+
+    def derived(self) -> dict[str, Any]:
+        """Return what happens there."""
+        return {"kind": self.kind}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModesMeeting:
+    """Modes that meet.
+
+    Attributes:
+        value: value of the parameter, within `width`.
+        width: width of the last step.
+        modes: numbers.
+        kind: "real axis" (a pair becomes two real poles, or the reverse) or "unclear" (they coalesce, or pass closer
+            than the last step resolves: which goes on as which is not certain).
+    """
+
+    value: float
+    width: float
+    modes: tuple[int, ...]
+    kind: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModeSet(Part):
+    """The modes of one configuration.
+
+    Attributes:
+        label: for pictures; "": the model as it is.
+        settings: parameters that differ from the model as it is.
+        value: value of the parameter, with those put in between; rising, shape (k,).
+        modes: modes by number.
+        critical: critical values, rising.
+        meetings: meetings of modes, rising.
+        failed: value → why there is no linear model.
+    """
+
+    label: str
+    settings: Mapping[str, Value]
+    value: Floats
+    modes: tuple[Mode, ...] = field(metadata=entry(kept=False))
+    critical: tuple[Critical, ...]
+    meetings: tuple[ModesMeeting, ...] = ()
+    failed: Mapping[float, str] = field(metadata=entry(kept=False))
+
+    @property
+    def first_unstable(self) -> Critical | None:
+        """Where the first mode becomes unstable, the parameter rising; None: nowhere in the range."""
+        return next((c for c in self.critical if c.becomes == "unstable"), None)
+
+    @property
+    def unstable_count(self) -> tuple[int, ...]:
+        """How many modes are unstable at each value, shape (k,)."""
+        table = np.array([m.pole.real > m.uncertain for m in self.modes])
+        return tuple(table.sum(axis=0).tolist()) if len(table) else (0,) * len(self.value)
+
+    @property
+    def unstable_throughout(self) -> tuple[int, ...]:
+        """Numbers of the modes that are unstable at every value at which they exist."""
+        return tuple(
+            m.number for m in self.modes if np.all(m.pole.real[~np.isnan(m.pole)] > m.uncertain[~np.isnan(m.pole)])
+        )
+
+    def relevant(self, most: int = 6) -> tuple[int, ...]:
+        """Return the numbers of the modes worth a look: unstable somewhere, and at least the two with least damping.
+
+        Args:
+            most: largest number of modes, those with the least damping.
+        """
+        least = {m.number: float(np.nanmin(m.damping)) for m in self.modes if not np.all(np.isnan(m.damping))}
+        ranked = sorted(least, key=lambda n: least[n])
+        unstable = [n for n in ranked if least[n] < 0.0 or any(c.mode == n for c in self.critical)]
+        return tuple(sorted(ranked[: min(max(len(unstable), 2), most)]))
+
+    def mode(self, number: int) -> Mode:
+        """Return a mode by its number.
+
+        Args:
+            number: number of the mode, from 1.
+        """
+        return self.modes[number - 1]
+
+    def derived(self) -> dict[str, Any]:
+        """Return the modes column by column."""
+        columns = (
+            "number",
+            "states",
+            "frequency_hz",
+            "natural_frequency_hz",
+            "damped_frequency_hz",
+            "damping",
+            "uncertain",
+        )
+        return {
+            **{name: [getattr(m, name) for m in self.modes] for name in columns},
+            "real": [m.pole.real for m in self.modes],
+            "imag": [m.pole.imag for m in self.modes],
+            "unstable_modes": self.unstable_count,
+            "failed": [{"value": v, "reason": why} for v, why in self.failed.items()],
+        }
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the modes one by one."""
+        modes = [
+            {
+                "number": number,
+                "states": states,
+                "uncertain": uncertain,
+                "pole": complex_of({"real": real, "imag": imag}),
+            }
+            for number, states, uncertain, real, imag in zip(
+                *(data[key] for key in ("number", "states", "uncertain", "real", "imag")), strict=True
+            )
+        ]
+        return {**data, "modes": modes, "failed": {f["value"]: f["reason"] for f in data["failed"]}}
+
+    def rows(self) -> Iterator[list[Any]]:
+        """Yield label, value, mode, damped frequency, damping, real and imaginary part, natural frequency."""
+        for m in self.modes:
+            columns = (m.frequency_hz, m.damping, m.pole.real, m.pole.imag, m.natural_frequency_hz)
+            table = np.column_stack([self.value, *columns])
+            for value, *rest in table[~np.isnan(m.pole)].tolist():
+                yield [self.label, value, m.number, *(None if math.isnan(x) else x for x in rest)]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModesResult(Record):
+    """Frequency and damping of every mode over a parameter: a flutter diagram, where it is an airspeed.
+
+    Attributes:
+        model, interface: what was linearised.
+        parameter: what was varied.
+        unit: unit of the parameter; None: the model declares none.
+        sets: one for each configuration, the model as it is first.
+        tolerance: tolerance of the critical values, in the unit of the parameter.
+        criterion: what "critical" means.
+        notes: what should be known, one line each.
+        operating_point: operating point of the first value.
+        followed: so many modes were asked for; None: all.
+    """
+
+    _page = "workbench.point.modes.page:modes_page"
+    _picture = "workbench.point.modes.picture:plot_modes"
+
+    model: str
+    interface: str
+    parameter: str
+    unit: str | None
+    sets: tuple[ModeSet, ...]
+    tolerance: float
+    criterion: str = CRITERION
+    notes: tuple[str, ...] = ()
+    operating_point: OperatingPoint | None = None
+    followed: int | None = None
+
+    _WHAT, _COMMAND = "a result of modes", "modes"
+
+    def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield one row for each mode of each configuration at each value."""
+        rest = ("mode", "frequency_hz", "damping", "real", "imag", "natural_frequency_hz")
+        yield ("configuration", self.parameter, *rest)
+        for member in self.sets:
+            yield from member.rows()

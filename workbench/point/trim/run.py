@@ -1,0 +1,423 @@
+"""Trim: find an operating point at which a model is in equilibrium."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.errors import EndedError, InputError, SimulationError
+from workbench.jobs.job import SLOW, Job
+from workbench.model import DescribedModel, Model, Variable
+from workbench.model.operating_point import named, start_at
+from workbench.model.sample_rates import Rates, rates_of
+from workbench.point.trim.balance import Balance, ContinuousBalance
+from workbench.point.trim.map import MapBalance
+from workbench.point.trim.messages import (
+    carried_along,
+    degenerate,
+    directions,
+    in_words,
+    residual_table,
+    without_influence,
+)
+from workbench.point.trim.problem import Problem, TrimSets, pose
+from workbench.point.trim.request import Trim
+from workbench.point.trim.result import Residual, TrimResult
+from workbench.point.trim.running import RunBalance
+from workbench.point.trim.scales import sized
+from workbench.point.trim.search import exact_agrees, search
+from workbench.point.trim.solve import Solution
+from workbench.session.base import Floats
+from workbench.session.point import Point
+from workbench.session.settle import STEP, STEP_PARTS, Settled
+
+__all__ = ["run"]
+
+WATCH_PERIODS = 20
+PARTS = 12  # that are left, for all that is known before the end: steps of a search, stretches of a run
+STAYS = 1e-5  # nominal values that a variable may move in so many periods
+
+
+def run(model: Model, asked: Trim, job: Job) -> TrimResult:
+    """Find an operating point; see `Trim`."""
+    model, remarks = start_at(model, asked.at)
+    begin = {} if model.at is None else {**model.at.x, **model.at.u}
+    sets = TrimSets(
+        free=tuple(asked.free),
+        fix=dict(asked.fix or {}),
+        bound=dict(asked.bound or {}),
+        floating=tuple(asked.floating),
+        guess={**begin, **(asked.x0 or {}), **(asked.u0 or {})},
+    )
+    begins = model.start_time if asked.time is None else asked.time
+    found = _Trim(model, sets, begins, asked, job).run()
+    return replace(found, notes=(*remarks, *found.notes))
+
+
+@dataclass
+class _Trim:
+    """One trim under way."""
+
+    model: Model
+    sets: TrimSets
+    time: float
+    asked: Trim
+    job: Job
+    notes: list[str] = field(default_factory=list)
+    parts: int = 0
+
+    @property
+    def slowest(self) -> bool:
+        return self.asked.family == "slowest"
+
+    def run(self) -> TrimResult:
+        found = self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
+        way: tuple[str, ...] = ()
+        if self.model.interface == "cs" and not found.converged:
+            way = (f"co-simulation shows no derivatives that could be solved for; {self.model.way_out()}",)
+        notes = (*found.notes, *way, *self.model.remarks())
+        return replace(found, notes=notes, operating_point=named(self.model, found.operating_point))
+
+    def _inputs(self) -> dict[str, float]:
+        """Return the inputs as the user wants them, else as the model starts, bias included."""
+        names = [v.name for v in self.model.inputs if v.is_number]
+        with self.model.open_session(start_time=self.time) as session:
+            starts = session.values(names)
+        return {name: self._told(name, start) for name, start in starts.items()}
+
+    def _told(self, name: str, start: float) -> float:
+        return self.sets.fix.get(name, self.sets.guess.get(name, start))
+
+    # -- model exchange -------------------------------------------------------------------
+
+    def _model_exchange(self) -> TrimResult:
+        inputs = self._inputs()
+        rates = self._rates(inputs)
+        if rates.periods:
+            self._begin(rates)
+        with self.model.open_point(time=self.time, values=inputs) as point:
+            if not rates.periods:
+                return self._equations(point)
+            states, memory = point.states, point.memory
+            values = {v.name: self._told(v.name, x) for v, x in zip(states, point.x0.tolist(), strict=True)}
+        # Discrete states before the first instant, not after it.
+        values.update({v.name: self._told(v.name, _start_of(self.model, v)) for v in memory})
+        if all(v.start is not None for v in states):
+            return self._period_map(rates.period, states, memory, {**values, **inputs})
+        self.notes.append("a state has no start value to change; the model is run until nothing moves")
+        shown = {v.name for v in self.model.states}  # those of FMI 1.0 may be no variables: the outputs tell
+        try:
+            return self._running([v for v in states if v.name in shown], {**values, **inputs}, [rates.period])
+        except SimulationError as error:
+            self.notes.append(f"discrete states are held: {error}")
+        with self.model.open_point(time=self.time, values=inputs) as point:
+            return self._equations(point)
+
+    def _begin(self, rates: Rates) -> None:
+        """Move the point to where a basic period begins."""
+        start = rates.start(self.time)
+        if start != self.time:
+            self.notes.append(
+                f"the point is at {start:.9g} s, where a basic period of {rates.period:.6g} s begins, "
+                f"not at {self.time:.9g} s"
+            )
+        self.time = start
+
+    def _rates(self, inputs: Mapping[str, float]) -> Rates:
+        """Return when the model samples; where that follows no rate, its discrete states are held."""
+        if self.asked.period is not None:
+            return Rates((self.asked.period,), self.asked.period)
+        try:
+            found = rates_of(self.model, time=self.time, values=inputs)
+        except InputError as error:
+            self.notes.append(f"discrete states are held: {error}")
+            return Rates()
+        self.notes += found.notes
+        return found
+
+    def _equations(self, point: Point) -> TrimResult:
+        balance = ContinuousBalance(point)
+        problem = sized(pose(balance, self.sets))
+        exact = not balance.why_not_exact and self._probe(problem)
+        found = self._search("equations", problem, tolerance=self.asked.tolerance, exact=exact)
+        problem, solution, note = self._floated(problem, found, tolerance=self.asked.tolerance, exact=exact)
+        restless = carried_along(problem, solution) if solution.converged else ""
+        if restless and self.slowest:
+            solution = replace(solution, converged=False)
+        return self._result("equations", problem, solution, [note, restless])
+
+    def _floated(
+        self, problem: Problem, found: tuple[Solution, str], *, tolerance: float, exact: bool
+    ) -> tuple[Problem, Solution, str]:
+        """Let states move that nothing depends on, as the angle of a shaft that turns, where the others rest."""
+        solution, note = found
+        if solution.converged or self.sets.floating:
+            return problem, solution, note
+        names, shown = without_influence(problem, solution)
+        if shown:
+            asked = " ".join(f"--float {name}" for name in shown)
+            self.notes.append(f"only outputs depend on {', '.join(shown)}: {asked} lets it move")
+        if not names or len(names) == len(problem.balance.states):
+            return problem, solution, note
+        sets = replace(self.sets, floating=names)
+        freer = sized(pose(problem.balance, sets))
+        resting, remark = search(self.model, freer, tolerance=tolerance, slowest=self.slowest, exact=exact)
+        if not resting.converged:
+            return problem, solution, note
+        self.sets = sets
+        verb = "moves, since nothing depends on it" if len(names) == 1 else "move, since nothing depends on them"
+        asked = " ".join(f"--float {name}" for name in names)
+        self.notes.append(f"{', '.join(names)} {verb}, as {asked} asks for")
+        return freer, resting, remark
+
+    def _probe(self, problem: Problem) -> bool:
+        if not problem.unknowns or exact_agrees(problem):
+            return True
+        self.notes.append(
+            "the FMU's directional derivatives disagree with differences at the start; differences are used"
+        )
+        return False
+
+    def _period_map(
+        self, period: float, states: Sequence[Variable], memory: Sequence[Variable], values: Mapping[str, float]
+    ) -> TrimResult:
+        balance = MapBalance(
+            self.model,
+            [*states, *memory],
+            period=period,
+            time=self.time,
+            values=values,
+            discrete=[v.name for v in memory],
+            tolerance=1e-10,
+        )
+        return self._fixed_point("period map", balance)
+
+    def _fixed_point(self, method: str, balance: MapBalance) -> TrimResult:
+        posed = pose(balance, self.sets)
+        balance.begin(*posed.at(np.array([k.start for k in posed.unknowns])))
+        problem = sized(posed)
+        loosest = max(self.asked.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
+        found = self._search(method, problem, tolerance=loosest, exact=False)
+        problem, solution, note = self._floated(problem, found, tolerance=loosest, exact=False)
+        restless = self._restless(balance, problem, solution) if solution.converged else ""
+        if restless:
+            solution = replace(solution, converged=False)
+        return self._result(method, problem, solution, [note, restless])
+
+    def _restless(self, balance: MapBalance, problem: Problem, solution: Solution) -> str:
+        """Return what moves in the periods after the first although the states came back; "": nothing does."""
+        floating = set(self.sets.floating)
+        try:
+            moved = balance.drift(*problem.at(solution.values), periods=WATCH_PERIODS)
+        except EndedError as error:
+            return f"a run cannot show whether the model stays there: {error}"
+        except SimulationError as error:
+            return f"the model fails when it continues from there: {error}"
+        if floating:
+            return ""
+        sizes = _sizes(balance, problem, solution)
+        bad = [n for n, (d, value) in moved.items() if d > STAYS * sizes.get(n, max(1.0, abs(value)))]
+        return (
+            f"after {WATCH_PERIODS} periods {', '.join(bad[:4])} moved although the states had returned" if bad else ""
+        )
+
+    # -- co-simulation --------------------------------------------------------------------
+
+    def _co_simulation(self) -> TrimResult:
+        states = list(self.model.states)
+        values = {**self._starts(states), **self._inputs()}
+        steps = [(self.asked.period or self.asked.step or _own_step(self.model)) * part for part in STEP_PARTS]
+        if states and self._settable(states, values):
+            balance = MapBalance(self.model, states, period=steps[0], time=self.time, values=values)
+            return self._fixed_point("step map", balance)
+        why = "the states cannot be set" if states else "the model provides no states"
+        watched = states or [v for v in self.model.outputs if v.is_number]
+        how = "it is run until nothing moves" if watched else "nor outputs: there is nothing to bring to rest"
+        self.notes.append(f"{why}; {how}")
+        return self._running(states, values, steps if self.asked.step is None else steps[:1])
+
+    def _starts(self, states: Sequence[Variable]) -> dict[str, float]:
+        with self.model.open_session(start_time=self.time) as session:
+            found = session.values([v.name for v in states])
+        return {name: self._told(name, start) for name, start in found.items()}
+
+    def _settable(self, states: Sequence[Variable], values: Mapping[str, float]) -> bool:
+        """Whether states take the start values that they are given."""
+        wanted = {v.name: values[v.name] + 0.125 * (v.nominal or abs(values[v.name]) or 1.0) for v in states}
+        try:
+            with self.model.open_at(time=self.time, values={**values, **wanted}, approach=False) as session:
+                found = session.values(list(wanted))
+        except (InputError, SimulationError):
+            return False
+        return all(math.isclose(found[n], w, rel_tol=1e-9) for n, w in wanted.items())
+
+    def _running(self, states: Sequence[Variable], values: Mapping[str, float], steps: Sequence[float]) -> TrimResult:
+        result, failed = None, ""
+        for step in steps:
+            balance = RunBalance(
+                self.model,
+                states,
+                time=self.time,
+                values=values,
+                step=step,
+                longest=self.asked.longest,
+                least=_usual_length(self.model),
+                tolerance=max(self.asked.tolerance, 1e-12),
+                told=self._on_the_way,
+            )
+            problem = pose(balance, self.sets)
+            solution, _ = search(
+                self.model, problem, tolerance=max(self.asked.tolerance, 1e-6), slowest=self.slowest, exact=False
+            )
+            end = balance.end(problem.at(solution.values)[1])
+            if isinstance(end, str):
+                failed = end
+                continue
+            if not end.settled:
+                solution = replace(solution, converged=False)
+            why = f"watched up to {end.time:g} s, communication step {step:g} s"
+            result = self._result("running", problem, solution, [why])
+            if end.settled:
+                return result
+        if result is None:
+            raise SimulationError(
+                f"{self.model.name}: no equilibrium found by running: {failed}; {self.model.way_out()}"
+            )
+        return result
+
+    # -- on the way -----------------------------------------------------------------------
+
+    def _search(self, method: str, problem: Problem, *, tolerance: float, exact: bool) -> tuple[Solution, str]:
+        """Search, and tell after each step where that is."""
+        balance, begun = problem.balance, time.monotonic()
+
+        def told(values: Floats, left: float) -> None:
+            spent = time.monotonic() - begun
+            if not self.parts and PARTS * spent > SLOW:
+                runs = balance.evaluations
+                self.job.say(f"a step of the search takes {spent:.2g} s ({runs} runs); five to ten steps are usual")
+            point = balance.where(*problem.at(values))
+            words = f"the search has come to a largest residual of {left:.2g}, relative"
+            self._tell(words, lambda: self._so_far(method, balance, point, words, ()))
+
+        return search(self.model, problem, tolerance=tolerance, slowest=self.slowest, exact=exact, told=told)
+
+    def _on_the_way(self, balance: RunBalance, inputs: Floats, end: Settled, cost: float) -> None:
+        """Tell where a run is that has not come to rest yet, of which a second takes `cost` [s]."""
+        if balance.evaluations == 1 and not self.parts and cost * balance.least > SLOW:
+            self.job.say(
+                f"a second of this model takes {cost:.2g} s: a run, to be watched for {balance.least:.3g} s at least, "
+                f"takes {cost * balance.least:.2g} s, or {cost * balance.longest:.2g} s where it does not come to rest "
+                f"within {balance.longest:.3g} s (--longest); each free input takes several runs"
+            )
+        scales = np.maximum(np.abs(end.values), [s.nominal for s in balance.states])
+        moves = tuple(
+            Residual(name=balance.derivative.format(s.name), value=by, unit=s.unit, scaled=by / scale)
+            for s, by, scale in zip(balance.states, end.ranges.tolist(), scales.tolist(), strict=True)
+        )
+        worst = max(moves, key=lambda r: r.scaled)
+        words = f"run {balance.evaluations} is at {end.time:.4g} s: {worst.name} by {worst.value:.3g}"
+        point = balance.standing(end, inputs)
+        self._tell(words, lambda: self._so_far("running", balance, point, words, moves))
+
+    def _tell(self, words: str, so_far: Callable[[], TrimResult]) -> None:
+        self.parts += 1
+        self.job.partial = so_far
+        self.job.done(words, self.parts, self.parts + PARTS)
+
+    def _so_far(
+        self, method: str, balance: Balance, point: OperatingPoint, words: str, residuals: Sequence[Residual]
+    ) -> TrimResult:
+        """Return the best point before the end."""
+        return TrimResult(
+            model=self.model.name,
+            interface=self.model.interface,
+            solver=self.model.solver,
+            method=method,
+            operating_point=named(self.model, point),
+            residuals=tuple(residuals),
+            null_directions=(),
+            converged=False,
+            message=f"ended before an equilibrium was found: {words}",
+            unknowns=(),
+            iterations=self.parts,
+            evaluations=balance.evaluations,
+            notes=tuple(self.notes),
+        )
+
+    # -- end ------------------------------------------------------------------------------
+
+    def _result(self, method: str, problem: Problem, solution: Solution, notes: Sequence[str]) -> TrimResult:
+        residuals = residual_table(problem, solution)
+        nulls = directions(problem, solution)
+        chosen = self._chosen(problem, solution)
+        balance: Balance = problem.balance
+        point = balance.point(*problem.at(solution.values))
+        message = in_words(problem, solution, residuals, nulls, chosen=chosen)
+        if solution.converged and not np.isfinite([*(r.value for r in residuals), *point.dx.values()]).all():
+            solution = replace(solution, converged=False)  # an FMU need not give the same values again
+            message = "no equilibrium found: at the point where the search ended, the model cannot be evaluated again"
+        return TrimResult(
+            model=self.model.name,
+            interface=self.model.interface,
+            solver=self.model.solver,
+            method=method,
+            operating_point=point,
+            residuals=residuals,
+            null_directions=nulls,
+            converged=solution.converged,
+            message=message,
+            unknowns=tuple(k.slot.name for k in problem.unknowns),
+            iterations=solution.iterations,
+            evaluations=balance.evaluations,
+            notes=tuple(n for n in (*self.notes, problem.degrees(), degenerate(problem, solution), *notes) if n),
+        )
+
+    def _chosen(self, problem: Problem, solution: Solution) -> str:
+        if not solution.chosen:
+            return "is the one that the search found"
+        slow = self.slowest and problem.floating
+        return (
+            "has the smallest floating derivatives, and then is nearest to the start"
+            if slow
+            else "is nearest to the start"
+        )
+
+
+def _own_step(model: Model) -> float:
+    """Return the communication step that a model brings [s]."""
+    if isinstance(model, DescribedModel):
+        return model.recipe.step or model.description.experiment.step or STEP
+    return STEP
+
+
+def _sizes(balance: MapBalance, problem: Problem, solution: Solution) -> dict[str, float]:
+    """Return the sizes of states and outputs by which a movement is measured, of those whose sizes are known.
+
+    An undeclared size of a state is what the search took for it, or by how much the state changes when the unknowns do.
+    """
+    found = {s.name: s.nominal for s in (*balance.states, *balance.outputs) if s.declared}
+    searched = {k.slot.name: n for k, n in zip(problem.unknowns, solution.nominal.tolist(), strict=True)}
+    changes = {e.row: float(c) for e, c in zip(problem.equations, solution.scales, strict=False)}
+    for row, state in enumerate(balance.states):
+        if not state.declared:
+            found[state.name] = max(searched.get(state.name, 0.0), changes.get(row, 0.0)) or state.nominal
+    return found
+
+
+def _usual_length(model: Model) -> float:
+    """Return how long the model is meant to run [s]; 0 if it does not say."""
+    if not isinstance(model, DescribedModel):
+        return 0.0
+    experiment = model.description.experiment
+    return max(0.0, (experiment.stop_time or 0.0) - (experiment.start_time or 0.0))
+
+
+def _start_of(model: Model, variable: Variable) -> float:
+    """Return a discrete state's start value, the one that the user loaded the model with if there is one."""
+    return float(model.start_values.get(variable.name, variable.start or 0.0))

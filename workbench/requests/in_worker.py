@@ -1,0 +1,230 @@
+"""A request that runs as a whole in one worker process: what it tells comes back as if it ran here."""
+
+from __future__ import annotations
+
+import pickle
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, TypeVar
+
+from workbench.core.records.named import named
+from workbench.errors import InputError, LostError, SimulationError
+from workbench.jobs import job as telling
+from workbench.jobs.options import InWorker, Worker
+from workbench.jobs.pool import Pool
+from workbench.jobs.runner import Reply
+from workbench.jobs.worker_main import inside, tell, wanted_stop
+from workbench.model import Model
+from workbench.model.recipe import Recipe
+from workbench.requests.kept import origin_of, remember
+from workbench.requests.origin import Origin
+from workbench.requests.request import Request
+from workbench.session.pauses import at_pauses
+
+__all__ = ["in_worker"]
+
+_OFTEN = 0.1  # [s]: progress is told no more often
+_WORTH = 0.05  # of its time a worker spends on telling what there is so far
+
+_Record = TypeVar("_Record")
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What a job tells on its way.
+
+    Attributes:
+        what, done, total: see `Job.done`.
+        partial: what there is so far, should the worker be lost; None: nothing, or nothing new.
+        checking: what is still done once that is the whole answer, see `Job.checking`.
+    """
+
+    what: str
+    done: int
+    total: int
+    partial: object
+    checking: str = ""
+
+
+@dataclass(frozen=True)
+class _Said:
+    """What is of use only while a job runs, see `Job.say`."""
+
+    words: str
+
+
+@dataclass(frozen=True)
+class _Ended:
+    """What a request gave, or what there was when it was stopped.
+
+    Attributes:
+        record: of the request.
+        origin: that the algorithm gave it.
+        notes: on how it ran.
+        stopped: whether it was.
+    """
+
+    record: object
+    origin: Origin | None
+    notes: tuple[str, ...]
+    stopped: bool = False
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """A request for a worker.
+
+    Attributes:
+        asked: what is asked for.
+        subject: what it is run on; None: the worker's model.
+    """
+
+    asked: Request[Any, Any]
+    subject: object
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _whole, (self.asked, self.subject)
+
+
+def _whole(asked: Request[Any, Any], subject: object) -> _Whole:
+    """Read a request in a worker, with what it takes to do it: that is not on the FMU's time."""
+    named(asked.algorithm)
+    return _Whole(asked, subject)
+
+
+def _perform(model: Model | None, whole: _Whole) -> Iterator[_Ended]:
+    """Run a request in a worker."""
+    begun = last = time.monotonic()
+    most, spent = 0, 0.0
+
+    def progress(what: object, done: int, total: int) -> None:
+        nonlocal last, most, spent
+        now = time.monotonic()
+        if done == total or now > last + _OFTEN:
+            worth = bool(job.checking) or (done > most and spent < _WORTH * (now - begun))
+            told = _Told(str(what), done, total, job.partial() if worth else None, job.checking)
+            tell(told, finished=done > most and not whole.asked.undivided)
+            last, most = time.monotonic(), done
+            spent += last - now
+            stop_if_wanted()
+
+    def stop_if_wanted(_: float = 0.0) -> None:
+        if wanted_stop():
+            job.stop()
+
+    job, stopped = telling.Job(progress), False
+    job.say = lambda words: tell(_Said(words), finished=False)
+    try:
+        with at_pauses(stop_if_wanted):
+            record = _here(model if whole.subject is None else whole.subject, whole.asked, job)
+            stopped = job.stopped
+    except KeyboardInterrupt:
+        record, stopped = job.partial(), True
+    except SimulationError as error:
+        error.before = job.partial()  # nothing is lost
+        raise
+    yield _Ended(record, origin_of(record), tuple(job.notes), stopped)
+
+
+def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401 - the request's
+    """Run a request where a crash of the FMU ends in an error.
+
+    Args:
+        subject: model, or what else the request is run on.
+        asked: what is asked for.
+        job: is told what is finished, and has what there is if the request ends early.
+
+    Raises:
+        WorkbenchError: what the request raises.
+        LostError: the worker crashed or met a limit.
+        InputError: it is to be confined, which is not possible.
+        KeyboardInterrupt: the job was stopped.
+    """
+    place = asked.place if isinstance(asked, InWorker) else Worker()
+    if place.in_process or inside(place.limits):
+        return _here(subject, asked, job)
+    recipe = subject.recipe if isinstance(subject, Model) else None
+    if isinstance(subject, Model) and (recipe is None or not recipe.portable):
+        _refuse_if(place, f"{subject.name} exists only in this process")
+        job.notes.append(f"{subject.name} exists only in this process and runs here, behind no wall")
+        return _here(subject, asked, job)
+    if getattr(asked, "store", None) is not None:
+        _refuse_if(place, "the process that is confined would have to write the store; leave store out")
+    whole = _Whole(replace(asked, progress=None), None if recipe is not None else subject)
+    if why := _unknown_elsewhere(whole):
+        _refuse_if(place, why)
+        job.notes.append(f"{why}: the FMU runs in this process, behind no wall")
+        return _here(subject, asked, job)
+    record: _Record = _run(recipe, whole, place, job)
+    return record
+
+
+def _refuse_if(place: Worker, why: str) -> None:
+    if place.confine:
+        raise InputError(f"confine: not possible: {why}")
+
+
+def _unknown_elsewhere(whole: _Whole) -> str:
+    """Return why a request cannot be sent to another process; empty: it can."""
+    try:
+        pickle.dumps(whole)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        return f"what is asked for cannot be sent to a worker process ({error})"
+    return ""
+
+
+def _run(recipe: Recipe | None, whole: _Whole, place: Worker, job: telling.Job) -> Any:  # noqa: ANN401
+    with Pool(recipe, jobs=1, limits=place.limits) as pool, job.ended_by(pool.end_soon):
+        try:
+            found = _heard(pool.run(_perform, deque([whole])), job)
+        except SimulationError as error:
+            if error.before is not None:
+                job.partial = partial(_same, error.before)
+            raise
+        finally:
+            job.notes += pool.remarks()
+    job.notes += found.notes
+    if found.origin is not None:
+        remember(found.record, found.origin)
+    if found.stopped:
+        job.partial = partial(_same, found.record)
+        raise KeyboardInterrupt
+    return found.record
+
+
+def _here(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401
+    record: _Record = named(asked.algorithm)(subject, asked, job)
+    return record
+
+
+def _same(record: object) -> object:
+    return record
+
+
+def _heard(events: Iterator[Any], job: telling.Job) -> _Ended:
+    """Pass on what the worker tells until it has a result and is ready again."""
+    found: _Ended | None = None
+    whole: _Told | None = None
+    for event in events:
+        if isinstance(event, Reply) and isinstance(event.value, _Ended):
+            found = event.value
+        elif isinstance(event, Reply) and isinstance(event.value, _Said):
+            job.say(event.value.words)
+        elif isinstance(event, Reply):
+            told = event.value
+            whole = told if told.checking else whole
+            if told.partial is not None:
+                job.partial = partial(_same, told.partial)
+            job.done(told.what, told.done, told.total)
+        elif found is None and whole is not None:
+            found = _Ended(whole.partial, None, (f"{whole.checking} came to no end: {event.reason}",))
+        elif found is None:
+            raise event.error
+        else:
+            job.notes.append(f"after the result was there: {event.reason}")
+    if found is None:
+        raise LostError("the worker ended without a result")
+    return found

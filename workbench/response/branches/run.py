@@ -1,0 +1,478 @@
+"""Branches of periodic responses: where they begin, and what is found on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from workbench.core.records.forms import several
+from workbench.errors import InputError, SimulationError
+from workbench.jobs.job import Job
+from workbench.model import Model
+from workbench.model.names import check_variables
+from workbench.model.operating_point import standing, start_at
+from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe
+from workbench.model.sample_rates import sampled
+from workbench.response.branches.family import Forced, near
+from workbench.response.branches.request import Branches
+from workbench.response.branches.result import BranchesResult, Fold, Onset, ResponseBranch
+from workbench.response.periodic.continuation import Manner, Track, both_ways, follow
+from workbench.response.periodic.fourier import fundamental
+from workbench.response.periodic.place import Place, arrive, depart
+from workbench.response.periodic.special import Special
+from workbench.session.base import Floats
+
+__all__ = ["explore", "run"]
+
+# Where along the bounds a response is looked for from the model's start, and from random states.
+_STARTS = (0.0, 1.0, 0.5)
+
+# Periods run before Newton's method, so that random states come near to where the model goes.
+_WARM = 6
+
+# Two responses that are this near to each other, in units of their motion, are one.
+_SAME = 1e-3
+_MAY_BE_SAME = 0.2
+
+# How far from a period doubling the doubled branch is stepped on, in units of the motion.
+_ASIDE = 0.02
+
+# Why a branch may end without anything having gone wrong.
+_EXPECTED = {"the parameter's bound", "it closes", "it leaves another branch"}
+
+# The amplitude at which it begins to jump: found to this, relative.
+_ONSET = 0.002
+_LOWER = 0.7
+
+_RANDOM = 1
+
+# Multipliers and folds are derivatives of what is integrated: a relative tolerance above this loses branches.
+_COARSE = 2e-8
+
+
+@dataclass
+class _Search:
+    """The branches of one family.
+
+    Attributes:
+        family: period maps of order 1.
+        told: called for each place.
+        most: places on a branch.
+        marks: parameters at which there is to be a place.
+        tracks: what was found, with the family of each.
+        unfinished: returns what is being followed, as far as it goes; None: nothing is.
+        families: all of them, to be closed.
+    """
+
+    family: Forced
+    told: Callable[[Place], None]
+    most: int
+    marks: Sequence[float] = ()
+    tracks: list[tuple[Forced, Track]] = field(default_factory=list)
+    unfinished: tuple[Forced, Callable[[], Track]] | None = None
+    families: list[Forced] = field(default_factory=list)
+    _left: int = 0
+
+    def from_starts(self) -> None:
+        """Follow the branches on which the model's start leads."""
+        why = ""
+        for p in _STARTS:
+            try:
+                self._follow(self.family, self._reach(self.family, None, p))
+            except SimulationError as error:
+                why = str(error)
+            if self.tracks and p == _STARTS[1]:
+                return
+        if not self.tracks:
+            raise SimulationError(f"no periodic response was found: {why}")
+
+    def from_seeds(self, count: int, order: int) -> None:
+        """Follow further branches that random states lead to.
+
+        Args:
+            count: number of starts.
+            order: after so many periods at most the responses repeat.
+        """
+        random = np.random.default_rng(_RANDOM)
+        places = [place for _, track in self.tracks for place in track.places]
+        reach = np.max([p.lap.unit + np.abs(p.x) for p in places], axis=0)
+        for k in range(count):
+            p = (k + 0.5) / count
+            x = random.standard_normal(len(reach)) * reach
+            for m in range(1, order + 1):
+                family = self.family if m == 1 else self._again(self.family, m)
+                try:
+                    place = self._reach(family, x, p)
+                except SimulationError:
+                    continue
+                if m > 1 and self._repeats_earlier(place, m):
+                    continue
+                self._follow(family, place)
+
+    def _repeats_earlier(self, place: Place, order: int) -> bool:
+        """Whether a motion repeats after fewer periods than its family's."""
+        x = place.x
+        for _ in range(1, order):
+            x = self.family.run(x, place.p).x1
+            if near(x, place.x, place.lap.unit) < _SAME:
+                return True
+        return False
+
+    def branching(self, order: int) -> None:
+        """Follow what leaves the branches at period doublings, up to an order, and where branches cross."""
+        while self._left < len(self.tracks):
+            family, track = self.tracks[self._left]
+            self._left += 1
+            for special in track.special:
+                if special.kind == "branch point":
+                    self._leave(family, special.place, 1.0, _ASIDE)
+                    self._leave(family, special.place, 1.0, -_ASIDE)
+                elif special.kind == "period doubling" and 2 * family.order <= order:
+                    self._leave(self._again(family, 2 * family.order), special.place, -1.0, _ASIDE)
+
+    def _again(self, family: Forced, order: int) -> Forced:
+        """Return the family of another order."""
+        self.families.append(family.again(order=order))
+        return self.families[-1]
+
+    def _leave(self, family: Forced, crossing: Place, multiplier: float, aside: float) -> None:
+        """Follow what leaves a branch, away from it."""
+        try:
+            place = depart(family, crossing, multiplier, aside)
+        except SimulationError:
+            return
+        if near(place.x, crossing.x, crossing.lap.unit) > 0.1 * abs(aside) and not self._is_known(family, place):
+            track = follow(family, place, self._manner(family), way=0.0)
+            self.unfinished = None
+            track.ends = ("it leaves another branch", track.ends[1])
+            if not self._is_known(family, track.places[len(track.places) // 2]):
+                self.tracks.append((family, track))
+
+    def _reach(self, family: Forced, x: Floats | None, p: float) -> Place:
+        """Return a periodic response that a few periods and Newton's method lead to."""
+        lap = family.run(family.start(p) if x is None else x, p)
+        for _ in range(_WARM - 1):
+            lap = family.run(lap.x1, p)
+        family.refuse_timed(lap, p)
+        try:
+            return arrive(family, lap.x1, p)
+        except SimulationError:
+            if not family.may_differ:
+                raise
+        family.by_differences = True
+        try:
+            return arrive(family, lap.x1, p)
+        except SimulationError:
+            family.by_differences = False
+            raise
+
+    def _is_known(self, family: Forced, place: Place) -> bool:
+        """Whether a branch that was found passes here; a subharmonic counts from each of its periods."""
+        x, seen = place.x, [place.x]
+        for _ in range(1, family.order):
+            x = self.family.run(x, place.p).x1
+            seen.append(x)
+        return any(self._passes(family, place, x) for x in seen)
+
+    def _passes(self, family: Forced, place: Place, x: Floats) -> bool:
+        unit = place.lap.unit
+        for other, track in self.tracks:
+            if other.order != family.order:
+                continue
+            for a, b in pairwise(track.places):
+                if (a.p - place.p) * (b.p - place.p) > 0.0 or a.p == b.p:
+                    continue
+                guess = a.x + (place.p - a.p) / (b.p - a.p) * (b.x - a.x)
+                if near(guess, x, unit) > _MAY_BE_SAME:
+                    continue
+                with suppress(SimulationError):
+                    if near(arrive(family, guess, place.p).x, x, unit) < _SAME:
+                        return True
+        return False
+
+    def _follow(self, family: Forced, place: Place) -> None:
+        if self._is_known(family, place):
+            return
+        track = both_ways(family, place, self._manner(family))
+        self.unfinished = None
+        # Where it meets the branch of half its period it crosses itself: that is told there, as a period doubling.
+        own = [s for s in track.special if family.order == 1 or not self._repeats_earlier(s.place, family.order)]
+        self.tracks.append((family, replace(track, special=own)))
+
+    def _manner(self, family: Forced) -> Manner:
+        """Return how a branch is followed, so that what is there is kept if it is stopped."""
+
+        def begun(so_far: Callable[[], Track]) -> None:
+            self.unfinished = family, so_far
+
+        return Manner(told=self.told, begun=begun, most=self.most, marks=self.marks)
+
+    def so_far(self) -> list[tuple[Forced, Track]]:
+        """Return the branches that were followed, the last one as far as it goes."""
+        if self.unfinished is None:
+            return self.tracks
+        family, track = self.unfinished
+        return [*self.tracks, (family, track())]
+
+
+def explore(
+    family: Forced,
+    asked: Branches,
+    told: Callable[[Place], None] = lambda _: None,
+    begun: Callable[[_Search], None] = lambda _: None,
+) -> list[tuple[Forced, Track]]:
+    """Return all branches of a family that can be found.
+
+    Args:
+        family: period maps of order 1.
+        asked: how far to look.
+        told: called for each place.
+        begun: called with what holds the branches while they are found.
+
+    Raises:
+        SimulationError: no periodic response was found.
+    """
+    marks = [] if asked.vary else [family.parameter(f) for f in several(asked.frequencies or ())]
+    search = _Search(family, told, asked.places, marks)
+    begun(search)
+    try:
+        search.from_starts()
+        search.branching(asked.order)
+        search.from_seeds(asked.seeds, asked.order)
+        search.branching(asked.order)
+    finally:
+        for one in (family, *search.families):
+            one.close()
+    return search.tracks
+
+
+def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
+    """Follow the periodic responses."""
+    recipe = model.recipe
+    if not isinstance(recipe, LoadRecipe) or recipe.tolerance is not None or model.rtol <= _COARSE:
+        return _follow(model, asked, job)
+    with recipe.tighter(Branches.usual_tolerance / DEFAULT_TOLERANCE).open() as exact:  # nobody asked for another
+        return _follow(exact, asked, job)
+
+
+def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
+    model, remarks = start_at(model, asked.at)
+    about = _check(model, asked)
+    vary, (low, high) = next(iter(asked.vary.items()), ("frequency", asked.band or (0.0, 0.0)))
+    centre = 0.0 if model.at is None else model.at.u.get(asked.input, 0.0)
+    with model.open_session() as session:
+        point = standing(model, session)
+    found: list[tuple[float | None, Forced, Track]] = []
+    notes = [*remarks, *about]
+    if model.rtol > _COARSE:
+        notes.append(f"a tolerance of {model.rtol:g} is coarse for following branches; load with tolerance=1e-9")
+    onset: Onset | None = None
+    amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
+    progress, at_work = _Progress(job, len(amplitudes)), list[_Search]()
+    units = {v.name: v.unit for v in (*model.parameters, *model.inputs, *model.outputs, *model.states)}
+
+    def result() -> BranchesResult:
+        now = [t for search in at_work for t in search.so_far()]
+        every = [*found, *((None if vary == "amplitude" else f.amplitude, f, t) for f, t in now)]
+        branches = tuple(_branch(family, track, amplitude) for amplitude, family, track in every)
+        return BranchesResult(
+            model=model.name,
+            interface=model.interface,
+            solver=model.solver,
+            input=asked.input,
+            output=asked.output,
+            input_unit=units.get(asked.input),
+            output_unit=units.get(asked.output),
+            vary=vary,
+            branches=branches,
+            folds=tuple(_fold(f, s, i) for i, (_, f, track) in enumerate(every) for s in track.special),
+            onset=onset,
+            asked_hz=() if asked.vary else several(asked.frequencies or ()),
+            vary_unit={"frequency": "Hz", "amplitude": units.get(asked.input)}.get(vary, units.get(vary)),
+            periods=sum({id(f): f.count for _, f, _ in every}.values()),
+            warnings=(*notes, *_cut_short(branches), *_not_located(every)),
+            operating_point=point,
+        )
+
+    job.partial = lambda: result() if found or any(s.so_far() for s in at_work) else None
+    job.notes = notes
+    frequency = several(asked.frequencies or (1.0,))[0]
+    with job.ended_by(lambda: None):  # it ends before the next period
+        for amplitude in amplitudes:
+            family = Forced(
+                model, asked.input, asked.output, vary, low, high, frequency, amplitude, centre,
+                stopped=lambda: job.stopped,
+            )  # fmt: skip
+            tracks = explore(family, asked, progress.at, at_work.append)
+            at_work.clear()
+            found += [(None if vary == "amplitude" else amplitude, f, t) for f, t in tracks]
+            if asked.onset and amplitude == amplitudes[-1]:
+                onset = _onset(tracks, progress.at)
+                if onset is None:
+                    notes.append(
+                        f"onset: at amplitude {amplitude:g} no fold was found, so from which one on the response jumps "
+                        "is not known; give a larger --amplitude"
+                    )
+            progress.next()
+    return result()
+
+
+@dataclass
+class _Progress:
+    """How far the branches have come: the part of the bounds that was seen, for each amplitude."""
+
+    job: Job
+    amplitudes: int
+    finished: int = 0
+    seen: float = 0.0
+
+    def at(self, place: Place) -> None:
+        """Tell of a place."""
+        self.seen = max(self.seen, min(0.99, abs(place.p)))
+        self.job.done(
+            f"{self.finished + 1} of {self.amplitudes}", round(100 * (self.finished + self.seen)), self._total
+        )
+
+    def next(self) -> None:
+        """Begin with the next amplitude."""
+        self.finished, self.seen = self.finished + 1, 0.0
+        self.job.done("branches", 100 * self.finished, self._total)
+
+    @property
+    def _total(self) -> int:
+        return 100 * self.amplitudes
+
+
+def _check(model: Model, asked: Branches) -> tuple[str, ...]:
+    """Refuse what cannot be followed; return what is to be said of the model's events."""
+    check_variables(model, [asked.input], "input", what="input")
+    check_variables(model, [asked.output], "output", "state", what="output")
+    check_variables(model, [name for name in asked.vary if name != "amplitude"], "parameter", what="vary", number=True)
+    if model.interface != "me":
+        raise InputError(
+            f"branches: {model.name} runs as co-simulation, whose states cannot be set while it runs; "
+            f"{model.way_out('use nfr, which follows stable responses alone')}"
+        )
+    rates = sampled(model)
+    if rates.periods:
+        listed = ", ".join(f"{p:g}" for p in rates.periods)
+        raise InputError(f"branches: {model.name} samples every {listed} s; use nfr --method settle")
+    if not model.states:
+        raise InputError(f"branches: {model.name} has no continuous states that could be followed; use nfr")
+    return rates.notes
+
+
+# -- the result -------------------------------------------------------------------------------------------------------
+
+
+def _cut_short(branches: tuple[ResponseBranch, ...]) -> Iterator[str]:
+    """Return a line for each branch that could not be followed further."""
+    for number, branch in enumerate(branches, 1):
+        for place, why in zip((0, -1), branch.ends, strict=False):
+            if why and why not in _EXPECTED:
+                yield f"branch {number} ends at {branch.varied[place]:.6g}: {why}"
+
+
+def _not_located(every: Sequence[tuple[float | None, Forced, Track]]) -> Iterator[str]:
+    """Return a line for each fold that was passed and not found."""
+    for number, (_, family, track) in enumerate(every, 1):
+        for missed in track.missed:
+            low, high = sorted(map(family.value, missed.p))
+            where = f"between the places at {low:.6g} and {high:.6g}"
+            yield f"branch {number}: a {missed.kind} {where} could not be located"
+
+
+def _response(place: Place) -> complex:
+    period = place.lap.period
+    return fundamental(period.harmonics) / period.drive if period.drive else 0.0j
+
+
+def _branch(family: Forced, track: Track, amplitude: float | None) -> ResponseBranch:
+    response = np.array([_response(p) for p in track.places])
+    return ResponseBranch(
+        amplitude=amplitude,
+        frequency_hz=np.array([family.forcing(p.p)[0] for p in track.places]),
+        varied=np.array([family.value(p.p) for p in track.places]),
+        gain=np.abs(response),
+        phase_deg=np.degrees(np.unwrap(np.angle(response))),
+        offset=np.array([p.lap.period.harmonics[0] for p in track.places]),
+        stable=np.array([p.stable for p in track.places], dtype=bool),
+        multipliers=tuple(p.at.kept for p in track.places),
+        order=family.order,
+        closed=track.closed,
+        ends=track.ends,
+    )
+
+
+def _fold(family: Forced, special: Special, number: int) -> Fold:
+    frequency, amplitude = family.forcing(special.place.p)
+    response = _response(special.place)
+    return Fold(
+        frequency_hz=frequency,
+        amplitude=amplitude,
+        varied=family.value(special.place.p),
+        gain=abs(response),
+        phase_deg=float(np.degrees(np.angle(response))),
+        kind=special.kind,
+        branch=number,
+    )
+
+
+# -- where it begins to jump ------------------------------------------------------------------------------------------
+
+
+def _onset(tracks: list[tuple[Forced, Track]], told: Callable[[Place], None]) -> Onset | None:
+    """Return the amplitude at which two folds meet, by following them to ever smaller amplitudes.
+
+    Near the cusp the distance of the folds goes with (a − a₀)^(3/2).
+    """
+    pair = next((p for p in (_two_folds(f, t) for f, t in tracks if f.order == 1) if p is not None), None)
+    if pair is None:
+        return None
+    family, curve = tracks[0][0], [(tracks[0][0].amplitude, *pair)]
+    high, low = family.amplitude, 0.0
+    ratio = _LOWER
+    while high - low > _ONSET * high and len(curve) < 60:
+        amplitude = ratio * high if low == 0.0 else 0.5 * (low + high)
+        a, b = curve[-1][1:]
+        width = max(b / a, 1.0 + 1e-4)
+        # As the amplitude falls the folds move together, and down the backbone.
+        window = (a / width**2.0 * (1.0 - 0.3 * (1.0 - amplitude / high)), b * width**0.5)
+        folds = _folds_in(family.again(amplitude=amplitude, low=window[0], high=window[1]), told)
+        if folds is None:
+            low = amplitude
+        else:
+            high = amplitude
+            curve.append((amplitude, *folds))
+    newest = sorted(curve)[:2]
+    if len(newest) == 2:
+        (a1, l1, h1), (a2, l2, h2) = newest
+        s1, s2 = (h1 - l1) ** (2.0 / 3.0), (h2 - l2) ** (2.0 / 3.0)
+        onset = a1 - s1 * (a2 - a1) / (s2 - s1) if s2 > s1 else a1
+        onset = min(max(onset, low), a1)
+        middle = 0.5 * (l1 + h1) - (a1 - onset) * (0.5 * (l2 + h2) - 0.5 * (l1 + h1)) / (a2 - a1)
+    else:
+        onset, middle = newest[0][0], 0.5 * (newest[0][1] + newest[0][2])
+    ordered = np.array(sorted(curve))
+    return Onset(amplitude=onset, frequency_hz=middle, curve_amplitude=ordered[:, 0], curve_hz=ordered[:, 1:])
+
+
+def _two_folds(family: Forced, track: Track) -> tuple[float, float] | None:
+    folds = sorted(family.value(s.place.p) for s in track.special if s.kind == "fold")
+    return (folds[0], folds[-1]) if len(folds) >= 2 else None
+
+
+def _folds_in(family: Forced, told: Callable[[Place], None]) -> tuple[float, float] | None:
+    search = _Search(family, told, 600)
+    try:
+        search.from_starts()
+    except SimulationError:
+        return None
+    finally:
+        family.close()
+    found = [pair for pair in (_two_folds(f, t) for f, t in search.tracks) if pair is not None]
+    return found[0] if found else None

@@ -1,0 +1,141 @@
+"""Motions of several models side by side: what can be asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Annotated, Any
+
+from workbench.core.records.forms import TEXTS, Form, Names, two_numbers, written
+from workbench.core.records.option import option
+from workbench.core.records.quantity import number
+from workbench.core.values.operating_point import At
+from workbench.jobs.options import InWorker
+from workbench.requests.request import Request, Subject, function
+from workbench.signals.text import Signals
+
+if TYPE_CHECKING:
+    from workbench.model.described_model import DescribedModel  # noqa: F401 - the subject's type, below
+    from workbench.response.compare.result import MotionComparison
+
+__all__ = ["CompareMotions", "compare_motions"]
+
+
+def _read_window(text: str) -> tuple[float, ...]:
+    limits = tuple(map(number, text.split(":")))
+    if len(limits) != 2:
+        raise ValueError(f"'{text}' is not of the form BEGIN:END, as in 120:140")
+    return limits
+
+
+def _take_windows(value: Any) -> tuple[tuple[float, float], ...]:  # noqa: ANN401
+    found = tuple(map(two_numbers, value))
+    for begin, end in found:
+        if not 0.0 <= begin < end < math.inf:
+            raise ValueError(f"the window {begin:g}:{end:g} must rise, from 0 on, as 120:140 does")
+    return found
+
+
+_WINDOWS = Form(
+    metavar="BEGIN:END",
+    read=lambda texts: _take_windows(map(_read_window, texts)),
+    write=lambda value: [f"{written(begin)}:{written(end)}" for begin, end in value],
+    take=_take_windows,
+    repeated=True,
+)
+if TYPE_CHECKING:
+    Windows = Sequence[tuple[float, float]]
+else:
+    Windows = Annotated[object, _WINDOWS]
+
+
+class CompareMotions(InWorker, Request["Mapping[str, DescribedModel]", "MotionComparison"]):
+    """Simulate several models under the same signals, and compare peak and rms of variables in windows of time.
+
+    Not for statistics of random motions: a window is one record, its peak one value.
+
+    Returns:
+        A run that fails (an FMU that crashes, a motion that grows without bound) is reported, with what it recorded
+        until then; the others count.
+
+    Raises:
+        InputError: unknown name, a window that is empty or outside the run, a unit that no signal has.
+
+    Examples:
+        The step responses 1 - exp(-t/tau) after 1 s, for tau = 1 s and 2 s.
+
+        >>> with wb.load("fmu:FirstOrderLag") as fast, wb.load("fmu:FirstOrderLag", start_values={"tau": 2.0}) as slow:
+        ...     found = wb.compare_motions(
+        ...         {"fast": fast, "slow": slow}, signals=["y"], windows=[(0, 1)], inputs={"u": wb.Constant(1.0)}
+        ...     )
+        >>> print({motion.system: round(motion.measure.peak, 4) for motion in found.motions})
+        {'fast': 0.6321, 'slow': 0.3935}
+    """
+
+    command = "compare"
+    called = "compare_motions"
+    algorithm = "workbench.response.compare.run:run"
+    example = (
+        "workbench compare system:failed_aileron system:failed_aileron_feedback --signal z_wing_tip "
+        "--input pulse=pulse:value=0.8,duration=0.1 --window 120:140 --window 200:260"
+    )
+    subject = Subject(
+        name="systems",
+        type="Mapping[str, DescribedModel]",
+        help="Name for tables and pictures → FMU or system; they stay open. The first is what the others are compared "
+        "with.",
+        metavar="MODEL..",
+        words="Systems (.toml, .ssp, system:NAME) or FMUs; the first is the reference.",
+        several=True,
+        opened=True,
+    )
+    counts = "models"
+
+    _: KW_ONLY
+    signals: Names = option(
+        "Variable to compare, which each of the models has; of systems also component.variable.",
+        flag="--signal",
+        metavar="NAME",
+    )
+    windows: Windows = option("Part of the runs to measure, begin and end.", unit="s", flag="--window")
+    inputs: Signals = option(
+        "Force an input, which each of the models has: pulse:value=1,duration=0.1, gust:.., file.csv. The other inputs "
+        "keep their start values.",
+        flag="--input",
+        default_factory=dict,
+    )
+    label: Sequence[str] = option(
+        "Label of each model, in their order, for tables and pictures; by default the name of its file, or in Python "
+        "its key.",
+        form=TEXTS,
+        metavar="TEXT",
+        default=(),
+    )
+    at: Mapping[str, At] | Sequence[At] | None = option(
+        "Operating point of each model, in their order, as from trim; in Python also by label, and those that are "
+        "left out start where they do by themselves.",
+        form=TEXTS,
+        metavar="POINT.JSON",
+        default=None,
+    )
+    unit: str | None = option(
+        "Unit in which signals are shown as well, if they can be converted; g is the standard gravity.", default=None
+    )
+    stop: float | None = option(
+        "End of the runs; by default that of the last window.", unit="s", metavar="T", default=None
+    )
+    interval: float | None = option(
+        "Interval between rows; by default 1/40000 of the run.", unit="s", metavar="S", positive=True, default=None
+    )
+
+    def went_well(self, record: MotionComparison) -> bool:
+        """Return whether no run ended early.
+
+        Args:
+            record: of this request.
+        """
+        return not record.failed
+
+
+compare_motions = function(CompareMotions)

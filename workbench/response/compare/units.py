@@ -1,0 +1,41 @@
+"""The unit in which a measure is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.core.values.conversion import named_conversion
+
+__all__ = ["Shown", "shown_unit"]
+
+STANDARD_GRAVITY = 9.80665  # [m/s2], by definition
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A unit for tables and pictures.
+
+    Attributes:
+        unit: its name; None: there is none.
+        factor: value in it = factor · value as it is.
+    """
+
+    unit: str | None
+    factor: float = 1.0
+
+
+def shown_unit(own: str | None, wanted: str | None) -> Shown:
+    """Return the unit in which a variable is shown: the wanted one where it measures the same, else its own.
+
+    Args:
+        own: the variable's unit; None: none declared.
+        wanted: "g" (standard gravity), or a unit by its symbol; None: the variable's own.
+    """
+    if own is None or wanted is None:
+        return Shown(own)
+    # g is never grams, but the standard gravity.
+    target, share = ("m/s2", 1.0 / STANDARD_GRAVITY) if wanted == "g" else (wanted, 1.0)
+    found = named_conversion(own, target)
+    if found is None or found[1]:
+        return Shown(own)
+    return Shown(wanted, found[0] * share)

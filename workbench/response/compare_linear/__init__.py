@@ -1,0 +1,1 @@
+"""Linear models beside measured responses."""

@@ -1,0 +1,210 @@
+"""The page of a nonlinear frequency response."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from workbench.response.branches.page import branches_table, folds_table, jumping
+from workbench.response.nfr.curve import DROP_DB, Peak, fall_of, peak_of
+from workbench.response.nfr.result import MISSING, NfrResult, percent
+from workbench.show.page import Page, Section, Table
+from workbench.show.tables import behind, bracketed, counted, number, sentence
+from workbench.show.verdicts import Verdict
+
+__all__ = ["nfr_page"]
+
+_NO_EFFECT = "no effect"
+_SMALL = 0.01  # errors that say that amplitudes agree
+_NOTHING = 1e-6  # of the output's amplitude: a mean below it is rounding
+_MEANING = {
+    "averaged": "not settled: the value is only as accurate as its error",
+    "settled": "the response no longer changed from period to period",
+    _NO_EFFECT: "the input does not move the output, or only by rounding errors",
+}
+
+
+def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
+    """Return the page of a frequency response: verdicts, pictures, values at each amplitude.
+
+    Args:
+        result: what to report.
+        offset: whether the output's mean is drawn too.
+    """
+    sections = [_values(result, i) for i in range(result.amplitude.size)]
+    return Page(
+        title=f"Frequency response of {result.model}: {result.input} → {result.output}",
+        lead=_lead(result),
+        facts={
+            "input": bracketed(result.input, result.input_unit),
+            "output": bracketed(result.output, result.output_unit),
+            "amplitudes": ", ".join(f"{a:g}" for a in result.amplitude) + behind(result.input_unit),
+            "frequencies": _range(result),
+        },
+        sections=[
+            Section("Gain and phase", figures=[(partial(result.plot, offset=offset), _caption(result))]),
+            *_branches(result),
+            Section("Values", parts=[s for s in sections if any(t.rows for t in s.tables)], folded=True),
+        ],
+        summary=_verdicts(result),
+        notes=result.warnings,
+        kind="nfr",
+    )
+
+
+def _caption(result: NfrResult) -> str:
+    """Return what the marks of the picture mean, as far as there are any."""
+    idle = result.gain == 0.0
+    marks = {
+        "circles: settled": np.any(~result.averaged & ~idle & np.isfinite(result.gain)),
+        "triangles: averaged": np.any(result.averaged & ~idle),
+        "crosses on the lower edge: failed": bool(result.failed),
+        "triangles downwards: no effect": np.any(idle),
+        "bars: the error": np.any(np.isfinite(result.error) & (result.error > 0.0)),
+    }
+    return sentence("; ".join(words for words, shown in marks.items() if shown) or "nothing was measured")
+
+
+def _branches(result: NfrResult) -> list[Section]:
+    """Return the sections of the branches, where they were asked for."""
+    tables = {}
+    if result.branches:
+        tables["Branches"] = branches_table(result.branches, "frequency", "Hz")
+    if result.folds:
+        tables["Folds and bifurcations"] = folds_table(result.folds)
+    return [Section(title, tables=[table]) for title, table in tables.items()]
+
+
+def _range(result: NfrResult) -> str:
+    f = result.frequency_hz
+    return f"{len(f)}, from {f[0]:g} to {f[-1]:g} Hz" if len(f) > 1 else f"{f[0]:g} Hz"
+
+
+def _lead(result: NfrResult) -> str:
+    parts = [f"{counted(result.response.size, 'point')} at {counted(result.amplitude.size, 'amplitude')}."]
+    parts += _curves(result)
+    spread = _spread(result)
+    if _agree(result):
+        parts.append("The amplitudes agree within their errors: it is linear here.")
+    elif np.isfinite(spread):
+        parts.append(f"Between the amplitudes it differs by {spread:.3g} dB at most.")
+    return " ".join(parts)
+
+
+def _agree(result: NfrResult) -> bool:
+    """Whether the responses at all amplitudes are the same, as far as their errors tell; unknown errors do not."""
+    apart = np.abs(result.response - result.response[:1])
+    allowed = result.error * result.gain + (result.error * result.gain)[:1]
+    small = np.max(result.error, initial=0.0) < _SMALL  # nan is not
+    return len(result.amplitude) > 1 and bool(small and np.all(apart <= allowed))
+
+
+def _curves(result: NfrResult) -> list[str]:
+    """Return where the gain peaks or has fallen by 3 dB, a sentence each; amplitudes of which the same holds share it.
+
+    Above a resonance, and across a jump, the fall from the lowest frequency is not a bandwidth.
+    """
+    told: dict[str, list[float]] = {}
+    for i, amplitude in enumerate(result.amplitude.tolist()):
+        good = np.isfinite(result.gain_db[i])
+        f, gain_db = result.frequency_hz[good], result.gain_db[i][good]
+        peak = peak_of(f, gain_db)
+        high = peak is not None and (peak.above_db > DROP_DB or peak.between is not None)
+        if peak is not None and high:
+            told.setdefault(_peak(peak), []).append(amplitude)
+        fall = fall_of(f, gain_db, result.error[i][good])
+        if fall is not None and not fall.cliff and not (high and peak is not None and peak.above_db > DROP_DB):
+            between = f"between {fall.low:.5g} and {fall.high:.5g} Hz"
+            words = f"the gain falls to 3 dB below that of the lowest frequency {between}"
+            told.setdefault(words, []).append(amplitude)
+    several, unit = result.amplitude.size > 1, behind(result.input_unit)
+    return [sentence(f"at {_listed(a)}{unit} {words}" if several else words) for words, a in told.items()]
+
+
+def _peak(peak: Peak) -> str:
+    words = f"the highest gain measured is {peak.gain_db:.2f} dB at {peak.frequency:.5g} Hz"
+    if peak.between is None:
+        return words
+    low, high = peak.between
+    return f"{words}; between {low:.5g} and {high:.5g} Hz it may be higher, which a smaller --ratio there shows"
+
+
+def _listed(amplitudes: list[float]) -> str:
+    *most, last = (f"{a:g}" for a in amplitudes)
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def _spread(result: NfrResult) -> float:
+    """Return the largest difference of the gain between amplitudes [dB]; NaN where there is one amplitude only."""
+    both = result.gain_db[:, np.all(np.isfinite(result.gain_db), axis=0)]
+    return float(np.max(np.ptp(both, axis=0))) if len(both) > 1 and both.size else float("nan")
+
+
+def _verdicts(result: NfrResult) -> list[Verdict]:
+    idle = result.gain == 0.0
+    words = np.where(idle, _NO_EFFECT, np.array(result.status, dtype=object))
+    counts = Counter(words.ravel().tolist())
+    found = [Verdict(word, f"{counted(counts[word], 'point')}: {_MEANING[word]}") for word in _MEANING if counts[word]]
+    reasons = Counter(f.reason for f in result.failed if f.reason != MISSING)
+    missing = sum(f.reason == MISSING for f in result.failed)
+    if missing:
+        found.append(
+            Verdict("skipped", f"{counted(missing, 'point')}, which the sweep had not reached when it was stopped")
+        )
+    first = {f.reason: f for f in reversed(result.failed)}
+    found += [
+        Verdict("failed", f"{counted(n, 'point')}, the first at {first[why].frequency_hz:.5g} Hz: {why}")
+        for why, n in reasons.items()
+    ]
+    folds = [f for f in result.folds if f.kind == "fold"]
+    for amplitude in sorted({f.amplitude for f in folds}):
+        told = jumping([f.frequency_hz for f in folds if f.amplitude == amplitude], "Hz")
+        found.append(replace(told, text=f"at amplitude {amplitude:g}{behind(result.input_unit)} {told.text}"))
+    return found
+
+
+def _values(result: NfrResult, i: int) -> Section:
+    unit = result.input_unit
+    ratio = bracketed("gain", None if result.output_unit == unit else f"{result.output_unit or '1'}/{unit or '1'}")
+    offset = bracketed("offset", result.output_unit)
+    headings = ("frequency [Hz]", ratio, "gain [dB]", "phase [deg]", "error [%]", offset, "THD [%]")
+    columns = ((result.gain, ".5g"), (result.gain_db, ".3f"), (result.phase_deg, ".2f"))
+    rows = [
+        (
+            f"{f:.5g}",
+            *(number(float(c[i, j]), form) for c, form in columns),
+            _percent(float(result.error[i, j])),
+            _offset(result, i, j),
+            _thd(float(result.thd[i, j]), float(result.error[i, j])),
+            str(result.periods[i, j]),
+            _NO_EFFECT if result.gain[i, j] == 0.0 else result.status[i][j],
+        )
+        for j, f in enumerate(result.frequency_hz.tolist())
+        if not _is_missing(result, i, j)
+    ]
+    table = Table((*headings, "periods", "status"), rows, verdict=8, right=range(8))
+    return Section(f"Amplitude {result.amplitude[i]:g}{behind(unit)}", tables=[table])
+
+
+def _thd(thd: float, error: float) -> str:
+    """Return the distortion [%]: what is left of a transient is wrong in it as it is in the response."""
+    return f"<{percent(thd + error)}" if thd <= error else number(100.0 * thd, ".3g")
+
+
+def _percent(error: float) -> str:
+    return percent(error) if np.isfinite(error) else number(error)
+
+
+def _offset(result: NfrResult, i: int, j: int) -> str:
+    """Return the mean of the output; below what the error leaves open, and far below its motion, that is all it is."""
+    offset, motion = float(result.offset[i, j]), float(result.gain[i, j] * result.amplitude[i])
+    least = max(float(result.error[i, j]), _NOTHING) * motion
+    return f"<{least:.1g}" if abs(offset) < least else number(offset, ".4g")
+
+
+def _is_missing(result: NfrResult, i: int, j: int) -> bool:
+    where = (result.amplitude[i], result.frequency_hz[j])
+    return any(f.reason == MISSING and (f.amplitude, f.frequency_hz) == where for f in result.failed)

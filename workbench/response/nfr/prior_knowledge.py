@@ -1,0 +1,290 @@
+"""What is known of a model before its frequency response is measured: its linear model, and when it samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from workbench.core.machine.blas import one_thread
+from workbench.core.values.linear import LinearPart
+from workbench.core.values.matrices import Complex, held, resolvent
+from workbench.errors import SimulationError, WorkbenchError
+from workbench.model import Model
+from workbench.model.recipe import LoadRecipe
+from workbench.model.sample_rates import sampled
+from workbench.point.lin.linearise import plain
+from workbench.point.lin.request import Lin
+from workbench.point.lin.task import make_task
+from workbench.session.base import Floats
+from workbench.session.point import Point
+from workbench.system.recipe import SystemRecipe
+
+__all__ = ["Forced", "LinearStart", "Surroundings", "Twin", "surroundings"]
+
+# With more states the matrix exponentials of each point would cost more than its periods do; those by eigenvectors,
+# found once a sweep, cost a few products of matrices.
+_MANY_STATES, _MOST_STATES = 200, 1000
+
+# Eigenvectors that give the matrix back to this relative accuracy are used.
+_EXACT = 1e-9
+
+# Events of the model that are looked for: one is enough to know that it is sampled.
+_LOOK = 1
+
+
+@dataclass(frozen=True, eq=False)
+class LinearStart:
+    """The linear model from the forced input to the output where runs start, ẋ = Ax + Bu + dx0, y = Cx + Du.
+
+    Attributes:
+        part: A, B, C, D; x and u are counted from the point.
+        dx0: derivatives at the point itself, shape (n,); 0 at an equilibrium.
+        smallest: sizes of the states below which errors of the integration do not shrink with them, shape (n,).
+    """
+
+    part: LinearPart
+    dx0: Floats
+    smallest: Floats
+    _forced: dict[float, Forced] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def modes(self) -> tuple[Complex, Complex, Complex] | None:
+        """Poles, eigenvectors and their inverse; None where they do not give A back (coinciding poles)."""
+        with one_thread():
+            poles, vectors = np.linalg.eig(self.part.A.astype(np.complex128))
+            try:
+                inverse = np.linalg.inv(vectors)
+            except np.linalg.LinAlgError:
+                return None
+            again = (vectors * poles) @ inverse
+        good = np.linalg.norm(again - self.part.A) <= _EXACT * np.linalg.norm(self.part.A)
+        return (poles, vectors, inverse) if good else None
+
+    @cached_property
+    def rest(self) -> Floats:
+        """Distance of the operating point from where the linear model rests, shape (n,)."""
+        found, *_ = np.linalg.lstsq(self.part.A, self.dx0, rcond=None)
+        return np.asarray(found, dtype=np.float64)
+
+    @property
+    def at_rest(self) -> LinearStart:
+        """The same about an equilibrium: what the input does, whatever the model does by itself."""
+        return LinearStart(self.part, np.zeros_like(self.dx0), self.smallest)
+
+    def transition(self, period: float) -> tuple[Floats, Floats]:
+        """Return e^(AT) and its integral over T [s]."""
+        if self.modes is None:
+            return held(self.part.A, np.eye(len(self.dx0)), period)
+        poles, vectors, inverse = self.modes
+        still = np.abs(poles) * period < 1e-12
+        integral = np.where(still, period, np.expm1(poles * period) / np.where(still, 1.0, poles))
+        return ((vectors * np.exp(poles * period)) @ inverse).real, ((vectors * integral) @ inverse).real
+
+    def forced(self, frequency: float) -> Forced | None:
+        """Return the linear model under a sine of 1; None where it has a pole at that very frequency.
+
+        It is found once for the sweep's amplitudes, and for both the tolerance and the error of a point.
+
+        Args:
+            frequency: [Hz].
+        """
+        if frequency not in self._forced:
+            try:
+                with np.errstate(all="ignore"), one_thread():
+                    found = Forced.of(self, frequency)
+            except (np.linalg.LinAlgError, ValueError, OverflowError):
+                return None
+            if not (np.isfinite(found.response) and np.isfinite(found.terms)):
+                return None
+            self._forced[frequency] = found
+        return self._forced[frequency]
+
+    def twin(self, frequency: float, amplitude: float, start: Floats | None = None) -> Twin | None:
+        """Return the linear model forced as a point is; None where it has a pole at that very frequency.
+
+        Args:
+            frequency: [Hz].
+            amplitude: [unit of the input].
+            start: states where the sine begins, from the operating point, shape (n,); None: 0.
+        """
+        forced = self.forced(frequency)
+        if forced is None:
+            return None
+        at, steady = np.zeros(len(self.dx0)) if start is None else start, amplitude * forced.states.imag
+        rows, rest = forced.rows / amplitude, forced.rest
+        return Twin(forced, _rows=rows, _x=at + rest - steady, _steady=steady - rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Forced:
+    """The linear model under sin ωt.
+
+    Attributes:
+        response: output over input, complex.
+        sensitivity: by how much the response changes, relative to itself, when all multipliers change by a
+            small factor 1 + ε, divided by ε: |C(jωI − A)⁻²B| / (T·|G|); about 1/|1 − μ| near a resonance.
+        vanishes: whether the response is zero, but for rounding.
+        terms: what the response is the sum of, Σ|C(i)|·|X(i)| + |D|: much larger than it where they cancel.
+        states: complex amplitudes X of the states, shape (n,).
+        phi: e^(AT), shape (n, n).
+        rows: mean, in-phase and quadrature part that free states put into a period, shape (3, n).
+        rest: distance of the operating point from where the linear model rests, shape (n,).
+        smallest: what defects of the size of `LinearStart.smallest` in each period do to the output's fundamental.
+    """
+
+    response: complex
+    sensitivity: float
+    vanishes: bool
+    terms: float
+    states: Complex
+    phi: Floats
+    rows: Floats
+    rest: Floats
+    smallest: float
+
+    @classmethod
+    def of(cls, start: LinearStart, frequency: float) -> Forced:
+        """Return that of a frequency [Hz]."""
+        part, period = start.part, 1.0 / frequency
+        n, at = len(part.A), part.at_frequency(frequency)
+        if n == 0:
+            none, flat = np.zeros(0), (np.zeros((0, 0)), np.zeros((3, 0)))
+            return cls(complex(part.d), 0.0, part.d == 0.0, abs(part.d), none.astype(np.complex128), *flat, none, 0.0)
+        forced = part.states_at(frequency)[0]
+        twice = resolvent(part.A, forced[:, None], at)[0, :, 0]
+        response = complex(part.c @ forced) + part.d
+        phi, integral = start.transition(period)
+        # 2/T ∫ C e^(At) e^(−jωt) dt; in-phase + j·quadrature is j times that.
+        reach = resolvent(part.A.T, part.C.T, at)[0, :, 0]
+        first = -2j / period * reach @ (phi - np.eye(n))
+        rows = np.array([part.c @ integral / period, first.real, first.imag])
+        sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
+        terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
+        smallest = 2.0 / period * float(np.abs(reach) @ start.smallest)
+        vanishes = bool(part.vanishes(frequency)[0])
+        return cls(response, sensitivity, vanishes, terms, forced, phi, rows, start.rest, smallest)
+
+
+@dataclass(eq=False)
+class Twin:
+    """The linear model under the sine of one point, period by period.
+
+    Its free response is x(k) = Φ^k·x(0) with Φ = e^(AT) and x(0) the distance from the periodic motion, and what
+    it puts into the Fourier coefficients of period k is a fixed row times x(k).
+
+    Attributes:
+        forced: its response to the sine.
+    """
+
+    forced: Forced
+    _rows: Floats
+    _x: Floats
+    _steady: Floats
+    _free: list[Floats] = field(default_factory=list)
+
+    @property
+    def periodic(self) -> Floats:
+        """Where the periodic motion begins, from the operating point, shape (n,)."""
+        return self._steady
+
+    def free(self, count: int) -> Floats:
+        """Return mean, in-phase and quadrature part of the transient over the input's amplitude, shape (count, 3)."""
+        while len(self._free) < count:
+            self._free.append(self._rows @ self._x)
+            self._x = self.forced.phi @ self._x
+        return np.array(self._free[:count]).reshape(count, 3)
+
+    def end(self, count: int) -> Floats:
+        """Return the states after `count` periods, from the operating point, shape (n,)."""
+        self.free(count)
+        return self._x + self._steady
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What is known of a model where its runs start.
+
+    Attributes:
+        linear: the linear model from input to output; None: there is none.
+        rates: sample periods [s], rising; none: it is continuous, or does not show any.
+        notes: what is behind the rates, where that is not plain.
+        own_step: of a co-simulation, for how long the output stands still between its own steps [s]; 0: it does not.
+    """
+
+    linear: LinearStart | None = None
+    rates: tuple[float, ...] = ()
+    notes: tuple[str, ...] = ()
+    own_step: float = 0.0
+
+
+def surroundings(model: Model, input: str, output: str) -> Surroundings:
+    """Return what a model shows of itself where its runs start.
+
+    There is no linear model for co-simulation (it shows no derivatives), for a sampled model (its multipliers are not
+    those of its continuous states), for more than 1000 states, for more than 200 whose poles coincide, and where the
+    model cannot be evaluated there.
+
+    Args:
+        model: it stays open.
+        input: forced input.
+        output: output, or a state.
+    """
+    if model.interface != "me":
+        return _of_rates(model)
+    middle = _middle(model, input)
+    try:
+        with model.open_point(values=middle) as point:
+            ticks = len(point.ticks(_LOOK, np.inf)) > 0
+            many = len(point.states) > _MOST_STATES
+            found = None if ticks or many or point.why_not_exact() else _exact(point, input, output)
+            dx0, smallest = point.at(point.x0, point.u0).dx, point.smallest
+        if ticks or many:
+            return _of_rates(model) if ticks else Surroundings()
+        part = _difference(model, input, output, middle) if found is None else found
+    except WorkbenchError:
+        return Surroundings()
+    finite = all(np.isfinite(m).all() for m in (part.A, part.B, part.C, part.D, dx0))
+    if not finite or len(dx0) != len(part.A):
+        return Surroundings()
+    linear = LinearStart(part, dx0, smallest)
+    return Surroundings(linear if len(dx0) <= _MANY_STATES or linear.modes is not None else None)
+
+
+def _of_rates(model: Model) -> Surroundings:
+    found = sampled(model)
+    return Surroundings(rates=found.periods, notes=found.notes)
+
+
+def _middle(model: Model, input: str) -> dict[str, float]:
+    """Return the value about which the sine moves, where that is not the operating point's: 0, and the bias."""
+    if model.at is not None and input in model.at.u:
+        return {}
+    return {input: model.recipe.bias.get(input, 0.0) if isinstance(model.recipe, LoadRecipe | SystemRecipe) else 0.0}
+
+
+def _exact(point: Point, input: str, output: str) -> LinearPart | None:
+    """Return the linear model from the FMU's directional derivatives; None where they fail, or miss input or output.
+
+    They are not verified: the linear model counts only as far as it goes through the measured periods.
+    """
+    states, inputs, outputs = ([v.name for v in kind] for kind in (point.states, point.inputs, point.outputs))
+    n = len(states)
+    if input not in inputs or output not in (*states, *outputs):
+        return None
+    try:
+        whole = point.jacobian()
+    except SimulationError:
+        return None
+    column = n + inputs.index(input)
+    state = np.eye(1, whole.shape[1], states.index(output) if output in states else 0)[0]
+    row = whole[n + outputs.index(output)] if output in outputs else state
+    return LinearPart(whole[:n, :n], whole[:n, column], row[:n], row[column])
+
+
+def _difference(model: Model, input: str, output: str, middle: Mapping[str, float]) -> LinearPart:
+    """Return the linear model by differences."""
+    return plain(make_task(model, Lin(u0=middle, inputs=[input], outputs=[output])), "difference").part()

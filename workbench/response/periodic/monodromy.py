@@ -1,0 +1,160 @@
+"""The derivative of a period map from the linearised model along one period."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from workbench.core.machine.blas import one_thread
+from workbench.core.values.matrices import Complex, exponentials
+from workbench.kernel.native_slopes import NativeSlopes
+from workbench.session.base import Floats
+
+__all__ = ["Tangent", "instants", "tangent"]
+
+# Abscissae of Gauss's rule with two points in an interval of length 1.
+_FIRST, _SECOND = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
+_NODES = np.array([_FIRST, _SECOND])
+# In an interval over which slopes change by more than this, times its length, the flow is that of held slopes.
+_CHANGED = 1.0
+_ALPHA, _BETA = 0.25 + math.sqrt(3.0) / 6.0, 0.25 - math.sqrt(3.0) / 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """What a small change at the begin of a period does.
+
+    Attributes:
+        Phi: to the states at its end, the monodromy matrix where the motion is periodic, shape (n, n).
+        rows: to mean, in-phase and quadrature part of the fundamental of the output, shape (3, n).
+        stretch: what a longer period does to the states at its end, the forcing stretched with it, shape (n,) [1/s].
+        through: largest |∂y/∂x| along the period, shape (n,); None: not known.
+        others: multipliers that count, where they are not all eigenvalues of Φ; None: they are.
+        coarse: Φ by a rule of lower order; None: there is none.
+        off: error of the multipliers, where `others` hold them.
+    """
+
+    Phi: Floats
+    rows: Floats
+    stretch: Floats
+    through: Floats | None = None
+    others: Complex | None = None
+    coarse: Floats | None = None
+    off: float = 0.0
+
+    @cached_property
+    def doubt(self) -> float:
+        """Error of the multipliers, about: how far a rule of lower order has the largest elsewhere."""
+        return self.off if self.coarse is None else _apart(self.Phi, self.coarse)
+
+    @cached_property
+    def multipliers(self) -> Complex:
+        """Floquet multipliers, largest first, shape (n,)."""
+        with one_thread():
+            found = np.linalg.eigvals(self.Phi).astype(np.complex128) if self.others is None else self.others
+        return found[np.argsort(-np.abs(found))]
+
+    @property
+    def kept(self) -> tuple[complex, ...]:
+        """The largest multipliers, as records keep them."""
+        return tuple(self.multipliers[:_KEPT].tolist())
+
+
+_KEPT = 6
+
+
+def instants(begin: float, period: float, intervals: int) -> Floats:
+    """Return the times at which the slopes of a period are needed, two in each interval, rising [s].
+
+    Args:
+        begin: of the period [s].
+        period: [s].
+        intervals: number of equal parts of the period.
+    """
+    times: Floats = begin + period * (np.arange(intervals)[:, None] + _NODES).ravel() / intervals
+    return times
+
+
+def tangent(slopes: NativeSlopes, period: float, unit: Floats, order: int = 1, *, rows: bool = True) -> Tangent | None:
+    """Return the derivative of the period map; None where it is too large for numbers.
+
+    Over an interval h with the slopes A₁, A₂ at its two Gauss points the flow is e^(h(αA₂ + βA₁))·e^(h(αA₁ + βA₂))
+    with α, β = ¼ ± √3/6, of order 4, which remains right where the model is stiff. What the states put into the
+    output's Fourier coefficients is integrated exactly with A and C held over each half. Jumps of the flow at events,
+    which multiply the derivative by a saltation matrix, are not in it.
+
+    Args:
+        slopes: at the begin of the period, and at `instants`.
+        period: of the motion [s].
+        unit: how far each state moves, so that all are of one size in the exponentials, shape (n,).
+        order: how many periods of the forcing it takes.
+        rows: whether what the output does is wanted, and how far a rule of lower order is off; without, the rows are
+            zero, at half the cost.
+
+    Source: S. Blanes, P. C. Moan, Fourth- and sixth-order commutator-free Magnus integrators, Appl. Numer. Math. 56
+    (2006); A. H. Nayfeh, B. Balachandran, Applied Nonlinear Dynamics, 3.3 (monodromy matrix).
+    """
+    k, n = len(slopes.x) - 1, slopes.x.shape[1]
+    half = period / k
+    A = np.zeros((k, n + 1, n + 1))
+    A[:, :n, :n] = slopes.A[1:] * unit / unit[:, None]
+    A[:, :n, n] = slopes.dx[1:] / unit / period
+    mixed = np.empty_like(A)
+    mixed[0::2] = 2.0 * (_ALPHA * A[0::2] + _BETA * A[1::2])
+    mixed[1::2] = 2.0 * (_ALPHA * A[1::2] + _BETA * A[0::2])
+    # Where a limit is met within an interval, a quick mode comes or goes, and the negative weight would let it grow.
+    quick = 2.0 * half * np.max(np.abs(A[1::2] - A[0::2])[:, :n, :n], axis=(1, 2), initial=0.0) > _CHANGED
+    mixed[np.repeat(quick, 2)] = A[np.repeat(quick, 2)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        both = exponentials(half * (np.concatenate([mixed, A]) if rows else mixed))
+        flows, held = both[:k], both[k:]
+        whole, starts = np.eye(n + 1), np.empty((k, n, n))
+        for i in range(k):
+            starts[i] = whole[:n, :n]
+            whole = flows[i] @ whole
+        if not np.isfinite(whole).all():
+            return None
+        Phi, stretch = whole[:n, :n] * unit[:, None] / unit, whole[:n, n] * unit
+        through = np.max(np.abs(slopes.C[:, 0]), axis=0)
+        if not rows:
+            return Tangent(Phi, np.zeros((3, n)), stretch, through)
+        coarse = np.eye(n + 1)
+        for part in held:
+            coarse = part @ coarse
+        found = _rows(A[:, :n, :n], slopes.C[1:, 0] * unit, (held[:, :n, :n], starts), period, order)
+        if not (np.isfinite(coarse).all() and np.isfinite(found).all()):
+            return None
+    return Tangent(Phi, found / unit, stretch, through, coarse=coarse[:n, :n] * unit[:, None] / unit)
+
+
+def _apart(Phi: Floats, other: Floats) -> float:
+    """Return by how much the largest multipliers of both differ."""
+    sizes = [float(np.max(np.abs(np.linalg.eigvals(m)), initial=0.0)) for m in (Phi, other)]
+    return abs(sizes[0] - sizes[1])
+
+
+def _rows(A: Floats, c: Floats, flows: tuple[Floats, Floats], period: float, order: int) -> Floats:
+    """Return mean, in-phase and quadrature part that a change of the states at the begin puts into the output.
+
+    Args:
+        A: slopes, held over each of k equal parts of the period, shape (k, n, n).
+        c: of the output, likewise, shape (k, n).
+        flows: over each part, and from the begin to each part's begin, shape (k, n, n).
+        period: of the motion [s].
+        order: how many periods of the forcing it takes.
+    """
+    k, n = c.shape
+    held, starts = flows
+    omega, part = 2.0 * math.pi * order / period, period / k
+    turned = A - 1j * omega * np.eye(n)
+    integral = np.linalg.solve(turned.transpose(0, 2, 1), c[:, :, None])[:, :, 0][:, None, :]
+    parts = integral @ (held * np.exp(-1j * omega * part) - np.eye(n)) @ starts
+    first = 2j / period * (parts[:, 0] * np.exp(-1j * omega * part * np.arange(k))[:, None]).sum(axis=0)
+    # The mean by the trapezoidal rule: A has no inverse where the model integrates.
+    ends = np.concatenate([starts[1:], held[-1:] @ starts[-1:]])
+    mean = 0.5 / k * (c[:, None, :] @ (starts + ends))[:, 0].sum(axis=0)
+    rows: Floats = np.array([mean, first.real, first.imag])
+    return rows

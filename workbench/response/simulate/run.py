@@ -1,0 +1,403 @@
+"""Time histories: run a model under given inputs and record its outputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.core.records.forms import several
+from workbench.core.values.operating_point import OperatingPoint
+from workbench.errors import EndedError, FmuError, InputError, SimulationError, StoppedError
+from workbench.fmi.variable import EXACT_TO, WHOLE_RANGES
+from workbench.jobs.job import Job
+from workbench.model.base import Model
+from workbench.model.described_model import DescribedModel
+from workbench.model.fmu_model import FmuModel
+from workbench.model.names import declared_units, forced_inputs, found_variables, variables_of
+from workbench.model.operating_point import standing, start_at
+from workbench.response.simulate.divergence import DivergenceError, divergence, explained
+from workbench.response.simulate.request import Simulate
+from workbench.response.simulate.result import SimulationResult
+from workbench.session.base import Floats, Recorded, Session
+from workbench.session.compiled import CompiledSession
+from workbench.session.pauses import at_pauses
+from workbench.signals.kinds import Signal, Sine
+
+__all__ = ["run"]
+
+DEFAULT_POINTS = 500
+MOST_USUAL_POINTS = 5000
+MAX_POINTS = 10_000_000
+WORRYING_CHANGE = 0.01
+_FEW = 6  # elements of an array that are named
+_JUMP = 1e-9  # relative: an input that moves by less stays where it is
+
+
+def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
+    """Simulate a model; see `Simulate`."""
+    model, remarks = start_at(model, asked.at)
+    inputs = forced_inputs(model, asked.inputs)
+    names, instead = _names(model, asked.outputs)
+    start = model.start_time if asked.start_time is None else asked.start_time
+    stop, told = _stop(model, asked.stop)
+    told = (*remarks, *told, *instead, *_left_out(model, inputs), *_jumps(model, inputs, start))
+    interval = _usual_interval(model, stop - start) if asked.interval is None else asked.interval
+    points = None if asked.points is None else several(asked.points)
+    rows = _points(start, stop, interval, points, grid=model.grid)
+    running = _Run(model, start, stop, inputs, names, rows, exactly=points is not None)
+
+    def tell(time: float) -> None:
+        part = int(100.0 * (time - start) / (stop - start))
+        if job.reached != (part, 100):
+            job.done(f"t = {time:.6g} s", part, 100)
+
+    try:
+        with at_pauses(tell):
+            found = _once(running)
+        tell(stop)
+        if found.step is not None and asked.verify_step:
+            job.found(lambda: running.result(found, told), "the repetition with half the communication step")
+    except StoppedError as error:
+        if _has_rows(error.before):
+            ended = running.result(_Once(error.before, None), (*told, f"stopped before {stop:g} s"))
+            job.partial = lambda: replace(ended, ended_at=float(ended.time[-1]))
+        raise
+    except SimulationError as error:
+        why = explained(model, error, start=start, signals=inputs, names=names)
+        if _has_rows(error.before):
+            why.before = cut = running.result(_Once(error.before, None), told, failed=why)
+            job.partial = lambda: cut
+        if why is error:
+            raise
+        raise why from error
+    if found.step is not None and asked.verify_step:
+        told += running.doubts(found)
+    return running.result(found, told)
+
+
+def _once(running: _Run) -> _Once:
+    """Run; once more where the failure showed what lets the FMU go on."""
+    known = running.model.remarks()
+    try:
+        return running.once(None)
+    except SimulationError:
+        if running.model.remarks() == known:
+            raise
+        running.begins.clear()
+        return running.once(None)
+
+
+def _left_out(model: Model, inputs: Mapping[str, Signal]) -> Iterator[str]:
+    """Yield a note on each array of which some elements are forced and others are not, as by too short a list."""
+    whole: dict[str, list[str]] = {}
+    for variable in model.inputs:
+        if variable.name.endswith("]"):
+            whole.setdefault(variable.name.rpartition("[")[0], []).append(variable.name)
+    for name, elements in whole.items():
+        free = [one for one in elements if one not in inputs]
+        if 0 < len(free) < len(elements):
+            shown = ", ".join(free[:_FEW]) + (", …" if len(free) > _FEW else "")
+            yield f"{name}: of {len(elements)} elements these are not forced, and keep their start values: {shown}"
+
+
+def _jumps(model: Model, inputs: Mapping[str, Signal], start: float) -> tuple[str, ...]:
+    """Return a note on each forced input that leaves the operating point at once."""
+    held = {} if model.at is None else model.at.u
+    begins = {name: signal(start) for name, signal in inputs.items() if name in held}
+    return tuple(
+        f"{name} is {held[name]:g} at the operating point, but its signal begins at {value:g}"
+        for name, value in begins.items()
+        if abs(value - held[name]) > _JUMP * max(abs(value), abs(held[name]))
+    )
+
+
+def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
+    """Return when the run ends [s], and a note if the model decides it."""
+    if stop is not None:
+        return stop, ()
+    if model.stop_time is None:
+        raise InputError(f"{model.name} has no default stop time; give the end of the run (stop, --stop)")
+    return model.stop_time, (f"stop: {model.stop_time:g} s, from the FMU's default experiment; --stop changes it",)
+
+
+def _usual_interval(model: Model, span: float) -> float | None:
+    """Return the interval at which rows are recorded unless told otherwise [s]; None: a 500th of the run.
+
+    Model exchange: the step that it was loaded with, else that of the default experiment, doubled where it gives too
+    many points. Co-simulation: a multiple of the communication step, so that recording does not shorten the steps.
+    """
+    if isinstance(model, DescribedModel) and model.interface == "me" and model.recipe.step is not None:
+        return model.recipe.step
+    if not isinstance(model, DescribedModel):
+        return None
+    is_cs = model.interface == "cs"
+    step = model.recipe.step
+    if isinstance(model, FmuModel):
+        step = step or model.description.experiment.step
+    if step is None or not step < span:
+        return None
+    if is_cs:
+        return step * max(1, round(span / DEFAULT_POINTS / step))
+    while span / step > MOST_USUAL_POINTS:
+        step *= 2.0
+    return step
+
+
+def _growth(record: Recorded, units: Mapping[str, str | None]) -> tuple[str, ...]:
+    """Return a note on what still grows without bound at the end, by more than a million times."""
+    for name, values in record.values.items():
+        found = divergence(record.time, values, variable=name, unit=units.get(name))
+        if found is not None:
+            return (found.words,)
+    return ()
+
+
+def _inexact(model: Model, columns: Mapping[str, Floats]) -> tuple[str, ...]:
+    """Return a note on whole numbers with more digits than a result keeps."""
+    known = variables_of(model)
+    whole = [name for name in columns if known[name].type in WHOLE_RANGES]
+    names = [name for name in whole if np.any(np.abs(columns[name]) >= EXACT_TO)]
+    return (f"{', '.join(names)}: may be rounded, since results are exact below 2^53",) if names else ()
+
+
+def _sampled(model: Model, inputs: Mapping[str, Signal]) -> tuple[str, ...]:
+    """Return a note on inputs that may change at events only under a signal that never stands still."""
+    known = variables_of(model)
+    names = [name for name, s in inputs.items() if isinstance(s, Sine) and not known[name].is_continuous_input]
+    if not names or model.interface != "me":
+        return ()
+    how = "may change at events only, so the sine is sampled where a value is recorded; --step sets how often"
+    return (f"{', '.join(names)}: {how}",)
+
+
+def _has_rows(before: object) -> TypeGuard[Recorded]:
+    """Return whether there are rows of a run that ended early: without any there is no time history."""
+    return isinstance(before, Recorded) and len(before.time) > 0
+
+
+@dataclass(frozen=True)
+class _Once:
+    """What one run gave: rows, communication step (None: model exchange), and how the FMU ended it if it did."""
+
+    record: Recorded
+    step: float | None
+    ended: EndedError | None = None
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What to run, so that it can be run again with another communication step.
+
+    Attributes:
+        exactly: whether the recorded points were asked for one by one.
+        begins: where each run began.
+    """
+
+    model: Model
+    start: float
+    stop: float
+    inputs: dict[str, Signal]
+    names: list[str]
+    points: Floats
+    exactly: bool
+    begins: list[OperatingPoint] = field(default_factory=list)
+
+    def once(self, step: float | None) -> _Once:
+        """Run with a communication step; None: the model's own."""
+        with self.model.open_session(start_time=self.start, step=step, signals=self.inputs) as session:
+            self.begins.append(standing(self.model, session))
+            if isinstance(session, CompiledSession):
+                session.recording.missing = True
+            ended = None
+            try:
+                record = session.advance(self.stop, signals=self.inputs, record=self.names, points=self.points)
+                record = _with_end(session, record, self.inputs, self.names)
+            except EndedError as error:
+                if not _has_rows(error.before):
+                    raise
+                record, ended = error.before, error
+            return _Once(record, session.communication_step, ended)
+
+    def result(
+        self, found: _Once, notes: tuple[str, ...], *, failed: SimulationError | None = None
+    ) -> SimulationResult:
+        """Return the result of a run, cut short or not."""
+        model, end = self.model, found.ended or failed
+        record = found.record
+        if model.interface == "cs":
+            record = _at_points(record, self.start, self.points, () if end is None else record.time[-1:])
+        if isinstance(failed, DivergenceError) and not self.exactly:
+            record = _with_rows(record, failed.followed)
+        record, missing = _missing(record)
+        units = declared_units(model, [*self.names, *self.inputs])
+        columns = {**record.values, **record.inputs}
+        if found.ended is not None:
+            notes += (f"{found.ended}, before {self.stop:g} s",)
+        notes += (*missing, *_growth(record, units), *_inexact(model, columns))
+        notes += (*_sampled(model, self.inputs), *model.remarks())
+        return SimulationResult(
+            model.name,
+            model.interface,
+            model.solver,
+            record.time,
+            columns,
+            units,
+            notes,
+            ended_at=None if end is None else end.time,
+            failed=None if failed is None else str(failed),
+            operating_point=self.begins[0],
+        )
+
+    def doubts(self, found: _Once) -> tuple[str, ...]:
+        """Repeat with half the communication step; return a note if the answer changes."""
+        step = found.step or 0.0
+        advice = self.model.way_out(f"use a step below {step:.3g} s")
+        try:
+            finer = self.once(0.5 * step)
+        except SimulationError as error:
+            return (f"with half the communication step the run fails ({error}); {advice}",)
+        except InputError:  # a constant step that cannot be halved
+            return ()
+        except FmuError as error:
+            return (f"the FMU cannot be run again with half the communication step: {error}",)
+        change, name = _largest_change(found.record, finer.record)
+        if change <= WORRYING_CHANGE:
+            return ()
+        return (f"{name} changes by {100.0 * change:.3g} % with half the communication step; {advice}",)
+
+
+def _largest_change(coarse: Recorded, fine: Recorded) -> tuple[float, str]:
+    """Return the largest difference at common times relative to the signal's range, and its name."""
+    worst, name = 0.0, ""
+    for signal, values in coarse.values.items():
+        last = np.searchsorted(fine.time, coarse.time, side="right") - 1
+        other = fine.values[signal][last]
+        right = np.append(coarse.time[1:] > coarse.time[:-1], True) & (coarse.time <= fine.time[-1])
+        right &= np.isfinite(values) & np.isfinite(other)
+        if not right.any():
+            continue
+        seen = other[np.isfinite(other)]
+        span = max(float(np.ptp(seen)), 1e-9 * float(np.max(np.abs(seen))), 1e-300)
+        change = float(np.max(np.abs(values - other)[right])) / span
+        if change > worst:
+            worst, name = change, signal
+    return worst, name
+
+
+def _names(model: Model, outputs: Sequence[str] | None) -> tuple[list[str], tuple[str, ...]]:
+    """Return what is recorded, and a note if it stands in for outputs that are not declared."""
+    if outputs is not None:
+        return found_variables(model, outputs, "variable", what="outputs"), ()
+    variables = model.description.variables if isinstance(model, DescribedModel) else ()
+    known = {v.name for v in variables} or {v.name for v in model.states}
+    kinds = {
+        "outputs": model.outputs,
+        "states": tuple(v for v in model.states if v.name in known),  # FMI 1.0 does not name them
+        "local variables": tuple(
+            v for v in variables if v.causality == "local" and v.variability != "constant" and not v.alias_of
+        ),
+    }
+    for kind, found in kinds.items():
+        names = [v.name for v in found if v.is_number]
+        if names and kind == "outputs":
+            return names, ()
+        if names:
+            return names, (
+                f"no outputs are declared: the {kind} are recorded ({_some(names)}); --output selects others",
+            )
+    return [], ("nothing is recorded: no outputs, states or local variables are declared",)
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:5]) + (f", … {len(names)} in all" if len(names) > 5 else "")
+
+
+def _points(
+    start: float,
+    stop: float,
+    interval: float | None,
+    points: Sequence[float] | Floats | None,
+    *,
+    grid: float | None = None,
+) -> Floats:
+    """Return where values are recorded [s]; where nothing is asked for, on the `grid` of communication points."""
+    if not (math.isfinite(start) and math.isfinite(stop) and stop > start):
+        raise InputError(f"stop: must be after the start at {start:g} s, not {stop:g} s")
+    if points is not None:
+        asked: Floats = np.asarray(points, dtype=np.float64)
+        return asked[1:] if len(asked) and asked[0] == start else asked  # the start has a row in any case
+    span = stop - start
+    if interval is None:
+        interval = span / DEFAULT_POINTS
+        interval = grid * max(1, round(interval / grid)) if grid is not None else interval
+    if not interval > 0.0:
+        raise InputError(f"interval must be positive, not {interval:g} s")
+    count = max(1, round(span / interval, 9).__floor__())
+    if count > MAX_POINTS:
+        raise InputError(f"interval {interval:g} s gives {count} points; at most {MAX_POINTS} are recorded")
+    at = start + interval * np.arange(1, count + 1)
+    return np.append(at[at < stop - 1e-9 * interval], stop)
+
+
+def _same(a: Floats, b: Floats) -> NDArray[np.bool_]:
+    return np.asarray((a == b) | (np.isnan(a) & np.isnan(b)), dtype=np.bool_)
+
+
+def _missing(record: Recorded) -> tuple[Recorded, tuple[str, ...]]:
+    """Return a record in which all that is not finite is NaN, and a note on each variable where something is."""
+    notes = []
+    for name, values in record.values.items():
+        gone = np.flatnonzero(~np.isfinite(values))
+        if len(gone):
+            first, to_the_end = record.time[gone[0]], gone[0] + len(gone) == len(values)
+            when = f"from t = {first:.6g} s on"
+            if not to_the_end:
+                when = f"at {len(gone)} of {len(values)} instants, the first at t = {first:.6g} s"
+            notes.append(f"{name} is not a finite number {when}; it is recorded as missing there")
+    finite = {n: np.where(np.isfinite(v), v, np.nan) for n, v in record.values.items()}
+    return replace(record, values=finite), tuple(notes)
+
+
+def _with_end(session: Session, record: Recorded, inputs: Mapping[str, Signal], names: Sequence[str]) -> Recorded:
+    """Append the right limit at the end if an event there changes something."""
+    last = session.advance(session.time, signals=inputs, record=names)
+    same = all(_same(last.values[n][:1], record.values[n][-1:]).all() for n in record.values)
+    if same and all(last.inputs[n][0] == record.inputs[n][-1] for n in record.inputs):
+        return record
+    return Recorded(
+        time=np.append(record.time, last.time[:1]),
+        values={n: np.append(v, last.values[n][:1]) for n, v in record.values.items()},
+        inputs={n: np.append(v, last.inputs[n][:1]) for n, v in record.inputs.items()},
+    )
+
+
+def _at_points(record: Recorded, start: float, points: Floats, end: Sequence[float] | Floats) -> Recorded:
+    """Keep the rows at the points (and the end) only; co-simulation records every communication point twice."""
+    wanted = np.isin(record.time, np.concatenate([[start], points, end]))
+    same_time = np.append(record.time[1:] == record.time[:-1], False)
+    repeats = same_time.copy()
+    for column in record.values.values():
+        repeats &= np.append(_same(column[1:], column[:-1]), False)
+    keep = wanted & ~repeats
+    return Recorded(
+        time=record.time[keep],
+        values={n: v[keep] for n, v in record.values.items()},
+        inputs={n: v[keep] for n, v in record.inputs.items()},
+    )
+
+
+def _with_rows(record: Recorded, others: Recorded) -> Recorded:
+    """Return a record with rows of another one between and after its own, in the order of time."""
+    new = ~np.isin(others.time, record.time)
+    time = np.append(record.time, others.time[new])
+    order = np.argsort(time, kind="stable")  # two rows at one time are an event and keep their order
+    return Recorded(
+        time=time[order],
+        values={n: np.append(v, others.values[n][new])[order] for n, v in record.values.items()},
+        inputs={n: np.append(v, others.inputs[n][new])[order] for n, v in record.inputs.items()},
+    )

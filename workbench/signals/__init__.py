@@ -1,0 +1,1 @@
+"""What forces an input: kinds of signals, gusts, as text with units, in files."""

@@ -1,0 +1,133 @@
+"""Signals in CSV files: a column of times, columns of values, units in their headings."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from workbench.core.machine.files import content_of
+from workbench.core.records.csv_file import is_number
+from workbench.core.records.quantity import DecimalCommaError, quantity
+from workbench.core.values.conversion import in_other_unit, named_conversion
+from workbench.errors import InputError, suggest
+from workbench.signals.kinds import Signal, Table
+from workbench.signals.numbers import PLAIN, Numbers
+
+__all__ = ["is_file", "named_columns", "read_table"]
+
+_FILES = (".csv", ".txt")
+# A name and its unit; without a space between them numbers in brackets are indices.
+_HEADING = re.compile(r"(?P<name>.*\S)(?:\s+[\[(]|\[(?!\s*\d+(?:\s*,\s*\d+)*\s*\]))(?P<unit>[^\[\]]*)[\])]")
+
+
+def is_file(text: str) -> bool:
+    """Return whether a signal's text is the name of a file."""
+    return text.strip().lower().endswith(_FILES)
+
+
+def read_table(path: str | Path, numbers: Numbers = PLAIN) -> Table:
+    """Read a `Table` from a CSV file: time [s] in the first column, value in the second.
+
+    One heading line is allowed, with units in brackets, as in `u [rad]`; separators are comma, semicolon, tab.
+
+    Args:
+        path: of the file.
+        numbers: how its values are read: words among them are those of the input; their unit stands in the heading.
+
+    Raises:
+        InputError: no such file, not two columns of numbers, or a unit of time that is not known.
+    """
+    headings, rows = _rows(Path(path))
+    return _column(Path(path), headings, rows, 1, numbers)
+
+
+def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Return the headings of a CSV file, with their units, and its rows; no headings: empty."""
+    try:
+        text = content_of(path).decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+    delimiter = next((d for d in ";\t" if d in text), ",")
+    try:
+        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+    except csv.Error as error:
+        raise InputError(f"{path}: is not a table of time and value: {error}") from None
+    return [] if not rows or is_number(rows[0][0]) else [cell.strip() for cell in rows.pop(0)], rows
+
+
+def _column(
+    path: Path,
+    headings: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    number: int,
+    numbers: Numbers = PLAIN,
+) -> Table:
+    _, unit = _named(headings[number]) if number < len(headings) else ("", None)
+    second = _seconds(path, headings[0]) if headings else 1.0
+    try:
+        times = [in_other_unit(float(r[0]), (second, 0.0)) for r in rows]
+        return Table(times, [_cell(path, r[number], numbers) for r in rows], unit=unit)
+    except (ValueError, IndexError):
+        what = "two columns of numbers" if number == 1 else f"numbers in its columns 1 and {number + 1}"
+        raise InputError(f"{path}: needs {what}, time [s] and value") from None
+
+
+def _cell(path: Path, text: str, numbers: Numbers) -> float:
+    """Return the value in a cell; raises InputError with what is wrong where that is clear, else ValueError."""
+    try:
+        return numbers.plain(text)
+    except ValueError:
+        pass
+    cell = text.strip()
+    if numbers.words and cell:
+        raise InputError(f"{path}: '{cell}' is not a value that the input can have; {suggest(cell, numbers.words)}")
+    try:
+        _, unit = quantity(cell)
+    except DecimalCommaError as error:
+        raise InputError(f"{path}: {error}") from None
+    raise InputError(f"{path}: '{cell}' has a unit, which belongs to the heading, as in 'u [{unit}]'")
+
+
+def named_columns(name: str, path: Path, numbers: Callable[[str], Numbers]) -> dict[str, Signal]:
+    """Return what a CSV file holds for an input: its column, or those of an array's elements.
+
+    A file of two columns holds it whatever they are called.
+
+    Args:
+        name: of the input.
+        path: of the file.
+        numbers: input → how its values are read.
+
+    Raises:
+        InputError: no such file or column, or what is in it is not a table of numbers.
+    """
+    headings, rows = _rows(path)
+    known = {_named(heading)[0]: number for number, heading in enumerate(headings) if number}
+    width = len(headings) or max((len(row) for row in rows), default=0)
+    if name in known:
+        wanted = {name: known[name]}
+    elif not (wanted := {one: number for one, number in known.items() if one.startswith(f"{name}[")}) and width <= 2:
+        wanted = {name: 1}
+    if wanted:
+        return {one: _column(path, headings, rows, number, numbers(one)) for one, number in wanted.items()}
+    which = suggest(name, known) if known else "give it a line of headings"
+    raise InputError(f"{path}: none of its {width} columns is called {name}; {which}")
+
+
+def _named(heading: str) -> tuple[str, str | None]:
+    """Return a column's name and unit: "u" and "m" for "u [m]", "u[m]" and "u (m)"; "u[2]" is an element."""
+    found = _HEADING.fullmatch(heading)
+    return (found["name"], found["unit"].strip() or None) if found else (heading, None)
+
+
+def _seconds(path: Path, heading: str) -> float:
+    """Return how many seconds the unit in the heading of the column of times is."""
+    _, unit = _named(heading)
+    factor, offset = named_conversion(unit or "s", "s") or (0.0, 0.0)
+    if not factor or offset:
+        raise InputError(f"{path}: the times of '{heading}' do not convert to s; give them in s")
+    return factor

@@ -1,0 +1,139 @@
+"""Pictures of requirements: a frequency response between masks, a step with its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from workbench.show.bode import Degrees, plain_decades
+from workbench.show.figure import COLOURS, label, rows
+
+__all__ = ["LIMIT", "plot_between_masks", "plot_step"]
+
+LIMIT = "limit"
+
+_FORBIDDEN = "#b3261e"
+_Line = tuple[Sequence[float], Sequence[float]]
+
+
+def plot_between_masks(
+    curves: Mapping[str, _Line],
+    *,
+    title: str,
+    quantity: str,
+    unit: str | None,
+    upper: Sequence[Sequence[float]] = (),
+    lower: Sequence[Sequence[float]] = (),
+    worst: tuple[float, float] | None = None,
+) -> Figure:
+    """Draw frequency responses and the masks they must keep; what is forbidden is shaded.
+
+    Args:
+        curves: label → (frequencies [Hz], values).
+        title: above the picture.
+        quantity: what the values are.
+        unit: of the values.
+        upper: corners (frequency [Hz], value) of the mask.
+        lower: likewise.
+        worst: (frequency [Hz], value) with the least margin.
+    """
+    figure, (ax,) = rows(1, title=title)
+    figure.set_size_inches(7.2, 4.0)
+    for i, (name, (frequency, values)) in enumerate(curves.items()):
+        marker = "o" if len(frequency) < _FEW else ""
+        ax.plot(
+            frequency, values, "-", marker=marker, color=COLOURS[i % len(COLOURS)], linewidth=1.4, markersize=3.5,
+            markerfacecolor="white", label=name or "response",
+        )  # fmt: skip
+    plain_decades(ax)
+    _masks(ax, upper, lower)
+    if worst is not None:
+        ax.plot(
+            *worst,
+            "s",
+            color=_FORBIDDEN,
+            markerfacecolor="none",
+            markersize=9,
+            markeredgewidth=1.6,
+            label="least margin",
+        )
+    ax.set_xlabel("frequency [Hz]")
+    ax.set_ylabel(label(quantity, unit))
+    if unit == "deg":
+        ax.yaxis.set_major_locator(Degrees())
+    ax.xaxis.set_minor_formatter(FuncFormatter(_minor))
+    ax.tick_params(axis="x", which="minor", labelsize=7.5, colors="#777777")
+    _legend(figure, ax)
+    return figure
+
+
+_FEW = 80  # measured points are marked; a computed curve has more
+
+
+def _minor(x: float, _position: int) -> str:
+    """Label 2 and 5 of each decade."""
+    return f"{x:g}" if f"{x:e}"[0] in "25" else ""
+
+
+def _masks(ax: Axes, upper: Sequence[Sequence[float]], lower: Sequence[Sequence[float]]) -> None:
+    """Draw masks and shade what lies beyond; the picture keeps some space there."""
+    drawn = [float(y) for line in ax.lines for y in np.asarray(line.get_ydata(), dtype=np.float64)]
+    every = [c[1] for c in (*upper, *lower)] + drawn
+    room = 0.12 * (max(every) - min(every) or 1.0)
+    top, bottom = max(every) + room, min(every) - room
+    for name, corners, edge in (("upper mask", upper, top), ("lower mask", lower, bottom)):
+        if not corners:
+            continue
+        x, y = [c[0] for c in corners], [c[1] for c in corners]
+        ax.plot(
+            x, y, "-", color=_FORBIDDEN, linewidth=1.6, label="limits" if name == "upper mask" or not upper else "_"
+        )
+        text = "not allowed" if name == "upper mask" or not upper else "_"
+        ax.fill_between(x, y, edge, color="#b3261e14", linewidth=0.0, label=text)
+    ax.set_ylim(bottom, top)
+
+
+def plot_step(
+    time: Sequence[float],
+    values: Sequence[float],
+    *,
+    title: str,
+    name: str,
+    unit: str | None,
+    lines: Mapping[str, float] | None = None,
+    times: Mapping[str, float] | None = None,
+) -> Figure:
+    """Draw a time history with levels and instants.
+
+    Args:
+        time: [s].
+        values: of the signal.
+        title: above the picture.
+        name: of the signal.
+        unit: of the signal.
+        lines: label → level.
+        times: label → instant [s]; `LIMIT` is drawn as one.
+    """
+    figure, (ax,) = rows(1, title=title)
+    figure.set_size_inches(7.2, 3.6)
+    ax.plot(time, values, "-", color=COLOURS[0], linewidth=1.5, label=name)
+    for text, level in (lines or {}).items():
+        ax.axhline(level, color=_FORBIDDEN, linewidth=1.1, linestyle="--", label=text)
+    for text, instant in (times or {}).items():
+        limit = text == LIMIT
+        style = "--" if limit else ":"
+        ax.axvline(instant, color=_FORBIDDEN if limit else "#444444", linewidth=1.2, linestyle=style, label=text)
+    ax.set_xlabel("time [s]")
+    ax.set_ylabel(label(name, unit))
+    _legend(figure, ax)
+    return figure
+
+
+def _legend(figure: Figure, ax: Axes) -> None:
+    """Below the picture, where it hides nothing."""
+    handles, texts = ax.get_legend_handles_labels()
+    figure.legend(handles, texts, loc="outside lower center", ncols=min(4, len(texts)), frameon=False, fontsize=8.5)

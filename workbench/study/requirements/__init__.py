@@ -1,0 +1,82 @@
+"""Kinds of requirements: one class each, in one table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from workbench.errors import InputError, suggest
+from workbench.system.files.toml_schema import read_table
+
+if TYPE_CHECKING:
+    from workbench.study.requirements.base import Requirement
+
+__all__ = ["KINDS", "read_requirement"]
+
+# Name in a study file → module in this package and class. By name, so that a study loads what it uses and no more.
+_HOME: Mapping[str, str] = {
+    "gain": "response:Gain",
+    "phase": "response:Phase",
+    "offset": "response:Offset",
+    "mask": "response:Mask",
+    "bandwidth": "response:Bandwidth",
+    "gain margin": "margins:GainMargin",
+    "phase margin": "margins:PhaseMargin",
+    "delay margin": "margins:DelayMargin",
+    "disk margin": "margins:DiskMargin",
+    "peak sensitivity": "margins:PeakSensitivity",
+    "damping": "models:Damping",
+    "pole frequency": "models:PoleFrequency",
+    "stability": "models:Stability",
+    "settling time": "step:SettlingTime",
+    "overshoot": "step:Overshoot",
+    "rise time": "step:RiseTime",
+    "peak": "step:Peak",
+    "final value": "step:FinalValue",
+    "limit cycle amplitude": "limit_cycle:LimitCycleAmplitude",
+    "limit cycle frequency": "limit_cycle:LimitCycleFrequency",
+    "stable gains": "limit_cycle:StableGains",
+    "fit": "models:Fit",
+    "agreement": "agreement:Agreement",
+    "response agreement": "agreement:ResponseAgreement",
+    "value": "value:AnyValue",
+}
+
+
+class _Kinds(Mapping[str, "type[Requirement]"]):
+    """Name of a kind → its class, loaded when it is asked for."""
+
+    def __getitem__(self, name: str) -> type[Requirement]:
+        module, _, kind = _HOME[name].partition(":")
+        found: type[Requirement] = getattr(import_module(f"{__name__}.{module}"), kind)
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_HOME)
+
+    def __len__(self) -> int:
+        return len(_HOME)
+
+
+KINDS: Mapping[str, type[Requirement]] = _Kinds()
+
+
+def read_requirement(data: object, where: str) -> Requirement:
+    """Return what a table of [[requirements]] asks for.
+
+    Args:
+        data: as the TOML reader returns it.
+        where: the table, for messages.
+
+    Raises:
+        InputError: an unknown kind or key (near names in the message), a missing one, a value of the wrong type.
+    """
+    if not isinstance(data, dict):
+        raise InputError(f"{where}: must be a table with name, analysis and kind")
+    kind = data.get("kind")
+    if kind is None:
+        raise InputError(f"{where}: key 'kind' is missing; known: {', '.join(KINDS)}")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InputError(f"{where}: kind {kind!r} is unknown; {suggest(str(kind), KINDS)}")
+    return read_table(KINDS[kind], data, where)

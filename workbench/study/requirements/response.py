@@ -1,0 +1,265 @@
+"""Requirements on frequency responses: at one frequency, bandwidth, masks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from workbench.errors import InputError
+from workbench.study.requirements.base import (
+    Compliance,
+    Limited,
+    NotMeasured,
+    Requirement,
+    Result,
+    Value,
+    judge,
+    worst,
+)  # fmt: skip
+from workbench.study.requirements.curves import READERS, Curve, curves, interpolate
+
+__all__ = ["UNITS", "Bandwidth", "Gain", "Mask", "OfResponse", "Offset", "Phase", "Positive"]
+
+# Of a response; an offset has the unit of the output.
+UNITS = {"gain": "dB", "phase": "deg"}
+_SAME = 1e-9  # frequencies that differ by less are the same
+
+Positive = Annotated[float, Field(gt=0.0)]
+_Corner = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class OfResponse(Requirement):
+    """A requirement on frequency responses.
+
+    Attributes:
+        amplitude: only the response at this one; None: all, and the worst decides.
+        source: "linear" or "measured", of a loop.
+        input, output: of a linear model with several.
+        plant: what an identified model stands for: "continuous" takes the hold of its data out, so that it can be held
+            against sines; "sampled" adds the hold of a sampled plant; "held" leaves it as it is.
+    """
+
+    commands: ClassVar[tuple[str, ...]] = tuple(READERS)
+
+    amplitude: Positive | None = None
+    source: Literal["linear", "measured"] | None = None
+    input: str | None = None
+    output: str | None = None
+    plant: Literal["continuous", "sampled", "held"] = "continuous"
+
+    def responses(self, result: Result, at: Sequence[float] = ()) -> list[Curve]:
+        """Return the responses that count.
+
+        Args:
+            result: of the analysis.
+            at: frequencies at which a linear model is evaluated [Hz], besides those around its poles.
+        """
+        return curves(
+            result, at=at, amplitude=self.amplitude, source=self.source, input=self.input, output=self.output,
+            plant=self.plant,
+        )  # fmt: skip
+
+
+class _AtFrequency(OfResponse, Limited):
+    """A value at one frequency, interpolated between the measured ones.
+
+    Attributes:
+        frequency: [Hz].
+    """
+
+    quantity: ClassVar[str]
+
+    frequency: Positive
+
+    def values(self, result: Result) -> list[Value]:
+        return [self._value(curve) for curve in self.responses(result, (self.frequency,))]
+
+    def _value(self, curve: Curve) -> Value:
+        value = curve.at(self.quantity, self.frequency)
+        return Value(value=value, where=curve.where(self.frequency), unit=UNITS.get(self.quantity, curve.unit))
+
+
+class Gain(_AtFrequency):
+    """Gain at a frequency [dB]."""
+
+    quantity = "gain"
+    units = ("dB",)
+
+
+class Phase(_AtFrequency):
+    """Phase at a frequency [deg]."""
+
+    quantity = "phase"
+    units = ("deg",)
+
+
+class Offset(_AtFrequency):
+    """Mean of the output at a frequency [its unit]."""
+
+    commands: ClassVar[tuple[str, ...]] = ("nfr",)
+    quantity = "offset"
+
+
+class Bandwidth(OfResponse, Limited):
+    """The frequency at which the gain has fallen by 3 dB, or the phase to −90° [Hz].
+
+    It is interpolated in dB (or deg) over log frequency between two points, which are told: a limit between them is
+    met or not by that straight line alone; a smaller ratio of frequencies brings them closer.
+
+    Attributes:
+        criterion: "gain" or "phase".
+        drop: how far the gain falls [dB].
+        reference: gain [dB] from which it falls; None: that at the lowest frequency.
+        angle: the phase [deg].
+    """
+
+    units = ("Hz",)
+
+    criterion: Literal["gain", "phase"] = "gain"
+    drop: Positive = 3.0
+    reference: float | None = None
+    angle: float = -90.0
+
+    def values(self, result: Result) -> list[Value]:
+        return [self._value(curve) for curve in self.responses(result)]
+
+    def _value(self, curve: Curve) -> Value:
+        values = curve.values(self.criterion)
+        level = self.angle if self.criterion == "phase" else self._level(values)
+        crossed = _falls_below(curve.frequency, values, level)
+        curve.check_failed(0.0, math.inf if crossed is None else crossed.high)
+        if crossed is not None:
+            return Value(value=crossed.value, where=", ".join(filter(None, [crossed.words, curve.label])), unit="Hz")
+        last = curve.frequency[-1]
+        # Enough for a smallest bandwidth; for a largest one nothing is known beyond.
+        if self.max is not None or self.equal is not None or (self.min or 0.0) > last:
+            raise NotMeasured(f"{level:.4g} {UNITS[self.criterion]} is not reached up to {last:g} Hz{curve.told}")
+        return Value(value=last, where=f"not reached up to {last:g} Hz{curve.told}", unit="Hz")
+
+    def _level(self, values: Sequence[float]) -> float:
+        return (values[0] if self.reference is None else self.reference) - self.drop
+
+
+@dataclass(frozen=True)
+class _Crossed:
+    """Where values fall to a level.
+
+    Attributes:
+        value: by a straight line [Hz].
+        low, high: the points before and after it [Hz].
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def words(self) -> str:
+        """Between which points; empty: it is one of them."""
+        return f"between {self.low:.4g} and {self.high:.4g} Hz" if self.low < self.value < self.high else ""
+
+
+def _falls_below(frequencies: Sequence[float], values: Sequence[float], level: float) -> _Crossed | None:
+    """Return where the values first fall to a level; None: they do not."""
+    if values[0] <= level:
+        return _Crossed(frequencies[0], frequencies[0], frequencies[0])
+    for k in range(1, len(values)):
+        if values[k] <= level:
+            part, (low, high) = (values[k - 1] - level) / (values[k - 1] - values[k]), frequencies[k - 1 : k + 1]
+            return _Crossed(low * (high / low) ** part, low, high)
+    return None
+
+
+class Mask(OfResponse):
+    """Gain, phase or offset between an upper and a lower mask over a band.
+
+    A mask is a list of [frequency, value], straight in dB (or deg) over log frequency; a frequency given twice is
+    a step. Mask and response are compared at the corners of both, which is exact for straight lines.
+
+    Attributes:
+        quantity: what the mask is for.
+        upper, lower: corners ([Hz], [dB], [deg] or unit of the output).
+    """
+
+    quantity: Literal["gain", "phase", "offset"] = "gain"
+    upper: list[_Corner] | None = None
+    lower: list[_Corner] | None = None
+
+    def check(self, where: str, commands: Sequence[str]) -> None:
+        super().check(where, commands)
+        if self.quantity == "offset" and commands[0] != "nfr":
+            raise InputError(f"{where}: only nfr measures an offset; [analyses.{self.analysis}] runs {commands[0]}")
+        if not self.upper and not self.lower:
+            raise InputError(f"{where}: has no limit; give upper or lower, as in upper = [[1, 3], [10, -6]]")
+        for side in ("upper", "lower"):
+            _check_corners(f"{where}: {side}", getattr(self, side))
+        self._check_order(where)
+
+    def _check_order(self, where: str) -> None:
+        """Nothing fits between masks that cross."""
+        if not self.upper or not self.lower:
+            return
+        for frequency in sorted({c[0] for c in (*self.upper, *self.lower)}):
+            above, below = _inside(self.upper, frequency), _inside(self.lower, frequency)
+            if above and below and min(above) < max(below):
+                text = f"{where}: lower is above upper at {frequency:g} Hz ({max(below):g} and {min(above):g})"
+                raise InputError(text)
+
+    @property
+    def corners(self) -> list[float]:
+        """Frequencies of all corners [Hz]."""
+        return [c[0] for c in (*(self.upper or ()), *(self.lower or ()))]
+
+    def find(self, results: Sequence[Result]) -> Compliance:
+        found = [
+            self._side(curve, name, corners)
+            for curve in self.responses(results[0], self.corners)
+            for name, corners in (("max", self.upper), ("min", self.lower))
+            if corners
+        ]
+        return worst(found)
+
+    def _side(self, curve: Curve, name: str, corners: list[list[float]]) -> Compliance:
+        """Compare a curve with one mask; the place with the least margin counts."""
+        curve.check_failed(corners[0][0], corners[-1][0])
+        unit = UNITS.get(self.quantity, curve.unit)
+        places = sorted(_places(corners, curve.frequency))
+        found = [
+            judge(curve.at(self.quantity, f), {name: limit}, unit=unit, where=curve.where(f)) for f, limit in places
+        ]
+        return worst(found)
+
+
+def _check_corners(where: str, corners: list[list[float]] | None) -> None:
+    for corner in corners or ():
+        if not corner[0] > 0.0:
+            raise InputError(f"{where}: {corner[0]:g} Hz is not a frequency; corners are [frequency, value]")
+    for before, after in zip(corners or (), (corners or ())[1:], strict=False):
+        if after[0] < before[0]:
+            raise InputError(f"{where}: frequencies must rise; {after[0]:g} Hz comes after {before[0]:g} Hz")
+
+
+def _places(corners: list[list[float]], frequencies: Sequence[float]) -> list[tuple[float, float]]:
+    """Return (frequency, limit) wherever mask or response have a corner; both limits where the mask steps."""
+    low, high = corners[0][0], corners[-1][0]
+    found = [(c[0], c[1]) for c in corners]
+    for frequency in frequencies:
+        if low < frequency < high:
+            found += [(frequency, limit) for limit in _inside(corners, frequency)]
+    return found
+
+
+def _inside(corners: list[list[float]], frequency: float) -> list[float]:
+    """Return the limits of a mask at a frequency; none outside, two at a step."""
+    exact = [c[1] for c in corners if math.isclose(c[0], frequency, rel_tol=_SAME)]
+    if exact:
+        return exact
+    for (f0, v0), (f1, v1) in pairwise(corners):
+        if f0 < frequency < f1:
+            return [interpolate(frequency, (f0, f1), (v0, v1))]
+    return []

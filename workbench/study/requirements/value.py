@@ -1,0 +1,181 @@
+"""A requirement on anything in a result, by its path."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from workbench.errors import InputError, suggest
+from workbench.study.position_in_file import place
+from workbench.study.requirements.base import Limited, NotMeasured, Result, Value
+
+__all__ = ["AnyValue", "check_path", "found_at", "numbers_at"]
+
+_STEP = re.compile(r"(?P<key>[^.\[\]]+)|\[(?P<index>-?\d+|\*)\]|\[(?P<name>[^=\[\]]+)=(?P<value>[^\[\]]*)\]")
+_QUOTED = re.compile(r'"(?P<key>[^"]+)"')
+
+
+class AnyValue(Limited):
+    """What stands at a path of the JSON of the command; of a list every item must keep the limits.
+
+    Attributes:
+        path: such as "margins.gain_margin_db" or "limit_cycles[method=shooting].amplitude".
+        count: True: the number of items there is compared with the limits, instead of the items.
+        absolute: True: the sign does not count.
+    """
+
+    path: str
+    count: bool = False
+    absolute: bool = False
+
+    def check(self, where: str, commands: Sequence[str]) -> None:
+        super().check(where, commands)
+        with place(where):
+            check_path(self.path)
+
+    def values(self, result: Result) -> list[Value]:
+        with place(self.name):
+            found = found_at(result, self.path)
+        if self.count:
+            return [Value(value=float(_count(found)))]
+        items = [pair for where, value in found for pair in flat(where, value)]
+        return [self._value(where, value) for where, value in items]
+
+    def _value(self, where: str, value: Any) -> Value:  # noqa: ANN401
+        if value is None:
+            raise NotMeasured(f"there is no value at {self.path}{where}")
+        if not isinstance(value, bool | int | float | str):
+            raise InputError(
+                f"{self.name}: {self.path} is neither a number nor a word; name a key in it, as in {self.path}.key"
+            )
+        if self.absolute and not isinstance(value, bool | str):
+            value = abs(value)
+        return Value(value=value, where=where.strip())
+
+
+def _count(found: list[tuple[str, Any]]) -> int:
+    return sum(len(value) if isinstance(value, list) else 1 for _, value in found)
+
+
+def flat(where: str, value: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
+    """Yield the items of nested lists with their places."""
+    if isinstance(value, list):
+        for k, item in enumerate(value):
+            yield from flat(f"{where}[{k}]", item)
+    else:
+        yield where, value
+
+
+def numbers_at(result: Result, path: str, name: str) -> list[tuple[str, float]]:
+    """Return the numbers that stand at a path, each with its place.
+
+    Args:
+        result: as JSON has it.
+        path: into it.
+        name: for messages.
+
+    Raises:
+        InputError: nothing stands there, or no numbers.
+        NotMeasured: one of them is null.
+    """
+    with place(name):
+        found = found_at(result, path)
+    items = [pair for where, value in found for pair in flat(where, value)]
+    for where, value in items:
+        if value is None:
+            raise NotMeasured(f"there is no value at {path}{where}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{name}: {path}{where} is not a number")
+    if not items:
+        raise NotMeasured(f"there is no value at {path}")
+    return [(where, float(value)) for where, value in items]
+
+
+# -- paths -------------------------------------------------------------------------------------
+
+
+def _steps(path: str) -> Iterator[re.Match[str]]:
+    """Yield the steps of a path.
+
+    Raises:
+        InputError: a step of it cannot be read.
+    """
+    place = 0
+    while place < len(path):
+        place += path[place] == "." and place > 0
+        step = _QUOTED.match(path, place) or _STEP.match(path, place)
+        if step is None:
+            raise InputError(
+                f"path '{path}': cannot be read at '{path[place:]}'; write it as a.b[0].c, a[*] or a[key=text].b"
+            )
+        yield step
+        place = step.end()
+
+
+def check_path(path: str) -> None:
+    """Check how a path is written.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    if not list(_steps(path)):
+        raise InputError("path: is empty")
+
+
+def found_at(result: Mapping[str, Any], path: str) -> list[tuple[str, Any]]:
+    """Return what stands at a path, each with the place in words.
+
+    A key with a dot is written in quotes: simulated.amplitude."damper.rate". [*] stands for every item of a list, and
+    [key=text] for every item whose key has that value; [key=text][0] is the first of those.
+
+    Args:
+        result: as JSON has it.
+        path: see above.
+
+    Raises:
+        InputError: nothing stands there; near keys in the message.
+    """
+    found: list[tuple[str, Any]] = [("", result)]
+    chosen = False
+    for step in _steps(path):
+        groups = step.groupdict()
+        if chosen and groups.get("index") not in (None, "*"):
+            found = [_of_index(found, int(groups["index"]), path)]
+        else:
+            found = [pair for place, value in found for pair in _into(place, value, step, path)]
+        chosen = groups.get("name") is not None
+    return found
+
+
+def _into(place: str, value: Any, step: re.Match[str], path: str) -> list[tuple[str, Any]]:  # noqa: ANN401
+    groups = step.groupdict()
+    if groups.get("key") is not None:
+        return [(place, _of_key(value, groups["key"], path))]
+    if not isinstance(value, list):
+        raise InputError(f"path '{path}': there is no list before {step[0]}")
+    if groups["index"] == "*":
+        return [(f"{place}[{k}]", item) for k, item in enumerate(value)]
+    if groups["index"] is not None:
+        return [(place, _of_index(value, int(groups["index"]), path))]
+    return [
+        (place, item) for item in value if isinstance(item, dict) and str(item.get(groups["name"])) == groups["value"]
+    ]
+
+
+def _of_key(value: Any, key: str, path: str) -> Any:  # noqa: ANN401
+    if not isinstance(value, Mapping):
+        raise InputError(f"path '{path}': there is no '{key}' in {_what(value)}")
+    if key not in value:
+        raise InputError(f"path '{path}': there is no '{key}'; {suggest(key, map(str, value))}")
+    return value[key]
+
+
+def _of_index(value: list[Any], index: int, path: str) -> Any:  # noqa: ANN401
+    if not -len(value) <= index < len(value):
+        raise InputError(f"path '{path}': there is no [{index}] in a list of {len(value)}")
+    return value[index]
+
+
+def _what(value: object) -> str:
+    return "a list" if isinstance(value, list) else "null" if value is None else f"'{value}'"

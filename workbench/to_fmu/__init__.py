@@ -1,1 +1,0 @@
-"""What becomes an FMU: linear models and systems."""
