@@ -24,18 +24,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from workbench.core.values.arrays import Floats
+
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 import workbench as wb  # noqa: E402
 from scripts import bench_fmpy, bench_processes, bench_systems  # noqa: E402
 from tests.drivers import DRIVERS, driven_by  # noqa: E402
 from workbench.jobs.options import Workers  # noqa: E402
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from workbench.core.values.arrays import Floats
+
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 from scipy.linalg import expm  # noqa: E402
 
 import workbench as wb  # noqa: E402
@@ -32,7 +33,6 @@ from workbench.system.description import FmuComponent  # noqa: E402
 
 __all__ = ["SIZES", "FmpyLoop", "Growth", "OurLoop", "equal_step", "growth", "loop_error"]
 
-Floats = NDArray[np.float64]
 
 FILE = ROOT / "fmus" / "fmi2" / "FirstOrderLag.fmu"
 SIZES = (5, 10, 25, 50)

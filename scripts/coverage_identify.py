@@ -25,13 +25,14 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from workbench.core.values.arrays import Complex, Floats
+
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 import numpy as np  # noqa: E402
 import scipy.linalg  # noqa: E402
 import scipy.optimize  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 from scipy import signal  # noqa: E402
 
 import workbench as wb  # noqa: E402
@@ -39,9 +40,6 @@ from tests.random_systems import Plant, random_plant  # noqa: E402
 from workbench.identification.identified.model import IdentifiedModel  # noqa: E402
 from workbench.identification.prediction.innovations import Innovations  # noqa: E402
 from workbench.identification.prediction.model import truth_spread  # noqa: E402
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 AR = 0.95
 FREQUENCIES = np.linspace(0.003, 0.497, 60)

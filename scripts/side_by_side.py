@@ -17,17 +17,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from workbench.core.values.arrays import Complex
+
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 import control  # noqa: E402
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 import workbench as wb  # noqa: E402
 from scripts.coverage_nfr import trials  # noqa: E402
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

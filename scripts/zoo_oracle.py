@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from workbench.core.values.arrays import Floats
 
 __all__ = ["Asked", "Described", "Limits", "Run", "consult"]
 
-Floats = NDArray[np.float64]
 
 MOST_STEPS = 2000
 TOLERANCE = 1e-6

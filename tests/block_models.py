@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import workbench as wb
-
-Floats = NDArray[np.float64]
+from workbench.core.values.arrays import Floats
 
 # Parameters with which every kind can be made, chosen so that a loop around it moves.
 SAMPLES: Mapping[str, Mapping[str, Any]] = {

@@ -11,18 +11,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+
+from workbench.core.values.arrays import Complex
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment, make_experiment
 from workbench.identification.identified.recursion import march_one
 from workbench.identification.subspace import estimate
 from workbench.identification.validate.bootstrap import PoleBootstrap, bootstrap_poles
 from workbench.identification.validate.estimator import same_settings
-from workbench.session.base import Floats
-
-Complex = NDArray[np.complex128]
 
 DT = 0.1
 

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
 from workbench.session import Recorded, Session, Snapshot
-from workbench.session.base import Floats
 from workbench.signals.kinds import Signal, Sine
 
 Rows = tuple[Floats, Floats, Floats]

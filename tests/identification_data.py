@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment, make_experiment
-from workbench.session.base import Floats
 
 DT = 0.01
 # A damped oscillation at 10 Hz and a lag of 0.05 s, sampled at 100 Hz.

@@ -10,8 +10,8 @@ import numpy as np
 
 from tests.platforms import needs_module
 from workbench.build.fmu import build_fmu
+from workbench.core.values.arrays import Floats
 from workbench.fmi.platforms import host
-from workbench.session.base import Floats
 
 __all__ = ["built", "fmu", "sparse_system"]
 

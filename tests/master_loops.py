@@ -8,7 +8,8 @@ import control
 import numpy as np
 
 from tests.system_models import difference
-from workbench.session.base import Floats, Recorded
+from workbench.core.values.arrays import Floats
+from workbench.session.base import Recorded
 from workbench.signals.kinds import Signal, Sine
 from workbench.system.connect import connect
 from workbench.system.description import FmuComponent

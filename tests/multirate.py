@@ -31,12 +31,12 @@ from scipy.linalg import expm
 
 import workbench as wb
 from tests.lin_fmus import built
+from workbench.core.values.arrays import Floats
 from workbench.core.values.margins import Margins
 from workbench.point.lin.result import LinResult
 
 __all__ = ["Node", "Rate", "System", "Truth", "connected", "departure", "random_system", "verdict_fault"]
 
-Floats = NDArray[np.float64]
 
 _FAR_FROM_BORDER = 0.03  # of the spectral radius from 1: a long run must be able to tell
 _LONG = 300  # basic periods of a long run

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 import workbench as wb
+from workbench.core.values.arrays import Floats
 from workbench.data.bla.design import RandomPhase, lines_of
 from workbench.identification.identified.recursion import march_one
 
@@ -25,7 +26,6 @@ __all__ = [
     "Modes", "Plant", "pole_error", "random_modes", "random_plant", "random_response", "scattered",
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 
 VISIBLE = 1e-3
 RADIUS = (0.3, 0.95)

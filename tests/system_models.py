@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import control
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.model.described_model import DescribedModel
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 from workbench.signals.kinds import Signal
 from workbench.system.connect import connect
 from workbench.system.description import SumComponent

@@ -11,6 +11,7 @@ import pytest
 from scipy import signal
 
 from tests.identification_data import DT, data, prbs, response, white, with_noise
+from workbench.core.values.arrays import Floats
 from workbench.data.advice import TOPICS, VERDICTS, advise
 from workbench.data.advice.delay import delays
 from workbench.data.advice.linearity import _nonlinear_columns
@@ -18,7 +19,6 @@ from workbench.data.advice.sampling import _gains
 from workbench.data.advice.shared_estimates import DataStudy
 from workbench.data.experiment.experiment import Experiment, make_experiment
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 N = 1500
 

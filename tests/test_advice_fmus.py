@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from workbench.core.values.arrays import Floats
 from workbench.data.advice import advise
 from workbench.data.experiment.experiment import Experiment, make_experiment
 from workbench.data.spectra import coherence, sdf
 from workbench.model.load import load
-from workbench.session.base import Floats
 from workbench.signals.kinds import Constant, Prbs, Table
 
 FAILED = (("elevator_failed", 1.0),)

@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import workbench as wb
 from scripts.aircraft import check
@@ -16,10 +15,10 @@ from scripts.aircraft.data import POINTS
 from scripts.aircraft.figures import transfer, unstable
 from scripts.aircraft.problem import prior_aircraft
 from tests.random_systems import pole_error
+from workbench.core.values.arrays import Floats
 from workbench.model import Model
 from workbench.reproduce.targets import read_targets
 
-Floats = NDArray[np.float64]
 SURFACES = ("elevator", "inner_aileron", "outer_aileron")
 MOVED = {"elevator": 0.3, "inner_aileron": -0.2, "outer_aileron": 0.1, "outer_aileron_moment": 50.0, "gust": 5.0}
 

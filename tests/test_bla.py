@@ -11,12 +11,12 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 
 import workbench as wb
 from tests.random_systems import Modes, random_modes
 from workbench.cli.app import run
+from workbench.core.values.arrays import Complex, Floats
 from workbench.data.bla.design import Lines, RandomPhase, lines_of
 from workbench.data.bla.estimate import Approximation, approximate
 from workbench.data.bla.request import Bla
@@ -24,9 +24,6 @@ from workbench.data.bla.run import run as measure
 from workbench.data.bla.transient import steady
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
-from workbench.session.base import Floats
-
-Complex = NDArray[np.complex128]
 
 N = 1024
 LAG = 0.6  # pole of the linear block (1 − LAG) / (z − LAG)

@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import workbench as wb
-from tests.block_models import SAMPLES, Floats, alone, block, event_times, response
+from tests.block_models import SAMPLES, alone, block, event_times, response
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.kernel.native_blocks import NUMBERS
 from workbench.system.block_table.registry import BLOCKS, block_of, block_table

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.block_models import SAMPLES, Floats, alone, block, event_times, response
+from tests.block_models import SAMPLES, alone, block, event_times, response
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.point.lin.delayed import pade, phase_holds_to, through_delays
 from workbench.point.lin.task import LinTask

@@ -12,7 +12,6 @@ from typing import Any
 import control
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
@@ -20,13 +19,12 @@ import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
 from workbench.cli.app import run
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.response.branches.family import Forced
 from workbench.response.branches.request import Branches
 from workbench.response.branches.run import _Search, explore
 from workbench.response.periodic.monodromy import instants
-
-Floats = NDArray[np.float64]
 
 
 def duffing(

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import workbench as wb
 from tests.test_build_fmu import HOST
 from workbench.build.fmu import build_all, generate
+from workbench.core.values.arrays import Floats
 from workbench.errors import BuildError, WorkbenchError
 from workbench.model.load import load
 from workbench.point.lin.request import lin
@@ -24,7 +24,6 @@ from workbench.signals.kinds import Constant, Signal, Sine, Step
 
 SOURCE = Path(__file__).parent / "modelica" / "Delays.mo"
 POINTS = np.arange(0.0137, 3.0, 0.0137)
-Floats = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from workbench.core.values.arrays import Floats
 from workbench.fmi.bundled import bundled_names
-from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.test_validate_overlay import measured
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.loops.describing.describe import STANDARD, describing_function, standard_block
@@ -16,7 +17,6 @@ from workbench.loops.describing.formulas import FormulaBlock, relay
 from workbench.loops.describing.measured import MeasuredBlock
 from workbench.loops.describing.static import StaticBlock, find_levels, pointwise
 from workbench.reproduce.targets import read_targets
-from workbench.session.base import Floats
 from workbench.system.connect import connect
 from workbench.system.load import load
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 
 import workbench as wb
 from workbench.cli.app import run as run_command
+from workbench.core.values.arrays import Floats
 from workbench.study.envelope.page import envelope_page
 from workbench.study.envelope.sampling import shares
 from workbench.study.envelope.search import search
@@ -21,8 +21,6 @@ from workbench.study.envelope.surface import Surface
 from workbench.study.names import units_of
 from workbench.study.read import read_study
 from workbench.study.spread import read_spread
-
-Floats = NDArray[np.float64]
 
 # -- distributions and points -------------------------------------------------------------------
 

@@ -10,11 +10,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from workbench.core.values.arrays import Floats
 from workbench.fmi.description import Capabilities
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_slopes import pattern_of
-from workbench.session.base import Floats
 from workbench.session.exact_jacobian import ExactJacobian
 
 N = 12

@@ -13,6 +13,7 @@ from scipy.linalg import expm
 
 from tests.hybrid_fmus import Hybrid, open_fake
 from workbench.cli.app import run
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.excite import recording as sampling_module
 from workbench.data.excite.multisine import MultisineDesign
@@ -27,7 +28,6 @@ from workbench.jobs.options import Workers
 from workbench.model import Model
 from workbench.model.load import load
 from workbench.session import Session
-from workbench.session.base import Floats
 from workbench.signals.kinds import Signal
 
 PRBS = PrbsDesign(rate=7.0)

@@ -13,7 +13,8 @@ from scipy.linalg import expm
 
 import workbench as wb
 from tests.random_systems import pole_error
-from workbench.core.values.linear import Complex, LinearPart
+from workbench.core.values.arrays import Complex
+from workbench.core.values.linear import LinearPart
 from workbench.errors import SimulationError
 from workbench.limit_cycles.feed_forward.plant import linear_plant
 from workbench.limit_cycles.feed_forward.remaining_cycles import Remaining, remaining, with_filter

@@ -7,10 +7,10 @@ import math
 import control
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import matrix_balance
 
 from tests.random_systems import pole_error
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.limit_cycles.feedback.gains import Crossing, crossings, fixed_modes, intervals, stable_gains
 from workbench.limit_cycles.feedback.initial_motion import mean_magnitude
@@ -18,7 +18,6 @@ from workbench.limit_cycles.feedback.locus import fastest, locus
 from workbench.limit_cycles.feedback.optimum import optimum_of
 from workbench.limit_cycles.feedback.settling import GainRun
 
-Floats = NDArray[np.float64]
 ALL = (-math.inf, math.inf)
 HZ = 2.0 * math.pi
 

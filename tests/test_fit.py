@@ -8,16 +8,14 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.io import savemat
 
 import workbench as wb
 from tests.random_systems import random_response, scattered
 from workbench.cli.app import run
+from workbench.core.values.arrays import Complex
 from workbench.errors import InputError
 from workbench.identification.fit.rational import fitted, paired
-
-Complex = NDArray[np.complex128]
 
 F = np.geomspace(0.01, 10.0, 40)
 S = np.asarray(2j * np.pi * F, dtype=np.complex128)

@@ -8,16 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.io import savemat
 
 import workbench as wb
 from workbench.cli.app import run
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 from workbench.identification.fit.matrix import Points, fitted_matrix
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 F = np.geomspace(0.01, 5.0, 50)
 CIRCLE = np.sqrt(-np.log(0.05))  # radius that 95 % of complex normal numbers of E|e|² = 1 stay in

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
+from workbench.core.values.arrays import Floats
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.model.load import load
 from workbench.response.simulate.request import simulate
-from workbench.session.base import Floats
 from workbench.signals.kinds import Constant, Signal, Sine, Step, Table
 
 pytestmark = needs_gemseo

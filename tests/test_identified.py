@@ -8,15 +8,13 @@ import control
 import numpy as np
 import pytest
 import scipy.linalg
-from numpy.typing import NDArray
 
 from tests.random_systems import pole_error, random_plant
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.identified.recursion import march
 from workbench.identification.subspace import estimate
-
-Floats = NDArray[np.float64]
 
 
 def model_of(A: Floats, B: Floats, C: Floats, D: Floats, K: Floats | None = None, dt: float = 0.1) -> IdentifiedModel:

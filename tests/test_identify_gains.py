@@ -11,11 +11,10 @@ from scipy import signal
 
 import workbench as wb
 from workbench.cli.app import run
-from workbench.core.values.matrices import Complex
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 from workbench.identification.prediction.innovations import Innovations
 from workbench.identification.prediction.model import truth_spread
-from workbench.session.base import Floats
 
 NUM, DEN, GAIN = [0.0, 0.1, 0.05], [1.0, -1.6, 0.8], 0.75
 

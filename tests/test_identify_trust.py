@@ -8,19 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import signal
 from scipy.linalg import eigvalsh
 
 import workbench as wb
 from tests.random_systems import Plant
 from workbench.cli.app import run
+from workbench.core.values.arrays import Floats
 from workbench.identification.subspace import METHODS, SubspaceEstimate, estimate
 from workbench.identification.subspace.final_model import cost
 from workbench.identification.subspace.simulated import fit_inputs
 from workbench.identification.validate.spread import around_both, enclosing
 
-Floats = NDArray[np.float64]
 DT = 0.02
 LAG = Plant(np.array([[0.8]]), np.array([[0.5]]), np.array([[1.0]]), np.array([[0.3]]))
 

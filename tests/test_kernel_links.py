@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from workbench.core.values.arrays import Floats
 from workbench.fmi.variable import Variable
 from workbench.fmi.wiring import Wire
 from workbench.kernel.native_forcing import NativeForcing
@@ -16,7 +17,6 @@ from workbench.kernel.native_system import NativeSystem
 from workbench.kernel.structs import Cs, Me
 from workbench.model.fmu_model import FmuModel
 from workbench.model.load import load
-from workbench.session.base import Floats
 from workbench.signals.kinds import Signal, Sine, Step
 from workbench.system.order import plan
 

@@ -16,6 +16,7 @@ from scipy.linalg import block_diag, expm
 import workbench as wb
 from tests.large_fmus import build_large
 from workbench.core.values import large, matrices, modal
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import Linear
 from workbench.core.values.matrices import is_sparse, resolvent
 from workbench.core.values.modal import poles_near, poles_of
@@ -24,7 +25,6 @@ from workbench.model.described_model import DescribedModel
 from workbench.point.lin.page import lin_page
 from workbench.response.nfr import period_solver as solved
 from workbench.session import directional
-from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession
 from workbench.show.terminal import text_of
 

@@ -15,11 +15,11 @@ import workbench as wb
 from tests.large_fmus import GAIN, INTEGRAL, build_large, build_loop
 from tests.reference_fmus import build_reference
 from workbench.core.machine.files import pack
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.kernel.native_slopes import BY_GROUPS
 from workbench.model.described_model import DescribedModel
 from workbench.session import directional
-from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession
 
 N = 80  # states of the rod

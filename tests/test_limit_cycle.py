@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.limit_cycle_loops import LAG, around, chain
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
@@ -26,7 +27,6 @@ from workbench.limit_cycles.limit_cycle.result import LimitCycle, LimitCycleResu
 from workbench.loops.describing.describe import standard_block
 from workbench.loops.nyquist.nyquist import nyquist
 from workbench.response.periodic.stability import is_stable
-from workbench.session.base import Floats
 from workbench.system.connect import connect
 from workbench.system.load import load
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import workbench as wb
 from tests.limit_cycle_loops import LAG, chain
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError, StoppedError
 from workbench.limit_cycles.limit_cycle.floquet import multipliers
@@ -26,9 +26,6 @@ from workbench.model.described_model import DescribedModel
 from workbench.response.periodic.place import Place
 from workbench.response.periodic.special import Missed
 from workbench.system.connect import connect
-
-Floats = NDArray[np.float64]
-
 
 SCIPY = {"rtol": 1e-10, "atol": 1e-12, "max_step": 0.1}
 ROUGH = {"rtol": 1e-6, "atol": 1e-9, "max_step": 0.5}  # to see where a motion goes

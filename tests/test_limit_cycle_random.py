@@ -5,15 +5,13 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from workbench.core.values.arrays import Floats
 from workbench.limit_cycles.limit_cycle.request import limit_cycle
 from workbench.limit_cycles.limit_cycle.result import LimitCycle
 from workbench.system.connect import connect
-
-Floats = NDArray[np.float64]
 
 PARTS = 400  # of a period, between which a switching is looked for
 

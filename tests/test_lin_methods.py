@@ -11,6 +11,7 @@ import pytest
 from tests.fmi1_fmus import build_fmi1
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built, fmu, sparse_system
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.fmi.instance import Instance
 from workbench.model import FmuModel, Variable
@@ -18,7 +19,6 @@ from workbench.model.load import load
 from workbench.point.lin.request import lin
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.state_space import LinearModel
-from workbench.session.base import Floats
 from workbench.system.connect import connect
 
 LATCH = """

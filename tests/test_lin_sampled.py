@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tests.lin_fmus import built, fmu
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.model.load import load
 from workbench.model.sample_rates import basic_period, sample_periods
 from workbench.point.lin.request import lin
 from workbench.response.nfr.request import nfr
-from workbench.session.base import Floats
 
 LOOP = """
 model Loop

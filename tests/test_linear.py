@@ -14,17 +14,15 @@ from typing import Any
 import control
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from workbench.core.values import matrices
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.matrices import held, resolvent, unheld
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import growth_rates, sides
 from workbench.errors import InputError
 
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 FREQUENCY = np.geomspace(1e-3, 1e2, 25)
 
 

@@ -17,6 +17,7 @@ from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.mimic_fmus import build_mimic
 from tests.reference_fmus import build_reference
 from workbench.cli.app import run
+from workbench.core.values.arrays import Floats
 from workbench.core.values.modal import Poles, poles_of
 from workbench.errors import InputError
 from workbench.model.described_model import DescribedModel
@@ -26,7 +27,6 @@ from workbench.point.modes.request import modes
 from workbench.point.modes.result import Critical, Mode
 from workbench.point.modes.source import ModelSource
 from workbench.point.modes.track import Track, track
-from workbench.session.base import Floats
 from workbench.system.connect import connect
 from workbench.system.description import GainComponent
 from workbench.system.load import load

@@ -16,9 +16,9 @@ from tests.drivers import (
 )
 from tests.lin_fmus import built
 from tests.multirate import random_system
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import exact
 from workbench.point.lin.request import lin_result
-from workbench.session.base import Floats
 
 both = pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.fakes import DeadTimeSession, FakeModel, Rows, StaticSession, lag, linear, oscillator
+from workbench.core.values.arrays import Floats
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
-from workbench.session.base import Floats
 from workbench.signals.kinds import Sine
 
 

@@ -12,9 +12,9 @@ import pytest
 
 import workbench as wb
 from tests.fakes import EulerOscillator, FakeModel, Rows, SampledSession, StaticSession, lag, linear, oscillator
+from workbench.core.values.arrays import Floats
 from workbench.response.nfr.request import nfr
 from workbench.response.periodic.fourier import distortion
-from workbench.session.base import Floats
 from workbench.signals.kinds import Sine
 
 

@@ -13,10 +13,10 @@ import workbench as wb
 from scripts.coverage_disturbed import KINDS, build, trials
 from tests.fakes import FakeModel, FakeSession, Rows, forcing
 from tests.platforms import needs_module
+from workbench.core.values.arrays import Floats
 from workbench.errors import FmuError, InputError
 from workbench.response.nfr.result import NfrResult
 from workbench.session import Session
-from workbench.session.base import Floats
 from workbench.signals.kinds import Sine
 
 HERE = wb.Workers(in_process=True)

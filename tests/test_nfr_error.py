@@ -16,6 +16,7 @@ import workbench as wb
 from scripts.coverage_nfr import Mode, Plant, Trial, lines, measure
 from scripts.coverage_sampled import SampledPlant, good, trials, trials_of
 from tests.fakes import FakeModel, Rows, SampledSession, StaticSession, lag
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.response.nfr.beats import Beat, repeats_every
 from workbench.response.nfr.certificate import Certificate
@@ -26,7 +27,6 @@ from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
 from workbench.response.nfr.settling import Outcome, Settling
 from workbench.response.periodic.fourier import Period
-from workbench.session.base import Floats
 from workbench.signals.kinds import Sine
 
 HERE = wb.Workers(in_process=True)

@@ -11,10 +11,10 @@ import pytest
 
 import workbench as wb
 from tests.lin_fmus import built
+from workbench.core.values.arrays import Floats
 from workbench.response.nfr.error import quadrature
 from workbench.response.periodic.fourier import measure_period
 from workbench.session import Recorded
-from workbench.session.base import Floats
 
 SOURCE = """
 model Events

@@ -12,12 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.fakes import FakeModel, Rows, SampledSession, lag, linear
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import follow_phase
 from workbench.errors import InputError, SimulationError
 from workbench.response.nfr.frequency_grid import frequency_grid, geometric_band
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
-from workbench.session.base import Floats
 from workbench.show.figure import save
 from workbench.signals.kinds import Sine
 

@@ -10,6 +10,7 @@ import pytest
 
 import workbench as wb
 from tests.fakes import DeadTimeSession, FakeModel, LinearSession, Rows, SampledSession, StaticSession, lag, linear
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.response.nfr import transient
 from workbench.response.nfr.request import nfr
@@ -18,7 +19,6 @@ from workbench.response.nfr.settling import Outcome, Settling
 from workbench.response.nfr.transient import remove_transient
 from workbench.response.periodic.fourier import Period
 from workbench.session import Session
-from workbench.session.base import Floats
 from workbench.signals.kinds import Sine
 
 HERE = wb.Workers(in_process=True)

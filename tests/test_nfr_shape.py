@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.fakes import lag
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
 from workbench.core.values.linear import LinearPart
 from workbench.response.nfr.certificate import Certificate
@@ -20,7 +21,6 @@ from workbench.response.nfr.point import NfrPoint, change
 from workbench.response.nfr.prior_knowledge import LinearStart
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult, percent
-from workbench.session.base import Floats
 
 
 def second_order(f: Floats, natural: float, damping: float) -> Floats:

@@ -14,6 +14,7 @@ import workbench as wb
 from tests.fakes import EulerOscillator, FakeModel, Rows, StaticSession
 from tests.mimic_fmus import build_mimic
 from tests.reference_fmus import build_reference
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.recipe import LoadRecipe
@@ -23,7 +24,6 @@ from workbench.response.nfr.job import PointsJob
 from workbench.response.nfr.own_solver import own_step
 from workbench.response.nfr.point import NfrPoint, PointTask, failed_point
 from workbench.response.nfr.request import nfr
-from workbench.session.base import Floats
 from workbench.signals.kinds import Sine
 
 

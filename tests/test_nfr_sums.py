@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import pytest
 
+from workbench.core.values.arrays import Floats
 from workbench.model.load import load
 from workbench.response.nfr.point import PointTask, run_point
 from workbench.session import Recorded, Session, Snapshot
-from workbench.session.base import Floats
 from workbench.session.compiled import CompiledSession
 from workbench.signals.kinds import Signal
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
 from workbench.loops.describing.describe import standard_block
 from workbench.loops.describing.static import StaticBlock
 from workbench.loops.nyquist.grid import adaptive_grid
 from workbench.loops.nyquist.nyquist import _distortion, nyquist
-from workbench.session.base import Floats
 
 THIRD = control.tf([1.0], [1.0, 3.0, 3.0, 1.0])
 

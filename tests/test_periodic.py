@@ -9,11 +9,11 @@ from typing import cast
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import workbench as wb
+from workbench.core.values.arrays import Floats
 from workbench.core.values.matrices import exponentials
 from workbench.errors import InputError, SimulationError
 from workbench.response.periodic.fourier import Period
@@ -25,7 +25,6 @@ from workbench.session.compiled import CompiledMeSession
 from workbench.session.start_values import NotReachedError
 from workbench.signals.kinds import Sine
 
-Floats = NDArray[np.float64]
 FORCED = {"u": Sine(amplitude=0.3, frequency=0.2)}
 
 

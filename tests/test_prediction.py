@@ -14,6 +14,7 @@ from scipy import signal
 import workbench as wb
 from tests.random_systems import random_plant
 from workbench.cli.app import run
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.identified.recursion import march, march_one
 from workbench.identification.prediction.gradient import errors_of, jacobian, normal_equations
@@ -22,7 +23,6 @@ from workbench.identification.prediction.model_selection import Wish, _Search
 from workbench.identification.prediction.refine import refine
 from workbench.identification.prediction.start import _cut_off
 from workbench.kernel.native_predictor import sensitivities
-from workbench.session.base import Floats
 
 AR = 0.95
 RESONANCE = ([0.0, 0.1, 0.05], [1.0, -1.6, 0.8])

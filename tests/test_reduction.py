@@ -8,9 +8,9 @@ import pytest
 from scipy.linalg import block_diag, eig, solve_continuous_lyapunov
 
 from tests.random_systems import pole_error
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
-from workbench.loops.describing.base import Complex, Floats
 from workbench.point.reduction.balanced import balanced_reduction
 from workbench.point.reduction.band_error import band_error
 from workbench.point.reduction.cancel import cancel, mirror, pair_distances

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_names
 from workbench.model.load import load
-from workbench.session.base import Floats
 from workbench.signals.kinds import Prbs, Signal, Sine, Step
 
 BOTH = pytest.mark.parametrize("version", ["", "@3"])

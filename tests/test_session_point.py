@@ -17,6 +17,7 @@ from tests.fmi1_fmus import build_fmi1
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.lin_fmus import built
 from tests.mimic_fmus import build_mimic
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.model.described_model import DescribedModel
@@ -25,7 +26,6 @@ from workbench.point.lin.request import lin
 from workbench.point.lin.step_check import step_check
 from workbench.point.trim.request import trim
 from workbench.response.simulate.request import simulate
-from workbench.session.base import Floats
 from workbench.session.start_values import NotReachedError
 from workbench.signals.kinds import Constant
 from workbench.system.connect import connect

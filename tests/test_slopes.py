@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 import workbench as wb
 from tests.lin_fmus import built
 from tests.lying_fmus import build_lying
+from workbench.core.values.arrays import Floats
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_slopes import BY_DIRECTIONAL, BY_GROUPS, BY_STATES, NativeSlopes, Pattern, pattern_of
@@ -20,7 +20,6 @@ from workbench.session.compiled import CompiledMeSession
 from workbench.session.directional import slopes_pattern
 from workbench.signals.kinds import Sine
 
-Floats = NDArray[np.float64]
 ENTRY = 1e-5  # of the largest of a matrix: a forward difference over 1e-6 of a state's size, or of its nominal value
 
 

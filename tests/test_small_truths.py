@@ -13,6 +13,7 @@ import workbench as wb
 from tests.test_validate_overlay import measured
 from workbench.core.records.forms import _read_widths
 from workbench.core.records.record import brief
+from workbench.core.values.arrays import Floats
 from workbench.core.values.conversion import known_unit
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.matrices import exponentials
@@ -43,7 +44,6 @@ from workbench.response.nfr.prior_knowledge import LinearStart
 from workbench.response.nfr.settling import Settling
 from workbench.response.nfr.transient import remove_transient
 from workbench.response.periodic.monodromy import _rows
-from workbench.session.base import Floats
 from workbench.session.fmu import _plus
 from workbench.session.me import MeSession
 from workbench.signals.kinds import Constant, Signal, Sine, Step

@@ -10,10 +10,10 @@ import pytest
 from scipy import signal
 
 from tests.identification_data import DT, A, B, data, prbs, response, white, with_noise
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import make_experiment
 from workbench.data.spectra import Coherence, SpectralDensity, coherence, sdf
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 
 def test_density_of_white_noise_is_flat_and_its_integral_the_variance() -> None:

@@ -12,6 +12,7 @@ from scipy import signal
 
 import workbench as wb
 from workbench.cli.app import run
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.structures.page import structure_page
 from workbench.identification.structures.refine import Chain, Table, line_of
@@ -19,7 +20,6 @@ from workbench.identification.structures.request import IdentifyCommand, Identif
 from workbench.identification.structures.run import _Scaled, _Search
 from workbench.identification.structures.start import block_of, placed, rescaled
 from workbench.identification.structures.table import StaticTable, free_directions, knots_for, weights
-from workbench.session.base import Floats
 
 B, A = [0.0, 0.1, 0.05], [1.0, -1.6, 0.8]
 POLE = 0.8 + 0.4j

@@ -20,11 +20,11 @@ from tests.system_models import run as run_system
 from workbench.build.container import ContainerResult, export_container
 from workbench.build.request import export
 from workbench.cli.app import run
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path
 from workbench.model.described_model import DescribedModel
 from workbench.model.load import load
-from workbench.session.base import Floats
 from workbench.signals.kinds import Constant, Step
 from workbench.system.connect import connect
 from workbench.system.description import Connection, FmuComponent, SystemDescription

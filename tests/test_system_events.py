@@ -10,8 +10,9 @@ import pytest
 from tests.drivers import each_driver  # noqa: F401  used by pytest
 from tests.hybrid_fmus import FakeC, FakeInstance, Hybrid, describe
 from tests.test_session_events import Ball, Integrator, Sampler
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 from workbench.signals.kinds import Signal, Sine, Step
 from workbench.system.components import Opened, Part
 from workbench.system.connection_checks import resolve

@@ -17,6 +17,7 @@ from tests.drivers import DRIVERS
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.master_loops import REFERENCE, error_of, fmu, grid, lags, left_limits, mastered
 from tests.system_models import difference
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.clocks import clocks_of
@@ -24,7 +25,6 @@ from workbench.fmi.declared import ClockVariable, Word
 from workbench.fmi.ticking import periodic
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.request import simulate
-from workbench.session.base import Floats
 from workbench.signals.kinds import Constant, Signal, Sine, Step
 from workbench.system.connect import connect
 from workbench.system.description import FmuComponent

@@ -10,13 +10,13 @@ import pytest
 
 from tests.trim_cases import Case, cases, judged
 from tests.trim_models import Equations, Function, Plant, Values
+from workbench.core.values.arrays import Floats
 from workbench.point.trim.balance import ContinuousBalance
 from workbench.point.trim.convergence import Judge
 from workbench.point.trim.problem import TrimSets, pose
 from workbench.point.trim.request import trim
 from workbench.point.trim.result import TrimResult
 from workbench.point.trim.scaled import Scaled
-from workbench.session.base import Floats
 
 
 def scalar(f: Function, start: float, *, interface: str = "me") -> TrimResult:

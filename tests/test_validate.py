@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from scipy.stats import binom, chi2
 
 from tests.bootstrap_coverage import DT, System, random_system
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment, make_experiment, read_experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
@@ -20,7 +21,6 @@ from workbench.identification.validate.fit import ERROR_FIGURES, error_figure, f
 from workbench.identification.validate.pole_zero import near_cancellations
 from workbench.identification.validate.validate import validate
 from workbench.identification.validate.whiteness import LEVEL, autocorrelation
-from workbench.session.base import Floats
 
 
 def model_of(

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.bootstrap_coverage import DT, Complex, bootstrap_of, cases, noisy_record, random_system
+from tests.bootstrap_coverage import DT, bootstrap_of, cases, noisy_record, random_system
 from tests.random_systems import random_plant
+from workbench.core.values.arrays import Complex, Floats
 from workbench.data.experiment.experiment import make_experiment
 from workbench.errors import InputError
 from workbench.identification.subspace import estimate
@@ -18,7 +19,6 @@ from workbench.identification.validate.bootstrap import PoleBootstrap, bootstrap
 from workbench.identification.validate.estimator import same_settings
 from workbench.identification.validate.regions import PoleRegion, pole_regions
 from workbench.identification.validate.validate import validate
-from workbench.session.base import Floats
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])

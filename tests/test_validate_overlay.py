@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import follow_phase
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
@@ -19,7 +20,6 @@ from workbench.identification.validate.overlay import Overlay, overlay
 from workbench.identification.validate.pole_zero import near_cancellations
 from workbench.point.lin.result import Intersample, LinResult
 from workbench.response.nfr.result import NfrResult
-from workbench.session.base import Floats
 
 DT = 0.02
 A = np.array([[0.0, 1.0], [-400.0, -12.0]])

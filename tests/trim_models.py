@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler, exact
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
 from workbench.model.base import DeclaredRates
 from workbench.session import Recorded, Session, Snapshot
-from workbench.session.base import Floats
 from workbench.session.point import Evaluation, Point
 from workbench.session.start_values import NotReachedError
 from workbench.signals.kinds import Signal

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scripts.aircraft.structure import TAIL_TIP, Structure, chord, tail_chord
-
-Floats = NDArray[np.float64]
+from workbench.core.values.arrays import Floats
 
 LATE = 0.4  # share of the lift that comes late
 SLOPE = 5.6  # dcL/dα of a strip [1/rad]

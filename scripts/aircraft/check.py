@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import workbench as wb
 from scripts.aircraft.figures import crossings, edges, frequency, peak, switches, transfer, unstable
+from workbench.core.values.arrays import Floats
 from workbench.reproduce.targets import Target, read_targets
-
-Floats = NDArray[np.float64]
 
 SYSTEMS = Path(__file__).resolve().parents[2] / "systems"
 GRAVITY = 9.80665

@@ -10,15 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scripts.aircraft.data import Aircraft
 from scripts.aircraft.harmonics import limit_cycle
 from scripts.aircraft.problem import INNER, OUTER, Free, changed
 from scripts.aircraft.response import Response, Spectrum, spectrum_of
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from workbench.core.values.arrays import Complex, Floats
 
 # Z = 1/H at the crossings: f [Hz], Z [N·m·s/rad]
 CROSSINGS = ((2.64, -1290.3), (2.74, -71.43), (3.31, -400.0))

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scripts.aircraft.aerodynamics import returning
-
-Floats = NDArray[np.float64]
+from workbench.core.values.arrays import Floats
 
 POINTS = (
     "z_front_fuselage",

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from workbench.core.values.arrays import Complex, Floats
+
 Transfer = Callable[[Floats], Complex]
 
 

@@ -6,14 +6,12 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scripts.aircraft.cost import Cost, Stage
 from scripts.aircraft.data import Aircraft
 from scripts.aircraft.levenberg import minimise
 from scripts.aircraft.problem import FAST_ACTUATORS, Free, free_entries, prior_aircraft
-
-Floats = NDArray[np.float64]
+from workbench.core.values.arrays import Floats
 
 STORED = Path(__file__).with_name("calibrated.csv")
 _EARLY = {"tip": 9.94, "front": 1.529, "late": False}

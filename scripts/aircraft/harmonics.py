@@ -9,13 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scripts.aircraft.problem import OUTER
 from scripts.aircraft.response import Response
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from workbench.core.values.arrays import Complex, Floats
 
 ALPHA2 = 7000.0
 ORDERS = np.array([1, 3, 5, 7])

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from workbench.core.values.arrays import Floats
+
 Rows = Callable[[Floats], tuple[Floats, Floats]]
 
 LARGEST_STEP = 1.0  # of any parameter, which are scaled

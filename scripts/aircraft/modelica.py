@@ -7,11 +7,10 @@ from pathlib import Path
 from string import Template
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scripts.aircraft.data import POINTS, Aircraft
+from workbench.core.values.arrays import Floats
 
-Floats = NDArray[np.float64]
 TEMPLATE = Path(__file__).with_name("Aircraft.mo.in")
 SURFACES = ("elevator", "inner_aileron", "outer_aileron")
 

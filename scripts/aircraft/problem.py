@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scripts.aircraft.aerodynamics import SURFACES, TABLE, prior
 from scripts.aircraft.data import Aircraft
 from scripts.aircraft.structure import Structure, build, points
+from workbench.core.values.arrays import Complex, Floats
 
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Integers = NDArray[np.int64]
 
 AIRSPEED, AIR_DENSITY = 250.0, 0.41

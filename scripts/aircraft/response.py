@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scripts.aircraft.data import Aircraft
 from scripts.aircraft.problem import INNER, OUTER, POSITION, RATE, Free
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from workbench.core.values.arrays import Complex, Floats
 
 
 @dataclass(frozen=True, slots=True)

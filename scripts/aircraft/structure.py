@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from scripts.aircraft.frame import Frame, Section
-
-Floats = NDArray[np.float64]
+from workbench.core.values.arrays import Floats
 
 SWEEP = np.tan(np.radians(30.0))
 TIP = 30.0  # half span [m]

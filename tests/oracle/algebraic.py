@@ -9,7 +9,7 @@ import numpy as np
 from tests.oracle.location import changed, locate
 from tests.oracle.problem import Problem
 from tests.oracle.solver import Solver, Tolerance
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["Algebraic"]
 

@@ -13,9 +13,9 @@ import numpy as np
 from tests.oracle.cvode_library import ERROR_HANDLER, RHS, ROOTS, WEIGHTS, functions, why_missing
 from tests.oracle.problem import Problem
 from tests.oracle.solver import Solver, Tolerance
+from workbench.core.values.arrays import Floats
 from workbench.errors import FmuError, SimulationError, one_line
 from workbench.fmi.instance import DiscardError
-from workbench.session.base import Floats
 
 __all__ = ["Gear"]
 

@@ -9,8 +9,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.response.periodic.fourier import Period, fundamental
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 
 __all__ = ["period_by_numpy"]
 

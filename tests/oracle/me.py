@@ -13,10 +13,11 @@ from tests.oracle.completed_step import completed_step
 from tests.oracle.problem import Problem
 from tests.oracle.solvers import SOLVERS, Solver, Tolerance
 from tests.oracle.turned import Turned
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import is_due
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 from workbench.session.compiled_errors import MAX_STEPS, chattering, too_many_steps, zeno
 from workbench.session.forcing import Forcing
 from workbench.session.me import MeSession

@@ -9,10 +9,10 @@ import numpy as np
 from tests.oracle.location import changed, locate
 from tests.oracle.problem import Problem
 from tests.oracle.solver import Solver, Tolerance
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.instance import DiscardError
 from workbench.session.algebraic_error import UnsolvedError
-from workbench.session.base import Floats
 
 __all__ = ["KuttaMerson"]
 

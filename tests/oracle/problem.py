@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from workbench.core.values.arrays import Floats
 from workbench.fmi.instance import Instance
-from workbench.session.base import Floats
 from workbench.session.forcing import Forcing
 
 __all__ = ["Problem"]

@@ -7,8 +7,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from tests.oracle.problem import Problem
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.session.base import Floats
 
 __all__ = ["Solver", "Tolerance"]
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from tests.oracle.problem import Problem
+from workbench.core.values.arrays import Floats
 from workbench.fmi.instance import DiscardError
 from workbench.session.algebraic_error import UnsolvedError
-from workbench.session.base import Floats
 from workbench.session.compiled_errors import gone_through
 
 __all__ = ["Turned"]

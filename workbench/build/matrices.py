@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.records.record import read_json
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import Linear
 from workbench.errors import InputError
 
 __all__ = ["Matrices", "matrices_of", "read_matrices"]
 
-Floats = NDArray[np.float64]
 
 _REQUIRED = ("A", "B", "C", "D", "dt", "input_names", "output_names")
 _KINDS = {"state": "x", "input": "u", "output": "y"}

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.build.expressions import CONDITION, MATRIX, MATRIX_PRE, PRE, TICK, VARIABLE, ExpressionGraph
 from workbench.build.ir import SourceLocation
@@ -25,11 +24,11 @@ from workbench.build.matrices import Matrices
 from workbench.build.scalar_model import Branch, Clock, DiscreteEquation, Residual, ScalarModel, ScalarVariable
 from workbench.build.time_scale import nominals
 from workbench.build.units import rate_unit
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 
 __all__ = ["naming", "state_space"]
 
-Floats = NDArray[np.float64]
 
 _NAME = r"[A-Za-z_]\w*(\[\d+(,\d+)*\])?"
 _IDENTIFIER = rf"{_NAME}(\.{_NAME})*"

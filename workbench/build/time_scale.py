@@ -6,16 +6,15 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.build.describe import DefaultExperiment
 from workbench.build.fmu import DEFAULT_TOLERANCE
 from workbench.build.matrices import Matrices
+from workbench.core.values.arrays import Floats
 from workbench.core.values.matrices import resolvent
 
 __all__ = ["default_experiment", "nominals"]
 
-Floats = NDArray[np.float64]
 
 _AT_REST = 1e-9  # a pole so much slower than the fastest is an integrator
 _A_CYCLE = 20.0  # steps in a cycle of the fastest pole

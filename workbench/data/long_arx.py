@@ -13,7 +13,7 @@ import numpy as np
 from scipy import linalg
 
 from workbench.core.machine.blas import one_thread
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["LongArx", "fit_long_arx", "lagged"]
 

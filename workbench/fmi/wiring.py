@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import is_due
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 
 __all__ = ["Group", "Wire", "Wiring", "wiring"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,12 @@ from __future__ import annotations
 import ctypes
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.kernel.library import kernel
 from workbench.kernel.structs import Predictor
 
 __all__ = ["predict", "sensitivities"]
-
-Floats = NDArray[np.float64]
 
 
 def predict(

@@ -7,8 +7,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.fmi.c_array import c_array
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_access import join_access, native_access
@@ -17,7 +17,6 @@ from workbench.kernel.structs import Fourier, Record
 
 __all__ = ["NativeFourier", "NativeRecord"]
 
-Floats = NDArray[np.float64]
 Recorded = tuple[Variable, int]  # variable, component
 
 

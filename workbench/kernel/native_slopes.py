@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.grouping import groups_of, rows_by_column
 from workbench.kernel.structs import Groups, Slopes, Sparsity
 
@@ -23,7 +24,6 @@ __all__ = [
     "pattern_of",
 ]
 
-Floats = NDArray[np.float64]
 Indices = NDArray[np.uintp]
 
 # SlopesWay in slopes.h: by directional derivatives, by differences of groups of states, of each state by itself.

@@ -20,9 +20,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model import Model
-from workbench.session.base import Floats, Session
+from workbench.session.base import Session
 from workbench.session.compiled import CompiledMeSession
 from workbench.session.start_values import NotReachedError
 from workbench.signals.kinds import Constant, Signal, Table

@@ -15,12 +15,12 @@ from fractions import Fraction
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import TOGETHER, exact
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import FmuError, InputError, SimulationError, WorkbenchError
 from workbench.model import DescribedModel, Model
 from workbench.model.repetition import repetition
-from workbench.session.base import Floats
 
 __all__ = ["NoRatesError", "Rates", "basic_period", "rates_of", "sample_periods", "sampled"]
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.point.lin.picture import plot_curves
 from workbench.point.lin.request import lin
 from workbench.point.lin.result import LinResult
@@ -20,8 +20,6 @@ from workbench.reproduce.measurement import Measured, Measurement, Picture, Repr
 from workbench.response.simulate.request import simulate
 from workbench.signals.kinds import Constant, Sine, Table
 from workbench.system.load import load
-
-Floats = NDArray[np.float64]
 
 __all__ = ["EXPERIMENTS", "Example", "examples", "linearised", "slopes"]
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import decibels, degrees
 from workbench.jobs.options import Workers
 from workbench.point.lin.request import lin
@@ -26,8 +26,6 @@ from workbench.system.load import load
 
 __all__ = ["EXPERIMENTS"]
 
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 HERE = Workers(in_process=True)
 BAND = (0.1, 10.0)  # [Hz]

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.reproduce.targets import read_targets
 from workbench.response.simulate.request import simulate
@@ -22,7 +22,6 @@ __all__ = ["EXPERIMENTS", "PULSE", "frequency", "peak"]
 
 # -- frequency and amplitude of a recorded oscillation ---------------------------------------------
 
-Floats = NDArray[np.float64]
 
 GRAVITY = 9.80665  # [m/s²]
 PULSE = Table([0.0, 0.1, 0.1], [0.8, 0.8, 0.0])  # hinge moment [N·m]; the source report does not print its own

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.show.figure import COLOURS, LEGEND, rows
 
 __all__ = ["draw_loop", "draw_secants", "draw_steps", "titled"]
-
-Floats = NDArray[np.float64]
 
 
 def titled(figure: Figure, title: str) -> Figure:

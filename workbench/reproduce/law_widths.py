@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import degrees
 from workbench.model import Model
 from workbench.point.lin.request import lin
@@ -22,7 +22,6 @@ __all__ = [
     "AMPLITUDE", "ELEVATOR", "FREQUENCIES", "LAW", "OURS", "PUBLISHED", "STICK", "Study", "Trial", "Wave", "study"
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 Widths = tuple[tuple[float, ...], tuple[float, ...]]
 
 LAW = "fmu:ElevatorLaw"

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 
+from workbench.core.values.arrays import Complex
 from workbench.model import Model
 from workbench.session import Session
 from workbench.signals.kinds import Signal, Sine
@@ -21,7 +22,6 @@ __all__ = ["largest_jump", "published_response"]
 
 SAMPLES = 30  # of a period
 PERIODS = 20  # at most; the last ten are averaged then
-Complex = NDArray[np.complex128]
 
 
 def published_response(

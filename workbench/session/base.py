@@ -7,14 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.machine.closable import Closable
+from workbench.core.values.arrays import Floats
 from workbench.signals.kinds import Signal
 
 __all__ = ["Floats", "Recorded", "Session", "Snapshot"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import EndedError, FmuError, InputError, SimulationError, StoppedError
 from workbench.fmi.variable import Variable
 from workbench.kernel.gear import gear_library, why_missing
 from workbench.kernel.native_record import NativeFourier, NativeRecord
 from workbench.kernel.native_slopes import NativeSlopes, Pattern, believed
 from workbench.kernel.structs import Cs, Me
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 from workbench.session.cs import CsSession
 from workbench.session.directional import newton_sparsity, slopes_pattern
 from workbench.session.evaluated_point import Stand

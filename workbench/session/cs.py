@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import is_due
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 from workbench.session.fmu import FmuSession, Lead
 from workbench.session.forcing import convert
 from workbench.session.pauses import pause

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.fmi.instance import EventInfo, Instance
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats
 from workbench.session.forcing import convert
 
 __all__ = ["Stand", "named_states"]

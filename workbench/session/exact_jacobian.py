@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_slopes import Pattern
-from workbench.session.base import Floats
 
 __all__ = ["ExactJacobian"]
 

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler, check_countable
 from workbench.errors import EndedError, InputError, SimulationError, WorkbenchError
 from workbench.fmi.instance import NO_EVENT, EventInfo, Instance
 from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
-from workbench.session.base import Floats, Recorded, Session, Snapshot
+from workbench.session.base import Recorded, Session, Snapshot
 from workbench.session.forcing import Forcing
 from workbench.session.rows import find, read_finite
 from workbench.session.start_values import Miss, NotReachedError, Target, in_words, misses

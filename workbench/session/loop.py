@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
@@ -16,7 +17,7 @@ from workbench.kernel.native_forcing import NativeForcing
 from workbench.kernel.native_record import NativeFourier, NativeRecord
 from workbench.kernel.native_system import NativeSystem
 from workbench.kernel.structs import Cs, Me
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 from workbench.session.compiled_errors import PAUSED, Situation, exception_of
 from workbench.session.forcing import Forcing
 from workbench.session.pauses import pause

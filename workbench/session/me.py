@@ -7,8 +7,8 @@ from abc import abstractmethod
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.fmi.instance import EventInfo
-from workbench.session.base import Floats
 from workbench.session.evaluated_point import Stand
 from workbench.session.fmu import FmuSession
 from workbench.session.start_values import Target

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from workbench.core.machine.closable import Closable
+from workbench.core.values.arrays import Floats
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.kernel.native_slopes import Pattern
-from workbench.session.base import Floats
 from workbench.session.directional import columns_pattern, why_not_exact
 from workbench.session.evaluated_point import Stand, named_states
 from workbench.session.exact_jacobian import ExactJacobian

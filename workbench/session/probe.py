@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import WorkbenchError
 from workbench.fmi.variable import FLOAT_TYPES
-from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession, Setup
 from workbench.signals.kinds import Constant, Signal, Sine
 

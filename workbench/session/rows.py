@@ -9,11 +9,12 @@ from contextlib import contextmanager
 import numpy as np
 
 from workbench.core.records.names_in_text import check_names
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError, StoppedError
 from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 from workbench.session.forcing import Forcing
 
 __all__ = ["Rows", "find", "read_finite"]

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.session.base import Floats, Session
+from workbench.session.base import Session
 
 __all__ = ["FIRST_STEPS", "LEAST_STEPS", "MAX_STEPS", "STEP", "STEP_PARTS", "Settled", "settle"]
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.records.names_in_text import check_names
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value, Variable
-from workbench.session.base import Floats
 from workbench.session.evaluated_point import named_states
 from workbench.session.forcing import convert
 

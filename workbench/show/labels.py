@@ -15,7 +15,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox, IdentityTransform
 from numpy.typing import NDArray
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 from workbench.show.figure import QUIET, SMALL
 
 __all__ = ["Names", "name_lines", "name_points"]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from scipy import stats
 
@@ -18,7 +17,6 @@ from workbench.system.files.toml_schema import Table, read_table
 
 __all__ = ["KINDS", "Spread", "read_spread"]
 
-Floats = NDArray[np.float64]
 
 # The part of a distribution without ends that grids, maps and the search cover.
 _COVERED = 0.998

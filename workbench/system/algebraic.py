@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.session.algebraic_error import unsolved
 
 __all__ = ["AlgebraicLoop", "solve_loop"]
 
-Floats = NDArray[np.float64]
 
 # Residual, of the largest magnitude that the value has had. Solutions go down to rounding where that is cheap: event
 # indicators inside a loop must have one sign at one point, from wherever the solution came.

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler, exact
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.access import TypeCalls
@@ -36,7 +36,6 @@ from workbench.system.description import (
 
 __all__ = ["BlockInstance", "NativeComponent", "block_description", "block_ports", "described"]
 
-Floats = NDArray[np.float64]
 NativeComponent = LinearComponent | GainComponent | SumComponent | FunctionComponent | BlockComponent
 
 

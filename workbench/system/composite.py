@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import gathered
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.fmi.access import Access, TypeCalls
@@ -28,7 +29,6 @@ from workbench.system.tangent import Tangent
 
 __all__ = ["CompositeAccess", "CompositeInstance", "Ports", "next_event"]
 
-Floats = NDArray[np.float64]
 Ports = Mapping[str, tuple[tuple[int, Variable], ...]]
 
 MAX_INITIAL_ROUNDS = 50

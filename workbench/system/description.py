@@ -7,9 +7,7 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from workbench.core.values.arrays import Floats
 from workbench.core.values.conversion import Unit
 from workbench.core.values.linear import Linear
 from workbench.errors import InputError, suggest
@@ -36,8 +34,6 @@ __all__ = [
     "SystemDescription",
     "to_write",
 ]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.access import Access
 from workbench.fmi.instance import Instance
@@ -21,7 +21,6 @@ from workbench.system.algebraic import AlgebraicLoop, solve_loop
 
 __all__ = ["Propagation"]
 
-Floats = NDArray[np.float64]
 _SAME = 1e-8  # relative: what FMUs that iterate inside may differ by when asked again
 _ENOUGH = 64  # evaluations in continuous time, after which the order of the connections is believed
 _Part = tuple[Access, list[int]]  # of one component, and where its variables stand in the group

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
@@ -15,7 +15,6 @@ from workbench.system.order import feeds_through
 
 __all__ = ["Tangent"]
 
-Floats = NDArray[np.float64]
 Port = tuple[int, Variable]
 
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+
+from workbench.core.values.arrays import Floats
 
 __all__ = ["StepControl"]
 
-Floats = NDArray[np.float64]
 
 _SAFETY, _SHRINK, _GROW = 0.8, 0.2, 2.0
 _LOCAL_ORDER = 3.0  # of a step's error with linear inputs; with held ones 2, and the steps are refused more often

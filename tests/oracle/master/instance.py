@@ -13,11 +13,11 @@ import numpy as np
 from tests.oracle.master.course import Course, Reached
 from tests.oracle.master.cs_unit import CsUnit
 from tests.oracle.master.group_unit import GroupStepper
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.access import Access
 from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats
 from workbench.session.forcing import convert
 from workbench.system.master.instance import MasterInstance
 from workbench.system.master.units import moves

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 from tests.oracle.master.control import StepControl
 from tests.oracle.master.instance import OracleMasterInstance
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import is_due
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 from workbench.session.fmu import Setup
 from workbench.session.pauses import pause
 from workbench.session.rows import Rows

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.core.values.matrices import Complex, Floats
+from workbench.core.values.arrays import Complex, Floats
 
 __all__ = ["decibels", "degrees", "difference", "follow_phase", "known", "unwrapped"]
 

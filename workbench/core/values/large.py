@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
-from workbench.core.values.matrices import Complex, Floats, is_sparse
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.matrices import is_sparse
 from workbench.core.values.poles import continuous, vanished
 from workbench.errors import SimulationError
 

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.core.machine.blas import one_thread
 from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.large import corners_hz, is_large, poles_about
-from workbench.core.values.matrices import Complex, Floats, balance, held, is_sparse, product, resolvent
+from workbench.core.values.matrices import balance, held, is_sparse, product, resolvent
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import continuous, growth_rates, vanished
 from workbench.core.values.response import Response

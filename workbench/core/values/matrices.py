@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 
 __all__ = [
@@ -25,8 +26,6 @@ __all__ = [
     "unheld",
 ]
 
-Complex = NDArray[np.complex128]
-Floats = NDArray[np.float64]
 
 # Matrices from this size on, with no more than this part of their entries, are eliminated as sparse ones.
 _LARGE, _SPARSE = 128, 0.05

@@ -12,7 +12,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from workbench.core.machine.blas import one_thread
-from workbench.core.values.matrices import Complex, Floats, as_sparse, balance, is_sparse
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.matrices import as_sparse, balance, is_sparse
 from workbench.core.values.poles import VANISHED, continuous
 from workbench.errors import SimulationError
 

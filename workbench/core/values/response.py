@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import decibels, difference, follow_phase, known, unwrapped
 from workbench.core.values.margins import UNKNOWN, GainCrossover, Margins, PhaseCrossover, disk_of
-from workbench.core.values.matrices import Complex, Floats
 from workbench.errors import InputError
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
 from workbench.data.advice.shared_estimates import DataStudy
 from workbench.data.long_arx import lagged
-from workbench.session.base import Floats
 
 __all__ = ["delays", "judge_delay"]
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
+from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
 from workbench.data.advice.shared_estimates import DataStudy
-from workbench.session.base import Floats
 
 __all__ = ["judge_disturbance", "strongest_line"]
 

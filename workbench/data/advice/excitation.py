@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from scipy import linalg, ndimage, signal
 
+from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
 from workbench.data.advice.shared_estimates import DataStudy
 from workbench.data.long_arx import lagged
-from workbench.session.base import Floats
 
 __all__ = ["excited_orders", "is_single_sine", "judge_excitation"]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["Flat", "flat_extremes"]
 

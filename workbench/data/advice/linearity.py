@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
+from workbench.core.values.arrays import Floats
 from workbench.data.advice.noise import signal_to_rest_db
 from workbench.data.advice.result import Finding
 from workbench.data.advice.shared_estimates import DataStudy
 from workbench.data.long_arx import LongArx, lagged
-from workbench.session.base import Floats
 
 __all__ = ["distortion", "judge_linearity"]
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.advice.delay import delays
 from workbench.data.advice.flat import Flat, flat_extremes
 from workbench.data.advice.noise import signal_to_rest_db
 from workbench.data.advice.result import Finding
 from workbench.data.advice.shared_estimates import DataStudy
-from workbench.session.base import Floats
 
 __all__ = ["Rest", "judge_saturation", "rests"]
 

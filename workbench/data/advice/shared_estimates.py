@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import LongArx, fit_long_arx
 from workbench.data.preprocess.outliers import remove_outliers
@@ -15,7 +16,6 @@ from workbench.data.preprocess.settle import settling_samples
 from workbench.data.spectra.coherence import Coherence, coherence
 from workbench.data.spectra.density import SpectralDensity, sdf
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["DataStudy"]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.data.excite.design import Design, Sequences, SignalPart
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["Lines", "RandomPhase", "lines_of"]
 

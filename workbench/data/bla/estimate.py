@@ -25,14 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.data.bla.design import Lines
 from workbench.data.bla.transient import steady
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["Approximation", "approximate", "response_of"]
 
-Complex = NDArray[np.complex128]
 
 _CONFIDENCE = 0.95
 _NEAR = 8  # lines left out whose mean is the level at an excited one

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.bla.design import Lines
 from workbench.data.bla.estimate import approximate
 from workbench.data.bla.request import BestLinear
@@ -16,7 +17,6 @@ from workbench.data.bla.run import Grid, gathered
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.jobs.job import Job
-from workbench.session.base import Floats
 
 __all__ = ["run"]
 

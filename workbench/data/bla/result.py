@@ -7,16 +7,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.response import Response
-from workbench.session.base import Floats
 
 __all__ = ["BlaResult"]
 
-Complex = NDArray[np.complex128]
 
 WORTH = 0.1  # of the output: a linear model that leaves less is worth having
 _GRID = ("rms", "frequency_hz")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.bla.design import Lines, RandomPhase, lines_of
 from workbench.data.bla.estimate import Approximation, approximate, response_of
@@ -22,7 +23,6 @@ from workbench.jobs.job import Job
 from workbench.model import Model
 from workbench.model.names import check_variables, declared_units
 from workbench.model.operating_point import find_point
-from workbench.session.base import Floats
 
 __all__ = ["Grid", "gathered", "run"]
 

@@ -24,7 +24,7 @@ import numpy as np
 from scipy import stats
 
 from workbench.core.machine.blas import one_thread
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["MATTERS", "Steady", "steady"]
 

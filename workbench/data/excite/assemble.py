@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.excite.design import crest_factors, cross_correlation
 from workbench.data.excite.recording import Begin, Samples
 from workbench.data.excite.request import Excite
@@ -13,7 +14,6 @@ from workbench.data.excite.result import ExciteResult, SignalFacts
 from workbench.data.experiment.experiment import Experiment, make_experiment
 from workbench.model import Model
 from workbench.model.names import declared_units
-from workbench.session.base import Floats
 
 __all__ = ["assemble"]
 

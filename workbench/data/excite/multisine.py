@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.data.excite.design import Design, Sequences, SignalPart, check_amplitude, check_seed, each
 from workbench.errors import InputError, suggest
-from workbench.session.base import Floats
 
 __all__ = ["MultisineDesign", "low_crest"]
 

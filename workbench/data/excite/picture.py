@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import signal
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.session.base import Floats
 from workbench.show.figure import COLOURS, frame, label, rows
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.data.excite.design import Design, Sequences, SignalPart, check_amplitude, check_seed, each
 from workbench.errors import InputError
-from workbench.session.base import Floats
 from workbench.signals.shift_register import TAPS, jump, register_bits
 
 __all__ = ["PrbsDesign"]

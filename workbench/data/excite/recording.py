@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.excite.design import Sequences, each
 from workbench.data.excite.request import Excite
@@ -16,7 +17,7 @@ from workbench.model.names import check_variables
 from workbench.model.operating_point import bias_of, standing
 from workbench.model.sample_rates import Rates, sampled
 from workbench.point.lin.response import communication_step
-from workbench.session.base import Floats, Recorded, Session
+from workbench.session.base import Recorded, Session
 from workbench.signals.kinds import Constant, Signal, Table
 
 __all__ = ["Begin", "Samples", "Sampling", "measure", "sampling_of"]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.excite.assemble import assemble
 from workbench.data.excite.recording import Begin, Samples, measure
@@ -19,7 +20,6 @@ from workbench.jobs.runner import Job, Remark, Reply, perform
 from workbench.jobs.runner_choice import at_work
 from workbench.model import Model
 from workbench.model.operating_point import find_point
-from workbench.session.base import Floats
 
 __all__ = ["run"]
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, suggest
-from workbench.session.base import Floats
 
 __all__ = ["EXACT", "check_choice", "check_finite", "columns", "names_of", "times", "units_of"]
 

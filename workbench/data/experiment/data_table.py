@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from workbench.core.machine.files import content_of
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["DataTable", "read_table", "with_unit"]
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from workbench.core.records.csv_file import write_csv
 from workbench.core.records.parsing import from_json
 from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Floats
 from workbench.core.values.closed_loop import ClosedLoop
 from workbench.core.values.conversion import known_unit, named_conversion
 from workbench.data.experiment.checks import (
@@ -30,7 +31,6 @@ from workbench.data.experiment.data_table import DataTable
 from workbench.data.experiment.formats import read_columns
 from workbench.data.experiment.missing import filled, regular
 from workbench.errors import InputError, suggest
-from workbench.session.base import Floats
 
 __all__ = ["Experiment", "make_experiment", "read_experiment", "read_pieces"]
 

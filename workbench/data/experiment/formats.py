@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.data_table import DataTable, read_table, with_unit
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["read_columns"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["filled", "regular"]
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.preprocess.prepared import Prepared, all_columns, check_columns
 from workbench.errors import InputError, suggest
-from workbench.session.base import Floats
 
 __all__ = ["KINDS", "Detrended", "detrend", "remove_offset"]
 

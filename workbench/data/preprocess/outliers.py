@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, ndimage
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import lagged
 from workbench.data.preprocess.prepared import Prepared, check_columns
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["OutliersRemoved", "remove_outliers"]
 

@@ -8,10 +8,10 @@ from fractions import Fraction
 import numpy as np
 from scipy import signal
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.preprocess.prepared import Prepared
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["Resampled", "resample"]
 

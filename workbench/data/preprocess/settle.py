@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import fit_long_arx
 from workbench.data.preprocess.prepared import Prepared
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["WithoutStart", "cut_settling", "settling_samples"]
 

@@ -10,12 +10,12 @@ import numpy as np
 from scipy import stats
 
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.data.spectra.cross import Complex, cross_spectra
+from workbench.data.spectra.cross import cross_spectra
 from workbench.data.spectra.window import WindowSettings, choose_window
 from workbench.errors import InputError
 from workbench.requests.decorator import with_origin
-from workbench.session.base import Floats
 
 __all__ = ["Coherence", "coherence"]
 

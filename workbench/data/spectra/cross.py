@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.data.spectra.window import WindowSettings
-from workbench.session.base import Floats
 
 __all__ = ["Complex", "cross_spectra"]
-
-Complex = NDArray[np.complex128]
 
 
 def cross_spectra(channels: Floats, settings: WindowSettings) -> tuple[Floats, Complex]:

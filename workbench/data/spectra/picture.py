@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 from workbench.show.figure import COLOURS, LEGEND, rows
 
 if TYPE_CHECKING:

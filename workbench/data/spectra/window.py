@@ -10,8 +10,8 @@ import numpy as np
 from scipy import signal, stats
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, suggest
-from workbench.session.base import Floats
 
 __all__ = ["WINDOWS", "WindowSettings", "choose_window"]
 

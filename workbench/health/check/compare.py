@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.health.check.subject import Trajectory
-from workbench.session.base import Floats
 
 __all__ = ["Gap", "largest_gap", "relative_gaps", "usual_gap"]
 

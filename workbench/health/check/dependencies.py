@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.fmi.variable import Variable
 from workbench.health.check.differences import EvaluationPoint, places
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu
-from workbench.session.base import Floats
 
 __all__ = ["dependencies"]
 

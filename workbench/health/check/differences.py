@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
 from workbench.health.check.subject import CheckedFmu
-from workbench.session.base import Floats
 from workbench.session.point import Point
 
 __all__ = ["MOST_COLUMNS", "EvaluationPoint", "places"]

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import FmuError, SimulationError
 from workbench.health.check.differences import EvaluationPoint, places
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu
 from workbench.point.lin.task import pass_states
-from workbench.session.base import Floats
 
 __all__ = ["directional"]
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
 from workbench.health.check.compare import largest_gap, relative_gaps
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu, same_bits
-from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
 
 __all__ = ["inputs"]

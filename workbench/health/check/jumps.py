@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu
-from workbench.session.base import Floats
 from workbench.signals.kinds import Signal, Step
 
 __all__ = ["jumps"]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu
-from workbench.session.base import Floats
 from workbench.session.fmu import FmuSession
 
 __all__ = ["nominals"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import EndedError, FmuError, SimulationError
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu
-from workbench.session.base import Floats
 
 __all__ = ["drift", "runs"]
 

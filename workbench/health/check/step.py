@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.health.check.compare import relative_gaps, usual_gap
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu, Trajectory
-from workbench.session.base import Floats
 
 __all__ = ["step"]
 

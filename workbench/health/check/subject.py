@@ -9,11 +9,12 @@ from functools import cached_property
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import FmuError, SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model.described_model import DescribedModel
 from workbench.model.operating_point import bias_of
-from workbench.session.base import Floats, Recorded, Session
+from workbench.session.base import Recorded, Session
 from workbench.session.fmu import FmuSession
 from workbench.signals.kinds import Constant, Signal, Sine
 

@@ -22,12 +22,11 @@ import scipy.linalg
 import scipy.optimize
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.identification.fit.rational import Channel, common_poles, paired, pole_spread
-from workbench.session.base import Floats
 
 __all__ = ["Points", "StateSpaceFit", "fitted_matrix"]
 
-Complex = NDArray[np.complex128]
 Numbers = NDArray[np.intp]
 
 _STARTS = 6  # numbers of common poles to start from

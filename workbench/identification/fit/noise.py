@@ -17,15 +17,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.identification.fit.matrix import Points, StateSpaceFit
 from workbench.identification.fit.rational import Rational
-from workbench.session.base import Floats
 
 __all__ = ["Noise", "course", "judged"]
 
-Complex = NDArray[np.complex128]
 
 _BESIDE = 2  # neighbours on either side, through which a cubic predicts a value
 _FLOORS = 10.0 ** np.arange(-8.0, 2.0, 0.5)  # squares of noise that stays, over that of the largest gain

@@ -15,11 +15,10 @@ import scipy.linalg
 import scipy.optimize
 from numpy.typing import NDArray
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Complex, Floats
 
 __all__ = ["Channel", "Rational", "common_poles", "fitted", "paired", "pole_spread"]
 
-Complex = NDArray[np.complex128]
 
 _ROUNDS = 20  # of vector fitting
 _DAMPED = 0.01  # of the first poles

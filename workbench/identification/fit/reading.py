@@ -10,23 +10,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.records.record import read_json
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.response import Response
 from workbench.data.bla.result import BlaResult
 from workbench.data.experiment.formats import read_columns
 from workbench.errors import InputError
 from workbench.identification.fit.request import Fit
 from workbench.response.nfr.result import NfrResult
-from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from control import FrequencyResponseData
 
 __all__ = ["Measured", "measured"]
 
-Complex = NDArray[np.complex128]
 
 _HERTZ = {"hz": 1.0, "rad/s": 0.5 / math.pi, "khz": 1e3, "rpm": 1.0 / 60.0}
 _ANGLES = {"deg": 1.0, "rad": 180.0 / math.pi, "°": 1.0}

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.records.record import Record, entry
-from workbench.core.values.linear import Complex, Linear
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.linear import Linear
 from workbench.core.values.poles import pole_keys
-from workbench.session.base import Floats
 
 __all__ = ["FitResult"]
 

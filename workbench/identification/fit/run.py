@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.response import Response
 from workbench.data.bla.result import BlaResult
 from workbench.errors import InputError
@@ -22,14 +22,12 @@ from workbench.identification.fit.request import Fit
 from workbench.identification.fit.result import FitResult
 from workbench.jobs.job import Job
 from workbench.response.nfr.result import NfrResult
-from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from control import FrequencyResponseData
 
 __all__ = ["run"]
 
-Complex = NDArray[np.complex128]
 
 _CIRCLE = 1.7308  # radius of the 95 % circle over σ of a complex normal error: √(−ln 0.05)
 _LEAST = 1e-6  # of the largest gain: no response is known better

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
-from workbench.core.values.matrices import Complex, unheld
+from workbench.core.values.matrices import unheld
 from workbench.core.values.poles import pole_keys
 from workbench.errors import InputError
 from workbench.identification.identified.recursion import march, march_one
-from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     import control

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["march", "march_one"]
 

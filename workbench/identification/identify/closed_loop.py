@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import LongArx, fit_long_arx
 from workbench.errors import InputError
@@ -26,7 +27,6 @@ from workbench.identification.identify.several import gathered
 from workbench.identification.prediction.model import instrumented_model
 from workbench.identification.prediction.model_selection import noise_alone
 from workbench.identification.subspace import SubspaceEstimate
-from workbench.session.base import Floats
 
 __all__ = ["driven_by", "with_disturbance", "with_reference"]
 

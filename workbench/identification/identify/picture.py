@@ -13,11 +13,10 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.poles import pole_rows
 from workbench.identification.validate.pole_zero import in_words
-from workbench.session.base import Floats
 from workbench.show.bode import Degrees, log_axis
 from workbench.show.figure import ABOVE, COLOURS, LEGEND, LINE, panels
 
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_bootstrap", "plot_order", "plot_poles", "plot_spread"]
 
-Complex = NDArray[np.complex128]
 
 _BARS = 24
 _GREY = "#b8c4ce"

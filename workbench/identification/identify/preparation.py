@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment, read_experiment
 from workbench.data.preprocess.detrend import Detrended, detrend, remove_offset
 from workbench.data.preprocess.settle import cut_settling
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["Prepared", "chosen", "cut", "prepare"]
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError, suggest
 from workbench.identification.identified.model import IdentifiedModel
@@ -20,7 +21,6 @@ from workbench.identification.subspace import SubspaceEstimate
 from workbench.identification.subspace.final_model import cost
 from workbench.identification.validate.estimator import Estimator, same_settings
 from workbench.identification.validate.validate import suited
-from workbench.session.base import Floats
 
 __all__ = ["refined", "wished"]
 

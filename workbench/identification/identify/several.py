@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment, read_pieces
 from workbench.data.preprocess.outliers import remove_outliers
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.identify.preparation import Prepared, chosen, prepare
 from workbench.identification.identify.request import Identify
-from workbench.session.base import Floats
 
 __all__ = ["gathered", "joined", "prepared_all", "without_joints"]
 

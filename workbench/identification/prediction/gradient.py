@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.identification.prediction.innovations import Entries, Innovations
 from workbench.kernel.native_predictor import predict, sensitivities
-from workbench.session.base import Floats
 
 __all__ = ["Normal", "errors_of", "jacobian", "normal_equations"]
 

@@ -25,8 +25,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.identification.subspace.matrices import radius
-from workbench.session.base import Floats
 
 __all__ = ["Entries", "Innovations"]
 

@@ -22,12 +22,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.identification.prediction.gradient import Record, errors_of, jacobian
 from workbench.identification.prediction.innovations import Entries, Innovations
 from workbench.identification.prediction.refine import Refined
 from workbench.identification.subspace.final_model import cost
 from workbench.identification.subspace.matrices import radius
-from workbench.session.base import Floats
 
 __all__ = ["instrumented"]
 

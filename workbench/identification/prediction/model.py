@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel, NoiseModel
 from workbench.identification.prediction.gradient import normal_equations
@@ -22,11 +22,9 @@ from workbench.identification.subspace.delays import advance, as_tuple
 from workbench.identification.subspace.estimate import model_of
 from workbench.identification.subspace.simulated import InputFit
 from workbench.identification.subspace.states import Noise
-from workbench.session.base import Floats
 
 __all__ = ["RefinedModel", "instrumented_model", "refined_model", "refining", "truth_spread"]
 
-Complex = NDArray[np.complex128]
 
 _OPEN = 1e-13  # of the largest eigenvalue of the correlations of the information: rounding, the data say nothing
 

@@ -18,6 +18,7 @@ import numpy as np
 import scipy.special
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.prediction.gradient import errors_of
 from workbench.identification.prediction.innovations import Innovations
@@ -33,7 +34,6 @@ from workbench.identification.prediction.start import (
 )
 from workbench.identification.subspace import estimate
 from workbench.identification.subspace.final_model import cost
-from workbench.session.base import Floats
 
 __all__ = ["Candidate", "Chosen", "Wish", "choose", "noise_alone"]
 

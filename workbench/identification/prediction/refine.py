@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from workbench.core.values.arrays import Floats
 from workbench.identification.prediction.gradient import Record, errors_of, normal_equations
 from workbench.identification.prediction.innovations import Entries, Innovations
 from workbench.identification.subspace.final_model import cost
 from workbench.identification.subspace.matrices import radius
-from workbench.session.base import Floats
 
 __all__ = ["Refined", "refine"]
 

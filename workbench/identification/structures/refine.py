@@ -20,11 +20,11 @@ import numpy as np
 import scipy.linalg
 import scipy.signal
 
+from workbench.core.values.arrays import Floats
 from workbench.identification.prediction.gradient import errors_of, jacobian
 from workbench.identification.prediction.innovations import Entries, Innovations
 from workbench.identification.structures.table import places, weights
 from workbench.identification.subspace.matrices import radius
-from workbench.session.base import Floats
 
 __all__ = ["Chain", "Fitted", "Table", "fitted", "line_of"]
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from workbench.core.records.record import Part, Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.structures.table import StaticTable
 from workbench.identification.validate.fit import Fit, fit_of
-from workbench.session.base import Floats
 from workbench.system.description import (
     BlockComponent,
     Connection,

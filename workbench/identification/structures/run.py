@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
@@ -34,7 +35,6 @@ from workbench.identification.structures.start import (
 from workbench.identification.structures.table import StaticTable
 from workbench.identification.subspace.delays import advance, with_chains
 from workbench.jobs.job import Job
-from workbench.session.base import Floats
 
 __all__ = ["run", "run_command"]
 

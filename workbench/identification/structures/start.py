@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.prediction.gradient import errors_of
 from workbench.identification.prediction.innovations import Innovations
 from workbench.identification.structures.refine import Chain, Table, line_of
 from workbench.identification.structures.table import free_directions, knots_for, weights
 from workbench.identification.subspace import estimate
-from workbench.session.base import Floats
 
 __all__ = ["block_of", "placed", "rescaled", "starts_before", "straight", "with_before", "with_behind"]
 

@@ -10,7 +10,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from workbench.core.records.record import Part, entry
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["StaticTable", "free_directions", "knots_for", "places", "weights"]
 

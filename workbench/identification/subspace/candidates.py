@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.subspace.hankel import HankelFactor, excitation, factorise
 from workbench.identification.subspace.horizon import (
@@ -15,7 +16,6 @@ from workbench.identification.subspace.horizon import (
 )
 from workbench.identification.subspace.settings import SubspaceSettings
 from workbench.identification.subspace.weightings import Projection, Subspace, project, subspace
-from workbench.session.base import Floats
 
 __all__ = ["HorizonView", "first_trial", "look"]
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.subspace.candidates import HorizonView, first_trial, look
@@ -31,7 +32,6 @@ from workbench.identification.subspace.simulated import InputFit
 from workbench.identification.subspace.states import Noise
 from workbench.identification.subspace.weightings import oblique_loss, principal_angles
 from workbench.requests.decorator import with_origin
-from workbench.session.base import Floats
 
 __all__ = ["estimate", "model_of"]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.identification.subspace.candidates import HorizonView
 from workbench.identification.subspace.matrices import radius, shifted_observability, stabilise
 from workbench.identification.subspace.settings import SubspaceSettings
 from workbench.identification.subspace.simulated import InputFit, fit_inputs, residual
 from workbench.identification.subspace.states import Noise, StateFit, fit_states, noise_of
-from workbench.session.base import Floats
 
 __all__ = ["Delivered", "cost", "deliver", "simulation_cost"]
 

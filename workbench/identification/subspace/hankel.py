@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["ROUNDING", "HankelFactor", "excitation", "factorise", "lower", "pseudo_inverse", "triangular"]
 

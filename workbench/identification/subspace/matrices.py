@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["STABLE_RADIUS", "radius", "shifted_observability", "stabilise"]
 

@@ -17,13 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.subspace.candidates import HorizonView
 from workbench.identification.subspace.final_model import cost, deliver, simulation_cost
 from workbench.identification.subspace.horizon import largest_order
 from workbench.identification.subspace.settings import SubspaceSettings
 from workbench.identification.subspace.weightings import Subspace
-from workbench.session.base import Floats
 
 __all__ = ["OrderChoice", "check_order", "choose_order"]
 

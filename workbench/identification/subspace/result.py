@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.session.base import Floats
 
 __all__ = ["SubspaceEstimate"]
 

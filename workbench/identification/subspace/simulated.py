@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.identification.identified.recursion import march, march_one
 from workbench.identification.subspace.hankel import ROUNDING, triangular
-from workbench.session.base import Floats
 
 __all__ = ["InputFit", "fit_inputs", "residual"]
 

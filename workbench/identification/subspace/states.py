@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from workbench.core.values.arrays import Floats
 from workbench.identification.subspace.hankel import ROUNDING, HankelFactor
 from workbench.identification.subspace.matrices import radius
-from workbench.session.base import Floats
 
 __all__ = ["Noise", "StateFit", "fit_states", "noise_of"]
 

@@ -23,9 +23,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, suggest
 from workbench.identification.subspace.hankel import ROUNDING, HankelFactor, lower, pseudo_inverse
-from workbench.session.base import Floats
 
 __all__ = ["BASES", "METHODS", "Projection", "Subspace", "basis_of", "oblique_loss", "project", "subspace"]
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from workbench.core.machine.blas import one_thread
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
@@ -24,14 +24,12 @@ from workbench.jobs.options import Workers
 from workbench.jobs.runner import InProcess, Reply, Runner
 from workbench.jobs.runner_choice import runner_for
 from workbench.requests.decorator import with_origin
-from workbench.session.base import Floats
 
 __all__ = ["PoleBootstrap", "bootstrap_poles", "match", "match_clouds"]
 
 
 # -- which pole of one model is which of another ---------------------------------------------------
 
-Complex = NDArray[np.complex128]
 
 REPLICATES = 200
 LEAST = 20  # replicates that must have worked out

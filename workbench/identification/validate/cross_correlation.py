@@ -10,8 +10,8 @@ import numpy as np
 from scipy.special import chdtrc, ndtr, ndtri
 
 from workbench.core.records.record import Part, entry, numbers
+from workbench.core.values.arrays import Floats
 from workbench.identification.validate.whiteness import LEVEL, covariances
-from workbench.session.base import Floats
 
 __all__ = ["CrossCorrelation", "cross_correlation"]
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.identification.subspace import SubspaceEstimate
 from workbench.identification.subspace.data import prepare
 from workbench.identification.subspace.delays import advance, as_tuple
@@ -15,11 +15,9 @@ from workbench.identification.subspace.hankel import factorise
 from workbench.identification.subspace.matrices import shifted_observability
 from workbench.identification.subspace.states import fit_states
 from workbench.identification.subspace.weightings import project, subspace
-from workbench.session.base import Floats
 
 __all__ = ["Estimator", "same_settings"]
 
-Complex = NDArray[np.complex128]
 
 # Of u (N, m) and y (N, p), operating point taken off → poles, shape (n,).
 Estimator = Callable[[Floats, Floats], Complex]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["ERROR_FIGURES", "Fit", "error_figure", "fit_of"]
 

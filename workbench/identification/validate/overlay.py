@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.conversion import known_unit, named_conversion
 from workbench.core.values.decibels import decibels, degrees, difference
 from workbench.errors import InputError, suggest
@@ -17,14 +17,12 @@ from workbench.identification.identified.model import IdentifiedModel
 from workbench.point.lin.result import LinResult
 from workbench.requests.decorator import with_origin
 from workbench.response.nfr.result import NfrResult
-from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from workbench.point.lin.state_space import LinearModel
 
 __all__ = ["PLANTS", "Difference", "Overlay", "overlay", "sine_response"]
 
-Complex = NDArray[np.complex128]
 
 IDENTIFIED, LINEAR = "identified", "linearised"
 _POINTS = 400

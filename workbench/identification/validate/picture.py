@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.session.base import Floats
 from workbench.show.figure import ABOVE, COLOURS, LEGEND, LINE, label, panels
 
 if TYPE_CHECKING:

@@ -6,14 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Complex
 from workbench.identification.identified.model import IdentifiedModel
 
 __all__ = ["NEAR", "NearCancellation", "in_words", "near_cancellations"]
 
-Complex = NDArray[np.complex128]
 
 NEAR = 0.25
 

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.identification.validate.regions import ON_AXIS, SCATTER, TINY, WIDER, PoleRegion
-from workbench.session.base import Floats
 
 __all__ = ["Parameters", "compatible_regions"]
 
-Complex = NDArray[np.complex128]
 _Inside = Callable[[Complex], NDArray[np.bool_]]
 
 _RAYS = 32

@@ -6,14 +6,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.records.record import Part, entry
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Complex, Floats
 
 __all__ = ["PoleRegion", "pole_regions"]
 
-Complex = NDArray[np.complex128]
 
 SCATTER = 0.15  # a pole whose replicates scatter more (root mean square) over the unit disc is not determined
 WIDER = 2.0  # how much wider the other regions become where one is not

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.identification.validate.cross_correlation import CrossCorrelation, cross_correlation
 from workbench.identification.validate.fit import Fit, fit_of
 from workbench.identification.validate.whiteness import Autocorrelation, autocorrelation
-from workbench.session.base import Floats
 
 __all__ = ["Residuals", "residuals_of"]
 

@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.validate.polynomial import Parameters, compatible_regions
 from workbench.identification.validate.regions import ON_AXIS, PoleRegion
-from workbench.session.base import Floats
 
 __all__ = ["ModelSpread", "around_both", "enclosing", "model_spread"]
 
-Complex = NDArray[np.complex128]
 
 _POINTS = 60
 _DECADES = 3.0

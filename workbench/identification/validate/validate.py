@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError, suggest
 from workbench.identification.identified.model import IdentifiedModel
@@ -15,7 +16,6 @@ from workbench.identification.validate.pole_zero import near_cancellations
 from workbench.identification.validate.residuals import residuals_of
 from workbench.identification.validate.result import Validation
 from workbench.requests.decorator import with_origin
-from workbench.session.base import Floats
 
 __all__ = ["STARTS", "suited", "validate"]
 

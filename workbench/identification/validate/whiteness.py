@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import chdtrc, ndtri
 
 from workbench.core.records.record import Part, entry, numbers
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["LEVEL", "Autocorrelation", "autocorrelation", "covariances"]
 

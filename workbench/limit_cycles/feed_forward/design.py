@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import natural_frequency_hz
 from workbench.limit_cycles.feed_forward.design_step import FilterStep, Judge
 from workbench.limit_cycles.feed_forward.request import FeedForward
-from workbench.loops.describing.base import Complex
 from workbench.point.reduction.balanced import BalancedReduction, balanced_reduction
 from workbench.point.reduction.band_error import BandError, band_error
 from workbench.point.reduction.cancel import cancel, mirror

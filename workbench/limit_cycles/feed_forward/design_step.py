@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import difference
-from workbench.loops.describing.base import Complex, Floats
 
 __all__ = ["FilterStep", "Judge"]
 

@@ -16,9 +16,9 @@ from workbench.show.bode import Degrees, plain_decades
 from workbench.show.figure import ABOVE, COLOURS, LEGEND, label, panels
 
 if TYPE_CHECKING:
+    from workbench.core.values.arrays import Complex, Floats
     from workbench.limit_cycles.feed_forward.result import FeedForwardResult
     from workbench.limit_cycles.feed_forward.trial import Trial
-    from workbench.loops.describing.base import Complex, Floats
 
 __all__ = ["FIGURES", "plot_feed_forward"]
 

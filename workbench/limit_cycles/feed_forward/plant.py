@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.limit_cycles.feed_forward.weighting import Weighting, weighted
 from workbench.limit_cycles.feed_forward.wiring import COMMAND, OPENED, SECOND, Loops, opened, reopen
-from workbench.loops.describing.base import Complex
 from workbench.loops.opened_system import linear_between
 from workbench.model.described_model import DescribedModel
 

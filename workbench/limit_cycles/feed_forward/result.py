@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.core.records.record import Record, drawn, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.limit_cycles.feed_forward.design import Design
@@ -17,7 +18,6 @@ from workbench.limit_cycles.feed_forward.design_step import FilterStep
 from workbench.limit_cycles.feed_forward.remaining_cycles import Remaining
 from workbench.limit_cycles.feed_forward.trial import Trial
 from workbench.limit_cycles.feed_forward.weighting import Weighting
-from workbench.loops.describing.base import Complex, Floats
 
 if TYPE_CHECKING:
     import control

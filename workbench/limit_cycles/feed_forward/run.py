@@ -9,6 +9,7 @@ from itertools import count
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
 from workbench.jobs.job import Job
@@ -22,7 +23,6 @@ from workbench.limit_cycles.feed_forward.trial import Run, Trial, run_trial
 from workbench.limit_cycles.feed_forward.weighting import Weighting
 from workbench.limit_cycles.feed_forward.wiring import Loops, variable_of
 from workbench.limit_cycles.feedback.actuator import ends_of
-from workbench.loops.describing.base import Complex
 from workbench.loops.opened_system import find_ports
 from workbench.model.described_model import DescribedModel
 from workbench.model.names import forced_inputs

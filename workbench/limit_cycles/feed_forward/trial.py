@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import SimulationError
 from workbench.limit_cycles.feed_forward.wiring import Loops, closed, reopen
-from workbench.loops.describing.base import Floats
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.divergence import Divergence, DivergenceError
 from workbench.response.simulate.request import simulate

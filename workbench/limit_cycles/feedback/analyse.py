@@ -12,8 +12,9 @@ import numpy as np
 from workbench.core.machine.blas import one_thread
 from workbench.core.records.forms import several
 from workbench.core.records.quantity import quantity
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.conversion import named_conversion
-from workbench.core.values.linear import Complex, LinearPart
+from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import natural_frequency_hz
 from workbench.errors import InputError, WorkbenchError
@@ -35,7 +36,6 @@ from workbench.model import operating_point as placing
 from workbench.model.described_model import DescribedModel
 from workbench.model.names import forced_inputs
 from workbench.point.lin.result import LinResult
-from workbench.session.base import Floats
 
 __all__ = ["curve", "run"]
 

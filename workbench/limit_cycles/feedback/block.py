@@ -8,19 +8,19 @@ from functools import cached_property
 from typing import Any
 
 from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError, WorkbenchError
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath
 from workbench.limit_cycles.feedback.plant import Standing, linear
 from workbench.limit_cycles.limit_cycle.cut import SplitLoop, cut
-from workbench.loops.describing.base import Block, Complex
+from workbench.loops.describing.base import Block
 from workbench.loops.nyquist.nyquist import nyquist
 from workbench.loops.nyquist.result import Crossing, NyquistResult
 from workbench.loops.opened_system import find_ports, without_block
 from workbench.model.described_model import DescribedModel
 from workbench.point.lin.result import LinResult
-from workbench.session.base import Floats
 from workbench.system.description import BlockComponent, Component, FmuComponent, FunctionComponent
 from workbench.system.model import SystemModel
 

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.modal import poles_of
 from workbench.core.values.poles import growth_rates, sides
 from workbench.loops.nyquist.level_crossings import real_crossings
-from workbench.session.base import Floats
 
 __all__ = ["Crossing", "Interval", "count_poles", "crossings", "fixed_modes", "intervals", "stable_gains"]
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.core.records.record import entry
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.limit_cycles.feedback.block import TwoPorts
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath
 from workbench.limit_cycles.feedback.plant import Standing
 from workbench.limit_cycles.limit_cycle.harmonic_balance import balance, states_of
 from workbench.response.simulate.zero_crossings import pass_rate, rising_passes
-from workbench.session.base import Floats
 from workbench.signals.kinds import Signal
 
 __all__ = ["PER_CYCLE", "Start", "from_cycle", "from_signals", "mean_magnitude"]

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
-from workbench.core.values.linear import Complex, LinearPart
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import continuous, damped_frequency_hz
 from workbench.limit_cycles.feedback.gains import Crossing
-from workbench.session.base import Floats
 
 __all__ = ["Fastest", "Locus", "fastest", "locus", "shown_gains"]
 

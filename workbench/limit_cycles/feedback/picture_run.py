@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from workbench.show.figure import COLOURS, LEGEND, panels
 
 if TYPE_CHECKING:
+    from workbench.core.values.arrays import Floats
     from workbench.limit_cycles.feedback.run import FeedbackRun
-    from workbench.session.base import Floats
 
 __all__ = ["plot_feedback_run"]
 

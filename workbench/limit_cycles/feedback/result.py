@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.core.records.record import Record, complex_of, drawn, entry
-from workbench.core.values.linear import Complex, LinearPart
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import damped_frequency_hz
 from workbench.errors import InputError, suggest
@@ -19,7 +20,6 @@ from workbench.limit_cycles.feedback.gains import Crossing
 from workbench.limit_cycles.feedback.locus import Fastest, Locus, locus, shown_gains
 from workbench.limit_cycles.feedback.run import FeedbackRun
 from workbench.limit_cycles.feedback.settling import SettlingStudy
-from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath, Wish
 from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, Start, mean_magnitude
-from workbench.session.base import Floats
 
 __all__ = ["HANDED", "FeedbackRun", "feedback_run"]
 

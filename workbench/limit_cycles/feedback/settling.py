@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.core.records.record import Part, Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
@@ -22,7 +23,7 @@ from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, Start, mea
 from workbench.limit_cycles.feedback.optimum import Optimum, optimum_of
 from workbench.limit_cycles.feedback.request import THRESHOLDS
 from workbench.model.described_model import DescribedModel
-from workbench.session.base import Floats, Recorded, Session
+from workbench.session.base import Recorded, Session
 from workbench.signals.kinds import Signal
 
 __all__ = ["GainRun", "SettlingSettings", "SettlingStudy", "settling_study"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.loops.describing.base import Floats
+from workbench.core.values.arrays import Floats
 from workbench.point.lin.result import LinResult
 
 __all__ = ["Centre", "centre_of", "is_moving"]

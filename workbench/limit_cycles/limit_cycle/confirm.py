@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.loops.describing.base import Floats
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.zero_crossings import half_range, pass_rate, rising_passes
 

@@ -9,12 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.limit_cycles.equilibrium import rest_of
 from workbench.limit_cycles.limit_cycle.bias import Centre, centre_of, is_moving
-from workbench.loops.describing.base import Block, Floats
+from workbench.loops.describing.base import Block
 from workbench.loops.describing.describe import standard_block
 from workbench.loops.describing.static import StaticBlock, pointwise
 from workbench.loops.opened_system import Ports, find_ports, linear_between, recipe_of, without_block

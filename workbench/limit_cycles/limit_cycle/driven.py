@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import SimulationError
-from workbench.loops.describing.base import Block, Complex
+from workbench.loops.describing.base import Block
 from workbench.model.described_model import DescribedModel
 from workbench.response.periodic.fourier import measure_period
 from workbench.session import Recorded, Session
-from workbench.session.base import Floats
 from workbench.signals.kinds import Constant, Signal, Sine
 
 __all__ = ["DrivenBlock"]

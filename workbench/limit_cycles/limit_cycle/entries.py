@@ -7,13 +7,13 @@ from itertools import groupby
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex
 from workbench.limit_cycles.limit_cycle.confirm import Simulated
 from workbench.limit_cycles.limit_cycle.cut import SplitLoop
 from workbench.limit_cycles.limit_cycle.harmonic_balance import Cycle
 from workbench.limit_cycles.limit_cycle.request import DESCRIBING_FUNCTION, HARMONIC_BALANCE, SHOOTING, SIMULATION
 from workbench.limit_cycles.limit_cycle.result import LimitCycle, SimulatedCycle
 from workbench.limit_cycles.limit_cycle.shooting import Orbit
-from workbench.loops.describing.base import Complex
 from workbench.model.described_model import DescribedModel
 from workbench.response.periodic.stability import is_stable
 

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import expm
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
 from workbench.limit_cycles.limit_cycle.harmonic_balance import Cycle
-from workbench.loops.describing.base import Block, Complex, Floats
+from workbench.loops.describing.base import Block
 from workbench.loops.describing.fourier import series
 
 __all__ = ["multipliers", "others"]

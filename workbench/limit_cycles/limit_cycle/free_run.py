@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from workbench.core.records.record import Part, Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Floats
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.request import simulate
 from workbench.response.simulate.zero_crossings import rising_passes

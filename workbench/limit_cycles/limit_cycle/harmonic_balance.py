@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import root
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
-from workbench.loops.describing.base import HARMONICS, Block, Complex, Floats
+from workbench.loops.describing.base import HARMONICS, Block
 from workbench.loops.describing.fourier import series
 from workbench.response.simulate.zero_crossings import told_mean
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
-from workbench.loops.describing.base import Block, Floats
+from workbench.loops.describing.base import Block
 from workbench.loops.describing.measured import MeasuredBlock
 from workbench.loops.nyquist.nyquist import nyquist
 from workbench.loops.nyquist.result import Crossing, NyquistResult

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.loops.describing.base import Floats
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.zero_crossings import pass_rate, rising_passes
 

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.loops.describing.base import Floats
+from workbench.core.values.arrays import Floats
 from workbench.show.figure import COLOURS, label, panels
 
 if TYPE_CHECKING:

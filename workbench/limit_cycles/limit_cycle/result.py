@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from workbench.core.records.record import Part, Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.limit_cycles.limit_cycle.branch import Branch
 from workbench.limit_cycles.limit_cycle.free_run import FreeRun
 from workbench.limit_cycles.limit_cycle.perturbed_run import Observation
-from workbench.loops.describing.base import Floats
 from workbench.loops.nyquist.absolute import AbsoluteStability
 from workbench.loops.nyquist.result import Crossing, NyquistResult
 

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear, LinearPart
 from workbench.limit_cycles.limit_cycle.harmonic_balance import responses
-from workbench.loops.describing.base import Block, Complex, Floats
+from workbench.loops.describing.base import Block
 
 __all__ = ["Gain", "ManyBlocks", "tabulated"]
 

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, SimulationError
 from workbench.limit_cycles.limit_cycle.branch import Bifurcation, Branch, BranchPoint
-from workbench.loops.describing.base import Complex, Floats
 from workbench.model.described_model import DescribedModel
 from workbench.response.periodic.continuation import Manner, Track, both_ways
 from workbench.response.periodic.fourier import fundamental

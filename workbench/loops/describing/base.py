@@ -5,12 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
+
+from workbench.core.values.arrays import Complex, Floats
 
 __all__ = ["HARMONICS", "Block", "Complex", "Floats"]
 
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 HARMONICS = 7
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from workbench.core.records.record import Record, complex_of, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, suggest
 from workbench.jobs.options import Workers
-from workbench.loops.describing.base import HARMONICS, Block, Complex, Floats
+from workbench.loops.describing.base import HARMONICS, Block
 from workbench.loops.describing.formulas import cubic, dead_band, preload, quadratic, quantiser, relay, saturation
 from workbench.loops.describing.measured import MeasuredBlock
 from workbench.loops.describing.memory import Backlash, RelayWithHysteresis

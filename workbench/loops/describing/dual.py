@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block, Floats
+from workbench.loops.describing.base import Block
 from workbench.loops.describing.fourier import coefficients
 from workbench.loops.describing.static import StaticBlock
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Floats
 from workbench.loops.describing.static import StaticBlock
 
 __all__ = [

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from workbench.loops.describing.base import Complex, Floats
+from workbench.core.values.arrays import Complex, Floats
 
 __all__ = ["coefficients", "series"]
 

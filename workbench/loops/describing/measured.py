@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import HARMONICS, Block, Complex, Floats
+from workbench.loops.describing.base import HARMONICS, Block
 from workbench.response.nfr.result import NfrResult
 
 __all__ = ["MeasuredBlock"]

@@ -8,8 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block, Complex, Floats
+from workbench.loops.describing.base import Block
 from workbench.loops.describing.fourier import series
 
 __all__ = ["Backlash", "RelayWithHysteresis", "sampled_coefficients"]

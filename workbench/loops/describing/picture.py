@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import degrees
-from workbench.loops.describing.base import Complex, Floats
 from workbench.show.bode import Degrees
 from workbench.show.figure import ABOVE, COLOURS, panels
 

@@ -7,8 +7,9 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block, Complex, Floats
+from workbench.loops.describing.base import Block
 from workbench.loops.describing.fourier import series
 from workbench.loops.describing.memory import sampled_coefficients
 

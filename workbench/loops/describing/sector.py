@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.records.record import Part
-from workbench.loops.describing.base import Block, Floats
+from workbench.core.values.arrays import Floats
+from workbench.loops.describing.base import Block
 
 __all__ = ["Sector", "sector_of"]
 

@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block, Complex, Floats
+from workbench.loops.describing.base import Block
 from workbench.loops.describing.fourier import coefficients
 
 __all__ = ["StaticBlock", "find_levels", "pointwise"]

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from workbench.core.values.linear import Complex
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.margins import BORDER, STABLE, UNKNOWN, UNSTABLE, Margins, PhaseCrossover
 from workbench.core.values.response import Response
 from workbench.loops.loop.stability import Stability
-from workbench.session.base import Floats
 
 __all__ = ["curve_margins"]
 

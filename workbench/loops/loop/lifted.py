@@ -18,14 +18,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from workbench.core.values.linear import Complex, Linear, LinearPart
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.margins import GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.core.values.matrices import resolvent
 from workbench.loops.loop.stability import Stability
 from workbench.point.lin.kalman_bertram import period_map
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import LinTask
-from workbench.session.base import Floats
 
 __all__ = ["Lifted", "lifted", "margins_of_lifted"]
 

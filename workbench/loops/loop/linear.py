@@ -11,8 +11,9 @@ import numpy as np
 
 from workbench.core.records.option import values_of
 from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import unwrapped
-from workbench.core.values.linear import Complex, LinearPart
+from workbench.core.values.linear import LinearPart
 from workbench.core.values.margins import Margins
 from workbench.core.values.poles import natural_frequency_hz
 from workbench.loops.loop.cut import PASSED, RETURNED, CutLoop
@@ -25,7 +26,6 @@ from workbench.point.lin.linearise import run
 from workbench.point.lin.request import Lin, lin_result
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import Width, make_task
-from workbench.session.base import Floats
 
 __all__ = ["MANY", "LinearLoop", "linear_loop"]
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.margins import BORDER, GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.loops.loop.stability import Stability, stability_of
 from workbench.loops.nyquist.level_crossings import gain_crossings, real_crossings, scan
-from workbench.session.base import Floats
 
 __all__ = ["margins_of", "peak", "withheld"]
 

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import degrees
-from workbench.core.values.linear import Complex
 from workbench.core.values.margins import Margins
-from workbench.session.base import Floats
 
 __all__ = ["LoopCurve", "LoopPoint"]
 

@@ -20,10 +20,9 @@ from workbench.show.bode import Degrees, draw_response, plain_decades
 from workbench.show.figure import COLOURS, LEGEND, LINE, panels
 
 if TYPE_CHECKING:
-    from workbench.core.values.linear import Complex
+    from workbench.core.values.arrays import Complex, Floats
     from workbench.core.values.margins import Margins
     from workbench.loops.loop.result import LoopResult
-    from workbench.session.base import Floats
 
 __all__ = ["plot_loop"]
 

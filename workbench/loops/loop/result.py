@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels, degrees
 from workbench.core.values.margins import Margins
 from workbench.core.values.operating_point import OperatingPoint
@@ -16,7 +17,6 @@ from workbench.errors import InputError
 from workbench.loops.loop.linear import MANY, LinearLoop
 from workbench.loops.loop.measured import LoopCurve
 from workbench.loops.loop.place import Opening
-from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from control import StateSpace

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.records.record import Part, entry
-from workbench.core.values.linear import Complex, Linear, LinearPart
+from workbench.core.values.arrays import Complex
+from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.margins import BORDER, STABLE, UNKNOWN, UNSTABLE
 from workbench.core.values.poles import sides
 

@@ -11,9 +11,10 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from workbench.core.records.record import Record
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block, Complex, Floats
+from workbench.loops.describing.base import Block
 from workbench.loops.describing.sector import Sector, sector_of
 from workbench.loops.nyquist.level_crossings import level_frequencies, real_crossings, scan
 from workbench.loops.nyquist.part import part_of

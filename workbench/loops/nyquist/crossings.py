@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar, root
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
-from workbench.loops.describing.base import Block, Complex, Floats
+from workbench.loops.describing.base import Block
 
 __all__ = ["AxisCrossing", "axis_crossings", "intersections"]
 

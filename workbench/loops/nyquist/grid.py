@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
-from workbench.loops.describing.base import Complex, Floats
 from workbench.loops.nyquist.level_crossings import odd_pencil
 
 __all__ = ["adaptive_grid"]

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.linalg import eigvals
 from scipy.optimize import brentq
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import damped_frequency_hz, natural_frequency_hz
-from workbench.session.base import Floats
 
 __all__ = ["gain_crossings", "level_frequencies", "odd_pencil", "real_crossings", "scan"]
 

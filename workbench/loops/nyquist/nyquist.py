@@ -9,9 +9,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
-from workbench.loops.describing.base import HARMONICS, Block, Floats
+from workbench.loops.describing.base import HARMONICS, Block
 from workbench.loops.describing.measured import MeasuredBlock
 from workbench.loops.nyquist.crossings import AxisCrossing, axis_crossings, intersections
 from workbench.loops.nyquist.grid import adaptive_grid

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from scipy.interpolate import Akima1DInterpolator
 
-from workbench.loops.describing.base import Complex
+from workbench.core.values.arrays import Complex
 from workbench.show.figure import COLOURS, LEGEND, panels, written
 from workbench.show.labels import name_points
 

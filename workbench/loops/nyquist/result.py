@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.core.records.record import Part, Record, complex_of, entry
-from workbench.loops.describing.base import Complex, Floats
+from workbench.core.values.arrays import Complex, Floats
 
 __all__ = ["CRITERION", "Crossing", "NyquistResult"]
 

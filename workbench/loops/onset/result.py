@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from workbench.core.records.record import Part, Record
-from workbench.core.values.matrices import Floats
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 
 __all__ = ["Attitude", "Jump", "OnsetPoint", "OnsetResult"]

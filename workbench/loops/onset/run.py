@@ -11,8 +11,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from workbench.core.records.forms import several
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import decibels
-from workbench.core.values.matrices import Complex, Floats
 from workbench.core.values.modal import poles_of
 from workbench.errors import InputError, WorkbenchError
 from workbench.jobs.job import Job

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.model.names import declared_units
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import LinTask
-from workbench.session.base import Floats
 from workbench.session.point import Evaluation, Point
 
 __all__ = ["continuous_result", "operating_point", "output_rows"]

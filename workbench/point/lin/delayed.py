@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.core.values.matrices import Floats
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.matrices import light
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
@@ -18,7 +19,6 @@ from workbench.point.lin.result import Doubt, LinResult
 from workbench.point.lin.task import LinTask, columns_of, moving_note, open_base, sampled_note, width_for
 from workbench.point.lin.zero_entries import DECLARED, ELSEWHERE, NOT_CONNECTED, Reach, zeros_of
 from workbench.point.scales import straight_over
-from workbench.session.base import Floats
 from workbench.session.forcing import convert
 from workbench.session.point import Evaluation, Point
 

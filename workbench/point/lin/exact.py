@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.point.lin.assemble import continuous_result, operating_point
 from workbench.point.lin.difference import AGREE, ROUNDING, Columns
 from workbench.point.lin.result import Doubt, LinResult
 from workbench.point.lin.task import LinTask, columns_of, open_base, pass_states, sampled_note
 from workbench.point.lin.zero_entries import zeros_of
-from workbench.session.base import Floats
 
 __all__ = ["NoDerivativesError", "exact"]
 

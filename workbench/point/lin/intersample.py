@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.point.lin.realisation import Realisation
 from workbench.point.lin.result import Doubt, Intersample, LinResult
-from workbench.session.base import Floats
 
 __all__ = ["Held", "held", "inside", "lines", "periods_needed"]
 

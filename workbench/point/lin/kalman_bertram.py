@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.model.names import declared_units
@@ -16,7 +17,6 @@ from workbench.point.lin.period_map import PeriodMap
 from workbench.point.lin.result import Doubt, Intersample, LinResult
 from workbench.point.lin.task import LinTask, moving_note, no_equations, open_base
 from workbench.point.lin.zero_entries import Reach, zeros_of
-from workbench.session.base import Floats
 
 __all__ = ["kalman_bertram", "period_map"]
 

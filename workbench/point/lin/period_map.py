@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model.repetition import BEFORE
 from workbench.point.lin.difference import size_of
 from workbench.point.lin.task import LinTask, columns_of, width_for
-from workbench.session.base import Floats, Recorded
+from workbench.session.base import Recorded
 from workbench.session.point import Point
 from workbench.signals.kinds import Signal, Table
 

@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.large import corners_hz
 from workbench.core.values.poles import continuous, vanished
 from workbench.errors import InputError
 from workbench.point.lin.step_check import step_response
-from workbench.session.base import Floats
 from workbench.show.bode import bode_axes, draw_response
 from workbench.show.figure import COLOURS, LEGEND, frame, rows
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.session.base import Floats
 
 __all__ = ["Realisation", "realise"]
 

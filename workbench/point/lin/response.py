@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError, WorkbenchError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
@@ -23,7 +24,7 @@ from workbench.point.lin.result import Doubt, Intersample, LinResult, Zero
 from workbench.point.lin.task import LinTask, moving_note, width_for
 from workbench.point.lin.validation_run import DOUBT, MoveTrial, accepted, smallest, trial_levels
 from workbench.point.lin.zero_entries import Reach, zeros_of
-from workbench.session.base import Floats, Recorded, Session, Snapshot
+from workbench.session.base import Recorded, Session, Snapshot
 from workbench.session.settle import STEP
 from workbench.signals.kinds import Constant, Signal
 

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 
 from workbench.core.records.named import named
 from workbench.core.records.record import Part, Record, entry
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.large import is_large, poles_about
 from workbench.core.values.linear import Linear
-from workbench.core.values.matrices import Complex, resolvent
+from workbench.core.values.matrices import resolvent
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import pole_keys
-from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from workbench.point.lin.state_space import LinearModel

@@ -8,12 +8,12 @@ import numpy as np
 
 from workbench.core.records.names_in_text import check_names
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.core.values.matrices import held
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.point.lin.result import LinResult
 from workbench.requests.decorator import with_origin
-from workbench.session.base import Floats
 from workbench.signals.kinds import Constant, Signal
 
 __all__ = ["StepCheck", "step_check"]

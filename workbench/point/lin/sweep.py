@@ -15,6 +15,7 @@ import numpy as np
 from workbench.core.records.forms import several
 from workbench.core.records.option import recast
 from workbench.core.records.record import Part, Record, drawn, entry
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
@@ -29,7 +30,6 @@ from workbench.point.lin.linearise import run
 from workbench.point.lin.request import Lin, LinAlong, LinOver
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import make_task, point_in_full
-from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

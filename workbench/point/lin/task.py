@@ -10,6 +10,7 @@ import numpy as np
 
 from workbench.core.records.forms import Widths
 from workbench.core.records.names_in_text import check_names
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import TOGETHER
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
@@ -19,7 +20,6 @@ from workbench.model import Model, Variable
 from workbench.model.names import Kind, check_variables, found_variables
 from workbench.model.operating_point import find_point
 from workbench.point.lin.request import Lin, PointOptions
-from workbench.session.base import Floats
 from workbench.session.point import Point
 
 __all__ = [

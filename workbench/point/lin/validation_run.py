@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.point.lin.realisation import Realisation
 from workbench.point.lin.result import Doubt
-from workbench.session.base import Floats
 
 __all__ = ["DOUBT", "MoveTrial", "accepted", "smallest", "trial_levels"]
 

@@ -11,8 +11,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from workbench.core.values.modal import Complex, Poles
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.modal import Poles
 
 __all__ = ["Group", "Match", "closeness", "coincide", "match", "passing", "turning"]
 

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.records.record import Part, Record, complex_of, entry
-from workbench.core.values.modal import Complex
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import damped_frequency_hz, damping_ratio, natural_frequency_hz
 from workbench.fmi.variable import Value
-from workbench.session.base import Floats
 
 __all__ = ["CRITERION", "Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"]
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.core.values.modal import Complex, Poles
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.modal import Poles
 from workbench.errors import InputError
 from workbench.point.modes.match import Group, Match, closeness, coincide, match, passing, turning
-from workbench.session.base import Floats
 
 __all__ = ["Frame", "Meeting", "Track", "track"]
 

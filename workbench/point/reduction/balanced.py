@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.core.records.record import Record
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.modal import poles_of
 from workbench.errors import InputError, SimulationError, suggest
-from workbench.loops.describing.base import Floats
 from workbench.requests.decorator import with_origin
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
-from workbench.loops.describing.base import Floats
 
 __all__ = ["BandError", "band_error", "dense_grid"]
 

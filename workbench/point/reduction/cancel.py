@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Complex, Floats
 from workbench.point.reduction.factored import Factored, right_of_axis
 
 __all__ = ["Cancellation", "Mirrored", "cancel", "mirror", "pair_distances"]

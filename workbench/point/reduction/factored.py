@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import natural_frequency_hz
 from workbench.errors import InputError, SimulationError
-from workbench.loops.describing.base import Complex, Floats
 
 __all__ = ["Factored", "factored", "low_pass", "right_of_axis"]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
-from workbench.loops.describing.base import Complex
 from workbench.point.reduction.factored import Factored
 
 __all__ = ["to_state_space"]

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.point.trim.null_space import RANK, null_space, readable
 from workbench.point.trim.scaled import Scaled
-from workbench.session.base import Floats
 
 __all__ = ["Judge", "Verdict"]
 

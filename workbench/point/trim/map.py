@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.model import Model, Variable
 from workbench.point.trim.balance import Balance, by_name, slot_of
-from workbench.session.base import Floats, Session
+from workbench.session.base import Session
 from workbench.session.start_values import NotReachedError
 
 __all__ = ["MapBalance"]

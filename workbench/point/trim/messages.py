@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.point.trim.problem import Problem, Unknown
 from workbench.point.trim.result import NullDirection, Residual
 from workbench.point.trim.solve import Solution
-from workbench.session.base import Floats
 
 __all__ = ["carried_along", "degenerate", "directions", "in_words", "residual_table", "without_influence"]
 

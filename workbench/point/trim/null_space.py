@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["RANK", "null_space", "readable", "staged_step"]
 

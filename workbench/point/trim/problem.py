@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.core.records.names_in_text import check_names
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.point.trim.balance import Balance, Slot
-from workbench.session.base import Floats
 
 __all__ = ["Equation", "Problem", "TrimSets", "Unknown", "pose"]
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.jobs.job import SLOW, Job
@@ -32,7 +33,6 @@ from workbench.point.trim.running import RunBalance
 from workbench.point.trim.scales import sized
 from workbench.point.trim.search import exact_agrees, search
 from workbench.point.trim.solve import Solution
-from workbench.session.base import Floats
 from workbench.session.point import Point
 from workbench.session.settle import STEP, STEP_PARTS, Settled
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import EndedError, SimulationError
 from workbench.model import Model, Variable
 from workbench.point.trim.balance import Balance, Slot, by_name, slot_of
-from workbench.session.base import Floats
 from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, Settled, settle
 
 __all__ = ["RunBalance"]

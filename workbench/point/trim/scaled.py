@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.point.trim.problem import Problem
-from workbench.session.base import Floats
 
 __all__ = ["Scaled"]
 

@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.point.scales import straight_over
 from workbench.point.trim.problem import Problem
-from workbench.session.base import Floats
 
 __all__ = ["resized", "sized", "told"]
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.point.trim.balance import by_name
@@ -14,7 +15,6 @@ from workbench.point.trim.problem import Problem
 from workbench.point.trim.scaled import Scaled
 from workbench.point.trim.scales import resized, told
 from workbench.point.trim.solve import Solution, Told, nobody, solve
-from workbench.session.base import Floats
 
 __all__ = ["exact_agrees", "search"]
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.point.trim.convergence import Judge
 from workbench.point.trim.null_space import staged_step
 from workbench.point.trim.problem import Problem
 from workbench.point.trim.scaled import Scaled
-from workbench.session.base import Floats
 
 __all__ = ["Solution", "Told", "nobody", "solve"]
 

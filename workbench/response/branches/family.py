@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.varied import with_parameters
@@ -17,7 +18,6 @@ from workbench.response.periodic.fourier import fundamental
 from workbench.response.periodic.period_map import FEW_STATES, Lap, PeriodMap
 from workbench.response.periodic.place import Family
 from workbench.response.periodic.timed import changes_with_time
-from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession
 
 __all__ = ["Forced", "near"]

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.records.record import Part, Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
-from workbench.session.base import Floats
 
 __all__ = ["BranchesResult", "Fold", "Onset", "ResponseAt", "ResponseBranch"]
 

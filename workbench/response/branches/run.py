@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.core.records.forms import several
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
 from workbench.model import Model
@@ -24,7 +25,6 @@ from workbench.response.periodic.continuation import Manner, Track, both_ways, f
 from workbench.response.periodic.fourier import fundamental
 from workbench.response.periodic.place import Place, arrive, depart
 from workbench.response.periodic.special import Special
-from workbench.session.base import Floats
 
 __all__ = ["explore", "run"]
 

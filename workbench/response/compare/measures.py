@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Floats
 from workbench.response.simulate.zero_crossings import highest
-from workbench.session.base import Floats
 
 __all__ = ["Measure", "measure"]
 

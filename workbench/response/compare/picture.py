@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 from workbench.show.figure import COLOURS, label, panels
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from workbench.core.records.record import Record, entry, plain
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.response.compare.measures import Measure
 from workbench.response.compare.units import Shown
-from workbench.session.base import Floats
 
 __all__ = ["Motion", "MotionComparison", "MotionFailed", "MotionHistory"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Floats
 from workbench.point.lin.result import LinResult
-from workbench.session.base import Floats
 
 __all__ = ["InterfaceDifference", "compare_interfaces"]
 

@@ -13,6 +13,7 @@ import numpy as np
 from workbench.core.records.forms import several
 from workbench.core.records.option import recast
 from workbench.core.records.record import Part, Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import difference
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import natural_frequency_hz
@@ -28,7 +29,6 @@ from workbench.point.lin.task import LinTask, make_task, open_base
 from workbench.response.compare_linear.interfaces import InterfaceDifference, compare_interfaces
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
-from workbench.session.base import Floats
 
 __all__ = ["LinComparison", "Verdict", "run_all"]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.response.periodic.fourier import fundamental
-from workbench.session.base import Floats
 
 __all__ = ["BEAT", "Beat", "mean_over_beats", "repeats_every", "spread_words"]
 

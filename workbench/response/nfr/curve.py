@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
-from workbench.session.base import Floats
 
 __all__ = ["DROP_DB", "Fall", "Peak", "fall_of", "peak_of"]
 

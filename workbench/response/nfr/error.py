@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.response.nfr.beats import Beat
 from workbench.response.nfr.prior_knowledge import Twin
 from workbench.response.nfr.transient import MOST_MODES, Limit, directions, multipliers, weigh
 from workbench.response.periodic.fourier import NOTHING, fundamental
-from workbench.session.base import Floats
 
 __all__ = [
     "BELIEVED",

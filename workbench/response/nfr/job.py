@@ -9,6 +9,7 @@ from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.jobs import job as telling
@@ -36,7 +37,7 @@ from workbench.response.nfr.point import ArrivedError, NfrPoint, PointTask, run_
 from workbench.response.nfr.prior_knowledge import Surroundings, surroundings
 from workbench.response.nfr.reached import Approach, contracts
 from workbench.response.nfr.zero_input import ZeroInput, watch
-from workbench.session.base import Floats, Session
+from workbench.session.base import Session
 from workbench.session.compiled import CompiledMeSession
 
 __all__ = ["BranchesJob", "PointsJob", "StartJob", "SurroundingsJob"]

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.response.nfr.settling import Outcome, PointResponse, Settling
 from workbench.response.periodic.fourier import Period, distortion, fundamental
-from workbench.session.base import Floats
 
 __all__ = ["OWN", "Apart"]
 

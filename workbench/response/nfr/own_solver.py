@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.response.nfr.communication_step import OF_HALVING
 from workbench.response.nfr.point import PointTask
-from workbench.session.base import Floats
 
 __all__ = ["hidden", "own_step"]
 

@@ -11,6 +11,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Floats
 from workbench.errors import WorkbenchError
 from workbench.response.nfr.certificate import Certificate, finite
 from workbench.response.nfr.error import (
@@ -29,7 +30,7 @@ from workbench.response.periodic.monodromy import Tangent
 from workbench.response.periodic.period_map import FEW_STATES, Lap, PeriodMap, correction, resolvent_rows
 from workbench.response.periodic.stability import is_stable
 from workbench.response.periodic.timed import changes_with_time
-from workbench.session.base import Floats, Session
+from workbench.session.base import Session
 from workbench.session.compiled import CompiledMeSession
 
 __all__ = ["NotSolvedError", "Search", "Solved", "can_solve", "solve_point"]

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
 from workbench.response.branches.picture import branch_handles, draw_branches
-from workbench.session.base import Floats
 from workbench.show.bode import Degrees, gain_label, log_axis
 from workbench.show.figure import COLOURS, LEGEND, label, rows
 

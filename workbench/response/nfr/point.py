@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.response.nfr.beats import Beat
 from workbench.response.nfr.certificate import Certificate, certify, finite
@@ -20,7 +21,6 @@ from workbench.response.nfr.settling import Outcome, PointResponse, Settling
 from workbench.response.periodic.fourier import ORDERS, Period, measure_period
 from workbench.response.periodic.period_map import ROWS, Span, period_of
 from workbench.session import Session
-from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession, CompiledSession
 from workbench.signals.kinds import Sine
 

@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
-from workbench.core.values.matrices import Complex, held, resolvent
+from workbench.core.values.matrices import held, resolvent
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.model import Model
 from workbench.model.recipe import LoadRecipe
@@ -19,7 +20,6 @@ from workbench.model.sample_rates import sampled
 from workbench.point.lin.linearise import plain
 from workbench.point.lin.request import Lin
 from workbench.point.lin.task import make_task
-from workbench.session.base import Floats
 from workbench.session.point import Point
 from workbench.system.recipe import SystemRecipe
 

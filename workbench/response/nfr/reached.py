@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
-from workbench.core.values.matrices import Complex
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import WorkbenchError
 from workbench.response.nfr.period_solver import Solved
 from workbench.response.nfr.point import NfrPoint, PointTask
 from workbench.response.nfr.prior_knowledge import Forced, LinearStart
 from workbench.response.periodic.fourier import Period, fundamental
 from workbench.response.periodic.stability import NEUTRAL
-from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession
 from workbench.session.evaluated_point import Stand
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.records.record import Record, drawn, entry, numbers
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels, follow_phase
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.response import Response
@@ -23,7 +24,6 @@ from workbench.response.nfr.certificate import Certificate
 from workbench.response.nfr.point import NfrPoint
 from workbench.response.nfr.settling import NO_EFFECT
 from workbench.response.nfr.zero_input import ZeroInput
-from workbench.session.base import Floats
 
 if TYPE_CHECKING:
     from control import FrequencyResponseData

@@ -17,7 +17,7 @@ import numpy as np
 
 from workbench.core.records.forms import several
 from workbench.core.records.option import with_options
-from workbench.core.values.matrices import Complex
+from workbench.core.values.arrays import Complex
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.jobs import job as telling

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.response.nfr.beats import mean_over_beats, repeats_every, spread_words
 from workbench.response.nfr.error import (
     BELIEVED,
@@ -25,7 +26,6 @@ from workbench.response.nfr.error import (
 )
 from workbench.response.nfr.transient import Limit, directions, remove_transient
 from workbench.response.periodic.fourier import COMPARED, Period, fundamental
-from workbench.session.base import Floats
 
 __all__ = ["NO_EFFECT", "Outcome", "PointResponse", "Settling"]
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["MOST_MODES", "Limit", "directions", "multipliers", "remove_transient", "weigh"]
 

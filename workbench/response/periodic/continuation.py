@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.response.periodic.place import ROUNDS, Family, Place, arrive, correct, stride_from, turned
 from workbench.response.periodic.special import Missed, Special, between
-from workbench.session.base import Floats
 
 __all__ = ["Manner", "Track", "both_ways", "follow"]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.kernel.library import kernel
 from workbench.kernel.native_record import NativeFourier
 from workbench.session import Recorded
-from workbench.session.base import Floats
 
 __all__ = ["COMPARED", "NOTHING", "ORDERS", "Period", "distortion", "fundamental", "measure_period"]
 

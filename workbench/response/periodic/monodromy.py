@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
-from workbench.core.values.matrices import Complex, exponentials
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.matrices import exponentials
 from workbench.kernel.native_slopes import NativeSlopes
-from workbench.session.base import Floats
 
 __all__ = ["Tangent", "instants", "tangent"]
 

@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.values.matrices import Complex
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, SimulationError
 from workbench.response.periodic.fourier import ORDERS, Period, fundamental
 from workbench.response.periodic.monodromy import Tangent, instants, tangent
-from workbench.session.base import Floats
 from workbench.session.compiled import CompiledMeSession, Harmonics
 from workbench.signals.kinds import Signal, Sine
 

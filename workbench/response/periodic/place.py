@@ -9,12 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench.core.values.matrices import Complex
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import SimulationError
 from workbench.response.periodic.monodromy import Tangent
 from workbench.response.periodic.period_map import Lap
 from workbench.response.periodic.stability import is_stable
-from workbench.session.base import Floats
 
 __all__ = ["ROUNDS", "Family", "Place", "arrive", "correct", "depart", "stride_from", "turned"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.core.values.matrices import Complex
+from workbench.core.values.arrays import Complex
 
 __all__ = ["NEUTRAL", "is_stable"]
 

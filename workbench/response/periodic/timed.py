@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 from workbench.session.compiled import CompiledMeSession
 
 __all__ = ["changes_with_time"]

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.records.record import Part
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.model.base import Model
 from workbench.model.names import declared_units
-from workbench.session.base import Floats, Recorded, Session
+from workbench.session.base import Recorded, Session
 from workbench.signals.kinds import Signal
 
 __all__ = ["Divergence", "DivergenceError", "divergence", "explained"]

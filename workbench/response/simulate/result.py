@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from workbench.core.records.record import Record, entry
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
-from workbench.session.base import Floats
 
 __all__ = ["SimulationResult"]
 

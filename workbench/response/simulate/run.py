@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.records.forms import several
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import EndedError, FmuError, InputError, SimulationError, StoppedError
 from workbench.fmi.variable import EXACT_TO, WHOLE_RANGES
@@ -23,7 +24,7 @@ from workbench.model.operating_point import standing, start_at
 from workbench.response.simulate.divergence import DivergenceError, divergence, explained
 from workbench.response.simulate.request import Simulate
 from workbench.response.simulate.result import SimulationResult
-from workbench.session.base import Floats, Recorded, Session
+from workbench.session.base import Recorded, Session
 from workbench.session.compiled import CompiledSession
 from workbench.session.pauses import at_pauses
 from workbench.signals.kinds import Signal, Sine

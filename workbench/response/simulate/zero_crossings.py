@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 
-from workbench.session.base import Floats
+from workbench.core.values.arrays import Floats
 
 __all__ = ["half_range", "highest", "pass_rate", "rising_passes", "told_mean"]
 

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.show.figure import COLOURS, LEGEND, QUIET, caption, label, panels
 
 __all__ = ["EnvelopePanel", "plot_maps"]
 
-Floats = NDArray[np.float64]
 _FINE = 121  # places along each axis of a map
 _LEVELS = 12
 _MARKS = {"Hopf": "^", "real pole": "v", "fold": "o", "cycle born": "^", "period doubling": "s"}

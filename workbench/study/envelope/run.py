@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.jobs.job import Job
 from workbench.study.description import Point, Study
@@ -30,8 +30,6 @@ from workbench.study.requirements.base import Compliance
 from workbench.study.run import default_store
 
 __all__ = ["run"]
-
-Floats = NDArray[np.float64]
 
 
 def run(name: str | Path, asked: EnvelopeOf, job: Job) -> EnvelopeResult:

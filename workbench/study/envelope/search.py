@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import differential_evolution, minimize
 from scipy.stats import qmc
 
+from workbench.core.values.arrays import Floats
+
 __all__ = ["Searched", "search"]
 
-Floats = NDArray[np.float64]
 # Margins at places of the unit cube, shape (m, d) → (m,); NaN: nothing was measured there.
 Margins = Callable[[Floats], Floats]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, QhullError
 
+from workbench.core.values.arrays import Floats
+
 __all__ = ["Surface"]
 
-Floats = NDArray[np.float64]
 _LEAST = 4  # points of a surface
 _RING = 3  # neighbours that a plane is fitted to
 

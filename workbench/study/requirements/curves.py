@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import decibels, unwrapped
-from workbench.core.values.matrices import Complex, Floats
 from workbench.core.values.poles import continuous, natural_frequency_hz, vanished
 from workbench.errors import InputError, suggest
 from workbench.identification.identified.model import IdentifiedModel

@@ -6,16 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from workbench.core.records.forms import Form, several
 from workbench.core.records.option import Options, options_of, values_of
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 
 __all__ = ["Block", "Described", "Floats", "Matrices", "Matrix", "Values"]
-
-Floats = NDArray[np.float64]
 
 
 def _unwritten(_texts: object) -> object:

@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench.core.records.option import option
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.system.block_table.base import Block, Described, Floats, Matrix, Values
+from workbench.system.block_table.base import Block, Described, Matrix, Values
 
 __all__ = ["Friction", "Lookup", "Lookup2d", "Maximum", "Minimum", "Product", "Switch"]
 

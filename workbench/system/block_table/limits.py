@@ -9,8 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from workbench.core.records.option import option
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.system.block_table.base import Block, Described, Floats, ordered
+from workbench.system.block_table.base import Block, Described, ordered
 
 __all__ = ["Backlash", "DeadBand", "Integrator", "Pi", "Pid", "Quantiser", "RateLimiter", "Relay", "Saturation"]
 

@@ -12,13 +12,13 @@ import numpy as np
 from workbench.core.machine.files import content_of, named_path
 from workbench.core.records.forms import whole
 from workbench.core.records.parsing import from_json
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, close_names, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
 from workbench.system.block_table.linear import realised
 from workbench.system.description import (
     BlockComponent,
     Component,
-    Floats,
     FmuComponent,
     GainComponent,
     LinearComponent,

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import WorkbenchError
 from workbench.model.described_model import DescribedModel
-from workbench.session.base import Floats
 from workbench.system.connection_checks import as_written
 from workbench.system.description import FmuComponent, MasterOptions
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 
+from workbench.core.values.arrays import Floats
 from workbench.kernel.structs import Me
-from workbench.session.base import Floats, Recorded, Snapshot
+from workbench.session.base import Recorded, Snapshot
 from workbench.session.compiled import CompiledMeSession
 from workbench.session.me import MeSession
 from workbench.signals.kinds import Signal

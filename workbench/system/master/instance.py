@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler, gathered, is_due, rounding
 from workbench.errors import SimulationError
 from workbench.fmi.description import Description
@@ -26,7 +26,6 @@ from workbench.system.order import plan
 
 __all__ = ["MasterInstance", "MasterPlan"]
 
-Floats = NDArray[np.float64]
 
 _LEAST = 1e-3  # of values whose nominal value is not declared
 

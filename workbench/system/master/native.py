@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler
 from workbench.fmi.access import Access
 from workbench.fmi.c_array import c_array
@@ -30,7 +31,6 @@ from workbench.system.master.units import moves
 
 __all__ = ["NativeMaster"]
 
-Floats = NDArray[np.float64]
 
 _LINE = Table((0.0, 1.0), (0.0, 1.0))  # its numbers are the kernel's
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
-from workbench.session.base import Floats
 from workbench.session.cs import CsSession
 from workbench.session.fmu import Setup
 from workbench.signals.kinds import Signal

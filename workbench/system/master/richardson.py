@@ -11,11 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from workbench.core.values.arrays import Floats
 
 __all__ = ["Halving", "halving"]
 
-Floats = NDArray[np.float64]
 
 _EVEN = (0.5, 6.0)  # orders that can be believed
 _ROUNDING = 1e-12  # relative: smaller changes are not counted as changes
