@@ -24,7 +24,8 @@ sys.path.insert(0, str(ROOT))
 import numpy as np  # noqa: E402
 
 from tests.random_systems import Plant, pole_error, random_plant  # noqa: E402
-from workbench.identification.subspace import METHODS, estimate  # noqa: E402
+from workbench.identification.subspace.estimate import estimate  # noqa: E402
+from workbench.identification.subspace.weightings import METHODS  # noqa: E402
 
 ORDERS = range(1, 11)
 MEGABYTE = 2.0**20
@@ -33,7 +34,7 @@ _LARGE = """
 import json, sys, time
 import numpy as np
 from tests.random_systems import random_plant
-from workbench.identification.subspace import estimate
+from workbench.identification.subspace.estimate import estimate
 
 def peak():
     for line in open("/proc/self/status"):

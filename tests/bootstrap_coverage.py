@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment, make_experiment
 from workbench.identification.identified.recursion import march_one
-from workbench.identification.subspace import estimate
+from workbench.identification.subspace.estimate import estimate
 from workbench.identification.validate.bootstrap import PoleBootstrap, bootstrap_poles
 from workbench.identification.validate.estimator import same_settings
 

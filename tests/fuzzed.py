@@ -24,7 +24,6 @@ from hypothesis import strategies as st
 
 import workbench as wb
 from tests.record_examples import Maker
-from workbench.core.records.record import Record
 from workbench.data.experiment.data_table import DataTable, read_table
 from workbench.errors import UNSEEN
 from workbench.fmi.archive import unpack
@@ -38,6 +37,7 @@ from workbench.response.nfr.point import NfrPoint
 from workbench.response.nfr.result import NfrResult
 from workbench.response.nfr.store import NfrStore
 from workbench.response.simulate.result import SimulationResult
+from workbench.show.result import Result
 from workbench.signals.file import read_table as read_signal
 from workbench.signals.kinds import Table
 from workbench.study.read import read_study
@@ -352,13 +352,13 @@ def _database() -> bytes:
         return path.read_bytes()
 
 
-def _write_record(folder: Path, read: Record) -> Path:
+def _write_record(folder: Path, read: Result) -> Path:
     path = folder / "again.json"
     path.write_text(json.dumps({"kind": type(read).__name__, "data": read.to_dict()}, allow_nan=False))
     return path
 
 
-def _same_record(read: Record) -> object:
+def _same_record(read: Result) -> object:
     """All of a record; what is computed of its numbers, as decibels of a gain, has rounding errors."""
     whole = json.loads(json.dumps(read.to_dict()), parse_float=lambda text: f"{float(text):.12g}")
     return json.dumps(whole)

@@ -12,9 +12,10 @@ from scipy import signal
 
 from tests.identification_data import DT, data, prbs, response, white, with_noise
 from workbench.core.values.arrays import Floats
-from workbench.data.advice import TOPICS, VERDICTS, advise
+from workbench.data.advice.advise import TOPICS, advise
 from workbench.data.advice.delay import delays
 from workbench.data.advice.linearity import _nonlinear_columns
+from workbench.data.advice.result import VERDICTS
 from workbench.data.advice.sampling import _gains
 from workbench.data.advice.shared_estimates import DataStudy
 from workbench.data.experiment.experiment import Experiment, make_experiment

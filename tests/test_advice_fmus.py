@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from workbench.core.values.arrays import Floats
-from workbench.data.advice import advise
+from workbench.data.advice.advise import advise
 from workbench.data.experiment.experiment import Experiment, make_experiment
-from workbench.data.spectra import coherence, sdf
+from workbench.data.spectra.coherence import coherence
+from workbench.data.spectra.density import sdf
 from workbench.model.load import load
 from workbench.signals.kinds import Constant, Prbs, Table
 

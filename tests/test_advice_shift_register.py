@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.identification_data import DT
-from workbench.data.advice import advise
+from workbench.data.advice.advise import advise
 from workbench.data.advice.feedback import from_shift_register, linear_complexity
 from workbench.data.experiment.experiment import make_experiment
 from workbench.signals.kinds import Prbs

@@ -14,7 +14,6 @@ import pytest
 
 import workbench as wb
 from workbench.core.records.option import option
-from workbench.core.records.record import Record
 from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
 from workbench.jobs.job import Job
@@ -22,13 +21,14 @@ from workbench.model import Model
 from workbench.model.names import check_variables
 from workbench.model.operating_point import bias_of, standing, start_at
 from workbench.requests.request import Analysis
+from workbench.show.result import Result
 from workbench.signals.kinds import Constant
 
 TEXT = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
-class NameResult(Record):
+class NameResult(Result):
     model: str
     time: Any
     y: Any

@@ -14,7 +14,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.identified.recursion import march
-from workbench.identification.subspace import estimate
+from workbench.identification.subspace.estimate import estimate
 
 
 def model_of(A: Floats, B: Floats, C: Floats, D: Floats, K: Floats | None = None, dt: float = 0.1) -> IdentifiedModel:

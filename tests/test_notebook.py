@@ -10,8 +10,9 @@ import pytest
 
 import workbench as wb
 from tests.test_records import RECORDS, example
-from workbench.core.records.record import Part, Record
+from workbench.core.records.record import Part
 from workbench.core.values.operating_point import OperatingPoint
+from workbench.show.result import Result
 
 
 def parts_of(value: object, depth: int = 0) -> Iterator[Part]:
@@ -31,10 +32,10 @@ def parts_of(value: object, depth: int = 0) -> Iterator[Part]:
 
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda c: c.__name__)
-def test_every_result_and_part_is_a_line(kind: type[Record]) -> None:
+def test_every_result_and_part_is_a_line(kind: type[Result]) -> None:
     for part in parts_of(example(kind)):
         assert len(repr(part)) <= 260
-        assert "\n" not in repr(part) or not isinstance(part, Record)
+        assert "\n" not in repr(part) or not isinstance(part, Result)
 
 
 def test_a_long_part_tells_its_sizes() -> None:

@@ -11,14 +11,13 @@ from matplotlib.figure import Figure
 import workbench as wb
 from tests.fakes import lag
 from tests.test_records import example
-from workbench.core.records.record import Record
 from workbench.response.branches.result import Fold, ResponseBranch
 from workbench.response.nfr.picture import plot_nfr
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
 from workbench.show.bode import Degrees, gain_label, log_axis
 from workbench.show.figure import rows
-from workbench.show.result import picture_of
+from workbench.show.result import Result, picture_of
 
 
 def labels(figure: Figure) -> list[str]:
@@ -54,7 +53,7 @@ def test_phase_ticks_are_parts_of_a_right_angle_and_few(span: float, end: float)
 @pytest.mark.parametrize(
     "kind", [wb.BlaResult, wb.BranchesResult, wb.DescribingFunction, wb.FitResult, wb.NfrResult, wb.ModelSpread]
 )
-def test_every_picture_of_a_phase_has_its_ticks(kind: type[Record]) -> None:
+def test_every_picture_of_a_phase_has_its_ticks(kind: type[Result]) -> None:
     axes = [ax for ax in picture_of(example(kind), None).axes if ax.get_ylabel().startswith("phase")]
     assert axes
     assert all(isinstance(ax.yaxis.get_major_locator(), Degrees) for ax in axes)

@@ -19,9 +19,10 @@ from typing_extensions import TypeAliasType
 import workbench
 from tests.platforms import needs_module
 from tests.record_examples import Maker
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.errors import InputError
 from workbench.response.nfr.result import NfrResult
+from workbench.show.result import Result
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +36,7 @@ class Corner(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sweep(Record):
+class Sweep(Result):
     names: tuple[str, ...]
     time: NDArray[np.float64] = field(metadata=entry(dims=("time",), unit="s"))
     signals: dict[str, NDArray[np.float64]] = field(metadata=entry(dims=("time",)))
@@ -66,7 +67,7 @@ def sweep(**changed: Any) -> Sweep:
     return Sweep(**{**given, **changed})
 
 
-def written(record: Record) -> dict[str, Any]:
+def written(record: Result) -> dict[str, Any]:
     data: dict[str, Any] = json.loads(json.dumps(record.to_dict(), allow_nan=False))
     return data
 
@@ -127,7 +128,7 @@ def test_arrays_over_the_same_axis_are_a_table() -> None:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Signals(Record):
+class Signals(Result):
     time: NDArray[np.float64] = field(metadata=entry(dims=("time",), unit="s"))
     signals: dict[str, NDArray[np.float64]] = field(metadata=entry(dims=("time",)))
 
@@ -186,7 +187,7 @@ NO_TABLE = {
 NOT_IN_FILES = {("CyclesLeft", "curve")}
 
 PARTS = all_parts()
-RECORDS = [kind for kind in PARTS if issubclass(kind, Record)]
+RECORDS = [kind for kind in PARTS if issubclass(kind, Result)]
 
 
 def example(kind: type[Part], *, empty: bool = False) -> Any:
@@ -224,13 +225,13 @@ def assert_same(found: Any, expected: Any, where: str) -> None:
 def test_every_record_reads_its_own_json(kind: type[Part], empty: bool) -> None:
     first = example(kind, empty=empty)
     data = json.loads(json.dumps(first.to_dict(), allow_nan=False))
-    again = kind.from_dict({**data, "command": "any", "version": "0"} if issubclass(kind, Record) else data)
+    again = kind.from_dict({**data, "command": "any", "version": "0"} if issubclass(kind, Result) else data)
     assert_same(again, first, kind.__name__)
     assert_same(again.to_dict(), first.to_dict(), kind.__name__)
 
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
-def test_every_record_has_a_table_or_says_that_there_is_none(kind: type[Record]) -> None:
+def test_every_record_has_a_table_or_says_that_there_is_none(kind: type[Result]) -> None:
     record, text = example(kind), io.StringIO()
     if kind.__name__ in NO_TABLE:
         with pytest.raises(InputError, match="has no table"):
@@ -246,7 +247,7 @@ def test_every_record_has_a_table_or_says_that_there_is_none(kind: type[Record])
 
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
-def test_a_file_of_something_else_is_refused_in_one_line(kind: type[Record]) -> None:
+def test_a_file_of_something_else_is_refused_in_one_line(kind: type[Result]) -> None:
     needed = [f for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]  # type: ignore[arg-type]
     if not needed:
         return
@@ -256,7 +257,7 @@ def test_a_file_of_something_else_is_refused_in_one_line(kind: type[Record]) -> 
 
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
-def test_every_array_over_named_axes_goes_to_xarray(kind: type[Record]) -> None:
+def test_every_array_over_named_axes_goes_to_xarray(kind: type[Result]) -> None:
     record = example(kind)
     if not any(f.metadata.get("dims") for f in fields(kind)):  # type: ignore[arg-type]
         with pytest.raises(InputError, match="has no array over named axes"):
@@ -269,7 +270,7 @@ def test_every_array_over_named_axes_goes_to_xarray(kind: type[Record]) -> None:
 
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
-def test_a_key_that_is_missing_or_wrong_is_an_input_error(kind: type[Record]) -> None:
+def test_a_key_that_is_missing_or_wrong_is_an_input_error(kind: type[Result]) -> None:
     """Or it does not matter, since it follows from others; no other exception comes out."""
     data, refused = json.loads(json.dumps(example(kind).to_dict())), []
     for key in data:
@@ -296,8 +297,8 @@ def test_an_array_type_may_be_an_alias() -> None:
     """As `NDArray` is since NumPy 2.5, which Python 3.12 and newer get."""
     scalar = TypeVar("scalar", bound=np.generic)
     alias = TypeAliasType("alias", np.ndarray[tuple[Any, ...], np.dtype[scalar]], type_params=(scalar,))
-    made: type[Record] = make_dataclass(
-        "Aliased", [("time", alias[np.float64])], bases=(Record,), frozen=True, eq=False, kw_only=True
+    made: type[Result] = make_dataclass(
+        "Aliased", [("time", alias[np.float64])], bases=(Result,), frozen=True, eq=False, kw_only=True
     )
     read = made.from_dict({"time": [1.0, 2.5]})
     np.testing.assert_array_equal(vars(read)["time"], [1.0, 2.5])

@@ -25,14 +25,14 @@ from tests.report_pages import changed_lag, check_page_file, data_of, facts_of_p
 from tests.test_records import RECORDS, example
 from workbench.cli.program import COMMANDS
 from workbench.core.records.named import named
-from workbench.core.records.record import Record, Reportable, plain
+from workbench.core.records.record import plain
 from workbench.fmi.archive import locate
 from workbench.requests.decorator import with_origin
 from workbench.requests.kept import origin_of, remember
 from workbench.requests.origin import Origin
 from workbench.show.facts import point_facts
 from workbench.show.page import SUFFIXES, Page, Section, Table, write_page
-from workbench.show.result import page_of, picture_of, write_report
+from workbench.show.result import Reportable, Result, page_of, picture_of, write_report
 from workbench.show.verdicts import TONES, Verdict, counted, tone, worst_first
 
 # Data that results are made from, models, and parts of results: none is what an analysis answers with.
@@ -71,7 +71,7 @@ WITHOUT_PICTURE = {
 
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda c: c.__name__)
-def test_every_record_has_a_page_and_a_picture_or_says_that_there_is_none(kind: type[Record]) -> None:
+def test_every_record_has_a_page_and_a_picture_or_says_that_there_is_none(kind: type[Result]) -> None:
     assert kind._page or kind.report is not Reportable.report
     if kind.__name__ in WITHOUT_PICTURE:
         with pytest.raises(wb.InputError, match=f"{kind.__name__} has no picture"):
@@ -85,7 +85,7 @@ NOT_PUBLIC = {"BuildResult", "BuiltModels", "ReproduceResult", "TargetList"}
 
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda c: c.__name__)
-def test_every_record_is_a_public_class(kind: type[Record]) -> None:
+def test_every_record_is_a_public_class(kind: type[Result]) -> None:
     assert (getattr(wb, kind.__name__, None) is kind) != (kind.__name__ in NOT_PUBLIC), "a row in workbench/__init__.py"
 
 

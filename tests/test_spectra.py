@@ -12,7 +12,8 @@ from scipy import signal
 from tests.identification_data import DT, A, B, data, prbs, response, white, with_noise
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import make_experiment
-from workbench.data.spectra import Coherence, SpectralDensity, coherence, sdf
+from workbench.data.spectra.coherence import Coherence, coherence
+from workbench.data.spectra.density import SpectralDensity, sdf
 from workbench.errors import InputError
 
 

@@ -11,8 +11,9 @@ from scipy.signal import lfilter
 from tests.random_systems import Plant, pole_error, random_plant
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.identification.subspace import METHODS, estimate
+from workbench.identification.subspace.estimate import estimate
 from workbench.identification.subspace.order import _inflation
+from workbench.identification.subspace.weightings import METHODS
 
 SECOND = Plant(
     np.array([[0.9, 0.3], [-0.3, 0.7]]), np.array([[1.0], [0.5]]), np.array([[1.0, -0.4]]), np.array([[0.2]])

@@ -14,7 +14,7 @@ from tests.random_systems import random_plant
 from workbench.core.values.arrays import Complex, Floats
 from workbench.data.experiment.experiment import make_experiment
 from workbench.errors import InputError
-from workbench.identification.subspace import estimate
+from workbench.identification.subspace.estimate import estimate
 from workbench.identification.validate.bootstrap import PoleBootstrap, bootstrap_poles, match, match_clouds
 from workbench.identification.validate.estimator import same_settings
 from workbench.identification.validate.regions import PoleRegion, pole_regions

@@ -190,7 +190,7 @@ def test_pole_zero_picture_without_bootstrap() -> None:
 
 
 def test_picture_of_the_order() -> None:
-    from workbench.identification.subspace import estimate
+    from workbench.identification.subspace.estimate import estimate
 
     rng = np.random.default_rng(0)
     u = np.sign(rng.normal(size=(600, 1)))

@@ -11,9 +11,9 @@ from workbench.core.values.margins import Margins as Margins
 from workbench.core.values.operating_point import OperatingPoint as OperatingPoint
 from workbench.core.values.response import Response as Response
 from workbench.core.values.response import ResponseDifference as ResponseDifference
-from workbench.data.advice import Advice as Advice
-from workbench.data.advice import Finding as Finding
 from workbench.data.advice.advise import advise as advise
+from workbench.data.advice.result import Advice as Advice
+from workbench.data.advice.result import Finding as Finding
 from workbench.data.bla.request import best_linear as best_linear
 from workbench.data.bla.request import bla as bla
 from workbench.data.bla.result import BlaResult as BlaResult
@@ -30,10 +30,10 @@ from workbench.data.preprocess.outliers import remove_outliers as remove_outlier
 from workbench.data.preprocess.resample import resample as resample
 from workbench.data.preprocess.scale import scale as scale
 from workbench.data.preprocess.settle import cut_settling as cut_settling
-from workbench.data.spectra import Coherence as Coherence
-from workbench.data.spectra import SpectralDensity as SpectralDensity
-from workbench.data.spectra import sdf as sdf
+from workbench.data.spectra.coherence import Coherence as Coherence
 from workbench.data.spectra.coherence import coherence as coherence
+from workbench.data.spectra.density import SpectralDensity as SpectralDensity
+from workbench.data.spectra.density import sdf as sdf
 from workbench.errors import BuildError as BuildError
 from workbench.errors import CrashedError as CrashedError
 from workbench.errors import ExitedError as ExitedError
@@ -66,8 +66,8 @@ from workbench.identification.identify.result import IdentifyResult as IdentifyR
 from workbench.identification.structures.request import identify_structure as identify_structure
 from workbench.identification.structures.result import StructureResult as StructureResult
 from workbench.identification.structures.table import StaticTable as StaticTable
-from workbench.identification.subspace import SubspaceEstimate as SubspaceEstimate
 from workbench.identification.subspace.estimate import estimate as estimate
+from workbench.identification.subspace.result import SubspaceEstimate as SubspaceEstimate
 from workbench.identification.validate.bootstrap import PoleBootstrap as PoleBootstrap
 from workbench.identification.validate.bootstrap import bootstrap_poles as bootstrap_poles
 from workbench.identification.validate.overlay import Overlay as Overlay

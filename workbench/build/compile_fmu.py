@@ -14,7 +14,6 @@ import fmpy
 from workbench.build.source_lists import ListedLibrary, SourceFile, every_interface, listed_libraries
 from workbench.build.toolchain import CFile, Platform, chosen_platforms, compile_files, require
 from workbench.core.machine.files import file_to_write, replacing
-from workbench.core.records.record import Record
 from workbench.errors import BuildError, InputError
 from workbench.fmi.archive import extract, locate
 from workbench.fmi.description import Description
@@ -22,6 +21,7 @@ from workbench.fmi.library import functions_of
 from workbench.fmi.platforms import folders_of
 from workbench.fmi.reading import read_description
 from workbench.jobs.job import Job
+from workbench.show.result import Result
 
 __all__ = ["CompiledFmu", "add_binaries"]
 
@@ -40,7 +40,7 @@ _FIRST = {
 
 
 @dataclass(frozen=True)
-class CompiledFmu(Record):
+class CompiledFmu(Result):
     """An FMU whose sources were compiled.
 
     Attributes:

@@ -18,12 +18,12 @@ from workbench.build.container_parts import ContainerPart, container_part, conta
 from workbench.build.container_variables import Shown, shown_units, shown_variables
 from workbench.core.machine.files import file_to_write, pack
 from workbench.core.machine.scratch import scratch
-from workbench.core.records.record import Record
 from workbench.errors import InputError
 from workbench.fmi.variable import Value
 from workbench.fmi.wiring import Wire
 from workbench.model.described_model import DescribedModel
 from workbench.requests.decorator import with_origin
+from workbench.show.result import Result
 from workbench.system.connection_checks import resolve
 from workbench.system.description import Resolved, SystemDescription
 from workbench.system.files.read import read_system
@@ -35,7 +35,7 @@ FMI_VERSIONS = (2, 3)
 
 
 @dataclass(frozen=True)
-class ContainerResult(Record):
+class ContainerResult(Result):
     """What was exported.
 
     Attributes:

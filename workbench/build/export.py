@@ -17,9 +17,10 @@ from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
 from workbench.build.toolchain import chosen_platforms, require
 from workbench.core.machine.files import file_to_write, replacing
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.errors import InputError
 from workbench.jobs.job import Job
+from workbench.show.result import Result
 
 __all__ = ["ExportResult", "check_linear_file", "export_linear", "generate_linear", "write_linear"]
 
@@ -27,7 +28,7 @@ _FILES = (".json", ".fmu")
 
 
 @dataclass(frozen=True)
-class ExportResult(Record):
+class ExportResult(Result):
     """What was exported.
 
     Attributes:

@@ -28,10 +28,11 @@ from workbench.build.stiffness import is_stiff
 from workbench.build.toolchain import Platform, chosen_platforms, compile_all
 from workbench.core.machine.files import cache_folder, named_path, pack, replacing
 from workbench.core.records.names_in_text import OUR_TOOL
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.errors import BuildError, suggest
 from workbench.jobs.job import Job
 from workbench.requests.decorator import with_origin
+from workbench.show.result import Result
 
 DEFAULT_TOLERANCE = 1.0e-6
 FMI_VERSIONS = (2, 3)
@@ -39,7 +40,7 @@ _MODEL = "model.c"  # the one C file that is the model's own
 
 
 @dataclass(frozen=True)
-class BuildResult(Record):
+class BuildResult(Result):
     """What was built.
 
     Attributes:
@@ -62,7 +63,7 @@ class BuildResult(Record):
 
 
 @dataclass(frozen=True)
-class BuiltModels(Record):
+class BuiltModels(Result):
     """Models that were built in one call.
 
     Attributes:

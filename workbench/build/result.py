@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from workbench.core.records.record import Record
+from workbench.show.result import Result
 
 __all__ = ["SystemFile"]
 
 
 @dataclass(frozen=True)
-class SystemFile(Record):
+class SystemFile(Result):
     """An identified model with static blocks that was written as a system.
 
     Attributes:

@@ -8,7 +8,8 @@ import numpy as np
 
 from workbench.data.excite.result import ExciteResult
 from workbench.data.experiment.experiment import Experiment as Record
-from workbench.data.spectra import Coherence, coherence, sdf
+from workbench.data.spectra.coherence import Coherence, coherence
+from workbench.data.spectra.density import sdf
 from workbench.identification.identify.request import identify
 from workbench.identification.identify.result import IdentifyResult
 from workbench.identification.validate.fit import ERROR_FIGURES, error_figure

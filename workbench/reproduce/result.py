@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.reproduce.targets import BASES, MET, MISSED, NOT_REACHABLE, VERDICTS, Target
+from workbench.show.result import Result
 
 __all__ = ["Drawing", "Outcome", "ReproduceResult", "TargetList", "plain"]
 
@@ -131,7 +132,7 @@ class Drawing:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ReproduceResult(Record):
+class ReproduceResult(Result):
     """The source report's figures beside what was measured now.
 
     Attributes:
@@ -213,7 +214,7 @@ class ReproduceResult(Record):
 
 
 @dataclass(frozen=True)
-class TargetList(Record):
+class TargetList(Result):
     """Targets that are to be measured.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""How a result becomes a page, a picture and a line: by the functions that its class names."""
+"""Results: records that are shown. Each class names the functions that make its page and its picture."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from workbench import __version__
 from workbench.core.records.named import named
-from workbench.core.records.record import drawn, plain
+from workbench.core.records.record import Record, plain
 from workbench.errors import InputError, one_line, visible
 from workbench.requests.kept import origin_of
 from workbench.requests.origin import Origin
@@ -24,10 +24,76 @@ from workbench.show.verdicts import worst_first
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["line_of", "notebook_of", "page_of", "picture_of", "write_report"]
+__all__ = ["Reportable", "Result", "drawn", "line_of", "notebook_of", "page_of", "picture_of", "write_report"]
 
 _VERDICTS = 6  # of a result in a notebook; the others are folded
 _LINE = 200  # characters of a result in one line
+
+
+class Reportable:
+    """What can be drawn and written as a page, by functions of its own folder that it names ("module:function")."""
+
+    _page: ClassVar[str] = ""
+    _picture: ClassVar[str] = ""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "__repr__" not in vars(cls):  # a dataclass leaves it as it is then
+            cls.__repr__ = Reportable.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """Return one line: what it is, and its page's first sentence."""
+        return line_of(self)
+
+    def _repr_html_(self) -> str:
+        """Return the page for a notebook."""
+        return notebook_of(self)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the result.
+
+        Args:
+            path: also write the picture here; png, svg or pdf by suffix.
+
+        Raises:
+            InputError: unknown suffix, file cannot be written.
+        """
+        return picture_of(self, path)
+
+    def report(self, path: str | Path) -> None:
+        """Write a page that stands alone: what was asked, on which FMU, pictures, tables, versions, the data as JSON.
+
+        Args:
+            path: path of the page, .html.
+
+        Raises:
+            InputError: another suffix, or the file cannot be written.
+        """
+        write_report(self, path)
+
+
+class Result(Record, Reportable):
+    """What an analysis returns: a record that is shown."""
+
+
+def drawn(name: str, path: str | Path | None, *shown: object, **options: object) -> Figure:
+    """Return a picture; matplotlib, which is slow to import, is imported then.
+
+    Args:
+        name: "module:function" that draws it.
+        path: also write the picture here; png, svg or pdf by suffix.
+        shown: what the function draws.
+        options: it is told.
+
+    Raises:
+        InputError: unknown suffix, file cannot be written, or the function refuses.
+    """
+    from workbench.show.figure import save, with_point  # noqa: PLC0415 - matplotlib
+
+    figure: Figure = with_point(named(name)(*shown, **options), shown[0])
+    if path is not None:
+        save(figure, path)
+    return figure
 
 
 def picture_of(result: object, path: str | Path | None) -> Figure:

@@ -27,22 +27,18 @@ from typing import (
 
 from workbench.core.machine.files import content_of
 from workbench.core.records.csv_file import write_csv
-from workbench.core.records.named import named
 from workbench.core.records.parsing import from_json, from_toml
 from workbench.errors import InputError, suggest
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
 
 __all__ = [
     "Part",
     "Record",
-    "Reportable",
     "brief",
     "complex_of",
-    "drawn",
     "entry",
     "fields_fit",
     "numbers",
@@ -52,29 +48,7 @@ __all__ = [
     "spelled_out",
 ]
 
-# The module that knows pages and pictures, by name: it knows the records, they do not know it.
-_SHOWS = "workbench.show.result"
-
-
 _LONG, _WORDY, _FEW = 240, 80, 6  # characters of a part in a line, of one value; entries that are written out
-
-
-def drawn(name: str, path: str | Path | None, *shown: object, **options: object) -> Figure:
-    """Return a picture; matplotlib, which is slow to import, is imported then.
-
-    Args:
-        name: "module:function" that draws it.
-        path: also write the picture here; png, svg or pdf by suffix.
-        shown: what the function draws.
-        options: it is told.
-
-    Raises:
-        InputError: unknown suffix, file cannot be written, or the function refuses.
-    """
-    figure: Figure = named("workbench.show.figure:with_point")(named(name)(*shown, **options), shown[0])
-    if path is not None:
-        named("workbench.show.figure:save")(figure, path)
-    return figure
 
 
 def entry(
@@ -186,51 +160,8 @@ class Part:
             raise InputError(f"{path}: {error}") from None
 
 
-class Reportable:
-    """What can be drawn and written as a page, by functions of its own folder that it names ("module:function")."""
-
-    _page: ClassVar[str] = ""
-    _picture: ClassVar[str] = ""
-
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        if "__repr__" not in vars(cls):  # a dataclass leaves it as it is then
-            cls.__repr__ = Reportable.__repr__  # type: ignore[method-assign]
-
-    def __repr__(self) -> str:
-        """Return one line: what it is, and its page's first sentence."""
-        return str(named(f"{_SHOWS}:line_of")(self))
-
-    def _repr_html_(self) -> str:
-        """Return the page for a notebook."""
-        return str(named(f"{_SHOWS}:notebook_of")(self))
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the result.
-
-        Args:
-            path: also write the picture here; png, svg or pdf by suffix.
-
-        Raises:
-            InputError: unknown suffix, file cannot be written.
-        """
-        figure: Figure = named(f"{_SHOWS}:picture_of")(self, path)
-        return figure
-
-    def report(self, path: str | Path) -> None:
-        """Write a page that stands alone: what was asked, on which FMU, pictures, tables, versions, the data as JSON.
-
-        Args:
-            path: path of the page, .html.
-
-        Raises:
-            InputError: another suffix, or the file cannot be written.
-        """
-        named(f"{_SHOWS}:write_report")(self, path)
-
-
-class Record(Part, Reportable):
-    """A result: a frozen dataclass that is shown, written to JSON and tables, and read back."""
+class Record(Part):
+    """A frozen dataclass that is written to JSON and tables, and read back."""
 
     def rows(self) -> Iterable[Sequence[Any]]:
         """Return the rows of the table, the heading first; a row of one cell with # is a remark.

@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from workbench.core.records.record import drawn
 from workbench.data.advice.result import Advice
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.spectra.coherence import Coherence
 from workbench.data.spectra.density import SpectralDensity
 from workbench.data.spectra.window import WindowSettings
 from workbench.show.page import Page, Section, Table
+from workbench.show.result import drawn
 from workbench.show.tables import bracketed, counted
 from workbench.show.verdicts import Verdict
 

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part, Record
+from workbench.core.records.record import Part
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError, suggest
+from workbench.show.result import Result
 
 __all__ = ["VERDICTS", "Advice", "Finding"]
 
@@ -42,7 +43,7 @@ class Finding(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Advice(Record):
+class Advice(Result):
     """Findings about one experiment, one for each topic.
 
     Attributes:

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.response import Response
+from workbench.show.result import Result
 
 __all__ = ["BlaResult"]
 
@@ -21,7 +22,7 @@ _GRID = ("rms", "frequency_hz")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BlaResult(Record):
+class BlaResult(Result):
     """Best linear approximations at one or several powers.
 
     Attributes:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
+from workbench.show.result import Result
 
 __all__ = ["ExciteResult", "SignalFacts", "validation_path"]
 
@@ -48,7 +49,7 @@ class SignalFacts:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExciteResult(Record):
+class ExciteResult(Result):
     """Recorded experiments.
 
     Attributes:

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.spectra.cross import cross_spectra
 from workbench.data.spectra.window import WindowSettings, choose_window
 from workbench.errors import InputError
 from workbench.requests.decorator import with_origin
+from workbench.show.result import Result
 
 __all__ = ["Coherence", "coherence"]
 
@@ -27,7 +28,7 @@ _NORMAL_95 = float(stats.norm.ppf(0.975))  # of a normal variable, in standard d
 
 
 @dataclass(frozen=True, eq=False)
-class Coherence(Record):
+class Coherence(Result):
     """Squared coherence, 0 … 1, from 0 to the Nyquist frequency; NaN where no input has power.
 
     Noise, nonlinear distortion, further inputs and a memory longer than a segment all make it smaller.

@@ -8,19 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.spectra.cross import cross_spectra
 from workbench.data.spectra.window import WindowSettings, choose_window
 from workbench.errors import InputError, suggest
 from workbench.requests.decorator import with_origin
+from workbench.show.result import Result
 
 __all__ = ["SpectralDensity", "sdf"]
 
 
 @dataclass(frozen=True, eq=False)
-class SpectralDensity(Record):
+class SpectralDensity(Result):
     """One-sided spectral densities, from 0 to the Nyquist frequency.
 
     Attributes:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.records.record import Part, Record
+from workbench.core.records.record import Part
+from workbench.show.result import Result
 
 __all__ = ["BlockKind", "BlockParameter", "BlocksResult"]
 
@@ -72,7 +73,7 @@ class BlockKind(Part):
 
 
 @dataclass(frozen=True)
-class BlocksResult(Record):
+class BlocksResult(Result):
     """Blocks that a system can contain.
 
     Attributes:

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part, Record
+from workbench.core.records.record import Part
 from workbench.errors import InputError, suggest
+from workbench.show.result import Result
 
 __all__ = ["VERDICTS", "Answer", "HealthCard", "HealthLine"]
 
@@ -64,7 +65,7 @@ class HealthLine(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HealthCard(Record):
+class HealthCard(Result):
     """Whether an FMU, or each FMU of a system, keeps its promises.
 
     Attributes:

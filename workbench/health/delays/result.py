@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.records.record import Record
 from workbench.core.values.operating_point import OperatingPoint
+from workbench.show.result import Result
 from workbench.system.master.richardson import Halving
 
 __all__ = ["ConnectionDelay", "DelayReport", "LoopDelay", "NoDelays"]
@@ -52,7 +52,7 @@ class LoopDelay:
 
 
 @dataclass(frozen=True)
-class DelayReport(Record):
+class DelayReport(Result):
     """What the master costs at this communication step.
 
     Attributes:
@@ -164,7 +164,7 @@ def _output_words(o: Halving, step: float) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoDelays(Record):
+class NoDelays(Result):
     """A model without a master.
 
     Attributes:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.fmi.description import Capabilities, DefaultExperiment, DisplayUnit, Terminal
 from workbench.health.info.snapshots import Snapshots
+from workbench.show.result import Result
 
 __all__ = ["ClockFacts", "FmuInfo", "InterfaceFacts", "PartFacts", "SystemInfo", "VariableFacts", "WireFacts"]
 
@@ -64,7 +65,7 @@ class InterfaceFacts:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FmuInfo(Record):
+class FmuInfo(Result):
     """What an FMU is and can do.
 
     Attributes:
@@ -142,7 +143,7 @@ class WireFacts:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SystemInfo(Record):
+class SystemInfo(Result):
     """What a system consists of.
 
     Attributes:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
 from workbench.core.values.poles import pole_keys
+from workbench.show.result import Result
 
 __all__ = ["FitResult"]
 
@@ -22,7 +23,7 @@ def _nothing() -> NDArray[np.int64]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FitResult(Linear, Record):
+class FitResult(Linear, Result):
     """A linear model fitted to a frequency response.
 
     Attributes:

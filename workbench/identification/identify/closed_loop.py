@@ -26,7 +26,7 @@ from workbench.identification.identify.request import Identify
 from workbench.identification.identify.several import gathered
 from workbench.identification.prediction.model import instrumented_model
 from workbench.identification.prediction.model_selection import noise_alone
-from workbench.identification.subspace import SubspaceEstimate
+from workbench.identification.subspace.result import SubspaceEstimate
 
 __all__ = ["driven_by", "with_disturbance", "with_reference"]
 

@@ -7,9 +7,10 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from workbench.data.advice.page import advice_picture, advice_table, data_facts
-from workbench.data.spectra import coherence, sdf
+from workbench.data.spectra.coherence import coherence
+from workbench.data.spectra.density import sdf
 from workbench.identification.identify.result import IdentifyResult
-from workbench.identification.subspace import SubspaceEstimate
+from workbench.identification.subspace.result import SubspaceEstimate
 from workbench.identification.validate.bootstrap import PoleBootstrap
 from workbench.identification.validate.overlay import Overlay
 from workbench.identification.validate.result import Validation

@@ -17,8 +17,8 @@ from workbench.identification.identify.several import without_joints
 from workbench.identification.prediction.model import RefinedModel, refined_model, refining
 from workbench.identification.prediction.model_selection import Wish
 from workbench.identification.prediction.result import NOT_REFINED, Refinement
-from workbench.identification.subspace import SubspaceEstimate
 from workbench.identification.subspace.final_model import cost
+from workbench.identification.subspace.result import SubspaceEstimate
 from workbench.identification.validate.estimator import Estimator, same_settings
 from workbench.identification.validate.validate import suited
 

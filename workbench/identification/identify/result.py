@@ -8,16 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.closed_loop import ClosedLoop, between
-from workbench.data.advice import Advice
+from workbench.data.advice.result import Advice
 from workbench.data.experiment.experiment import Experiment
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.prediction.result import NOT_REFINED, Refinement
-from workbench.identification.subspace import SubspaceEstimate
+from workbench.identification.subspace.result import SubspaceEstimate
 from workbench.identification.validate.overlay import Overlay
 from workbench.identification.validate.result import Validation
 from workbench.identification.validate.spread import ModelSpread
+from workbench.show.result import Result
 
 if TYPE_CHECKING:
     import control
@@ -27,7 +28,7 @@ __all__ = ["IdentifyResult"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class IdentifyResult(Record):
+class IdentifyResult(Result):
     """An identified model, how it came about and what it is worth.
 
     Attributes:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from workbench.data.advice import Advice, advise
+from workbench.data.advice.advise import advise
+from workbench.data.advice.result import Advice
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
@@ -15,8 +16,9 @@ from workbench.identification.identify.refinement import refined
 from workbench.identification.identify.request import Identify
 from workbench.identification.identify.result import IdentifyResult
 from workbench.identification.identify.several import joined, prepared_all, without_joints
-from workbench.identification.subspace import SubspaceEstimate, estimate
 from workbench.identification.subspace.delays import as_tuple
+from workbench.identification.subspace.estimate import estimate
+from workbench.identification.subspace.result import SubspaceEstimate
 from workbench.identification.validate.bootstrap import PoleBootstrap, bootstrap_poles
 from workbench.identification.validate.estimator import Estimator
 from workbench.identification.validate.overlay import Overlay, overlay

@@ -32,7 +32,7 @@ from workbench.identification.prediction.start import (
     with_own,
     with_shared,
 )
-from workbench.identification.subspace import estimate
+from workbench.identification.subspace.estimate import estimate
 from workbench.identification.subspace.final_model import cost
 
 __all__ = ["Candidate", "Chosen", "Wish", "choose", "noise_alone"]

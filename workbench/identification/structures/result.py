@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.structures.table import StaticTable
 from workbench.identification.validate.fit import Fit, fit_of
+from workbench.show.result import Result
 from workbench.system.description import (
     BlockComponent,
     Connection,
@@ -45,7 +46,7 @@ class Tried(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class StructureResult(Record):
+class StructureResult(Result):
     """A linear block with static blocks: y = g(G f(u)).
 
     Attributes:

@@ -12,7 +12,7 @@ from workbench.identification.prediction.gradient import errors_of
 from workbench.identification.prediction.innovations import Innovations
 from workbench.identification.structures.refine import Chain, Table, line_of
 from workbench.identification.structures.table import free_directions, knots_for, weights
-from workbench.identification.subspace import estimate
+from workbench.identification.subspace.estimate import estimate
 
 __all__ = ["block_of", "placed", "rescaled", "starts_before", "straight", "with_before", "with_behind"]
 

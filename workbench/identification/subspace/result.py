@@ -6,15 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Floats
 from workbench.identification.identified.model import IdentifiedModel
+from workbench.show.result import Result
 
 __all__ = ["SubspaceEstimate"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SubspaceEstimate(Record):
+class SubspaceEstimate(Result):
     """An identified model and how it came about.
 
     Attributes:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from workbench.core.machine.blas import one_thread
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
@@ -24,6 +24,7 @@ from workbench.jobs.options import Workers
 from workbench.jobs.runner import InProcess, Reply, Runner
 from workbench.jobs.runner_choice import runner_for
 from workbench.requests.decorator import with_origin
+from workbench.show.result import Result
 
 __all__ = ["PoleBootstrap", "bootstrap_poles", "match", "match_clouds"]
 
@@ -37,7 +38,7 @@ _AT_ONCE = 4_000_000  # numbers of simulated outputs and states held at a time
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PoleBootstrap(Record):
+class PoleBootstrap(Result):
     """Poles of many models identified from records like the one measured.
 
     Attributes:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
-from workbench.identification.subspace import SubspaceEstimate
 from workbench.identification.subspace.data import prepare
 from workbench.identification.subspace.delays import advance, as_tuple
 from workbench.identification.subspace.hankel import factorise
 from workbench.identification.subspace.matrices import shifted_observability
+from workbench.identification.subspace.result import SubspaceEstimate
 from workbench.identification.subspace.states import fit_states
 from workbench.identification.subspace.weightings import project, subspace
 

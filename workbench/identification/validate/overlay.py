@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.conversion import known_unit, named_conversion
 from workbench.core.values.decibels import decibels, degrees, difference
@@ -17,6 +17,7 @@ from workbench.identification.identified.model import IdentifiedModel
 from workbench.point.lin.result import LinResult
 from workbench.requests.decorator import with_origin
 from workbench.response.nfr.result import NfrResult
+from workbench.show.result import Result
 
 if TYPE_CHECKING:
     from workbench.point.lin.state_space import LinearModel
@@ -68,7 +69,7 @@ class Difference:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Overlay(Record):
+class Overlay(Result):
     """Frequency responses from one input to one output, as sines would show them.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.records.record import Record, drawn, entry
+from workbench.core.records.record import entry
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
@@ -17,6 +17,7 @@ from workbench.identification.validate.bootstrap import PoleBootstrap
 from workbench.identification.validate.pole_zero import NearCancellation
 from workbench.identification.validate.residuals import Residuals
 from workbench.identification.validate.spread import model_spread
+from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,7 +26,7 @@ __all__ = ["Validation"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Validation(Record):
+class Validation(Result):
     """An identified model compared with data.
 
     Attributes:

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.validate.polynomial import Parameters, compatible_regions
 from workbench.identification.validate.regions import ON_AXIS, PoleRegion
+from workbench.show.result import Result
 
 __all__ = ["ModelSpread", "around_both", "enclosing", "model_spread"]
 
@@ -25,7 +26,7 @@ _AT_ONCE = 64  # frequencies: how they move by each of the parameters takes a hu
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ModelSpread(Record):
+class ModelSpread(Result):
     """95 % regions of the poles and of the frequency response, each for itself.
 
     Attributes:

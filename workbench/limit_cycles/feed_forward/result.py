@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.records.record import Record, drawn, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
@@ -18,6 +18,7 @@ from workbench.limit_cycles.feed_forward.design_step import FilterStep
 from workbench.limit_cycles.feed_forward.remaining_cycles import Remaining
 from workbench.limit_cycles.feed_forward.trial import Trial
 from workbench.limit_cycles.feed_forward.weighting import Weighting
+from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     import control
@@ -27,7 +28,7 @@ __all__ = ["FeedForwardResult"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FeedForwardResult(Record):
+class FeedForwardResult(Result):
     """A filter from the nonlinear block's output to the control input, and how it came about.
 
     Attributes:

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench.core.records.record import Record, complex_of, drawn, entry
+from workbench.core.records.record import complex_of, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
@@ -20,6 +20,7 @@ from workbench.limit_cycles.feedback.gains import Crossing
 from workbench.limit_cycles.feedback.locus import Fastest, Locus, locus, shown_gains
 from workbench.limit_cycles.feedback.run import FeedbackRun
 from workbench.limit_cycles.feedback.settling import SettlingStudy
+from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,7 +34,7 @@ CONVENTION = (
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FeedbackResult(Record):
+class FeedbackResult(Result):
     """A scalar feedback from an output to an input, over its gain.
 
     Attributes:

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath, Wish
 from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, Start, mean_magnitude
+from workbench.show.result import Result
 
 __all__ = ["HANDED", "FeedbackRun", "feedback_run"]
 
@@ -25,7 +26,7 @@ HANDED = "handed to the target"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FeedbackRun(Record):
+class FeedbackRun(Result):
     """A simulation in which the feedback closes.
 
     Attributes:

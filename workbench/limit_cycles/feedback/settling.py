@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.jobs.job import Job
@@ -24,6 +24,7 @@ from workbench.limit_cycles.feedback.optimum import Optimum, optimum_of
 from workbench.limit_cycles.feedback.request import THRESHOLDS
 from workbench.model.described_model import DescribedModel
 from workbench.session.base import Recorded, Session
+from workbench.show.result import Result
 from workbench.signals.kinds import Signal
 
 __all__ = ["GainRun", "SettlingSettings", "SettlingStudy", "settling_study"]
@@ -107,7 +108,7 @@ class GainRun(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SettlingStudy(Record):
+class SettlingStudy(Result):
     """Settling times over the gain.
 
     Attributes:

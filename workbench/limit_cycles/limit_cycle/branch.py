@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.records.record import Record
+from workbench.show.result import Result
 
 __all__ = ["Bifurcation", "Branch", "BranchPoint", "goes_on"]
 
@@ -49,7 +49,7 @@ class Bifurcation(BranchPoint):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Branch(Record):
+class Branch(Result):
     """Limit cycles followed over a parameter, around folds.
 
     Attributes:

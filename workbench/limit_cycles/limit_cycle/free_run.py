@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.request import simulate
 from workbench.response.simulate.zero_crossings import rising_passes
+from workbench.show.result import Result
 from workbench.signals.kinds import Signal
 
 __all__ = ["FreeRun", "Span", "free_run", "oscillation_history"]
@@ -47,7 +48,7 @@ class Span(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FreeRun(Record):
+class FreeRun(Result):
     """A simulated signal and what it oscillates with, period by period.
 
     Attributes:

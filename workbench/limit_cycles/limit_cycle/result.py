@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.limit_cycles.limit_cycle.branch import Branch
@@ -14,6 +14,7 @@ from workbench.limit_cycles.limit_cycle.free_run import FreeRun
 from workbench.limit_cycles.limit_cycle.perturbed_run import Observation
 from workbench.loops.nyquist.absolute import AbsoluteStability
 from workbench.loops.nyquist.result import Crossing, NyquistResult
+from workbench.show.result import Result
 
 __all__ = ["LimitCycle", "LimitCycleResult", "SimulatedCycle"]
 
@@ -89,7 +90,7 @@ class SimulatedCycle(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LimitCycleResult(Record):
+class LimitCycleResult(Result):
     """Crossings, limit cycles by several methods side by side, and a simulation that confirms them.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Record, complex_of, entry
+from workbench.core.records.record import complex_of, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, suggest
 from workbench.jobs.options import Workers
@@ -23,6 +23,7 @@ from workbench.model import Model
 from workbench.requests.decorator import with_origin
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
+from workbench.show.result import Result
 
 __all__ = ["STANDARD", "DescribingFunction", "describing_function", "standard_block"]
 
@@ -42,7 +43,7 @@ STANDARD: Mapping[str, Callable[..., Block]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class DescribingFunction(Record):
+class DescribingFunction(Result):
     """N(A, f) of one block.
 
     Attributes:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels, degrees
 from workbench.core.values.margins import Margins
@@ -17,6 +17,7 @@ from workbench.errors import InputError
 from workbench.loops.loop.linear import MANY, LinearLoop
 from workbench.loops.loop.measured import LoopCurve
 from workbench.loops.loop.place import Opening
+from workbench.show.result import Result
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -30,7 +31,7 @@ _COLUMNS = (
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LoopResult(Record):
+class LoopResult(Result):
     """A loop opened at one place: loop transfer L, sensitivities, margins.
 
     Convention: negative feedback. Where the signal passed on at the place is z and y comes back, L = -Y/Z, so that the

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from workbench.core.records.record import Record
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
@@ -18,6 +17,7 @@ from workbench.loops.describing.base import Block
 from workbench.loops.describing.sector import Sector, sector_of
 from workbench.loops.nyquist.level_crossings import level_frequencies, real_crossings, scan
 from workbench.loops.nyquist.part import part_of
+from workbench.show.result import Result
 
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
@@ -36,7 +36,7 @@ _LARGEST = 1e9  # of a multiplier, over the fastest pole's time: as good as infi
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AbsoluteStability(Record):
+class AbsoluteStability(Result):
     """What sectors [low, k] a loop 1 + φ·L = 0 is proven stable for, and what a constant gain can have.
 
     Attributes:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, Record, complex_of, entry
+from workbench.core.records.record import Part, complex_of, entry
 from workbench.core.values.arrays import Complex, Floats
+from workbench.show.result import Result
 
 __all__ = ["CRITERION", "Crossing", "NyquistResult"]
 
@@ -48,7 +49,7 @@ class Crossing(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NyquistResult(Record):
+class NyquistResult(Result):
     """L(jω) of a loop 1 + N·L = 0, and all its crossings in a band.
 
     Attributes:

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.records.record import Part, Record
+from workbench.core.records.record import Part
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
+from workbench.show.result import Result
 
 __all__ = ["Attitude", "Jump", "OnsetPoint", "OnsetResult"]
 
@@ -106,7 +107,7 @@ class Attitude(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class OnsetResult(Record):
+class OnsetResult(Result):
     """Onset of a rate limiter, for each amplitude.
 
     Attributes:

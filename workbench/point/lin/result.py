@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.core.records.named import named
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.large import is_large, poles_about
 from workbench.core.values.linear import Linear
 from workbench.core.values.matrices import resolvent
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import pole_keys
+from workbench.show.result import Result
 
 if TYPE_CHECKING:
     from workbench.point.lin.state_space import LinearModel
@@ -133,7 +134,7 @@ class Delayed(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LinResult(Linear, Record):
+class LinResult(Linear, Result):
     """A linear model and how it was made; of a discrete one the input is held from sample to sample.
 
     Attributes:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import control
 
-from workbench.core.records.record import Reportable
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.point.lin.result import LinResult
+from workbench.show.result import Reportable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.core.records.names_in_text import check_names
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.matrices import held
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.point.lin.result import LinResult
 from workbench.requests.decorator import with_origin
+from workbench.show.result import Result
 from workbench.signals.kinds import Constant, Signal
 
 __all__ = ["StepCheck", "step_check"]
@@ -23,7 +24,7 @@ _TOLERANCE = 1e-10  # of the run: what is compared is the model, not its integra
 
 
 @dataclass(frozen=True, eq=False)
-class StepCheck(Record):
+class StepCheck(Result):
     """Responses to one step from the point of a linear model.
 
     Attributes:

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.core.records.forms import several
 from workbench.core.records.option import recast
-from workbench.core.records.record import Part, Record, drawn, entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
@@ -30,6 +30,7 @@ from workbench.point.lin.linearise import run
 from workbench.point.lin.request import Lin, LinAlong, LinOver
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import make_task, point_in_full
+from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +65,7 @@ class LinPoint(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class LinGrid(Record):
+class LinGrid(Result):
     """An array of linear models.
 
     Attributes:

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Part, Record, complex_of, entry
+from workbench.core.records.record import Part, complex_of, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import damped_frequency_hz, damping_ratio, natural_frequency_hz
 from workbench.fmi.variable import Value
+from workbench.show.result import Result
 
 __all__ = ["CRITERION", "Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"]
 
@@ -217,7 +218,7 @@ class ModeSet(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ModesResult(Record):
+class ModesResult(Result):
     """Frequency and damping of every mode over a parameter: a flutter diagram, where it is an airspeed.
 
     Attributes:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.core.records.record import Record
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.modal import poles_of
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.requests.decorator import with_origin
+from workbench.show.result import Result
 
 if TYPE_CHECKING:
     import control
@@ -27,7 +27,7 @@ _KEPT = 1e-4  # Hankel singular values below this part of the largest are left o
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BalancedReduction(Record):
+class BalancedReduction(Result):
     """A reduced system, and what was left out.
 
     Attributes:

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.units import rate_unit
+from workbench.show.result import Result
 
 __all__ = ["NullDirection", "Residual", "TrimResult"]
 
@@ -50,7 +51,7 @@ class NullDirection(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrimResult(Record):
+class TrimResult(Result):
     """An operating point, or where the search for one ended.
 
     Attributes:

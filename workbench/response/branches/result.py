@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
+from workbench.show.result import Result
 
 __all__ = ["BranchesResult", "Fold", "Onset", "ResponseAt", "ResponseBranch"]
 
@@ -120,7 +121,7 @@ class Onset(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BranchesResult(Record):
+class BranchesResult(Result):
     """All periodic responses that were found.
 
     Attributes:

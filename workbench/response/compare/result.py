@@ -6,11 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Record, entry, plain
+from workbench.core.records.record import entry, plain
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.response.compare.measures import Measure
 from workbench.response.compare.units import Shown
+from workbench.show.result import Result
 
 __all__ = ["Motion", "MotionComparison", "MotionFailed", "MotionHistory"]
 
@@ -65,7 +66,7 @@ class MotionFailed:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotionComparison(Record):
+class MotionComparison(Result):
     """Motions of several models under the same signals.
 
     Attributes:

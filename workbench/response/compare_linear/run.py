@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.core.records.forms import several
 from workbench.core.records.option import recast
-from workbench.core.records.record import Part, Record, entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import difference
 from workbench.core.values.operating_point import OperatingPoint
@@ -29,6 +29,7 @@ from workbench.point.lin.task import LinTask, make_task, open_base
 from workbench.response.compare_linear.interfaces import InterfaceDifference, compare_interfaces
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
+from workbench.show.result import Result
 
 __all__ = ["LinComparison", "Verdict", "run_all"]
 
@@ -87,7 +88,7 @@ class Verdict(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class LinComparison(Record):
+class LinComparison(Result):
     """All methods on one model at one point, from one input to one output.
 
     Attributes:

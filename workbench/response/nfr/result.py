@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Record, drawn, entry, numbers
+from workbench.core.records.record import entry, numbers
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels, follow_phase
 from workbench.core.values.operating_point import OperatingPoint
@@ -24,6 +24,7 @@ from workbench.response.nfr.certificate import Certificate
 from workbench.response.nfr.point import NfrPoint
 from workbench.response.nfr.settling import NO_EFFECT
 from workbench.response.nfr.zero_input import ZeroInput
+from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     from control import FrequencyResponseData
@@ -65,7 +66,7 @@ class FailedPoint:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NfrResult(Record):
+class NfrResult(Result):
     """Nonlinear frequency response: gain, phase and offset over frequency and amplitude.
 
     Arrays have the shape (n_a, n_f), [amplitude][frequency], both rising; NaN where a point failed.

@@ -6,15 +6,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Record, entry
+from workbench.core.records.record import entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
+from workbench.show.result import Result
 
 __all__ = ["SimulationResult"]
 
 
 @dataclass(frozen=True)
-class SimulationResult(Record):
+class SimulationResult(Result):
     """Time histories.
 
     Attributes:

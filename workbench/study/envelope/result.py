@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.records.record import Part, Record
+from workbench.core.records.record import Part
+from workbench.show.result import Result
 from workbench.study.envelope.probability import Probability
 from workbench.study.requirements.base import Scalar
 
@@ -104,7 +105,7 @@ class Border(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class EnvelopeResult(Record):
+class EnvelopeResult(Result):
     """An envelope: points with values, the worst case, the probability of the requirement, borders.
 
     Attributes:
