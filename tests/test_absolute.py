@@ -12,9 +12,9 @@ import pytest
 import workbench as wb
 from tests.command_lines import LOOP
 from workbench.core.values.linear import Linear, LinearPart
-from workbench.limit_cycles.limit_cycle.page import absolute_page
 from workbench.loops.describing.sector import sector_of
 from workbench.loops.nyquist.absolute import _best_of, lowest_real_part
+from workbench.loops.nyquist.page import absolute_page
 
 CUBE = control.tf([1], [1, 3, 3, 1])  # Re is smallest at 1 rad/s: −1/4; real at √3 rad/s: −1/8
 

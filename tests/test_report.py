@@ -102,7 +102,7 @@ def test_every_command_is_in_the_index_of_methods(command: str) -> None:
 NO_METHOD = {"info", "ui"}  # one reads what the FMU says, the other shows what all do
 
 
-@pytest.mark.parametrize("kind", answers(), ids=lambda c: c.__name__)
+@pytest.mark.parametrize("kind", [c for c in answers() if issubclass(c, Reportable)], ids=lambda c: c.__name__)
 def test_every_page_and_picture_is_there_and_takes_its_result(kind: type[Reportable]) -> None:
     for function, made in ((kind._page, Page), (kind._picture, Figure)):
         if function:
@@ -113,9 +113,9 @@ def test_every_page_and_picture_is_there_and_takes_its_result(kind: type[Reporta
 
 
 def test_a_result_without_a_page_is_told(tmp_path: Path) -> None:
-    with pytest.raises(wb.InputError, match=r"has no page; results that have one: .*NfrResult"):
+    with pytest.raises(wb.InputError, match="object has no page"):
         page_of(object())
-    with pytest.raises(wb.InputError, match=r"has no picture; results that have one: .*LinResult"):
+    with pytest.raises(wb.InputError, match="object has no picture"):
         picture_of(object(), None)
     with pytest.raises(wb.InputError, match="has no page"):
         write_report(object(), tmp_path / "x.html")

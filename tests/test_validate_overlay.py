@@ -15,8 +15,9 @@ from workbench.core.values.decibels import follow_phase
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.identify.picture import plot_order, plot_poles
+from workbench.identification.subspace.picture import plot_order
 from workbench.identification.validate.overlay import Overlay, overlay
+from workbench.identification.validate.picture_poles import plot_poles
 from workbench.identification.validate.pole_zero import near_cancellations
 from workbench.point.lin.result import Intersample, LinResult
 from workbench.response.nfr.result import NfrResult

@@ -47,7 +47,7 @@ class Coherence(Result):
     Source: J. S. Bendat and A. G. Piersol, Random Data, 4th ed., sections 7.3 (multiple), 9.2 (errors).
     """
 
-    _page = "workbench.data.advice.page:coherence_page"
+    _page = "workbench.data.spectra.page:coherence_page"
     _picture = "workbench.data.spectra.picture:plot_coherence"
 
     name: str

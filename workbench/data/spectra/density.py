@@ -34,7 +34,7 @@ class SpectralDensity(Result):
         settings: window, segments, resolution and random error.
     """
 
-    _page = "workbench.data.advice.page:density_page"
+    _page = "workbench.data.spectra.page:density_page"
     _picture = "workbench.data.spectra.picture:plot_density"
 
     name: str

@@ -37,8 +37,8 @@ class SubspaceEstimate(Result):
         notes: doubts, one line each.
     """
 
-    _page = "workbench.identification.identify.page:estimate_page"
-    _picture = "workbench.identification.identify.picture:plot_order"
+    _page = "workbench.identification.subspace.page:estimate_page"
+    _picture = "workbench.identification.subspace.picture:plot_order"
 
     model: IdentifiedModel = field(metadata=entry(inline=True))
     method: str

@@ -52,8 +52,8 @@ class PoleBootstrap(Result):
         seed: seed of the random numbers.
     """
 
-    _page = "workbench.identification.identify.page:bootstrap_page"
-    _picture = "workbench.identification.identify.picture:plot_bootstrap"
+    _page = "workbench.identification.validate.page:bootstrap_page"
+    _picture = "workbench.identification.validate.picture_poles:plot_bootstrap"
 
     regions: tuple[PoleRegion, ...]
     replicates: Complex = field(metadata=entry(key="replicate_poles", dims=("replicate", "pole")))

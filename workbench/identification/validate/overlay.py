@@ -85,7 +85,7 @@ class Overlay(Result):
         notes: what else should be known, one line each.
     """
 
-    _page = "workbench.identification.identify.page:overlay_page"
+    _page = "workbench.identification.validate.page:overlay_page"
     _picture = "workbench.identification.validate.picture_overlay:plot_overlay"
 
     name: str

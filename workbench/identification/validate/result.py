@@ -39,7 +39,7 @@ class Validation(Result):
         notes: what else should be known, one line each.
     """
 
-    _page = "workbench.identification.identify.page:validation_page"
+    _page = "workbench.identification.validate.page:validation_page"
     _picture = "workbench.identification.validate.picture:plot_fit"
 
     model: IdentifiedModel
@@ -104,7 +104,7 @@ class Validation(Result):
         """
         known = model_spread(self.model) if self.bootstrap is None and self.model.spread is not None else self.bootstrap
         marked = {"cancellations": self.cancellations, "bootstrap": known}
-        return drawn("workbench.identification.identify.picture:plot_poles", path, self.model, **marked)
+        return drawn("workbench.identification.validate.picture_poles:plot_poles", path, self.model, **marked)
 
     def residuals(self, kind: str) -> Residuals:
         """Return one of the two ways of computing the output.

@@ -44,8 +44,8 @@ class ModelSpread(Result):
             there is none. The regions of the poles are those of the order that was chosen.
     """
 
-    _page = "workbench.identification.identify.page:spread_page"
-    _picture = "workbench.identification.identify.picture:plot_spread"
+    _page = "workbench.identification.validate.page:spread_page"
+    _picture = "workbench.identification.validate.picture_poles:plot_spread"
 
     regions: tuple[PoleRegion, ...]
     confidence: float

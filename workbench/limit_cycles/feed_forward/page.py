@@ -1,19 +1,16 @@
-"""The pages of a feed-forward filter and of a balanced reduction."""
+"""The page of a feed-forward filter."""
 
 from __future__ import annotations
 
 from functools import partial
 
-import numpy as np
-
 from workbench.limit_cycles.feed_forward.result import FeedForwardResult
 from workbench.limit_cycles.feed_forward.trial import Trial
-from workbench.point.reduction.balanced import BalancedReduction
 from workbench.show.page import Page, Section, Table
-from workbench.show.tables import counted, number, pole_table
+from workbench.show.tables import number, pole_table
 from workbench.show.verdicts import Verdict
 
-__all__ = ["filter_page", "reduction_page"]
+__all__ = ["filter_page"]
 
 # Picture of the result → section and what it shows; "simulated" is drawn where something was simulated.
 _PICTURES = {
@@ -128,25 +125,3 @@ def _left(trial: Trial) -> str:
     if trial.failure:
         return _ENDS.get(trial.divergence.kind, trial.divergence.kind) if trial.divergence else "stopped"
     return number(trial.rest, ".2g")
-
-
-def reduction_page(result: BalancedReduction) -> Page:
-    """Return the page of a reduced system: Hankel singular values, error bound, poles."""
-    values = result.hankel[:60]
-    kept = result.order - result.unstable
-    largest = float(np.max(result.hankel, initial=0.0)) or 1.0
-    rows = [
-        (str(k), f"{v:.5g}", f"{v / largest:.3g}", "kept" if k <= kept else "left out")
-        for k, v in enumerate(values.tolist(), start=1)
-    ]
-    headings = ("state", "Hankel singular value", "of the largest", "")
-    return Page(
-        title=f"Reduction from order {result.full_order} to {result.order}",
-        lead=f"No gain of the difference exceeds {result.bound:.4g} at any frequency.",
-        facts={"method": result.method, "unstable poles": f"{counted(result.unstable, 'pole')}, all kept"},
-        sections=[
-            Section("Singular values", tables=[Table(headings, rows)]),
-            Section("Poles", tables=[pole_table(result.part.poles.tolist(), 0.0)]),
-        ],
-        kind="balanced-reduction",
-    )

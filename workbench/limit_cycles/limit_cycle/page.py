@@ -1,25 +1,17 @@
-"""The pages of limit cycles, and of what they come from: describing functions, crossings, branches."""
+"""The pages of limit cycles: all of a loop, a branch of them, a run from rest."""
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
-from workbench.core.values.decibels import degrees
 from workbench.limit_cycles.limit_cycle.branch import Branch, BranchPoint
 from workbench.limit_cycles.limit_cycle.free_run import FreeRun
 from workbench.limit_cycles.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
-from workbench.loops.describing.describe import DescribingFunction
-from workbench.loops.nyquist.absolute import AbsoluteStability
-from workbench.loops.nyquist.result import Crossing, NyquistResult
+from workbench.loops.nyquist.page import STABLE, absolute_section, crossings_section
 from workbench.show.page import Page, Section, Table
 from workbench.show.tables import behind, bracketed, counted, number, sampled_rows, sentence
 from workbench.show.verdicts import Verdict
 
-__all__ = ["absolute_page", "branch_page", "describing_page", "free_run_page", "limit_cycle_page", "nyquist_page"]
+__all__ = ["branch_page", "free_run_page", "limit_cycle_page"]
 
-_STABLE = {True: "stable", False: "unstable", None: "not known"}
 _KINDS = {
     "period doubling": "period doubling: the motion repeats after two periods",
     "Neimark-Sacker": "Neimark-Sacker: a second frequency sets in",
@@ -43,9 +35,9 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
             Section(
                 "Crossings and motion", figures=[(result.plot, "L(jω) with −1/N(A), the crossings, and the motion.")]
             ),
-            _crossings(result.nyquist),
+            crossings_section(result.nyquist),
             _cycles(result),
-            *([] if result.absolute is None else [_absolute(result.absolute)]),
+            *([] if result.absolute is None else [absolute_section(result.absolute)]),
             *([] if result.simulated is None else [_simulated(result.simulated)]),
             *([] if result.free_run is None else [_free_run(result.free_run)]),
             *(_branch(b, result.units.get(b.parameter), result.input_unit) for b in result.branches),
@@ -72,7 +64,7 @@ def _lead(result: LimitCycleResult) -> str:
 def _verdicts(result: LimitCycleResult) -> list[Verdict]:
     """Return one line for each crossing; a limit cycle is a fact, no violation: only what is doubtful is coloured."""
     best = {c.crossing: c for c in result.limit_cycles}  # the methods come in rising order of trust
-    found = [Verdict(_STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in best.values()]
+    found = [Verdict(STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in best.values()]
     if result.simulated is not None and not result.simulated.steady:
         found.append(Verdict("watch", "the simulation was not steady at its end"))
     found += [
@@ -89,25 +81,6 @@ def _cycle_words(c: LimitCycle, unit: str | None) -> str:
     return f"{place}, {c.method}: {c.frequency_hz:.5g} Hz, amplitude {size}"
 
 
-def _crossings(result: NyquistResult) -> Section:
-    headings = (
-        "", "frequency [Hz]", "L there", "gain −1/L", "amplitude", "unstable poles below", "above", "distortion [%]",
-        "cycle",
-    )  # fmt: skip
-    rows = [_crossing(i, c) for i, c in enumerate(result.crossings, 1)]
-    table = Table(headings, rows, right=range(8))
-    return Section("Crossings", paragraphs=[sentence(result.criterion)], tables=[table])
-
-
-def _crossing(i: int, c: Crossing) -> tuple[str, ...]:
-    place = f"{c.real:.5g}" if not c.imag else f"{c.real:.4g} {c.imag:+.4g}j"
-    distortion = None if c.distortion is None else 100.0 * c.distortion
-    return (
-        str(i), f"{c.frequency_hz:.6g}", place, f"{c.gain:.5g}", number(c.amplitude), str(c.unstable_below),
-        str(c.unstable_above), number(distortion, ".3g"), "" if c.stable is None else _STABLE[c.stable],
-    )  # fmt: skip
-
-
 def _mean(mean: float, amplitude: float) -> str:
     """Return the mean, 0 where it is rounding beside the amplitude."""
     return "0" if abs(mean) < _ROUNDING * abs(amplitude) else f"{mean:.3g}"
@@ -121,7 +94,7 @@ def _cycles(result: LimitCycleResult) -> Section:
     rows: list[tuple[str, ...]] = [
         (
             c.number, c.method, f"{c.frequency_hz:.6g}", f"{c.amplitude:.5g}", f"{c.fundamental:.5g}",
-            _mean(c.mean, c.amplitude), number(c.multiplier, ".4g"), number(c.residual, ".2g"), _STABLE[c.stable],
+            _mean(c.mean, c.amplitude), number(c.multiplier, ".4g"), number(c.residual, ".2g"), STABLE[c.stable],
         )
         for c in result.limit_cycles
     ]  # fmt: skip
@@ -232,108 +205,7 @@ def _branch(branch: Branch, unit: str | None = None, input_unit: str | None = No
 
 def _branch_point(p: BranchPoint) -> tuple[str, ...]:
     numbers = (p.value, p.frequency_hz, p.amplitude, p.fundamental)
-    return (*(f"{x:.5g}" for x in numbers), _mean(p.mean, p.amplitude), _STABLE[p.stable])
+    return (*(f"{x:.5g}" for x in numbers), _mean(p.mean, p.amplitude), STABLE[p.stable])
 
 
 # -- crossings and describing functions --------------------------------------------------------
-
-
-def absolute_page(result: AbsoluteStability) -> Page:
-    """Return the page of absolute stability."""
-    return Page(
-        title=f"Absolute stability of {result.name}",
-        lead=_proven(result),
-        facts={},
-        sections=[_absolute(result)],
-        kind="absolute-stability",
-    )
-
-
-def _proven(result: AbsoluteStability) -> str:
-    if result.refused:
-        return sentence(f"nothing is proven: {result.refused}")
-    if result.sector is None:
-        return "The sectors of characteristics for which the loop is stable."
-    where = (
-        "" if result.sector.reach is None else f", as long as the block's input stays within ±{result.sector.reach:g}"
-    )
-    if result.proven_by:
-        return sentence(f"the loop with the block is proven stable by the {_CRITERIA[result.proven_by]}{where}")
-    return "Neither criterion proves the loop with the block stable; they are sufficient, not necessary."
-
-
-_CRITERIA = {"circle": "circle criterion", "Popov": "criterion of Popov"}
-
-
-def _absolute(result: AbsoluteStability) -> Section:
-    """Return the sectors by criterion, and by how much the block may be larger."""
-
-    def row(name: str, k: float | None, words: str) -> tuple[str, ...]:
-        high = math.inf if k is None else k
-        own = None if result.sector is None or result.low != 0.0 else result.sector.high
-        times = "" if not own else "∞" if k is None else f"{high / own:.4g}"
-        return (name, f"{result.low:.5g}", "∞" if k is None else f"{k:.6g}", times, words)
-
-    at = "" if result.circle_hz is None else f"decided at {result.circle_hz:.4g} Hz"
-    q = "" if result.popov_s is None else f"q = {result.popov_s:.4g} s"
-    rows = [] if result.refused else [
-        row("circle", result.circle, "proven, also for a characteristic that changes with time; " + at if at else at),
-        row("Popov", result.popov, "proven for a characteristic that does not; " + q if q else q),
-        row("constant gain", result.linear, "below, the describing function predicts no cycle"),
-    ]  # fmt: skip
-    if result.sector is not None:
-        reach = "at all inputs" if result.sector.reach is None else f"for inputs within ±{result.sector.reach:g}"
-        high = result.sector.high
-        end = "∞" if math.isinf(high) else f"{high:.6g}"
-        rows.append(("the block itself", f"{result.sector.low:.5g}", end, "", reach))
-    headings = ("criterion", "slopes from", "to", "times the block", "")
-    return Section("Absolute stability", paragraphs=[_proven(result)], tables=[Table(headings, rows)])
-
-
-def nyquist_page(result: NyquistResult) -> Page:
-    """Return the page of a Nyquist curve and its crossings."""
-    block = f" with {result.block}" if result.block else ""
-    low, high = result.frequency_hz[0], result.frequency_hz[-1]
-    return Page(
-        title=f"Nyquist curve of {result.name}{block}",
-        lead=f"{counted(len(result.crossings), 'crossing')} from {low:g} to {high:g} Hz.",
-        facts={"open loop": f"{counted(result.unstable_open, 'pole')} in the right half-plane"},
-        sections=[
-            Section("Curve", figures=[(result.plot, "L(jω), −1/N(A), and the crossings numbered.")]),
-            _crossings(result),
-        ],
-        kind="nyquist",
-    )
-
-
-def describing_page(result: DescribingFunction) -> Page:
-    """Return the page of a describing function: picture and values."""
-    sizes = f"{counted(len(result.amplitude), 'amplitude')} from {result.amplitude[0]:g} to {result.amplitude[-1]:g}"
-    return Page(
-        title=f"Describing function of {result.block}",
-        lead=f"By {result.method}, at {sizes}{_frequencies(result)}.",
-        facts={"depends on frequency": "yes" if result.frequency_dependent else "no"},
-        sections=[
-            Section("N(A)", figures=[(result.plot, "Gain and phase over the amplitude, −1/N in the plane.")]),
-            _describing_values(result),
-        ],
-        kind="describing function",
-    )
-
-
-def _frequencies(result: DescribingFunction) -> str:
-    return f" and {counted(len(result.frequency_hz), 'frequency', 'frequencies')}" if result.frequency_dependent else ""
-
-
-def _describing_values(result: DescribingFunction) -> Section:
-    rows = [
-        (f"{a:.5g}", f"{f:.5g}", f"{abs(n):.6g}", f"{float(degrees(n)):.2f}", number(float(h), ".3g"))
-        for a, row, harmonics in zip(result.amplitude, result.gain, result.harmonics, strict=True)
-        for f, n, h in zip(result.frequency_hz, row, 100.0 * np.max(harmonics[:, 2:], axis=-1), strict=True)
-    ]
-    headings = ("amplitude", "frequency [Hz]", "gain", "phase [deg]", "largest harmonic [%]")
-    wanted = [i for i in range(len(headings)) if i != 1 or result.frequency_dependent]
-    shown = [[row[i] for i in wanted] for row in sampled_rows(rows, _MOST_ROWS)]
-    return Section(
-        "Values", tables=[Table([headings[i] for i in wanted], shown, right=range(len(wanted)))], folded=True
-    )

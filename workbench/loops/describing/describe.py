@@ -56,7 +56,7 @@ class DescribingFunction(Result):
         frequency_dependent: whether the frequency matters.
     """
 
-    _page = "workbench.limit_cycles.limit_cycle.page:describing_page"
+    _page = "workbench.loops.describing.page:describing_page"
     _picture = "workbench.loops.describing.picture:plot_describing"
 
     block: str

@@ -52,7 +52,7 @@ class AbsoluteStability(Result):
         refused: why nothing is proven, as where the loop is not stable with the gain `low`; empty: it is.
     """
 
-    _page = "workbench.limit_cycles.limit_cycle.page:absolute_page"
+    _page = "workbench.loops.nyquist.page:absolute_page"
 
     name: str
     sector: Sector | None

@@ -64,7 +64,7 @@ class NyquistResult(Result):
         unstable_open: poles of L in the right half-plane.
     """
 
-    _page = "workbench.limit_cycles.limit_cycle.page:nyquist_page"
+    _page = "workbench.loops.nyquist.page:nyquist_page"
     _picture = "workbench.loops.nyquist.picture:plot_nyquist"
 
     name: str

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from workbench.show.bode import bode_axes, draw_response
+from workbench.show.figure import COLOURS, LEGEND, label, rows
+
+if TYPE_CHECKING:
+    from workbench.point.lin.step_check import StepCheck
+
+from collections.abc import Container, Sequence
+from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
 
 from workbench.core.values.arrays import Floats
 from workbench.core.values.large import corners_hz
 from workbench.core.values.poles import continuous, vanished
 from workbench.errors import InputError
 from workbench.point.lin.step_check import step_response
-from workbench.show.bode import bode_axes, draw_response
-from workbench.show.figure import COLOURS, LEGEND, frame, rows
+from workbench.show.figure import frame
 
 if TYPE_CHECKING:
     from workbench.point.lin.result import LinResult
 
-__all__ = ["frequency_band", "plot_curves", "plot_lin"]
+__all__ = ["frequency_band", "plot_curves", "plot_lin", "plot_step_check"]
 
 _POINTS = 400
 _DASHES = ("-", "--", "-.", ":")
@@ -81,8 +89,8 @@ def plot_curves(named: Sequence[tuple[str, LinResult]]) -> Figure:
     title = f"{first.model}: {first.input_names[0]} → {first.output_names[0]}" if first else "no linear model"
     figure, axes = rows(2, title=title)
     frequency = frequency_band(results)
-    for number, (label, result) in enumerate(named):
-        style = {**_style(number, number // len(COLOURS)), "label": label}
+    for number, (name, result) in enumerate(named):
+        style = {**_style(number, number // len(COLOURS)), "label": name}
         draw_response(axes[0], axes[1], result.curve(0, 0, frequency), **style)
     _finish(axes, frequency)
     if named:
@@ -136,3 +144,18 @@ def _horizon(result: LinResult) -> float:
     poles = [p for p in continuous(slow[~vanished(slow, result.dt)], result.dt).tolist() if abs(p) > 1e-6]
     speeds = [abs(p.real) if abs(p.real) > 1e-3 * abs(p) else abs(p) / 5.0 for p in poles]
     return 5.0 / min(speeds) if speeds else 20.0 * (result.dt or 0.05)
+
+
+def plot_step_check(check: StepCheck) -> Figure:
+    """Draw the step responses of a linear model and of the model itself over time [s].
+
+    Args:
+        check: what to draw.
+    """
+    figure, axes = rows(1, title=f"{check.input} → {check.output}, step of {check.height:g}")
+    axes[0].plot(check.time, check.nonlinear, color=COLOURS[0], linewidth=1.8, label="nonlinear model")
+    axes[0].plot(check.time, check.linear, "--", color=COLOURS[1], linewidth=1.5, label="linear model")
+    axes[0].set_ylabel(label(check.output, check.unit))
+    axes[0].set_xlabel("time [s]")
+    axes[0].legend(**LEGEND)
+    return figure

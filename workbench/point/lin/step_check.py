@@ -38,7 +38,7 @@ class StepCheck(Result):
     """
 
     _page = "workbench.point.lin.page:step_check_page"
-    _picture = "workbench.response.compare_linear.picture:plot_step_check"
+    _picture = "workbench.point.lin.picture:plot_step_check"
 
     input: str
     output: str

@@ -42,7 +42,7 @@ class BalancedReduction(Result):
         tolerance: the least relative value kept that gives this order, hankel[kept − 1]/hankel[0].
     """
 
-    _page = "workbench.limit_cycles.feed_forward.page:reduction_page"
+    _page = "workbench.point.reduction.page:reduction_page"
 
     part: LinearPart
     method: str

@@ -10,13 +10,12 @@ from matplotlib.figure import Figure
 from workbench.core.values.response import Response
 from workbench.point.lin.picture import frequency_band
 from workbench.show.bode import bode_axes, draw_response
-from workbench.show.figure import COLOURS, LEGEND, label, rows
+from workbench.show.figure import COLOURS, LEGEND, rows
 
 if TYPE_CHECKING:
-    from workbench.point.lin.step_check import StepCheck
     from workbench.response.compare_linear.run import LinComparison
 
-__all__ = ["plot_comparison", "plot_step_check"]
+__all__ = ["plot_comparison"]
 
 _DASHES = ("-", "--", "-.", ":")
 
@@ -65,18 +64,3 @@ def _title(comparison: LinComparison) -> str:
     count = len(comparison.results)
     of = f"{models.pop()}: " if len(models) == 1 else ""
     return f"{of}{comparison.input} → {comparison.output} by {count} method{'' if count == 1 else 's'}"
-
-
-def plot_step_check(check: StepCheck) -> Figure:
-    """Draw the step responses of a linear model and of the model itself over time [s].
-
-    Args:
-        check: what to draw.
-    """
-    figure, axes = rows(1, title=f"{check.input} → {check.output}, step of {check.height:g}")
-    axes[0].plot(check.time, check.nonlinear, color=COLOURS[0], linewidth=1.8, label="nonlinear model")
-    axes[0].plot(check.time, check.linear, "--", color=COLOURS[1], linewidth=1.5, label="linear model")
-    axes[0].set_ylabel(label(check.output, check.unit))
-    axes[0].set_xlabel("time [s]")
-    axes[0].legend(**LEGEND)
-    return figure

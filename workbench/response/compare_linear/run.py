@@ -104,7 +104,7 @@ class LinComparison(Result):
         notes: what else should be known, one line each.
     """
 
-    _page = "workbench.point.lin.page:comparison_page"
+    _page = "workbench.response.compare_linear.page:comparison_page"
     _picture = "workbench.response.compare_linear.picture:plot_comparison"
 
     model: str
