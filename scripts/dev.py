@@ -285,7 +285,7 @@ def mutants(paths: Sequence[str] = (), count: int = 300, *, record: bool = False
     """Change the numerical code in many places, one at a time, and see which changes no test notices.
 
     Args:
-        paths: files or folders; by default analysis, core, system, session and kernel.
+        paths: files or folders; by default the numerical rooms.
         count: how many changes are tried; which ones follows from a fixed seed.
         record: whether to find out again which tests run which lines.
     """

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Which changes of the numerical code do the tests not notice?
 
-    python scripts/mutants.py                         300 mutants of analysis, core, system, session, kernel
+    python scripts/mutants.py                         300 mutants of the numerical rooms
     python scripts/mutants.py --count 20 workbench/core/values/linear.py
     python scripts/mutants.py --fresh --count 60      others, drawn from the code as it is
     python scripts/mutants.py --again tests/test_linear.py    after tests were added there
@@ -43,7 +43,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from scripts.covered import Test, is_recorded, read, record
 from scripts.planting import ROOT, run_planted
 
-FOLDERS = ("analysis", "core", "system", "session", "kernel")
+FOLDERS = (
+    "point", "response", "health", "data", "loops", "identification", "limit_cycles",
+    "core", "system", "session", "kernel",
+)  # fmt: skip
 COUNT, SEED = 300, 19
 SAMPLE = "10436c83ad93d7b87f94985b2bd2e41cd5bf2f8d"  # commit of which the mutants tried by default were drawn
 TESTS, SECONDS = 300, 60.0  # of a mutant, at most: so many tests, which take so long [s]

@@ -185,7 +185,8 @@ def test_delays_are_measured_from_the_point(folder: Path) -> None:
     with wb.load(path) as model:
         assert isinstance(model, MasterModel)
         point = wb.trim(model, u0={"r": 3.0})
-        report = model.delays(stop=1.0, step=0.01, at=point)
+        report = wb.delays(model, stop=1.0, step=0.01, at=point)
+        assert isinstance(report, wb.DelayReport)
         assert report.operating_point is not None
         assert report.operating_point.u == {"r": 3.0}
         assert report.outputs[0].span == pytest.approx(0.0, abs=1e-6)  # it rests there

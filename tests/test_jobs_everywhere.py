@@ -57,7 +57,7 @@ def heard(monkeypatch: pytest.MonkeyPatch, folder: Path) -> list[float]:
 
 
 def test_every_request_has_a_line() -> None:
-    assert set(LINES) == set(REQUESTS), "tests/command_lines.py: a line for each command of analysis/commands.py"
+    assert set(LINES) == set(REQUESTS), "tests/command_lines.py: a line for each command of workbench/commands.py"
 
 
 @pytest.mark.parametrize("name", LINES)

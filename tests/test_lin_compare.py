@@ -16,9 +16,10 @@ from workbench.cli.app import run
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.model.load import load
-from workbench.point.lin.request import compare, lin, lin_along, lin_over
+from workbench.point.lin.request import lin, lin_along, lin_over
 from workbench.point.lin.step_check import step_check
 from workbench.response.compare_linear.interfaces import compare_interfaces
+from workbench.response.compare_linear.request import compare
 from workbench.signals.kinds import Sine
 from workbench.system.connect import connect
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 
 import control
@@ -20,7 +19,6 @@ from workbench.loops.nyquist.level_crossings import gain_crossings, real_crossin
 from workbench.point.trim.request import trim
 from workbench.system.connect import connect
 from workbench.system.description import SumComponent
-from workbench.system.model import SystemModel
 
 LAGS = {"a": "fmu:FirstOrderLag", "b": "fmu:FirstOrderLag@3", "c": "fmu:FirstOrderLag"}
 TWO_PI = 2.0 * math.pi
@@ -362,14 +360,6 @@ def test_co_simulation_parts_are_refused() -> None:
         pytest.raises(InputError, match="co-simulation parts"),
     ):
         loop(model, "a.y")
-
-
-def test_the_method_is_the_function() -> None:
-    with unity(LAGS, 4.0) as model:
-        assert isinstance(model, SystemModel)
-        assert model.loop("c.y").margins.gain_margin == pytest.approx(2.0)
-        given = list(inspect.signature(model.loop).parameters)
-    assert given == list(inspect.signature(loop).parameters)[1:]
 
 
 def test_the_band_that_shows_a_loop_goes_round_its_poles_and_crossovers_but_not_to_an_almost_integrator() -> None:

@@ -8,11 +8,13 @@ from collections.abc import Mapping
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import control
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.drivers import DRIVERS
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.master_loops import REFERENCE, error_of, fmu, grid, lags, left_limits, mastered
@@ -97,6 +99,12 @@ def test_both_drivers_advance_the_model_exchange_part(driver: str) -> None:
     assert error_of(lags("me", step=0.05)) < 2e-3
 
 
+def delays_of(model: wb.Model, **options: Any) -> wb.DelayReport:  # noqa: ANN401 - those of delays
+    report = wb.delays(model, **options)
+    assert isinstance(report, wb.DelayReport)
+    return report
+
+
 def test_gauss_seidel_follows_the_signals_and_jacobi_does_not() -> None:
     """A chain, its components named against the signals' direction: no value is old with Gauss-Seidel."""
 
@@ -119,7 +127,7 @@ def test_gauss_seidel_follows_the_signals_and_jacobi_does_not() -> None:
             last[interface, order] = session.values(["y"])["y"]
             if isinstance(model, MasterModel):
                 stages = (("a",), ("b",)) if order == "gauss-seidel" else (("b", "a"),)
-                assert model.delays(stop=1.0).stages == stages
+                assert delays_of(model, stop=1.0).stages == stages
     truth = last["me", "auto"]
     serial, parallel = (abs(last["cs", order] - truth) for order in ("gauss-seidel", "jacobi"))
     assert serial < 1e-3 * abs(truth) * 5.0
@@ -131,7 +139,7 @@ def test_the_delay_of_the_report_destabilises_as_it_says() -> None:
     grown = {}
     for step in (0.06, 0.1):
         with lags(gain=25.0, step=step, order="jacobi", hold_inputs=True) as model:
-            (loop,) = model.delays(stop=1.0).loops
+            (loop,) = delays_of(model, stop=1.0).loops
             assert loop.mean_s == pytest.approx(step)
             assert loop.crossover_hz == pytest.approx(math.sqrt(24.0) / (2.0 * math.pi), rel=1e-6)
             signals: Mapping[str, Signal] = {"r": Step(time=0.0, value=1.0)}
@@ -175,7 +183,7 @@ def test_the_error_of_the_report_is_that_of_the_springs() -> None:
     errors = []
     for step in (0.02, 0.005):
         with springs(step) as model:
-            report = model.delays(stop=10.0)
+            report = delays_of(model, stop=10.0)
             with model.open_session() as session:
                 assert [session.values([n])[n] for n in names] == [1.0, 0.0, 0.0, 1.0]
                 record = session.advance(10.0, signals={}, record=names, points=points)
@@ -238,7 +246,7 @@ def test_a_sampled_controller_is_as_exact_as_in_one_equation(version: str, order
 
 def test_the_report_knows_the_instants() -> None:
     with mastered(flight("cs")) as model:
-        report = model.delays(stop=0.5, inputs={"r": Constant(0.2)}, frequency=1.0)
+        report = delays_of(model, stop=0.5, inputs={"r": Constant(0.2)}, frequency=1.0)
     assert report.periods == pytest.approx({"law": 0.022})
     assert [c.mean_s for c in report.connections] == [0.0, 0.0]
     assert [c.phase_lost_deg for c in report.connections] == [0.0, 0.0]

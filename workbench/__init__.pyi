@@ -116,7 +116,6 @@ from workbench.model import FmuModel as FmuModel
 from workbench.model import Model as Model
 from workbench.model import Variable as Variable
 from workbench.model.described_model import DescribedModel as DescribedModel
-from workbench.point.lin.request import compare as compare
 from workbench.point.lin.request import lin as lin
 from workbench.point.lin.request import lin_along as lin_along
 from workbench.point.lin.request import lin_over as lin_over
@@ -149,6 +148,7 @@ from workbench.response.compare.result import Motion as Motion
 from workbench.response.compare.result import MotionComparison as MotionComparison
 from workbench.response.compare.result import MotionFailed as MotionFailed
 from workbench.response.compare.result import MotionHistory as MotionHistory
+from workbench.response.compare_linear.request import compare as compare
 from workbench.response.compare_linear.run import LinComparison as LinComparison
 from workbench.response.compare_linear.run import Verdict as Verdict
 from workbench.response.nfr.certificate import Certificate as Certificate

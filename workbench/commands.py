@@ -16,7 +16,7 @@ REQUESTS = {
     "nfr": "response.nfr.request:Nfr",
     "branches": "response.branches.request:Branches",
     "trim": "point.trim.request:Trim",
-    "lin": "point.lin.request:LinCommand",
+    "lin": "response.compare_linear.request:LinCommand",
     "loop": "loops.loop.request:Loop",
     "delays": "health.delays.request:Delays",
     "onset": "loops.onset.request:RateOnset",

@@ -9,32 +9,27 @@ __all__ = ["grouped_names", "python_page", "python_pages"]
 
 # The first prefix that fits a name's home decides.
 _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("models", "Models, sessions, signals", ("model", "session", "signal", "gusts", "system.load", "workers", "fmi")),
-    ("errors", "Errors", ("errors", "analysis.simulate.divergence")),
+    ("models", "Models, sessions, signals", ("model", "session", "signals", "system.load", "jobs", "fmi")),
+    ("errors", "Errors", ("errors", "response.simulate.divergence")),
     (
-        "response",
-        "Time histories and frequency response",
-        ("analysis.simulate", "analysis.nfr"),
-    ),
-    ("linear", "Operating points and linear models", ("analysis.trim", "core.operating_point", "analysis.lin")),
-    (
-        "identification",
-        "Identification",
+        "loops",
+        "Loops, limit cycles, control",
         (
-            "analysis.advice", "analysis.bla", "analysis.excite", "analysis.experiment", "analysis.fit",
-            "analysis.identif", "analysis.preprocess", "analysis.spectra", "analysis.structures", "analysis.subspace",
-            "analysis.validate",
+            "loops.loop", "loops.describing", "loops.nyquist", "limit_cycles", "response.branches", "response.compare.",
+            "point.modes", "point.reduction", "core.values.closed_loop",
         ),
     ),
-    ("systems", "Systems", ("system", "analysis.blocks", "analysis.delays", "analysis.onset")),
-    ("loops", "Loops, limit cycles, control", (
-        "analysis.loop", "analysis.branches", "analysis.describing", "analysis.nyquist", "analysis.limit_cycle",
-        "analysis.feedback",
-        "analysis.feed_forward", "analysis.reduction", "analysis.modes", "analysis.motions", "analysis.acceleration",
-    )),
-    ("studies", "Studies, reports, health", ("study", "reproduce", "report", "analysis.check", "analysis.info")),
-    ("building", "Building FMUs", ("build", "to_fmu")),
-    ("further", "Further names", ("core",)),
+    ("response", "Time histories and frequency response", ("response.simulate", "response.nfr")),
+    (
+        "linear",
+        "Operating points and linear models",
+        ("point.trim", "core.values.operating_point", "point.lin", "response.compare_linear"),
+    ),
+    ("identification", "Identification", ("data", "identification")),
+    ("systems", "Systems", ("system", "health.blocks", "health.delays", "loops.onset")),
+    ("studies", "Studies, reports, health", ("study", "reproduce", "show", "health.check", "health.info")),
+    ("building", "Building FMUs", ("build",)),
+    ("further", "Further names", ("core", "requests")),
 )  # fmt: skip
 
 

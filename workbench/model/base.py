@@ -238,7 +238,7 @@ class Model(Closable):
         return ()
 
     def declared_rates(self) -> DeclaredRates:
-        """Return when it says that it samples: what analyses take for granted, `analysis/rates.py` finds the rest."""
+        """Return when it says that it samples: what analyses take for granted; `model/sample_rates` finds more."""
         return DeclaredRates(others=(self,))
 
     def remarks(self) -> tuple[str, ...]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from types import MethodType
 from typing import TYPE_CHECKING
 
-from workbench.core.records.named import named
 from workbench.core.values.closed_loop import ClosedLoop
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value
@@ -27,7 +25,6 @@ from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
 
 if TYPE_CHECKING:
-    from workbench.loops.loop.result import LoopResult
     from workbench.system.recipe import SystemRecipe
 
 __all__ = ["SystemModel"]
@@ -74,11 +71,6 @@ class SystemModel(DescribedModel):
             recipe=replace(recipe, bias=setup.bias),
         )
         self.parameters = (*self.parameters, *component_parameters(self.system))
-
-    @property
-    def loop(self) -> Callable[..., LoopResult]:
-        """`system.loop("plant.y", …)` is `workbench.loop(system, "plant.y", …)`: margins of a loop."""
-        return MethodType(named("workbench.loops.loop.request:loop"), self)
 
     def with_values(self, values: Mapping[str, Value]) -> DescribedModel:
         opened, rest = reparametrised(self._opened, values)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from workbench.core.records.forms import Amount, File, Grid, Names, Numbers, Values, Widths
-from workbench.core.records.option import EACH, Options, option, recast, with_options
+from workbench.core.records.forms import File, Grid, Names, Numbers, Values, Widths
+from workbench.core.records.option import EACH, Options, option, with_options
 from workbench.core.values.calendar import TOGETHER
 from workbench.core.values.operating_point import AtPoint
-from workbench.errors import InputError
 from workbench.jobs.job import Job
 from workbench.jobs.options import InParts
 from workbench.requests.decorator import with_origin
@@ -20,27 +19,13 @@ if TYPE_CHECKING:
     from workbench.model import Model
     from workbench.point.lin.result import LinResult
     from workbench.point.lin.state_space import LinearModel
-    from workbench.point.lin.sweep import LinGrid
-    from workbench.response.compare_linear.run import LinComparison
+    from workbench.point.lin.sweep import LinGrid  # noqa: F401 - the answer's type
 
-__all__ = [
-    "METHOD_NAMES",
-    "Compare",
-    "Lin",
-    "LinAlong",
-    "LinCommand",
-    "LinOver",
-    "PointOptions",
-    "compare",
-    "lin",
-    "lin_along",
-    "lin_over",
-    "lin_result",
-]
+__all__ = ["METHOD_NAMES", "Lin", "LinAlong", "LinOver", "PointOptions", "lin", "lin_along", "lin_over", "lin_result"]
 
 METHOD_NAMES = ("auto", "exact", "difference", "kalman-bertram", "response")
 
-_HOW, _SEVERAL, _MEASURED = "Method", "Several linear models", "Comparison"
+HOW, SEVERAL, MEASURED = "Method", "Several linear models", "Comparison"
 
 
 # -- options that several of the requests have -------------------------------------------------
@@ -64,8 +49,8 @@ class PointOptions(AtPoint):
     )
 
 
-class _Perturbed(Options):
-    group = _HOW
+class Perturbed(Options):
+    group = HOW
 
     _: KW_ONLY
     dx: Widths | None = option(
@@ -84,8 +69,8 @@ class _Perturbed(Options):
     )
 
 
-class _Sampled(Options):
-    group = _HOW
+class Sampled(Options):
+    group = HOW
 
     _: KW_ONLY
     btptol: float = option("Relative tolerance within which sample periods have a common multiple.", default=TOGETHER)
@@ -108,8 +93,8 @@ class _Chosen(Options):
     )
 
 
-class _Single(PointOptions, _Perturbed, _Sampled, _Chosen):
-    group = _HOW
+class OnePoint(PointOptions, Perturbed, Sampled, _Chosen):
+    group = HOW
 
     _: KW_ONLY
     points: int = option("Number of periods that the method response records.", default=400)
@@ -133,7 +118,7 @@ class _Single(PointOptions, _Perturbed, _Sampled, _Chosen):
 # -- requests ----------------------------------------------------------------------------------
 
 
-class Lin(_Single, Analysis["LinResult"]):
+class Lin(OnePoint, Analysis["LinResult"]):
     """Linearise a model at an operating point.
 
     A linear model says nothing about large motions: see `workbench.nfr` for gain and phase over the amplitude. The
@@ -163,7 +148,7 @@ class Lin(_Single, Analysis["LinResult"]):
     example = "workbench lin fmu:Rudder --at trim.json --inputs delC --plot bode.png --json lin.json"
 
 
-class LinOver(PointOptions, _Perturbed, _Chosen, InParts, Analysis["LinGrid"]):
+class LinOver(PointOptions, Perturbed, _Chosen, InParts, Analysis["LinGrid"]):
     """Linearise at every combination of parameters, inputs or states.
 
     The point is not trimmed again: if the equilibrium moves with what is varied, trim first and
@@ -193,7 +178,7 @@ class LinOver(PointOptions, _Perturbed, _Chosen, InParts, Analysis["LinGrid"]):
     )
 
 
-class LinAlong(_Perturbed, _Chosen, Analysis["LinGrid"]):
+class LinAlong(Perturbed, _Chosen, Analysis["LinGrid"]):
     """Linearise along a simulation: at each time about the states and inputs the model has then.
 
     The models describe small deviations from the path, not from an equilibrium. Integer and Boolean modes of
@@ -223,150 +208,6 @@ class LinAlong(_Perturbed, _Chosen, Analysis["LinGrid"]):
     )
 
 
-class Compare(PointOptions, _Perturbed, _Sampled, Analysis["LinComparison"]):
-    """Linearise by every method that applies, on each interface of the FMU, and compare with a measured response.
-
-    The measurement drives the input with a small sine around the point (`workbench.nfr`). Discrete models are compared
-    by what a sine would show between their samples (`LinResult.fundamental`). A difference between a linear model and
-    the measurement is not always an error of the linear model: the amplitude may be too large, or the model has no
-    periodic response at all (undamped, unstable, or not at rest); the words say what was seen. Widths of the states
-    are for the method difference alone.
-
-    Raises:
-        InputError: unknown name, or no method applies.
-        FmuError: the model cannot be opened.
-
-    Examples:
-        The pole of 1/(s + 1) by the FMU's directional derivatives; the other methods are beside it.
-
-        >>> with wb.load("fmu:FirstOrderLag", interface="me") as lag:
-        ...     comparison = wb.compare(lag, "u", "y", frequencies=[0.1], measure=False)
-        >>> print(comparison.results["exact (me)"].A)
-        [[-1.]]
-    """
-
-    command = "compare"
-    algorithm = "workbench.response.compare_linear.run:run_all"
-    example = "workbench lin fmu:Rudder --compare --inputs delC --outputs del"
-
-    input: str = option("Input to force.")
-    output: str = option("Output to compare.")
-    _: KW_ONLY
-    frequencies: Numbers | None = option(
-        "Frequencies of the comparison; by default nine around the poles, up to 0.4 of the Nyquist frequency.",
-        unit="Hz",
-        positive=True,
-        default=None,
-    )
-    amplitude: Amount | None = option(
-        "Amplitude of the sine; by default 0.001 of the input's value or nominal value (1 if not declared), whichever "
-        "is larger.",
-        of="input",
-        change=True,
-        positive=True,
-        default=None,
-    )
-    measure: bool = option("Measure the response, in addition to comparing the methods.", default=True)
-
-
-class LinCommand(_Single, InParts, Analysis["LinResult | LinGrid | LinComparison"]):
-    """Linearise at an operating point: A, B, C, D with names, doubtful entries, reasons for zero rows and columns.
-
-    If requested, over a grid of values, along a simulation, or by all methods with a measurement for comparison.
-    """
-
-    command = "lin"
-    algorithm = ""
-    example = Lin.example
-
-    _: KW_ONLY
-    over: Grid = option(
-        "Values of a parameter, input or state; gives one linear model for each combination.",
-        of=EACH,
-        default_factory=dict,
-        group=_SEVERAL,
-    )
-    store: File | None = option(
-        "Folder in which finished models of --over are kept; the same command continues from there.",
-        metavar="DIR",
-        default=None,
-        group=_SEVERAL,
-    )
-    snapshot: Numbers | None = option(
-        "Linearise at these times of a simulation.", unit="s", metavar="T1,T2,..", default=None, group=_SEVERAL
-    )
-    signals: Signals | None = option(
-        "Force an input in the simulation for --snapshot: a number, sine:…, step:…, file.csv.",
-        flag="--input",
-        default=None,
-        group=_SEVERAL,
-    )
-    compare: bool = option(
-        "Compare all methods on all interfaces with each other and with a measured response.",
-        default=False,
-        group=_MEASURED,
-    )
-    frequencies: Numbers | None = option(
-        "Frequencies for --compare.",
-        unit="Hz",
-        flag="--freq",
-        metavar="F,..",
-        positive=True,
-        default=None,
-        group=_MEASURED,
-    )
-    amplitude: Amount | None = option(
-        "Amplitude of the sine for --compare.", of="inputs", change=True, positive=True, default=None, group=_MEASURED
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if sum([bool(self.over), self.snapshot is not None, self.compare]) > 1:
-            raise InputError("--over, --snapshot and --compare: only one of them at a time")
-        for flag, value in (("--amplitude", self.amplitude), ("--freq", self.frequencies)):
-            if value is not None and not self.compare:
-                raise InputError(
-                    f"{flag} belongs to the measurement that --compare makes; add --compare, or leave it out"
-                )
-        for name in ("at", "x0", "u0", "time"):
-            if self.snapshot is not None and getattr(self, name):
-                raise InputError(f"--snapshot: the simulation sets the point; leave --{name} out")
-
-    def run(self, subject: Model, job: Job) -> LinResult | LinGrid | LinComparison:
-        """Run the request that is meant.
-
-        Args:
-            subject: the model; it stays open.
-            job: is told what is finished.
-        """
-        asked: Analysis[Any]
-        if self.over:
-            asked = recast(LinOver, self)
-        elif self.snapshot is not None:
-            asked = recast(LinAlong, self, times=self.snapshot)
-        elif self.compare:
-            asked = recast(Compare, self, input=self._one("input", subject), output=self._one("output", subject))
-        else:
-            asked = recast(Lin, self)
-        record: LinResult | LinGrid | LinComparison = asked.run(subject, job)
-        return record
-
-    def _one(self, kind: str, model: Model) -> str:
-        named = getattr(self, f"{kind}s") or [v.name for v in getattr(model, f"{kind}s")[:1]]
-        if len(named) != 1:
-            raise InputError("--compare: it takes one input and one output; name them with --inputs and --outputs")
-        name: str = named[0]
-        return name
-
-    def went_well(self, record: LinResult | LinGrid | LinComparison) -> bool:
-        """Return whether nothing is missing from the record.
-
-        Args:
-            record: of this request.
-        """
-        return record.complete
-
-
 # -- functions ---------------------------------------------------------------------------------
 
 
@@ -383,4 +224,3 @@ lin_result = with_origin()(with_options(Lin, _result, name="lin", first=Lin.subj
 lin = with_origin("result")(with_options(Lin, _state_space, name="lin", first=Lin.subject.first))
 lin_over = function(LinOver)
 lin_along = function(LinAlong)
-compare = function(Compare)

@@ -22,11 +22,12 @@ from workbench.jobs.job import Job
 from workbench.model import DescribedModel, Model
 from workbench.point.lin.linearise import run
 from workbench.point.lin.methods import METHODS
-from workbench.point.lin.request import Compare, Lin
+from workbench.point.lin.request import Lin
 from workbench.point.lin.response import communication_step
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import LinTask, make_task, open_base
 from workbench.response.compare_linear.interfaces import InterfaceDifference, compare_interfaces
+from workbench.response.compare_linear.request import Compare
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
 from workbench.show.result import Result

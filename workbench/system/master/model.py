@@ -5,10 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from types import MethodType
 from typing import TYPE_CHECKING
 
-from workbench.core.records.named import named
 from workbench.core.values.closed_loop import ClosedLoop
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import Capabilities, Description
@@ -34,7 +32,6 @@ from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
 
 if TYPE_CHECKING:
-    from workbench.health.delays.result import DelayReport
     from workbench.system.recipe import SystemRecipe
 
 __all__ = ["MasterModel"]
@@ -198,11 +195,6 @@ class MasterModel(DescribedModel):
             f"{names[c.from_component]} interface me, or export it with event mode (FMI 3.0)"
             for c in late
         ]
-
-    @property
-    def delays(self) -> Callable[..., DelayReport]:
-        """`system.delays(stop=5.0, …)` is `workbench.delays(system, stop=5.0, …)`: what the master costs."""
-        return MethodType(named("workbench.health.delays.request:delays"), self)
 
     def shows_input(self, output: str) -> bool:
         """Whether an output of the system shows what a component sees, which depends on the step by nature.

@@ -1,0 +1,180 @@
+"""Linear models beside a measured response, and the command `lin`: what can be asked."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY
+from typing import TYPE_CHECKING, Any
+
+from workbench.core.records.forms import Amount, File, Grid, Numbers
+from workbench.core.records.option import EACH, option, recast
+from workbench.errors import InputError
+from workbench.jobs.job import Job
+from workbench.jobs.options import InParts
+from workbench.point.lin.request import (
+    MEASURED,
+    SEVERAL,
+    Lin,
+    LinAlong,
+    LinOver,
+    OnePoint,
+    Perturbed,
+    PointOptions,
+    Sampled,
+)
+from workbench.requests.request import Analysis, function
+from workbench.signals.text import Signals
+
+if TYPE_CHECKING:
+    from workbench.model import Model
+    from workbench.point.lin.result import LinResult
+    from workbench.point.lin.sweep import LinGrid
+    from workbench.response.compare_linear.run import LinComparison
+
+__all__ = ["Compare", "LinCommand", "compare"]
+
+
+class Compare(PointOptions, Perturbed, Sampled, Analysis["LinComparison"]):
+    """Linearise by every method that applies, on each interface of the FMU, and compare with a measured response.
+
+    The measurement drives the input with a small sine around the point (`workbench.nfr`). Discrete models are compared
+    by what a sine would show between their samples (`LinResult.fundamental`). A difference between a linear model and
+    the measurement is not always an error of the linear model: the amplitude may be too large, or the model has no
+    periodic response at all (undamped, unstable, or not at rest); the words say what was seen. Widths of the states
+    are for the method difference alone.
+
+    Raises:
+        InputError: unknown name, or no method applies.
+        FmuError: the model cannot be opened.
+
+    Examples:
+        The pole of 1/(s + 1) by the FMU's directional derivatives; the other methods are beside it.
+
+        >>> with wb.load("fmu:FirstOrderLag", interface="me") as lag:
+        ...     comparison = wb.compare(lag, "u", "y", frequencies=[0.1], measure=False)
+        >>> print(comparison.results["exact (me)"].A)
+        [[-1.]]
+    """
+
+    command = "compare"
+    algorithm = "workbench.response.compare_linear.run:run_all"
+    example = "workbench lin fmu:Rudder --compare --inputs delC --outputs del"
+
+    input: str = option("Input to force.")
+    output: str = option("Output to compare.")
+    _: KW_ONLY
+    frequencies: Numbers | None = option(
+        "Frequencies of the comparison; by default nine around the poles, up to 0.4 of the Nyquist frequency.",
+        unit="Hz",
+        positive=True,
+        default=None,
+    )
+    amplitude: Amount | None = option(
+        "Amplitude of the sine; by default 0.001 of the input's value or nominal value (1 if not declared), whichever "
+        "is larger.",
+        of="input",
+        change=True,
+        positive=True,
+        default=None,
+    )
+    measure: bool = option("Measure the response, in addition to comparing the methods.", default=True)
+
+
+class LinCommand(OnePoint, InParts, Analysis["LinResult | LinGrid | LinComparison"]):
+    """Linearise at an operating point: A, B, C, D with names, doubtful entries, reasons for zero rows and columns.
+
+    If requested, over a grid of values, along a simulation, or by all methods with a measurement for comparison.
+    """
+
+    command = "lin"
+    algorithm = ""
+    example = Lin.example
+
+    _: KW_ONLY
+    over: Grid = option(
+        "Values of a parameter, input or state; gives one linear model for each combination.",
+        of=EACH,
+        default_factory=dict,
+        group=SEVERAL,
+    )
+    store: File | None = option(
+        "Folder in which finished models of --over are kept; the same command continues from there.",
+        metavar="DIR",
+        default=None,
+        group=SEVERAL,
+    )
+    snapshot: Numbers | None = option(
+        "Linearise at these times of a simulation.", unit="s", metavar="T1,T2,..", default=None, group=SEVERAL
+    )
+    signals: Signals | None = option(
+        "Force an input in the simulation for --snapshot: a number, sine:…, step:…, file.csv.",
+        flag="--input",
+        default=None,
+        group=SEVERAL,
+    )
+    compare: bool = option(
+        "Compare all methods on all interfaces with each other and with a measured response.",
+        default=False,
+        group=MEASURED,
+    )
+    frequencies: Numbers | None = option(
+        "Frequencies for --compare.",
+        unit="Hz",
+        flag="--freq",
+        metavar="F,..",
+        positive=True,
+        default=None,
+        group=MEASURED,
+    )
+    amplitude: Amount | None = option(
+        "Amplitude of the sine for --compare.", of="inputs", change=True, positive=True, default=None, group=MEASURED
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if sum([bool(self.over), self.snapshot is not None, self.compare]) > 1:
+            raise InputError("--over, --snapshot and --compare: only one of them at a time")
+        for flag, value in (("--amplitude", self.amplitude), ("--freq", self.frequencies)):
+            if value is not None and not self.compare:
+                raise InputError(
+                    f"{flag} belongs to the measurement that --compare makes; add --compare, or leave it out"
+                )
+        for name in ("at", "x0", "u0", "time"):
+            if self.snapshot is not None and getattr(self, name):
+                raise InputError(f"--snapshot: the simulation sets the point; leave --{name} out")
+
+    def run(self, subject: Model, job: Job) -> LinResult | LinGrid | LinComparison:
+        """Run the request that is meant.
+
+        Args:
+            subject: the model; it stays open.
+            job: is told what is finished.
+        """
+        asked: Analysis[Any]
+        if self.over:
+            asked = recast(LinOver, self)
+        elif self.snapshot is not None:
+            asked = recast(LinAlong, self, times=self.snapshot)
+        elif self.compare:
+            asked = recast(Compare, self, input=self._one("input", subject), output=self._one("output", subject))
+        else:
+            asked = recast(Lin, self)
+        record: LinResult | LinGrid | LinComparison = asked.run(subject, job)
+        return record
+
+    def _one(self, kind: str, model: Model) -> str:
+        named = getattr(self, f"{kind}s") or [v.name for v in getattr(model, f"{kind}s")[:1]]
+        if len(named) != 1:
+            raise InputError("--compare: it takes one input and one output; name them with --inputs and --outputs")
+        name: str = named[0]
+        return name
+
+    def went_well(self, record: LinResult | LinGrid | LinComparison) -> bool:
+        """Return whether nothing is missing from the record.
+
+        Args:
+            record: of this request.
+        """
+        return record.complete
+
+
+compare = function(Compare)
