@@ -1,10 +1,10 @@
-"""Imports go down only: cli → study, reproduce → report → plotting → analysis → … → core, as CONTRIBUTING.md says."""
+"""Everything points down: imports, those in functions and of types, modules named in strings; CONTRIBUTING has the house."""
 
 from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -13,90 +13,98 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1] / "workbench"
+# Floors from the lowest; rooms of one floor do not see each other.
 ORDER = (
+    ("errors",),
     ("core",),
-    ("fmi",),
-    ("session", "kernel"),
+    ("fmi", "signals"),
+    ("kernel",),
+    ("session",),
     ("model",),
-    ("system",),
-    ("workers",),
-    ("analysis",),
-    ("plotting",),
-    ("report", "to_fmu"),
-    ("study", "reproduce", "ui"),
+    ("jobs", "system"),
+    ("requests",),
+    ("show",),
+    ("point",),
+    ("health", "response"),
+    ("data", "loops"),
+    ("identification",),
+    ("build",),
+    ("limit_cycles",),
+    ("commands",),
+    ("reproduce", "study", "ui"),
     ("cli",),
 )
-LEVEL = {layer: level for level, layers in enumerate(ORDER) for layer in layers}
-
-# What a method looks up when it is called: layer → layers. Results are drawn and reported, systems have `.loop()`.
-LATE = {"analysis": {"plotting"}, "system": {"analysis"}}
-# No analysis builds; what all may use uses no layer but these.
-COMMON = {
-    "errors": set(),
-    "core": {"errors"},
-    "endings": set(),
-    "signals": {"core", "errors", "shift_register"},
-    "signal_numbers": {"core", "errors", "signals"},
-    "signal_file": {"core", "errors", "signal_numbers", "signals"},
-    "signal_text": {"core", "errors", "gusts", "signal_file", "signal_numbers", "signals"},
-    "gusts": {"errors", "signals"},
-    "shift_register": set(),
-    "store": {"core", "errors"},
-    "build": {"core", "errors", "origin", "toolchain"},
-    "toolchain": {"core", "errors", "fmi"},
-    "origin": {"core", "errors", "fmi", "model", "system", "report"},
-}
+FLOOR = {room: floor for floor, rooms in enumerate(ORDER) for room in rooms}
+STRING = re.compile(r"(workbench(?:\.\w+)+)(?::\w+)?")  # a module, or "module:name"
 
 
 @dataclass(frozen=True)
-class Import:
-    """One import of one module by another: layers, where, and whether only a call or the type checker makes it."""
+class Arrow:
+    """One module names another.
+
+    Attributes:
+        source: module.
+        target: module, as far as there is one.
+        line: number.
+        how: "import", "type" (for the type checker alone) or "string".
+    """
 
     source: str
     target: str
-    where: str
-    late: bool
+    line: int
+    how: str
 
-
-@dataclass(frozen=True)
-class Statement:
-    """One statement that imports, and whether the type checker alone makes it, or it or a call."""
-
-    node: ast.Import | ast.ImportFrom
-    typing: bool
-    late: bool
+    def __str__(self) -> str:
+        return f"{self.source}:{self.line} → {self.target} ({self.how})"
 
 
 @cache
-def statements(path: Path) -> list[Statement]:
-    """Return the statements of a file that import; it is read once."""
-    return list(statements_in(ast.parse(path.read_text(encoding="utf-8"))))
+def modules() -> dict[str, Path]:
+    """Return every module of the package by its dotted name."""
+    return {
+        ".".join(path.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in sorted(ROOT.rglob("*.py"))
+    }
 
 
-def statements_in(tree: ast.AST, *, typing: bool = False, late: bool = False) -> Iterator[Statement]:
-    typing, late = typing or is_typing(tree), late or is_late(tree)
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.Import | ast.ImportFrom):
-            yield Statement(node, typing, late)
-        elif isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case):  # there is none in an expression
-            yield from statements_in(node, typing=typing, late=late)
+def arrows_of(name: str, text: str, known: Mapping[str, object]) -> Iterator[Arrow]:
+    """Yield what a module names of the package."""
+
+    def home(dotted: str) -> str:
+        """Return the module that holds a dotted name."""
+        while dotted not in known and "." in dotted:
+            dotted = dotted.rpartition(".")[0]
+        return dotted
+
+    def walk(node: ast.AST, *, typing: bool) -> Iterator[tuple[str, int, str]]:
+        typing = typing or (
+            isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        )
+        how = "type" if typing else "import"
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno, how) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from ((f"{node.module}.{alias.name}", node.lineno, how) for alias in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and (found := STRING.fullmatch(node.value)):
+            yield found[1], node.lineno, "string"
+        for inner in ast.iter_child_nodes(node):
+            yield from walk(inner, typing=typing)
+
+    for dotted, line, how in walk(ast.parse(text), typing=False):
+        target = home(dotted)
+        if target.startswith("workbench.") and target != name:
+            yield Arrow(name, target, line, how)
 
 
-def module_of(path: Path) -> str:
-    """Return the dotted name of a file's module."""
-    return ".".join(path.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(".__init__")
+@cache
+def every() -> tuple[Arrow, ...]:
+    """Return all arrows of the package; found once, when a test asks."""
+    known = modules()
+    return tuple(a for name, path in known.items() for a in arrows_of(name, path.read_text(encoding="utf-8"), known))
 
 
-def imported_modules(statements: Iterable[Statement], known: Collection[str]) -> set[str]:
-    """Return the modules that a file imports when it is loaded or when one of its functions is called."""
-    found: set[str] = set()
-    for node in (statement.node for statement in statements if not statement.typing):
-        if isinstance(node, ast.ImportFrom) and node.level == 0:
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-            found |= {name if name in known else node.module or "" for name in names}
-        elif isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-    return found & set(known)
+def room(module: str) -> str:
+    return module.split(".")[1] if "." in module else ""
 
 
 def circle_in(graph: Mapping[str, set[str]]) -> list[str]:
@@ -108,90 +116,58 @@ def circle_in(graph: Mapping[str, set[str]]) -> list[str]:
     return []
 
 
-def layer(path: Path) -> str:
-    parts = path.relative_to(ROOT).parts
-    return parts[0] if len(parts) > 1 else path.stem
-
-
-def imports(path: Path) -> Iterator[Import]:
-    """Yield the imports from other layers, those under TYPE_CHECKING, too."""
-    for statement in statements(path):
-        for module in modules(statement.node):
-            target = module.split(".")[1]
-            if target != layer(path):
-                where = f"{path.relative_to(ROOT)}:{statement.node.lineno} imports {module}"
-                yield Import(layer(path), target, where, statement.late)
-
-
-def is_late(node: ast.AST) -> bool:
-    return is_typing(node) or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-
-
-def is_typing(node: ast.AST) -> bool:
-    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-
-
-def modules(node: ast.AST) -> list[str]:
-    if isinstance(node, ast.Import):
-        found = [alias.name for alias in node.names]
-    elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module == "workbench":
-        found = [f"workbench.{alias.name}" for alias in node.names]
-    elif isinstance(node, ast.ImportFrom) and node.level == 0:
-        found = [node.module or ""]
-    else:
-        found = []
-    return [name for name in found if name.startswith("workbench.")]
-
-
-@cache
-def every() -> list[Import]:
-    """Return all imports of the package; found once, when a test asks."""
-    return [found for path in sorted(ROOT.rglob("*.py")) for found in imports(path)]
-
-
-def test_the_imports_are_found() -> None:
-    """The test sees something: each layer uses others, the lowest `errors`."""
-    assert {found.source for found in every()} >= set(LEVEL)
-
-
-def test_layers_import_downwards() -> None:
-    wrong = [
-        i.where
-        for i in every()
-        if i.source in LEVEL and i.target in LEVEL and LEVEL[i.target] > LEVEL[i.source]
-        if not (i.late and i.target in LATE.get(i.source, ()))
+def upwards(arrows: Iterator[Arrow] | tuple[Arrow, ...]) -> list[str]:
+    return [
+        str(a)
+        for a in arrows
+        if room(a.source) in FLOOR and room(a.source) != room(a.target)
+        if FLOOR[room(a.target)] >= FLOOR[room(a.source)]
     ]
-    assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("name", COMMON)
-def test_what_all_use_depends_on_little(name: str) -> None:
-    wrong = [i.where for i in every() if i.source == name and i.target not in COMMON[name]]
-    assert not wrong, "\n".join(wrong)
+def test_every_room_has_its_floor() -> None:
+    assert {room(name) for name in modules()} - {"", "__main__"} == set(FLOOR)
+    assert {room(a.source) for a in every()} >= set(FLOOR) - {"errors"}, "the test sees something"
 
 
-def test_no_modules_import_each_other() -> None:
-    """Not in functions either; what stands above is looked up by name (`core.named`), or only a type."""
-    paths = {module_of(path): path for path in ROOT.rglob("*.py")}
-    graph = {name: imported_modules(statements(path), paths) - {name} for name, path in paths.items()}
+def test_everything_points_down() -> None:
+    assert not (wrong := upwards(every())), "\n".join(wrong)
+
+
+@pytest.mark.parametrize("how", ["import", "type"])
+def test_no_modules_point_at_each_other(how: str) -> None:
+    """Not in functions either."""
+    graph: dict[str, set[str]] = {name: set() for name in modules()}
+    for arrow in every():
+        if arrow.how in ("import", how):
+            graph[arrow.source].add(arrow.target)
     assert not (circle := circle_in(graph)), " → ".join(circle)
 
 
+def test_what_points_up_is_found() -> None:
+    text = """
+from workbench.errors import InputError
+if TYPE_CHECKING:
+    from workbench.point import x
+def f():
+    import workbench.cli.app
+    named("workbench.show.result:page_of")
+    say("workbench.lin is not the name of a module, and this is no name")
+"""
+    known = dict.fromkeys(["workbench.errors", "workbench.point", "workbench.cli.app", "workbench.show.result"])
+    found = list(arrows_of("workbench.fmi.archive", text, known))
+    assert [a.how for a in found] == ["import", "type", "import", "string"]
+    assert [a.target for a in found] == list(known)
+    assert len(upwards(tuple(found))) == len(found) - 1
+
+
 def test_a_circle_is_found() -> None:
-    text = "if TYPE_CHECKING:\n    from a import x\ndef f():\n    from b import c\n    import a"
-    assert imported_modules(statements_in(ast.parse(text)), {"a", "b", "b.c"}) == {"b.c", "a"}
     assert set(circle_in({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
     assert circle_in({"a": {"b"}, "b": {"c"}, "d": {"a"}}) == []
-
-
-def test_no_analysis_builds() -> None:
-    """FMUs are built by commands; what examines them takes them as they are."""
-    wrong = [i.where for i in every() if LEVEL.get(i.source, 99) <= LEVEL["plotting"] and i.target == "build"]
-    assert not wrong, "\n".join(wrong)
 
 
 def test_the_package_needs_no_tests() -> None:
     """The oracle and all that serves it stay outside."""
     upwards = re.compile(r"^\s*(?:from|import) (?:tests|scripts)\b", re.MULTILINE)
-    wrong = [str(path) for path in sorted(ROOT.rglob("*.py")) if upwards.search(path.read_text(encoding="utf-8"))]
+    wrong = [str(path) for path in modules().values() if upwards.search(path.read_text(encoding="utf-8"))]
     assert not wrong, "\n".join(wrong)

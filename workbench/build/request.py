@@ -30,6 +30,7 @@ class Build(Request[Sequence[str | Path], "BuiltModels"]):
     """
 
     command = "build"
+    written = "workbench.build.written:BuildFiles"
     algorithm = "workbench.build.run:run_build"
     example = "workbench build Rudder.mo --out Rudder.fmu --fmi 3"
     subject = Subject(
@@ -88,6 +89,7 @@ class Compile(Request[str | Path, "CompiledFmu"]):
     """
 
     command = "compile"
+    written = "workbench.build.written:ExportFiles"
     called = "compile_fmu"
     algorithm = "workbench.build.run:run_compile"
     example = "workbench compile fmu:FirstOrderLag --out FirstOrderLag_here.fmu"
@@ -148,6 +150,7 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
     """
 
     command = "export"
+    written = "workbench.build.written:ExportFiles"
     algorithm = "workbench.build.run:run_export"
     example = "workbench export identified.json --out identified.fmu --fmi 3"
     details = (

@@ -16,7 +16,7 @@ from workbench.core.records.option import Declared, Options, asked_in_json, opti
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.jobs.end_signals import INTERRUPTED
 from workbench.requests.request import Request, asked_options, function, request_from, values_from
-from workbench.show.files_written import EXTRAS, Written
+from workbench.show.files_written import Written, written_of
 
 if TYPE_CHECKING:
     from workbench.cli.output import Output
@@ -44,7 +44,7 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
         request: what is asked for.
         before: returns the request that is run, see `workbench.cli.questions`.
     """
-    kind = EXTRAS.get(request.command, Written)
+    kind = written_of(request)
 
     def run(**given: Any) -> int:  # noqa: ANN401 - what typer read
         from workbench.cli.notes import note

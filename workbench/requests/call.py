@@ -22,7 +22,6 @@ from workbench.requests.origin import ModelFacts, Origin
 
 __all__ = ["files_of", "origin_of_call"]
 
-_SIGNALS = ("workbench.signals.kinds", "workbench.data.excite.prbs", "workbench.data.excite.multisine")
 _LONGEST = 120  # an argument whose text is longer is called by its name
 _WRITTEN = ("out", "path", "store")  # arguments that name what is written, not what is read
 
@@ -157,7 +156,7 @@ def _code(value: Any, names: Mapping[int, str]) -> str:  # noqa: ANN401, PLR0911
         return _joined("(", (("", v) for v in value), ",)" if len(value) == 1 else ")", names)
     if isinstance(value, list | set | frozenset):
         return _joined("[", (("", v) for v in value), "]", names)
-    if is_dataclass(value) and type(value).__module__ in _SIGNALS:
+    if getattr(value, "repr_is_code", False) and type(value).__module__.startswith("workbench."):
         return f"wb.{value!r}"
     return ""
 

@@ -132,6 +132,8 @@ class Request(Options, Generic[_Subject, _Record]):
         parts: attributes of the record that are results themselves.
         withheld: its options that have the name of one of `Loading`, and that the model is not opened with.
         unwritten: files that its record has not: "csv", "plot".
+        in_shell: whether a command of this name asks for the same.
+        written: class of what can be asked of its record, "module:class"; empty: the files that all have.
         isolated: whether it runs as a whole in a worker process; else it runs no FMU here, or sees to that itself.
         undivided: whether `--timeout` limits the whole run; else it limits the time from one `job.done` to the next.
             Set it where `done` tells only how far one result is, as the percent of a simulation.
@@ -149,6 +151,8 @@ class Request(Options, Generic[_Subject, _Record]):
     parts: ClassVar[tuple[str, ...]] = ()
     withheld: ClassVar[tuple[str, ...]] = ()
     unwritten: ClassVar[tuple[str, ...]] = ()
+    in_shell: ClassVar[bool] = True
+    written: ClassVar[str] = ""
     isolated: ClassVar[bool] = False
     undivided: ClassVar[bool] = False
 
@@ -413,10 +417,7 @@ def _line_of(kind: type[Request[Any, Any]], given: Mapping[str, Any]) -> str:
     from workbench.requests.model_facts import facts_of  # noqa: PLC0415 - it knows models
 
     source = facts_of(subject).source
-    commands = named("workbench.commands:REQUESTS")
-    own = tuple(f":{kind.__name__}{end}" for end in ("", "Command"))  # the command may have more options
-    known = kind.command in commands and commands[kind.command].endswith(own)
-    if not source or not known:  # as lin_over, which is a part of the command lin
+    if not source or not kind.in_shell:  # as lin_over, which is a part of the command lin
         return ""
     tolerance = recipe.tolerance if kind.usual_tolerance is None else recipe.tolerance or subject.rtol or None
     try:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 from numbers import Integral
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from workbench.errors import InputError, shortened
 
@@ -44,7 +44,12 @@ class Signal(ABC):
          `__call__` already gives the value after the jump.
       3. `longest_step` is the longest step [s] that cannot overlook the signal's shape.
       4. Equality means "forces alike" (frozen dataclass).
+
+    Attributes:
+        repr_is_code: whether its `repr`, after `wb.`, makes it again.
     """
+
+    repr_is_code: ClassVar[bool] = True
 
     @abstractmethod
     def __call__(self, t: float) -> float:

@@ -13,7 +13,7 @@ from workbench.core.records.option import Declared, options_of, parts_of, put_to
 from workbench.errors import InputError, suggest
 from workbench.model.loading import Loading
 from workbench.requests.request import Request, asked_options
-from workbench.show.files_written import EXTRAS, Written
+from workbench.show.files_written import Written, written_of
 
 __all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "references"]
 
@@ -191,7 +191,7 @@ def command(name: str) -> Command:
     """Return what is known of one of `COMMANDS`."""
     request = request_of(name)
     subject = _MODEL if request.subject.metavar == _MODEL.upper() else request.subject.spelt
-    written = EXTRAS.get(name, Written)
+    written = written_of(request)
     every = {n: d for n, (d, _) in asked_options(request).items()}
     every |= {d.name: d for d, _ in parts_of(written) if d.name not in request.unwritten}
     options = {f.lstrip("-"): (n, d) for n, d in every.items() for f in (d.flag, d.option.also) if f}

@@ -101,6 +101,7 @@ class BestLinear(Request["Sequence[Experiment]", "BlaResult"]):
     command = "bla"
     called = "best_linear"
     algorithm = "workbench.data.bla.recorded:run"
+    in_shell = False
     example = "workbench bla recorded.csv --input u --output y --period 10.24"
     counts = "steps"
     subject = Subject(

@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -79,6 +80,7 @@ class Design(ABC):
       3. The sequences of several inputs are nearly uncorrelated; where they are not, a note says so.
     """
 
+    repr_is_code: ClassVar[bool] = True  # as that of signals
     offset: float | tuple[float, ...] | None
 
     @abstractmethod

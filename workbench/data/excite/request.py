@@ -87,6 +87,7 @@ class Excite(AtPoint, InWhole, Analysis["ExciteResult"]):
     """
 
     command = "excite"
+    written = "workbench.data.excite.written:ExciteFiles"
     algorithm = "workbench.data.excite.run:run"
     example = "workbench excite fmu:Rudder --input delC --output del --prbs amplitude=2 --step 0.01 --csv rudder.csv"
     # Tighter than for a time history: integration errors must stay far below the model's own noise.

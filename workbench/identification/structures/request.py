@@ -82,8 +82,10 @@ class IdentifyStructure(_Blocks, Request["Experiment | File", "StructureResult"]
     """
 
     command = "identify"
+    written = "workbench.identification.structures.written:IdentifyFiles"
     called = "identify_structure"
     algorithm = "workbench.identification.structures.run:run"
+    in_shell = False
     example = "workbench identify data.csv --input u --output y --structure hammerstein --validate other.csv"
     counts = "fits"
     subject = Identify.subject

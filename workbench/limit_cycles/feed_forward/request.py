@@ -99,6 +99,7 @@ class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
     """
 
     command = "feed-forward"
+    written = "workbench.limit_cycles.feed_forward.written:FeedForwardFiles"
     algorithm = "workbench.limit_cycles.feed_forward.run:run"
     example = (
         "workbench feed-forward system:failed_aileron --block damper --to aircraft.inner_aileron --feedback "

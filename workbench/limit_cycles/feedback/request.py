@@ -102,6 +102,7 @@ class Feedback(AtPoint, InParts, Analysis["FeedbackResult"]):
     """
 
     command = "feedback"
+    written = "workbench.limit_cycles.feedback.written:FeedbackFiles"
     algorithm = "workbench.limit_cycles.feedback.analyse:run"
     example = (
         "workbench feedback system:failed_aileron --from aircraft.outer_aileron_position --to aircraft.inner_aileron "

@@ -169,6 +169,7 @@ class LinOver(PointOptions, Perturbed, _Chosen, InParts, Analysis["LinGrid"]):
 
     command = "lin_over"
     algorithm = "workbench.point.lin.sweep:over"
+    in_shell = False
     example = "workbench lin fmu:Rudder --over mH=0,100 --inputs delC"
 
     over: Grid = option("Parameters, inputs or states to vary, with their values.", of=EACH)
@@ -199,6 +200,7 @@ class LinAlong(Perturbed, _Chosen, Analysis["LinGrid"]):
 
     command = "lin_along"
     algorithm = "workbench.point.lin.sweep:along"
+    in_shell = False
     example = "workbench lin fmu:Rudder --snapshot 0.1,0.2 --input delC=2 --inputs delC"
 
     times: Numbers = option("Times at which to linearise, rising.", unit="s")

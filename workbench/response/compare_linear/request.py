@@ -57,6 +57,7 @@ class Compare(PointOptions, Perturbed, Sampled, Analysis["LinComparison"]):
 
     command = "compare"
     algorithm = "workbench.response.compare_linear.run:run_all"
+    in_shell = False
     example = "workbench lin fmu:Rudder --compare --inputs delC --outputs del"
 
     input: str = option("Input to force.")

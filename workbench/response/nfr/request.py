@@ -65,6 +65,7 @@ class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
     """
 
     command = "nfr"
+    written = "workbench.response.nfr.written:NfrFiles"
     isolated = False  # its points run in worker processes, whatever happens to one of them
     algorithm = "workbench.response.nfr.run:run"
     example = "workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitude 1,4 --plot bode.png"

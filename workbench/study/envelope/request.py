@@ -59,6 +59,7 @@ class EnvelopeOf(Request["str | Path", "EnvelopeResult"]):
     """
 
     command = "envelope"
+    written = "workbench.study.envelope.written:EnvelopeFiles"
     algorithm = "workbench.study.envelope.run:run"
     example = "workbench envelope study:aileron_envelope --report envelope.html"
     subject = Subject(
