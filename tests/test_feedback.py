@@ -16,7 +16,7 @@ from workbench.limit_cycles.feedback.gains import Crossing, crossings, fixed_mod
 from workbench.limit_cycles.feedback.initial_motion import mean_magnitude
 from workbench.limit_cycles.feedback.locus import fastest, locus
 from workbench.limit_cycles.feedback.optimum import optimum_of
-from workbench.limit_cycles.feedback.settling import GainRun
+from workbench.limit_cycles.feedback.result import GainRun
 
 ALL = (-math.inf, math.inf)
 HZ = 2.0 * math.pi

@@ -14,8 +14,8 @@ import workbench as wb
 from workbench.cli.app import run
 from workbench.core.records.option import options_of
 from workbench.jobs.job import Job
+from workbench.point.lin.grid import LinGrid, LinPoint
 from workbench.point.lin.request import LinOver
-from workbench.point.lin.sweep import LinGrid, LinPoint
 from workbench.point.trim.request import Trim
 
 SLOW = ("control", "matplotlib", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats")

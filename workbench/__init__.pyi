@@ -84,8 +84,8 @@ from workbench.limit_cycles.feed_forward.result import FeedForwardResult as Feed
 from workbench.limit_cycles.feed_forward.trial import Trial as Trial
 from workbench.limit_cycles.feedback.request import feedback as feedback
 from workbench.limit_cycles.feedback.result import FeedbackResult as FeedbackResult
+from workbench.limit_cycles.feedback.result import SettlingStudy as SettlingStudy
 from workbench.limit_cycles.feedback.run import FeedbackRun as FeedbackRun
-from workbench.limit_cycles.feedback.settling import SettlingStudy as SettlingStudy
 from workbench.limit_cycles.limit_cycle.branch import Branch as Branch
 from workbench.limit_cycles.limit_cycle.branch import BranchPoint as BranchPoint
 from workbench.limit_cycles.limit_cycle.free_run import FreeRun as FreeRun
@@ -116,6 +116,8 @@ from workbench.model import FmuModel as FmuModel
 from workbench.model import Model as Model
 from workbench.model import Variable as Variable
 from workbench.model.described_model import DescribedModel as DescribedModel
+from workbench.point.lin.grid import LinGrid as LinGrid
+from workbench.point.lin.grid import LinPoint as LinPoint
 from workbench.point.lin.request import lin as lin
 from workbench.point.lin.request import lin_along as lin_along
 from workbench.point.lin.request import lin_over as lin_over
@@ -125,8 +127,6 @@ from workbench.point.lin.result import Zero as Zero
 from workbench.point.lin.state_space import LinearModel as LinearModel
 from workbench.point.lin.step_check import StepCheck as StepCheck
 from workbench.point.lin.step_check import step_check as step_check
-from workbench.point.lin.sweep import LinGrid as LinGrid
-from workbench.point.lin.sweep import LinPoint as LinPoint
 from workbench.point.modes.request import modes as modes
 from workbench.point.modes.result import Critical as Critical
 from workbench.point.modes.result import Mode as Mode
@@ -149,8 +149,8 @@ from workbench.response.compare.result import MotionComparison as MotionComparis
 from workbench.response.compare.result import MotionFailed as MotionFailed
 from workbench.response.compare.result import MotionHistory as MotionHistory
 from workbench.response.compare_linear.request import compare as compare
-from workbench.response.compare_linear.run import LinComparison as LinComparison
-from workbench.response.compare_linear.run import Verdict as Verdict
+from workbench.response.compare_linear.result import LinComparison as LinComparison
+from workbench.response.compare_linear.result import Verdict as Verdict
 from workbench.response.nfr.certificate import Certificate as Certificate
 from workbench.response.nfr.point import NfrPoint as NfrPoint
 from workbench.response.nfr.request import Nfr as Nfr

@@ -5,8 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from workbench.limit_cycles.feedback.request import feedback
-from workbench.limit_cycles.feedback.result import FeedbackResult
-from workbench.limit_cycles.feedback.settling import SettlingStudy
+from workbench.limit_cycles.feedback.result import FeedbackResult, SettlingStudy
 from workbench.reproduce.drawings import titled
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.system.load import load

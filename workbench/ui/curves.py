@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from workbench.core.values.linear import Linear, LinearPart
     from workbench.limit_cycles.feedback.result import FeedbackResult
     from workbench.loops.loop.result import LoopResult
+    from workbench.point.lin.grid import LinGrid
     from workbench.point.lin.result import LinResult
-    from workbench.point.lin.sweep import LinGrid
     from workbench.response.branches.result import BranchesResult, ResponseBranch
     from workbench.response.nfr.result import NfrResult
 

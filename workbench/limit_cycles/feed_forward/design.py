@@ -2,67 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
-
 import numpy as np
 
-from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import natural_frequency_hz
 from workbench.limit_cycles.feed_forward.design_step import FilterStep, Judge
 from workbench.limit_cycles.feed_forward.request import FeedForward
+from workbench.limit_cycles.feed_forward.result import Design
 from workbench.point.reduction.balanced import BalancedReduction, balanced_reduction
-from workbench.point.reduction.band_error import BandError, band_error
+from workbench.point.reduction.band_error import band_error
 from workbench.point.reduction.cancel import cancel, mirror
 from workbench.point.reduction.factored import Factored, factored, low_pass
 from workbench.point.reduction.sections import to_state_space
 
-__all__ = ["Design", "design"]
+__all__ = ["design"]
 
 _AXIS = 1e-6
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Design(Part):
-    """The filter and how it came about.
-
-    Attributes:
-        G, H: reduced.
-        band_errors: of G and of H, in the band.
-        steps: one after the other.
-        factored: the filter by zeros, poles and gain.
-        part: the filter as a state-space system.
-        mirrored: poles that were mirrored, where they had been [1/s].
-        notes: what the user should know.
-    """
-
-    G: BalancedReduction = field(metadata=entry(kept=False))
-    H: BalancedReduction = field(metadata=entry(kept=False))
-    band_errors: tuple[BandError, BandError] = field(metadata=entry(kept=False))
-    steps: tuple[FilterStep, ...]
-    factored: Factored
-    part: LinearPart
-    mirrored: Complex
-    notes: tuple[str, ...] = field(metadata=entry(key="design_notes"))
-
-    def derived(self) -> dict[str, Any]:
-        """Return each reduction with its error."""
-        both = zip("GH", self.reductions, self.band_errors, strict=True)
-        return {"reduced": {name: {**r.to_dict(), "band_error": e} for name, r, e in both}}
-
-    @classmethod
-    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the reductions apart from their errors."""
-        reduced = data["reduced"]
-        return {**data, **reduced, "band_errors": [reduced[name]["band_error"] for name in "GH"]}
-
-    @property
-    def reductions(self) -> tuple[BalancedReduction, BalancedReduction]:
-        """Those of G and of H."""
-        return self.G, self.H
 
 
 def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: Judge) -> Design:

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.records.record import entry
+from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
-from workbench.limit_cycles.feed_forward.design import Design
 from workbench.limit_cycles.feed_forward.design_step import FilterStep
 from workbench.limit_cycles.feed_forward.remaining_cycles import Remaining
 from workbench.limit_cycles.feed_forward.trial import Trial
 from workbench.limit_cycles.feed_forward.weighting import Weighting
+from workbench.point.reduction.balanced import BalancedReduction
+from workbench.point.reduction.band_error import BandError
+from workbench.point.reduction.factored import Factored
 from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     import control
     from matplotlib.figure import Figure
 
-__all__ = ["FeedForwardResult"]
+__all__ = ["Design", "FeedForwardResult"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -159,3 +161,43 @@ class FeedForwardResult(Result):
         yield ("frequency_hz", *(f"{n} {what}" for n in curves for what in ("gain", "phase_deg")))
         columns = [c for v in curves.values() for c in (np.abs(v), np.angle(v, deg=True))]
         yield from np.column_stack([self.frequency_hz, *columns]).tolist()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Design(Part):
+    """The filter and how it came about.
+
+    Attributes:
+        G, H: reduced.
+        band_errors: of G and of H, in the band.
+        steps: one after the other.
+        factored: the filter by zeros, poles and gain.
+        part: the filter as a state-space system.
+        mirrored: poles that were mirrored, where they had been [1/s].
+        notes: what the user should know.
+    """
+
+    G: BalancedReduction = field(metadata=entry(kept=False))
+    H: BalancedReduction = field(metadata=entry(kept=False))
+    band_errors: tuple[BandError, BandError] = field(metadata=entry(kept=False))
+    steps: tuple[FilterStep, ...]
+    factored: Factored
+    part: LinearPart
+    mirrored: Complex
+    notes: tuple[str, ...] = field(metadata=entry(key="design_notes"))
+
+    def derived(self) -> dict[str, Any]:
+        """Return each reduction with its error."""
+        both = zip("GH", self.reductions, self.band_errors, strict=True)
+        return {"reduced": {name: {**r.to_dict(), "band_error": e} for name, r, e in both}}
+
+    @classmethod
+    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the reductions apart from their errors."""
+        reduced = data["reduced"]
+        return {**data, **reduced, "band_errors": [reduced[name]["band_error"] for name in "GH"]}
+
+    @property
+    def reductions(self) -> tuple[BalancedReduction, BalancedReduction]:
+        """Those of G and of H."""
+        return self.G, self.H

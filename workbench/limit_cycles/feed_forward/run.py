@@ -13,12 +13,12 @@ from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
 from workbench.jobs.job import Job
-from workbench.limit_cycles.feed_forward.design import Design, design
+from workbench.limit_cycles.feed_forward.design import design
 from workbench.limit_cycles.feed_forward.design_step import Judge
 from workbench.limit_cycles.feed_forward.plant import Plant, linear_plant
 from workbench.limit_cycles.feed_forward.remaining_cycles import Remaining, remaining
 from workbench.limit_cycles.feed_forward.request import FeedForward
-from workbench.limit_cycles.feed_forward.result import FeedForwardResult
+from workbench.limit_cycles.feed_forward.result import Design, FeedForwardResult
 from workbench.limit_cycles.feed_forward.trial import Run, Trial, run_trial
 from workbench.limit_cycles.feed_forward.weighting import Weighting
 from workbench.limit_cycles.feed_forward.wiring import Loops, variable_of

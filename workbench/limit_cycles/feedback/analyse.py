@@ -27,9 +27,9 @@ from workbench.limit_cycles.feedback.initial_motion import Start, from_cycle, fr
 from workbench.limit_cycles.feedback.locus import fastest
 from workbench.limit_cycles.feedback.plant import Standing, linear, standing
 from workbench.limit_cycles.feedback.request import Feedback, Range
-from workbench.limit_cycles.feedback.result import FeedbackResult, interval_words
+from workbench.limit_cycles.feedback.result import FeedbackResult, SettlingSettings, SettlingStudy, interval_words
 from workbench.limit_cycles.feedback.run import FeedbackRun, feedback_run
-from workbench.limit_cycles.feedback.settling import SettlingSettings, SettlingStudy, settling_study
+from workbench.limit_cycles.feedback.settling import settling_study
 from workbench.loops.nyquist.grid import adaptive_grid
 from workbench.loops.nyquist.nyquist import AMPLITUDES, BAND
 from workbench.model import operating_point as placing

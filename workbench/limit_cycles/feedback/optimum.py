@@ -12,7 +12,7 @@ from numpy.polynomial import Polynomial
 from workbench.core.records.record import Part
 
 if TYPE_CHECKING:
-    from workbench.limit_cycles.feedback.settling import GainRun
+    from workbench.limit_cycles.feedback.result import GainRun
 
 __all__ = ["Optimum", "optimum_of"]
 

@@ -16,7 +16,7 @@ from workbench.show.figure import COLOURS, LEGEND, panels
 
 if TYPE_CHECKING:
     from workbench.limit_cycles.feedback.optimum import Optimum
-    from workbench.limit_cycles.feedback.settling import SettlingStudy
+    from workbench.limit_cycles.feedback.result import SettlingStudy
 
 __all__ = ["draw_settling", "plot_settling"]
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.jobs.job import Job
@@ -20,167 +18,19 @@ from workbench.jobs.runner_choice import at_work
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath, Wish, find_place
 from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, Start, mean_magnitude
-from workbench.limit_cycles.feedback.optimum import Optimum, optimum_of
-from workbench.limit_cycles.feedback.request import THRESHOLDS
+from workbench.limit_cycles.feedback.optimum import optimum_of
+from workbench.limit_cycles.feedback.result import GainRun, SettlingSettings, SettlingStudy
 from workbench.model.described_model import DescribedModel
 from workbench.session.base import Recorded, Session
-from workbench.show.result import Result
 from workbench.signals.kinds import Signal
 
-__all__ = ["GainRun", "SettlingSettings", "SettlingStudy", "settling_study"]
+__all__ = ["settling_study"]
 
 _CHUNK = 10  # cycles
 _FINE = 10  # times more points in the first cycle, in which the feedback engages
 _GROWN = 100.0  # times the motion at the beginning: it does not settle
 _AT_LIMIT = 0.98
 _DRAWN = 400  # points kept of each run
-
-
-@dataclass(frozen=True, kw_only=True)
-class SettlingSettings:
-    """How a settling study is made.
-
-    Attributes:
-        threshold: part of the magnitude at the beginning below which the motion counts as settled.
-        thresholds: others, for the table.
-        order: order of the polynomial.
-        longest: after which a run is given up [s]; None: 250 cycles.
-        tolerance: relative, of the integration.
-    """
-
-    threshold: float = 0.01
-    thresholds: tuple[float, ...] = THRESHOLDS
-    order: int = 4
-    longest: float | None = None
-    tolerance: float = 1e-8
-
-    @property
-    def every(self) -> tuple[float, ...]:
-        """All thresholds, falling."""
-        return tuple(sorted({self.threshold, *self.thresholds}, reverse=True))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class GainRun(Part):
-    """The motion after the feedback closed with one gain.
-
-    Attributes:
-        gain: g.
-        settled: threshold → time after closing from which the mean magnitude over a cycle stays below it [s]; None:
-            it did not come to that.
-        seconds: how long was simulated.
-        left: mean magnitude at the end over that at the beginning.
-        peak_deflection: largest size of what is handed to the target [its unit], behind the actuator if there is one.
-        peak_rate: largest rate of that [its unit / s]; without an actuator the jump at closing is left out.
-        deflection_limited: how long the deflection was at its limit [s]; None: there is no known limit.
-        rate_limited: how long the rate was at its limit [s]; None: likewise.
-        why: why it ended early; "": it did not.
-        time: after closing, thinned out, shape (k,) [s].
-        magnitude: mean over a cycle there, over that at the beginning, shape (k,).
-    """
-
-    gain: float
-    settled: Mapping[float, float | None] = field(metadata=entry(kept=False))
-    seconds: float
-    left: float
-    peak_deflection: float
-    peak_rate: float
-    deflection_limited: float | None
-    rate_limited: float | None
-    why: str
-    time: Floats
-    magnitude: Floats
-
-    @property
-    def limit_reached(self) -> bool:
-        """Whether the actuator came to a limit."""
-        return bool(self.deflection_limited) or bool(self.rate_limited)
-
-    def derived(self) -> dict[str, Any]:
-        """Return the settling times in a list."""
-        settled = [{"threshold": k, "seconds": v} for k, v in self.settled.items()]
-        return {"settled": settled, "limit_reached": self.limit_reached}
-
-    @classmethod
-    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return threshold → time."""
-        return {**data, "settled": {s["threshold"]: s["seconds"] for s in data["settled"]}}
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SettlingStudy(Result):
-    """Settling times over the gain.
-
-    Attributes:
-        variable: the one whose magnitude decides that the motion has settled.
-        unit: unit of the variable.
-        target: what the feedback drives.
-        target_unit: unit of the target.
-        settings: how it was made.
-        start: the motion before the feedback closes.
-        actuator: between gain and target; None: none.
-        runs: one for each gain, rising.
-        optima: one for each threshold, falling.
-    """
-
-    _page = "workbench.limit_cycles.feedback.page:settling_page"
-    _picture = "workbench.limit_cycles.feedback.picture_settling:plot_settling"
-
-    variable: str
-    unit: str | None
-    target: str
-    target_unit: str | None
-    settings: SettlingSettings
-    start: Start = field(metadata=entry(key="beginning"))
-    actuator: Actuator | None
-    runs: tuple[GainRun, ...]
-    optima: tuple[Optimum, ...] = field(metadata=entry(key="thresholds"))
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """Rising."""
-        return tuple(r.gain for r in self.runs)
-
-    @property
-    def settling_seconds(self) -> tuple[float | None, ...]:
-        """For the chosen threshold [s]; None: did not settle."""
-        return tuple(r.settled[self.settings.threshold] for r in self.runs)
-
-    @property
-    def best(self) -> Optimum:
-        """For the chosen threshold."""
-        return next(o for o in self.optima if o.threshold == self.settings.threshold)
-
-    @property
-    def optimum(self) -> float | None:
-        """Gain at which the polynomial of the chosen threshold is smallest."""
-        return self.best.gain
-
-    def derived(self) -> dict[str, Any]:
-        """Return the optimum and where it begins."""
-        best, start = self.best, self.start
-        return {
-            "gains": self.gains,
-            "settling_seconds": self.settling_seconds,
-            "optimum": self.optimum,
-            "optimum_seconds": best.seconds,
-            "optimum_at_end": best.at_end,
-            "fastest_gain": best.fastest_gain,
-            "threshold": self.settings.threshold,
-            "polynomial_order": self.settings.order,
-            "start": start.how,
-            "closes_at": start.closes,
-            "frequency_hz": start.frequency,
-            "magnitude": start.magnitude,
-        }
-
-    def rows(self) -> Iterator[Sequence[Any]]:
-        """Yield one row for each gain."""
-        levels = [o.threshold for o in self.optima]
-        rest = ("left", "peak_deflection", "peak_rate", "limit_reached")
-        yield ("gain", *(f"settling_seconds_{t:g}" for t in levels), *rest)
-        for run in self.runs:
-            yield (run.gain, *(run.settled[t] for t in levels), *(getattr(run, name) for name in rest))
 
 
 def settling_study(

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
-from workbench.loops.loop.place import Opening, find_place
+from workbench.loops.loop.place import find_place
 from workbench.loops.loop.request import Open
+from workbench.loops.loop.result import Opening
 from workbench.model import Model
 from workbench.model.described_model import DescribedModel
 from workbench.system.components import open_parts

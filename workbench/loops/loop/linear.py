@@ -2,100 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.core.records.option import values_of
-from workbench.core.records.record import Part, entry
-from workbench.core.values.arrays import Complex, Floats
-from workbench.core.values.decibels import unwrapped
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.margins import Margins
-from workbench.core.values.poles import natural_frequency_hz
 from workbench.loops.loop.cut import PASSED, RETURNED, CutLoop
 from workbench.loops.loop.lifted import Lifted, lifted, margins_of_lifted
 from workbench.loops.loop.margins import margins_of, withheld
-from workbench.loops.loop.stability import Stability, judged, same_poles, stability_of, unknown
-from workbench.loops.nyquist.absolute import AbsoluteStability, absolute_stability
+from workbench.loops.loop.result import LinearLoop
+from workbench.loops.loop.stability import judged, same_poles, stability_of, unknown
+from workbench.loops.nyquist.absolute import absolute_stability
 from workbench.model.sample_rates import sampled
 from workbench.point.lin.linearise import run
 from workbench.point.lin.request import Lin, lin_result
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import Width, make_task
 
-__all__ = ["MANY", "LinearLoop", "linear_loop"]
+__all__ = ["linear_loop"]
 
-MANY = 200  # frequencies that show a loop
 _REST = 1e-6  # a derivative above this part of (value + 1) is motion
-
-
-@dataclass(frozen=True, eq=False)
-class LinearLoop(Part):
-    """A loop at an operating point.
-
-    Attributes:
-        lin: of the opened system, from the signal passed on to the signal returned: minus L.
-        transfer: L.
-        stability: of the closed loop.
-        margins: of L, exact.
-        notes: one line each.
-        absolute: sectors 0 … k that circle and Popov criterion prove for a characteristic at the opened connection;
-            None: a sampled loop, or one with transport delays, of which they say nothing.
-    """
-
-    lin: LinResult
-    transfer: LinearPart = field(metadata=entry(inline=True))
-    stability: Stability
-    margins: Margins
-    notes: tuple[str, ...]
-    absolute: AbsoluteStability | None = None
-
-    def derived(self) -> dict[str, Any]:
-        """Return the method, and the loop with its sensitivities over frequency."""
-        f = self.frequencies()
-        response = self.response(f)
-        return {
-            "method": self.lin.method,
-            "why": self.lin.why,
-            "state_names": self.lin.state_names,
-            "frequency_hz": f,
-            "gain": np.abs(response),
-            "phase_deg": unwrapped(response),
-            "sensitivity": np.abs(1.0 / (1.0 + response)),
-            "complementary": np.abs(response / (1.0 + response)),
-        }
-
-    def frequencies(self, count: int = MANY) -> Floats:
-        """Return frequencies that show the linear loop, shape (count,), rising [Hz].
-
-        Args:
-            count: how many.
-        """
-        transfer = self.transfer
-        poles = np.concatenate([transfer.continuous_poles, transfer.sensitivity().continuous_poles])
-        every = np.concatenate([natural_frequency_hz(poles), self.margins.crossovers_hz])
-        every = every[(every > 1e-6 * every.max(initial=0.0)) & np.isfinite(every) & (every > 0.0)]
-        if not len(every):
-            every = np.array([0.05 / transfer.dt if transfer.dt > 0.0 else 1.0])
-        high = min(every.max() * 10.0, transfer.highest_hz * (1.0 - 1e-6))
-        band: Floats = np.geomspace(min(every.min() / 10.0, high / 100.0), high, count)
-        return band
-
-    @property
-    def closes(self) -> bool:
-        """Whether the closed loop is 1/(1 + L): not of a sampled one whose signal acts several times in its period."""
-        known = self.margins.everywhere and not any(math.isnan(c.delay_s) for c in self.margins.gain_crossovers)
-        return self.transfer.dt == 0.0 or (
-            known and same_poles(self.transfer.sensitivity().poles, self.stability.poles)
-        )
-
-    def response(self, frequency_hz: Floats) -> Complex:
-        """Return L at frequencies [Hz], shape (k,)."""
-        return self.transfer.response(frequency_hz)
 
 
 def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: float | None = None) -> LinearLoop:

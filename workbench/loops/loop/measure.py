@@ -15,9 +15,9 @@ from workbench.jobs.options import Workers
 from workbench.loops.loop.curve_margins import curve_margins
 from workbench.loops.loop.cut import PASSED, RETURNED, CutLoop
 from workbench.loops.loop.injecting import injected
-from workbench.loops.loop.linear import LinearLoop
 from workbench.loops.loop.measured import LoopCurve, LoopPoint
 from workbench.loops.loop.points import Bench
+from workbench.loops.loop.result import LinearLoop
 from workbench.loops.loop.settings import LoopSettings
 from workbench.model.described_model import DescribedModel
 from workbench.response.nfr.point import NfrPoint

@@ -3,41 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.variable import FLOAT_TYPES
 from workbench.fmi.wiring import Wire
 from workbench.loops.loop.request import Open
+from workbench.loops.loop.result import Opening
 from workbench.system.description import Resolved, SystemDescription
 
-__all__ = ["Opening", "find_place"]
+__all__ = ["find_place"]
 
 _ARROWS = ("→", "->")
-
-
-@dataclass(frozen=True)
-class Opening:
-    """Connections of one source, cut together.
-
-    Attributes:
-        source: "component.output".
-        unit: of the source, None where it names none.
-        wires: positions among the system's wires.
-        destinations: "component.input" of each.
-        discrete: the source moves at events only; it holds its value between samples.
-    """
-
-    source: str
-    unit: str | None
-    wires: tuple[int, ...]
-    destinations: tuple[str, ...]
-    discrete: bool
-
-    @property
-    def label(self) -> str:
-        """The place in words: "plant.y → a.u, b.u"."""
-        return f"{self.source} → {', '.join(self.destinations)}"
 
 
 def find_place(system: SystemDescription, resolved: Resolved, at: Open) -> Opening:

@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.records.record import entry
-from workbench.core.values.arrays import Floats
-from workbench.core.values.decibels import decibels, degrees
+from workbench.core.records.record import Part, entry
+from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.decibels import decibels, degrees, unwrapped
+from workbench.core.values.linear import LinearPart
 from workbench.core.values.margins import Margins
 from workbench.core.values.operating_point import OperatingPoint
+from workbench.core.values.poles import natural_frequency_hz
 from workbench.errors import InputError
-from workbench.loops.loop.linear import MANY, LinearLoop
 from workbench.loops.loop.measured import LoopCurve
-from workbench.loops.loop.place import Opening
+from workbench.loops.loop.stability import Stability, same_poles
+from workbench.loops.nyquist.absolute import AbsoluteStability
+from workbench.point.lin.result import LinResult
 from workbench.show.result import Result
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-__all__ = ["LoopResult"]
+__all__ = ["MANY", "LinearLoop", "LoopResult", "Opening"]
+
+MANY = 200  # frequencies that show a loop
 
 _COLUMNS = (
     "how", "amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "sensitivity", "complementary", "mean",
@@ -151,3 +157,92 @@ def _numbers(value: complex | None) -> list[Any]:
     with np.errstate(divide="ignore"):
         s = float(abs(np.divide(1.0, 1.0 + value)))
     return [abs(value), float(decibels(value)), float(degrees(value)), s, s * abs(value)]
+
+
+@dataclass(frozen=True, eq=False)
+class LinearLoop(Part):
+    """A loop at an operating point.
+
+    Attributes:
+        lin: of the opened system, from the signal passed on to the signal returned: minus L.
+        transfer: L.
+        stability: of the closed loop.
+        margins: of L, exact.
+        notes: one line each.
+        absolute: sectors 0 … k that circle and Popov criterion prove for a characteristic at the opened connection;
+            None: a sampled loop, or one with transport delays, of which they say nothing.
+    """
+
+    lin: LinResult
+    transfer: LinearPart = field(metadata=entry(inline=True))
+    stability: Stability
+    margins: Margins
+    notes: tuple[str, ...]
+    absolute: AbsoluteStability | None = None
+
+    def derived(self) -> dict[str, Any]:
+        """Return the method, and the loop with its sensitivities over frequency."""
+        f = self.frequencies()
+        response = self.response(f)
+        return {
+            "method": self.lin.method,
+            "why": self.lin.why,
+            "state_names": self.lin.state_names,
+            "frequency_hz": f,
+            "gain": np.abs(response),
+            "phase_deg": unwrapped(response),
+            "sensitivity": np.abs(1.0 / (1.0 + response)),
+            "complementary": np.abs(response / (1.0 + response)),
+        }
+
+    def frequencies(self, count: int = MANY) -> Floats:
+        """Return frequencies that show the linear loop, shape (count,), rising [Hz].
+
+        Args:
+            count: how many.
+        """
+        transfer = self.transfer
+        poles = np.concatenate([transfer.continuous_poles, transfer.sensitivity().continuous_poles])
+        every = np.concatenate([natural_frequency_hz(poles), self.margins.crossovers_hz])
+        every = every[(every > 1e-6 * every.max(initial=0.0)) & np.isfinite(every) & (every > 0.0)]
+        if not len(every):
+            every = np.array([0.05 / transfer.dt if transfer.dt > 0.0 else 1.0])
+        high = min(every.max() * 10.0, transfer.highest_hz * (1.0 - 1e-6))
+        band: Floats = np.geomspace(min(every.min() / 10.0, high / 100.0), high, count)
+        return band
+
+    @property
+    def closes(self) -> bool:
+        """Whether the closed loop is 1/(1 + L): not of a sampled one whose signal acts several times in its period."""
+        known = self.margins.everywhere and not any(math.isnan(c.delay_s) for c in self.margins.gain_crossovers)
+        return self.transfer.dt == 0.0 or (
+            known and same_poles(self.transfer.sensitivity().poles, self.stability.poles)
+        )
+
+    def response(self, frequency_hz: Floats) -> Complex:
+        """Return L at frequencies [Hz], shape (k,)."""
+        return self.transfer.response(frequency_hz)
+
+
+@dataclass(frozen=True)
+class Opening:
+    """Connections of one source, cut together.
+
+    Attributes:
+        source: "component.output".
+        unit: of the source, None where it names none.
+        wires: positions among the system's wires.
+        destinations: "component.input" of each.
+        discrete: the source moves at events only; it holds its value between samples.
+    """
+
+    source: str
+    unit: str | None
+    wires: tuple[int, ...]
+    destinations: tuple[str, ...]
+    discrete: bool
+
+    @property
+    def label(self) -> str:
+        """The place in words: "plant.y → a.u, b.u"."""
+        return f"{self.source} → {', '.join(self.destinations)}"

@@ -7,11 +7,11 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
 from workbench.loops.loop.cut import CutLoop, cut_loop
-from workbench.loops.loop.linear import LinearLoop, linear_loop
+from workbench.loops.loop.linear import linear_loop
 from workbench.loops.loop.measure import choose_measurement, measure
 from workbench.loops.loop.measured import LoopCurve
 from workbench.loops.loop.request import Loop
-from workbench.loops.loop.result import LoopResult
+from workbench.loops.loop.result import LinearLoop, LoopResult
 from workbench.loops.loop.settings import LoopSettings
 from workbench.model import Model
 from workbench.model.operating_point import find_point, named, standing

@@ -8,9 +8,9 @@ import numpy as np
 
 from workbench.core.values.operating_point import told
 from workbench.core.values.poles import continuous, damping_ratio, natural_frequency_hz, vanished
+from workbench.point.lin.grid import LinGrid, LinPoint
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.step_check import StepCheck
-from workbench.point.lin.sweep import LinGrid, LinPoint
 from workbench.show.page import Page, Section, Table
 from workbench.show.tables import bracketed, counted, matrices, pole_table
 from workbench.show.verdicts import Verdict

@@ -17,9 +17,9 @@ from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
     from workbench.model import Model
+    from workbench.point.lin.grid import LinGrid  # noqa: F401 - the answer's type
     from workbench.point.lin.result import LinResult
     from workbench.point.lin.state_space import LinearModel
-    from workbench.point.lin.sweep import LinGrid  # noqa: F401 - the answer's type
 
 __all__ = ["METHOD_NAMES", "Lin", "LinAlong", "LinOver", "PointOptions", "lin", "lin_along", "lin_over", "lin_result"]
 

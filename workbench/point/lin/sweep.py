@@ -6,15 +6,14 @@ import itertools
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.core.records.forms import several
 from workbench.core.records.option import recast
-from workbench.core.records.record import Part, entry
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
@@ -26,99 +25,19 @@ from workbench.jobs.version import stamp
 from workbench.model import Model
 from workbench.model.names import check_variables, forced_inputs
 from workbench.model.varied import with_parameters
+from workbench.point.lin.grid import LinGrid, LinPoint, _label
 from workbench.point.lin.linearise import run
 from workbench.point.lin.request import Lin, LinAlong, LinOver
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import make_task, point_in_full
-from workbench.show.result import Result, drawn
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-__all__ = ["LinGrid", "LinPoint", "along", "linearise_one", "over", "with_parameters"]
+__all__ = ["along", "linearise_one", "over", "with_parameters"]
 
 # To be raised whenever a change of the code changes a result: stored results of both are not mixed.
 _ALGORITHM = 1
 
 # What a stored result depends on besides the model and what is varied.
 _DECIDING = ("method", "x0", "u0", "dx", "du", "inputs", "outputs", "time", "period")
-
-
-@dataclass(frozen=True, eq=False)
-class LinPoint(Part):
-    """One member of an array of linear models.
-
-    Attributes:
-        values: what was varied → value there.
-        result: the linear model; None where it failed.
-        reason: why it failed, one line; None where it did not.
-        kind: what went wrong, see `WorkbenchError.kind`; None where nothing did, or it was not reached.
-    """
-
-    values: dict[str, float]
-    result: LinResult | None = field(metadata=entry(inline=True))
-    reason: str | None = None
-    kind: str | None = None
-
-    def __str__(self) -> str:
-        return _label(self.values)
-
-
-@dataclass(frozen=True, eq=False)
-class LinGrid(Result):
-    """An array of linear models.
-
-    Attributes:
-        model, interface, solver: what was linearised.
-        over: what was varied → values; the last one varies fastest in `points`.
-        points: one for each combination.
-        notes: on how they were found.
-    """
-
-    _page = "workbench.point.lin.page:grid_page"
-
-    model: str
-    interface: str
-    solver: str
-    over: dict[str, tuple[float, ...]]
-    points: tuple[LinPoint, ...] = field(metadata=entry(key="systems"))
-    notes: tuple[str, ...] = ()
-
-    _WHAT, _COMMAND = "a family of linear models", "lin --over"
-
-    @property
-    def failed(self) -> tuple[LinPoint, ...]:
-        """The points without a model."""
-        return tuple(p for p in self.points if p.result is None)
-
-    @property
-    def complete(self) -> bool:
-        """Whether there is a model at every point."""
-        return not self.failed
-
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return a Bode picture of the first input and output, one curve per model.
-
-        Args:
-            path: also write it here; png, svg or pdf by suffix.
-        """
-        curves = [(str(p), p.result) for p in self.points if p.result is not None]
-        return drawn("workbench.point.lin.picture:plot_curves", path, curves)
-
-    def derived(self) -> dict[str, Any]:
-        """Return the points at which no linear model was found, and why."""
-        return {"failed": [{**p.values, "reason": p.reason, "kind": p.kind} for p in self.failed]}
-
-    def rows(self) -> Iterator[list[Any]]:
-        """Yield one row for each entry of a matrix, behind what was varied."""
-        yield [*self.over, "matrix", "row", "column", "value"]
-        for point in self.points:
-            if point.result is not None:
-                yield from ([*point.values.values(), *row] for row in point.result.entries())
-
-
-def _label(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {value:g}" for name, value in values.items())
 
 
 @dataclass(frozen=True, kw_only=True)

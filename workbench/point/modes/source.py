@@ -18,10 +18,11 @@ from workbench.jobs.runner_choice import at_work
 from workbench.model import Model
 from workbench.model.names import check_variables
 from workbench.model.varied import with_parameters
+from workbench.point.lin.grid import LinPoint
 from workbench.point.lin.linearise import run
 from workbench.point.lin.request import Lin, LinOver
 from workbench.point.lin.result import LinResult
-from workbench.point.lin.sweep import LinPoint, matrices_of, points_over
+from workbench.point.lin.sweep import matrices_of, points_over
 from workbench.point.lin.task import make_task
 from workbench.point.trim.request import trim
 

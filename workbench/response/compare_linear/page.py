@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from workbench.response.compare_linear.run import LinComparison
-from workbench.response.compare_linear.run import Verdict as Agreement
+from workbench.response.compare_linear.result import LinComparison
+from workbench.response.compare_linear.result import Verdict as Agreement
 from workbench.show.page import Page, Section, Table
 from workbench.show.tables import counted, number
 from workbench.show.verdicts import Verdict

@@ -13,7 +13,7 @@ from workbench.show.bode import bode_axes, draw_response
 from workbench.show.figure import COLOURS, LEGEND, rows
 
 if TYPE_CHECKING:
-    from workbench.response.compare_linear.run import LinComparison
+    from workbench.response.compare_linear.result import LinComparison
 
 __all__ = ["plot_comparison"]
 

@@ -26,9 +26,9 @@ from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
     from workbench.model import Model
+    from workbench.point.lin.grid import LinGrid
     from workbench.point.lin.result import LinResult
-    from workbench.point.lin.sweep import LinGrid
-    from workbench.response.compare_linear.run import LinComparison
+    from workbench.response.compare_linear.result import LinComparison
 
 __all__ = ["Compare", "LinCommand", "compare"]
 
