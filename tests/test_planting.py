@@ -45,7 +45,7 @@ def test_areas_are_known(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_changed_module_is_what_runs_in_this_process_and_its_children() -> None:
-    file = PACKAGE / "core" / "decibels.py"
+    file = PACKAGE / "core" / "values" / "decibels.py"
     text = file.read_text(encoding="utf-8").replace("20.0 * np.log10", "10.0 * np.log10")
     own = "from workbench.core.values.decibels import decibels; print(float(decibels(10.0)))"
     child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {own!r}], check=True)"
@@ -142,12 +142,12 @@ def test_tests_are_known_by_the_lines_that_they_run(tmp_path: Path, monkeypatch:
     file = tmp_path / "test_decibels.py"
     file.write_text(TESTS, encoding="utf-8")
     monkeypatch.setattr("scripts.covered.FOLDER", tmp_path)
-    module = PACKAGE / "core" / "decibels.py"
+    module = PACKAGE / "core" / "values" / "decibels.py"
     (line,) = (i for i, row in enumerate(module.read_text(encoding="utf-8").splitlines(), 1) if "np.log10" in row)
     assert not is_recorded([(module, line)])
     assert record([(module, line)], [str(file)]) == 1
     assert is_recorded([(module, line)])
-    assert not is_recorded([(PACKAGE / "core" / "modal.py", 137)])
+    assert not is_recorded([(PACKAGE / "core" / "values" / "modal.py", 137)])
     read.cache_clear()
     try:
         known = read()
@@ -165,7 +165,7 @@ def test_tests_are_known_by_the_lines_that_they_run(tmp_path: Path, monkeypatch:
     assert {t.name.partition("::")[2] for t in again.running(module, line)} == {"test_here_now", "test_in_a_child"}
     assert len(again.tests) == len(known.tests)
     assert [t.name.partition("::")[2] for t in known.beside(running)] == ["test_other"]
-    assert known.running(PACKAGE / "core" / "modal.py", 137) == []
+    assert known.running(PACKAGE / "core" / "values" / "modal.py", 137) == []
 
 
 def test_a_constant_is_run_where_its_name_is_used(tmp_path: Path) -> None:

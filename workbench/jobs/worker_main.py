@@ -102,7 +102,7 @@ class _Worker:
         channel: to the parent; None: this is not a worker process.
         limits: of the task in work.
         opened: recipe, pickled → the model that stays open.
-        state: of the process, as it was when the task began, see `workers.state`.
+        state: of the process, as it was when the task began, see `jobs.process_state`.
         process: number of this process; a copy of it that an FMU has made by fork has another.
     """
 

@@ -132,7 +132,7 @@ class Linear(Part):
 
     @cached_property
     def slowest_poles(self) -> Complex:
-        """All poles; of a large sparse model those nearest to 0 only, which `core/large.py` finds, shape (k,)."""
+        """All poles; of a large sparse model those nearest to 0 only, which `large.py` finds, shape (k,)."""
         return poles_about(self.A, 0.0) if is_large(self.A, self.dt) else self.poles
 
     @cached_property
