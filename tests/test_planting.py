@@ -33,7 +33,7 @@ def test_every_fault_is_one_line_that_is_there() -> None:
 
 def test_a_fault_that_is_not_there_is_told() -> None:
     with pytest.raises(SystemExit, match="'nothing like it' occurs 0 times"):
-        Fault(area="lin", module="core/poles", targets=(), old="nothing like it", new="").text()
+        Fault(area="lin", module="core/values/poles", targets=(), old="nothing like it", new="").text()
 
 
 def test_areas_are_known(capsys: pytest.CaptureFixture[str]) -> None:

@@ -277,7 +277,9 @@ def test_the_nearest_of_many_points_is_found(page: Page, ui: Ui) -> None:
         route.fulfill(response=answer, json=start)
 
     page.route("**/api/start", with_a_store)
-    page.route("**/api/store?name=many", lambda route: route.fulfill(json={"name": "many", "curves": [curve]}))
+    page.route(
+        "**/api/store?name=many", lambda route: route.fulfill(json={"name": "many", "curves": [curve], "notes": []})
+    )
     page.goto(f"{ui.base}/#/open/many")
     page.reload()
     api.expect(page.locator("h1")).to_have_text("Store many")

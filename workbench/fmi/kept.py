@@ -25,7 +25,7 @@ __all__ = ["keep", "kept"]
 
 _HEAD = 64  # bytes before the values
 _MOST = 32  # files; the oldest are removed
-_READERS = ("clocks", "declared", "declared_xml", "description", "meaning", "rules", "variable")
+_READERS = ("clocks", "declared", "declared_xml", "description", "description_maker", "rules", "variable")
 
 
 def kept(digest: str) -> Description | None:

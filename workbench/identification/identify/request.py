@@ -108,6 +108,7 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
     """
 
     command = "identify"
+    written = "workbench.identification.structures.written:IdentifyFiles"
     algorithm = "workbench.identification.identify.run:run"
     example = (
         "workbench identify rudder.csv --input delC --output del --validate rudder_validation.csv --report id.html"

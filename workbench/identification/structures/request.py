@@ -82,7 +82,6 @@ class IdentifyStructure(_Blocks, Request["Experiment | File", "StructureResult"]
     """
 
     command = "identify"
-    written = "workbench.identification.structures.written:IdentifyFiles"
     called = "identify_structure"
     algorithm = "workbench.identification.structures.run:run"
     in_shell = False
