@@ -3,7 +3,7 @@
  * What a block does in continuous time depends on its mode (which piece of a characteristic, which way a limit is
  * met). It stays as it is there; indicators tell when it no longer fits, and the event chooses it anew, so that every
  * kink is met exactly. The modes of an indicator: not above 0 inside. The one place where blocks are computed:
- * Python calls the same functions. Their parameters are declared in workbench/system/block_kinds.py.
+ * Python calls the same functions. Their parameters are declared in workbench/system/block_table/.
  */
 #ifndef WORKBENCH_KERNEL_BLOCKS_H
 #define WORKBENCH_KERNEL_BLOCKS_H

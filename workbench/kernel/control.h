@@ -1,7 +1,7 @@
 /* control.h: the communication step of a master, controlled by step doubling: each step once, and again in two halves.
  *
  * Source: E. Hairer, S. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., section II.4. Not for
- * components whose state cannot be saved, nor where a constant step is needed. The twin of tests/oracle/master.py.
+ * components whose state cannot be saved, nor where a constant step is needed. The twin of tests/oracle/master/control.py.
  */
 #ifndef WORKBENCH_KERNEL_CONTROL_H
 #define WORKBENCH_KERNEL_CONTROL_H

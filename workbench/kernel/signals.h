@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The order is that of the table in workbench/kernel/signals.py. */
+/* The order is that of the table in workbench/kernel/native_signals.py. */
 typedef enum {
     SIGNAL_CONSTANT,     /* p: value */
     SIGNAL_SINE,         /* p: amplitude, omega [rad/s], phase [rad], offset, start [s] */

@@ -123,7 +123,7 @@ class ZeroOrderHold(_Linear):
 
     kind = "zero_order_hold"
     group = _SAMPLED
-    equations = "y = u at the ticks t = start, start + period, …, and stands between them"
+    equations = "y = u at the whole multiples of the period, and stands between them"
     period: float = option("Sample period.", default=0.1, unit="s", positive=True)
 
     def matrices(self) -> Matrices:
@@ -135,7 +135,7 @@ class DiscreteTransfer(_Linear):
 
     kind = "discrete_transfer_function"
     group = _SAMPLED
-    equations = "y = (numerator(z) / denominator(z)) u at the ticks t = start, start + period, …"
+    equations = "y = (numerator(z) / denominator(z)) u at the whole multiples of the period"
     sample: ClassVar[Mapping[str, Any]] = {"numerator": [0.5], "denominator": [1.0, -0.5]}
     numerator: Values = option("Coefficients of the numerator, highest power of z first.")
     denominator: Values = option("Coefficients of the denominator, highest power of z first.")
