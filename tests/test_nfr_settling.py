@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,6 +28,28 @@ HERE = wb.Workers(in_process=True)
 def two_rates() -> FakeModel:
     """Example 4-2: one input through two sampled quantisers of different rate and resolution."""
     return FakeModel(lambda: SampledSession([(1 / 208, 0.05), (1 / 131, 0.01)]))
+
+
+HOLD = """
+components.h = {block = "zero_order_hold", period = 0.1}
+inputs.u = "h.u"
+outputs.y = "h.y"
+"""
+
+
+def test_a_hold_that_outlasts_the_sine_is_no_model_without_response(tmp_path: Path) -> None:
+    """The gain of a hold is |sinc(f T)|; many periods of a sine above its rate see one value only."""
+    (tmp_path / "hold.toml").write_text(HOLD, encoding="utf-8")
+    f = np.array([11.0, 13.7, 17.0, 23.0, 47.0])
+    with wb.load(tmp_path / "hold.toml") as model:
+        result = nfr(model, "u", "y", f, 1.0, workers=HERE)
+    assert not result.no_effect.any()
+    known = np.isfinite(result.gain[0])
+    assert known[:2].all()
+    assert np.all(np.isfinite(result.error[0][known]))
+    off = np.abs(result.gain[0] - np.abs(np.sinc(0.1 * f))) / np.abs(np.sinc(0.1 * f))
+    assert np.all(off[known] <= result.error[0][known])
+    assert len(result.failed) == np.sum(~known)
 
 
 def test_two_rates_beat_at_15_407_hz_and_settle_beside_it() -> None:

@@ -135,7 +135,17 @@ def free_run(
         known = ", ".join(v.name for v in model.inputs) or "none"
         raise InputError(f"{model.name}: {signal} stays at rest; force an input to start the motion (inputs: {known})")
     unit = next((v.unit for v in model.description.variables if v.name == signal), None)
-    return oscillation_history(signal, unit, np.asarray(run.time), value, centre=float(value[0]))
+    return oscillation_history(signal, unit, np.asarray(run.time), value, centre=_centre(value))
+
+
+def _centre(value: Floats) -> float:
+    """Return where a run began, or the middle of its second half where that never passes there.
+
+    A run begins where it rests, unless its input acts at once or its states were set aside.
+    """
+    late = value[len(value) // 2 :]
+    low, high = float(np.min(late)), float(np.max(late))
+    return float(value[0]) if low < value[0] < high else 0.5 * (low + high)
 
 
 def oscillation_history(

@@ -280,7 +280,7 @@ class Settling:
         last = self.periods[-1].harmonics
         if self._grows():
             return self._response(last, Outcome.DIVERGED, math.inf)
-        if not self.periods[-1].responds(self._floor()):
+        if not any(period.responds(self._floor()) for period in self._latest()):
             return self._of_nothing()
         limit = self._limit()
         of_limit = self._of_limit(limit, Outcome.AVERAGED)
@@ -299,14 +299,17 @@ class Settling:
             return replace(found, why=self._why_sampled(of_mean.defect, found))
         return replace(found, why=self._why(limit, of_limit))
 
+    def _latest(self) -> list[Period]:
+        """Return the periods that tell whether there is a response: a hold may outlast one period of the forcing."""
+        return self.periods[len(self.periods) // 2 :] if self.evidence.sampled else self.periods[-1:]
+
     def _floor(self) -> float:
         """Return the fundamental below which there is none."""
         return self.evidence.floor(abs(self.periods[-1].drive), max(p.size for p in self.periods))
 
     def _of_nothing(self) -> PointResponse:
         """Return the response 0; harmonics that are more than rounding are told."""
-        last = self.periods[-1].harmonics
-        dead = float(np.max(np.abs(last[1:]))) <= self._floor()
+        dead = max(float(np.max(np.abs(p.harmonics[1:]))) for p in self._latest()) <= self._floor()
         mean = np.mean([p.harmonics for p in self.periods[len(self.periods) // 2 :]], axis=0)
         nothing = self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), Outcome.AVERAGED, math.inf)
         return replace(nothing, why=NO_EFFECT if dead else _ELSEWHERE)
