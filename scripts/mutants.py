@@ -3,13 +3,12 @@
 
     python scripts/mutants.py                         300 mutants of the numerical rooms
     python scripts/mutants.py --count 20 workbench/core/values/linear.py
-    python scripts/mutants.py --fresh --count 60      others, drawn from the code as it is
+    python scripts/mutants.py --seed 7 --count 60     others
     python scripts/mutants.py --again tests/test_linear.py    after tests were added there
     python scripts/mutants.py --list --count 20       show them, run nothing
 
-A mutant is one operator, comparison, number or condition changed. Those tried by default were drawn once, from the
-package as it was in the commit SAMPLE: they stay the same while the code grows, but for those whose line is gone, which
-are told and not counted. --fresh, another seed and PATHs draw from the package as it is. Each is run, without a change
+A mutant is one operator, comparison, number or condition changed. They are drawn from the code as it is; the
+seed says which. Each is run, without a change
 on disk, against tests that run its line, the quickest first, until one fails; which they are is recorded once
 (`covered.py`; --record does so again, --again for some files of tests). It is killed where one of them fails, or does
 not end, and passes without it. What survives is listed: mend it by a test with a truth of its own (a closed form, a
@@ -24,13 +23,11 @@ from __future__ import annotations
 
 import argparse
 import ast
-import io
 import os
 import random
 import re
 import subprocess
 import sys
-import tarfile
 import tomllib
 from collections import Counter
 from collections.abc import Sequence
@@ -48,7 +45,6 @@ FOLDERS = (
     "core", "system", "session", "kernel",
 )  # fmt: skip
 COUNT, SEED = 300, 19
-SAMPLE = "10436c83ad93d7b87f94985b2bd2e41cd5bf2f8d"  # commit of which the mutants tried by default were drawn
 TESTS, SECONDS = 300, 60.0  # of a mutant, at most: so many tests, which take so long [s]
 FEW_SECONDS = 10.0  # of one that is said to be equivalent
 PATIENCE, LEAST = 4.0, 30.0  # times what the tests take without a change; [s]
@@ -243,32 +239,6 @@ def fresh(paths: Sequence[Path], count: int, seed: int) -> list[Mutant]:
     return _drawn([m for f in files if _is_tried(f) for m in mutants_of(f)], count, seed)
 
 
-def lasting(count: int) -> tuple[list[Mutant], list[Mutant]]:
-    """Return some of the mutants drawn from the commit SAMPLE, where they are today; and those that are gone.
-
-    Args:
-        count: how many.
-
-    Raises:
-        SystemExit: the commit is not here.
-    """
-    folders = [f"workbench/{name}" for name in FOLDERS]
-    archive = subprocess.run(["git", "archive", SAMPLE, *folders], cwd=ROOT, capture_output=True, check=False)
-    if archive.returncode:
-        raise SystemExit(f"the commit {SAMPLE[:8]}, of which the mutants were drawn, is not in this clone; use --fresh")
-    every = list[Mutant]()
-    with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
-        for name in sorted(files.getnames(), key=Path):
-            content = files.extractfile(name)
-            if content is not None and _is_tried(Path(name)):
-                every += mutants_of(ROOT / name, content.read())
-    picked = _drawn(_drawn(every, COUNT, SEED), count, SEED)
-    files_of_today = [file for file in {m.file for m in picked} if file.exists()]
-    today = {(m.key, m.number): m for file in files_of_today for m in mutants_of(file)}
-    found = [today.get((m.key, m.number)) for m in picked]
-    return [m for m in found if m is not None], [m for m, n in zip(picked, found, strict=True) if n is None]
-
-
 # -- which tests could notice ----------------------------------------------------------------------
 
 
@@ -373,7 +343,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("paths", nargs="*", type=Path, help="files or folders; by default the numerical ones")
     parser.add_argument("--count", type=int, default=COUNT, help=f"how many are tried; by default {COUNT}")
     parser.add_argument("--seed", type=int, default=SEED, help="of the choice")
-    parser.add_argument("--fresh", action="store_true", help="draw from the code as it is")
     parser.add_argument("--record", action="store_true", help="first find out again which tests run their lines")
     parser.add_argument("--again", nargs="+", metavar="FILE", help="record these files of tests again, and new ones")
     parser.add_argument("--list", action="store_true", help="show the mutants, run nothing")
@@ -381,12 +350,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     paths = [p.resolve() for p in asked.paths] or [ROOT / "workbench" / name for name in FOLDERS]
     if missing := [p for p in paths if not p.exists()]:
         parser.error(f"there is no {missing[0]}")
-    if asked.paths or asked.fresh or asked.seed != SEED or asked.count > COUNT:
-        mutants = fresh(paths, asked.count, asked.seed)
-    else:
-        mutants, gone = lasting(asked.count)
-        for mutant in gone:
-            print(f"gone     {mutant.words}", flush=True)
+    mutants = fresh(paths, asked.count, asked.seed)
     places = [(m.file, m.line) for m in mutants]
     if asked.record or not is_recorded(places):
         print("recording which tests run their lines ...", flush=True)

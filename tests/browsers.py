@@ -21,7 +21,7 @@ def browser() -> Iterator[Browser]:
     """Start Chromium without a window."""
     if CHROMIUM is None:
         pytest.skip("chromium is not installed (Debian: apt-get install chromium)")
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: scripts/dev.py installs it")
     with api.sync_playwright() as play:
         # Without these Chromium calls its makers at each start.
         quiet = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"]

@@ -12,7 +12,7 @@ import pytest
 
 from scripts.covered import Covered, is_recorded, read, record
 from scripts.covered import Test as CoveredTest
-from scripts.mutants import FOLDERS, equivalent, fresh, lasting, mutants_of
+from scripts.mutants import FOLDERS, equivalent, fresh, mutants_of
 from scripts.plant_faults import Fault, main, read_faults
 from scripts.planting import ROOT, run_planted
 from workbench.reproduce.select import select
@@ -91,30 +91,6 @@ def test_mutants_of_the_package_are_python_and_follow_from_the_seed() -> None:
     for mutant in some:
         ast.parse(mutant.text())
     assert {m.file.relative_to(PACKAGE).parts[0] for m in some} <= set(FOLDERS)
-
-
-def test_what_was_drawn_once_is_found_where_it_is_today(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def git(*words: str) -> str:
-        author = ("-c", "user.name=nobody", "-c", "user.email=nobody@localhost")
-        return subprocess.run(["git", *author, *words], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
-
-    for folder in FOLDERS:
-        (tmp_path / "workbench" / folder).mkdir(parents=True)
-        (tmp_path / "workbench" / folder / "empty.py").touch()
-    file = tmp_path / "workbench" / "core" / "module.py"
-    file.write_text("A = 1\nB = 2.0\nA = 1\n", encoding="utf-8")
-    git("init", "--quiet")
-    git("add", ".")
-    git("commit", "--quiet", "--message", "as it was")
-    monkeypatch.setattr("scripts.mutants.ROOT", tmp_path)
-    monkeypatch.setattr("scripts.mutants.SAMPLE", git("rev-parse", "HEAD").strip())
-    file.write_text("NEW = 7\nA = 1\nB = 3.0\nA = 1\n", encoding="utf-8")
-    found, gone = lasting(300)
-    assert [m.words.partition("module.py:")[2] for m in found] == ["2: 1 → 2", "4: 1 → 2"]
-    assert [m.words.partition("module.py:")[2] for m in gone] == ["2: 2.0 → 4.0"]
-    monkeypatch.setattr("scripts.mutants.SAMPLE", "0" * 40)
-    with pytest.raises(SystemExit, match="--fresh"):
-        lasting(300)
 
 
 TESTS = """

@@ -1,4 +1,4 @@
-"""Functions and classes that stand above, by name: looked up when they are used, so that imports go down only."""
+"""Functions and classes by name, imported when they are used: what is only asked about needs no numerics."""
 
 from __future__ import annotations
 

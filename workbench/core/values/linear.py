@@ -123,7 +123,7 @@ class Linear(Part):
         """Eigenvalues of A, shape (n,) [1/s], discrete ones without unit.
 
         Raises:
-            InputError: A, as a file may have it, holds what is no number.
+            InputError: A holds values that are not finite.
         """
         if not np.isfinite(self.A).all():
             raise InputError("matrix A must hold finite numbers")
