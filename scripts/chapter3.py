@@ -26,14 +26,14 @@ from rich.table import Table  # noqa: E402
 
 from workbench.reproduce.chapter3 import EXPERIMENTS, Example, examples  # noqa: E402
 from workbench.reproduce.measurement import Measurement, Reproduction  # noqa: E402
-from workbench.reproduce.targets import Target, read_targets  # noqa: E402
+from workbench.reproduce.targets import PublishedTarget, read_targets  # noqa: E402
 
 
 @dataclass(frozen=True)
 class Entry:
     """One number beside its published value."""
 
-    target: Target
+    target: PublishedTarget
     number: int
     published: float
     measured: float

@@ -35,7 +35,7 @@ from workbench.model import Model  # noqa: E402
 from workbench.response.nfr.job import PointsJob  # noqa: E402
 from workbench.response.nfr.point import PointTask  # noqa: E402
 from workbench.response.nfr.prior_knowledge import surroundings  # noqa: E402
-from workbench.response.nfr.settling import Outcome, Settling  # noqa: E402
+from workbench.response.nfr.settling import Settling, SettlingOutcome  # noqa: E402
 from workbench.response.periodic.fourier import ORDERS, Period, fundamental  # noqa: E402
 
 
@@ -170,7 +170,7 @@ def nonlinear_trials(kind: Kind, max_periods: int, until: int = 300) -> Iterator
         for harmonics, size in every:
             found = settling.add(Period(harmonics[:, i].copy(), complex(amplitude), float(size[i])))
             if found is not None:
-                settled = found.outcome in (Outcome.RESOLVED, Outcome.SETTLED)
+                settled = found.outcome in (SettlingOutcome.RESOLVED, SettlingOutcome.SETTLED)
                 true = abs(found.value * amplitude / truth - 1.0)
                 yield Trial("settled" if settled else "averaged", found.error, true, len(settling.periods))
                 break

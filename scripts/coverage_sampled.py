@@ -32,10 +32,14 @@ from scripts.coverage_nfr import Trial, lines  # noqa: E402
 from workbench.core.values.arrays import Floats  # noqa: E402
 from workbench.response.nfr.beats import Beat  # noqa: E402
 from workbench.response.nfr.error import Evidence  # noqa: E402
-from workbench.response.nfr.settling import Outcome, Settling  # noqa: E402
+from workbench.response.nfr.settling import Settling, SettlingOutcome  # noqa: E402
 from workbench.response.periodic.fourier import ORDERS, Period  # noqa: E402
 
-_STATUS = {Outcome.RESOLVED: "settled", Outcome.SETTLED: "settled", Outcome.AVERAGED: "averaged"}
+_STATUS = {
+    SettlingOutcome.RESOLVED: "settled",
+    SettlingOutcome.SETTLED: "settled",
+    SettlingOutcome.AVERAGED: "averaged",
+}
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,11 @@ from rich.console import Console  # noqa: E402
 from rich.table import Table  # noqa: E402
 
 from workbench.reproduce.chapter6 import draw_widths  # noqa: E402
-from workbench.reproduce.law_widths import FREQUENCIES, OURS, PUBLISHED, Study, study  # noqa: E402
+from workbench.reproduce.law_widths import FREQUENCIES, OURS, PUBLISHED, WidthComparison, study  # noqa: E402
 from workbench.show.figure import save  # noqa: E402
 
 
-def show(result: Study, console: Console) -> None:
+def show(result: WidthComparison, console: Console) -> None:
     """Print the equilibria, the table and what it says."""
     console.print(f"trim: {result.trim.message}")
     table = Table(box=box.SIMPLE_HEAD, title="Linear models compared with the law, full stick", title_justify="left")

@@ -34,7 +34,7 @@ sys.path.insert(0, str(ROOT))
 from scripts import zoo_oracle as oracle  # noqa: E402
 from workbench.cli.app import run as workbench  # noqa: E402
 from workbench.core.records.names_in_text import plain_unit  # noqa: E402
-from workbench.show.page import Page, Section, Table, write_page  # noqa: E402
+from workbench.show.page import Page, PageTable, Section, write_page  # noqa: E402
 from workbench.show.verdicts import Verdict  # noqa: E402
 
 AGREE = 1e-3  # of the range of a signal
@@ -396,7 +396,7 @@ def page_of(rows: Sequence[Row]) -> Page:
             Section("By exporter", tables=[_by_tool(rows)]),
             Section("By FMU", tables=[_by_fmu(rows)]),
             Section("Every reason", tables=[_reasons(rows)]),
-            Section("What the verdicts mean", tables=[Table(("verdict", "means"), list(VERDICTS.items()))]),
+            Section("What the verdicts mean", tables=[PageTable(("verdict", "means"), list(VERDICTS.items()))]),
         ],
         data={"rows": [asdict(r) for r in rows]},
         summary=bad or [Verdict("good", "nothing disagrees, crashes or is refused for a doubtful reason")],
@@ -404,28 +404,28 @@ def page_of(rows: Sequence[Row]) -> Page:
     )
 
 
-def _by_tool(rows: Sequence[Row]) -> Table:
+def _by_tool(rows: Sequence[Row]) -> PageTable:
     verdicts = [v for v in VERDICTS if any(r.verdict == v for r in rows)]
     lines = []
     for tool, fmi in sorted({(r.tool, r.fmi) for r in rows}):
         own = [r for r in rows if (r.tool, r.fmi) == (tool, fmi)]
         counts = Counter(r.verdict for r in own)
         lines.append((tool or "not said", fmi, str(len({r.fmu for r in own})), *(str(counts[v]) for v in verdicts)))
-    return Table(("exporter", "FMI", "FMUs", *verdicts), lines)
+    return PageTable(("exporter", "FMI", "FMUs", *verdicts), lines)
 
 
-def _by_fmu(rows: Sequence[Row]) -> Table:
+def _by_fmu(rows: Sequence[Row]) -> PageTable:
     commands = list(dict.fromkeys(r.command for r in rows if r.interface))
     lines = []
     for key in dict.fromkeys((r.fmu, r.fmi, r.interface) for r in rows if r.interface):
         own = {r.command: r.verdict for r in rows if (r.fmu, r.fmi, r.interface) == key}
         lines.append((*key, *(own.get(c, "") for c in commands)))
-    return Table(("FMU", "FMI", "interface", *commands), lines, right=())
+    return PageTable(("FMU", "FMI", "interface", *commands), lines, right=())
 
 
-def _reasons(rows: Sequence[Row]) -> Table:
+def _reasons(rows: Sequence[Row]) -> PageTable:
     lines = [(r.fmu, r.interface, r.command, r.verdict, r.reason, r.oracle) for r in rows if r.reason or r.oracle]
-    return Table(("FMU", "interface", "command", "verdict", "reason", "FMPy says"), lines, right=())
+    return PageTable(("FMU", "interface", "command", "verdict", "reason", "FMPy says"), lines, right=())
 
 
 # -- the command ------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import fmpy.model_description as oracle
 import numpy as np
 
 from workbench.core.records.names_in_text import plain_unit
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 
 __all__ = ["by_fmpy", "by_us", "fmpy_refuses"]
 
@@ -27,7 +27,7 @@ def fmpy_refuses(path: Path) -> str:
     return ""
 
 
-def by_us(found: Description) -> dict[str, Any]:
+def by_us(found: ModelDescription) -> dict[str, Any]:
     """Return facts of a description that the workbench has read."""
     return {
         "version": found.fmi_version,

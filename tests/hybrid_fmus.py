@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tests import drivers
-from workbench.fmi.description import Capabilities, DefaultExperiment, Description
+from workbench.fmi.description import Capabilities, DefaultExperiment, ModelDescription
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library, _signatures
@@ -266,7 +266,7 @@ class LyingC(FakeC):
 
 
 class FakeInstance(Instance2):
-    def __init__(self, description: Description, c: FakeC, interface: str) -> None:
+    def __init__(self, description: ModelDescription, c: FakeC, interface: str) -> None:
         functions: dict[str, Any] = c.functions()
         if drivers.fakes == "compiled":
             functions = as_c(functions, version=2, interface=interface)
@@ -285,10 +285,10 @@ def variables(model: Hybrid) -> tuple[Variable, ...]:
     return tuple(v._replace(value_reference=i) for i, v in enumerate(found))
 
 
-def describe(model: Hybrid, *, state: bool = False) -> Description:
+def describe(model: Hybrid, *, state: bool = False) -> ModelDescription:
     every = variables(model)
     claims = Capabilities("fake", state=state, variable_step=model.variable_step)
-    return Description(
+    return ModelDescription(
         fmi_version="2.0",
         major=2,
         model_name=type(model).__name__,

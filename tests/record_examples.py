@@ -14,10 +14,10 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from workbench.core.records.record import spelled_out
-from workbench.reproduce.targets import Target
+from workbench.reproduce.targets import PublishedTarget
 from workbench.response.compare.measures import Measure
 from workbench.response.compare.result import Motion
-from workbench.response.compare.units import Shown
+from workbench.response.compare.units import DisplayedUnit
 
 
 def linear(kind: str) -> dict[str, Any]:
@@ -39,7 +39,9 @@ def _measure(size: float) -> Measure:
 
 
 RESPONSE = np.array([[1.0 + 1.0j, -2.0j], [3.0 - 0.5j, -4.0 + 0.1j]])
-TARGET = Target(name="gain", chapter="4.1", figures=[3], what="gain", value=2.0, relative=0.1, basis="predicted")
+TARGET = PublishedTarget(
+    name="gain", chapter="4.1", figures=[3], what="gain", value=2.0, relative=0.1, basis="predicted"
+)
 RECORDED = {
     "time": np.array([0.0, 1.0, 2.0]),
     "signals": {"handed to the target": np.array([0.0, 1.0, 0.5]), "watched": np.array([1.0, -0.5, 0.25])},
@@ -63,7 +65,7 @@ GIVEN: dict[str, dict[str, Any]] = {
         "signals": ("x", "y"),
         "windows": ((0.0, 1.0), (1.0, 2.0)),
         "units": {"x": "m", "y": None},
-        "shown": {"x": Shown(unit="mm", factor=1000.0), "y": Shown(unit=None, factor=1.0)},
+        "shown": {"x": DisplayedUnit(unit="mm", factor=1000.0), "y": DisplayedUnit(unit=None, factor=1.0)},
         "motions": tuple(
             Motion(
                 system=name,
@@ -82,10 +84,10 @@ GIVEN: dict[str, dict[str, Any]] = {
     },
     "Optimum": {"threshold": 0.5},
     "SettlingSettings": {"threshold": 0.5},
-    "Outcome": {"target": TARGET},
+    "TargetResult": {"target": TARGET},
     "PoleRegion": {"shape": np.diag([4.0, 1.0])},
     "SettlingStudy": {"target_unit": "deg"},
-    "Start": {"signals": {}},
+    "InitialMotion": {"signals": {}},
     "TargetList": {"targets": (TARGET,)},
     "WindowSettings": {"window": "hann", "length": 8, "overlap": 0.5, "averages": 3},
 }

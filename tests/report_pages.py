@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import workbench as wb
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 
 VOID = {"meta", "link", "br", "hr", "img", "input"}
 # What may fetch something, and the words of style sheets that do.
@@ -97,7 +97,7 @@ def check_page_file(path: Path) -> PageReader:
 
 def page(**more: Any) -> Page:  # noqa: ANN401
     """Return a small page."""
-    sections = [Section("S", tables=[Table(("what", "value [Hz]"), [("a", "1.5"), ("b", "–"), ("c", "-2e-3")])])]
+    sections = [Section("S", tables=[PageTable(("what", "value [Hz]"), [("a", "1.5"), ("b", "–"), ("c", "-2e-3")])])]
     return Page(**{"title": "A & <B>", "lead": "lead", "facts": {}, "sections": sections, **more})
 
 

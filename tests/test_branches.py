@@ -21,9 +21,9 @@ from tests.lin_fmus import built
 from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.response.branches.family import Forced
+from workbench.response.branches.family import ForcedPeriodMaps
 from workbench.response.branches.request import Branches
-from workbench.response.branches.run import _Search, explore
+from workbench.response.branches.run import _BranchSearch, explore
 from workbench.response.periodic.monodromy import instants
 
 
@@ -105,7 +105,7 @@ def test_the_first_two_doublings_are_those_of_the_equation() -> None:
     f = 0.5 / math.pi
     asked = Branches(input="u", output="y", vary={"amplitude": (4.0, 6.0)}, frequencies=[f], order=2, seeds=2)
     with wb.load("fmu:Duffing", start_values={"stiffness": 0.0, "damping": 0.1}, tolerance=1e-10) as model:
-        family = Forced(model, "u", "y", "amplitude", 4.0, 6.0, f, 1.0)
+        family = ForcedPeriodMaps(model, "u", "y", "amplitude", 4.0, 6.0, f, 1.0)
         tracks = explore(family, asked)
     doublings = [(fam, s) for fam, track in tracks for s in track.special if s.kind == "period doubling"]
     found = {1: math.nan, 2: math.nan}
@@ -201,7 +201,7 @@ def test_responses_are_looked_for_at_both_bounds_and_in_the_middle_if_there_are_
     """A branch that an isola or a fold keeps from the lower bound may be reached from the upper one only."""
     family: Any = None
     tracks: list[Any] = []
-    search, seen = _Search(family, lambda _: None, 10, tracks=tracks), []
+    search, seen = _BranchSearch(family, lambda _: None, 10, tracks=tracks), []
 
     def reach(_: object, __: object, p: float) -> float:
         seen.append(p)

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
 from workbench.build.differentiate import partial, tangent
-from workbench.build.expressions import DOT, DOT_TANGENT, TANGENT, VARIABLE, ExpressionGraph, Node, evaluate
+from workbench.build.expressions import DOT, DOT_TANGENT, TANGENT, VARIABLE, ExpressionGraph, ExpressionNode, evaluate
 
 N = 4  # variables
 
@@ -83,7 +83,7 @@ def plain(tree: Tree, v: list[float]) -> float:
 
 
 def value(graph: ExpressionGraph, expression: int, v: list[float], d: Mapping[int, float] | None = None) -> float:
-    def leaf(node: Node) -> float:
+    def leaf(node: ExpressionNode) -> float:
         if node.operation == VARIABLE:
             return v[node.reference]
         if node.operation == TANGENT:

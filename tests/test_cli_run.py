@@ -14,10 +14,10 @@ from workbench.cli.program import COMMANDS as PROGRAM
 from workbench.cli.program import command_of, program
 from workbench.errors import InputError
 from workbench.study.commands import COMMANDS, Reference, command
-from workbench.study.plan import Run, make_plan
+from workbench.study.plan import PlannedRun, make_plan
 from workbench.study.read import bundled_studies, read_study
 from workbench.study.run import run_study
-from workbench.study.worker import Job, perform
+from workbench.study.worker import CommandJob, perform
 
 FACTS = """
 [analyses.facts]
@@ -114,7 +114,7 @@ def test_an_analysis_of_a_study_runs_silently(
         for model in ("FirstOrderLag", "FirstOrderLog")
         for outcome in perform(
             None,
-            Job(
+            CommandJob(
                 number=0, command="trim", subject=[f"fmu:{model}"], options={}, command_line="", folder=tmp_path,
                 workplace=tmp_path, csv="",
             ),
@@ -220,7 +220,7 @@ def test_the_rudder_keeps_its_specification(tmp_path: Path) -> None:
     assert all(r["passed"] for r in found["requirements"])
 
 
-def plan_of(tmp_path: Path, text: str) -> list[Run]:
+def plan_of(tmp_path: Path, text: str) -> list[PlannedRun]:
     path = tmp_path / "study.toml"
     path.write_text(text, encoding="utf-8")
     study = read_study(path)

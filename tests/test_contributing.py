@@ -20,7 +20,7 @@ from workbench.jobs.job import Job
 from workbench.model import Model
 from workbench.model.names import check_variables
 from workbench.model.operating_point import bias_of, standing, start_at
-from workbench.requests.request import Analysis
+from workbench.requests.request import ModelRequest
 from workbench.show.result import Result
 from workbench.signals.kinds import Constant
 
@@ -36,7 +36,7 @@ class NameResult(Result):
     operating_point: wb.OperatingPoint
 
 
-class Name(AtPoint, Analysis["NameResult"]):
+class Name(AtPoint, ModelRequest["NameResult"]):
     """Answer to a step of 1."""
 
     input: str = option("Input that steps.")

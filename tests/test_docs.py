@@ -52,7 +52,7 @@ def test_python_pages_name_every_public_name_once() -> None:
 
 def table_keys(module: object) -> set[str]:
     """Every key of every table that a module's classes read."""
-    owners = [v for v in vars(module).values() if isinstance(v, type) and issubclass(v, toml_schema.Table)]
+    owners = [v for v in vars(module).values() if isinstance(v, type) and issubclass(v, toml_schema.TomlTable)]
     kinds = [k for k in owners if k.__module__ == vars(module)["__name__"]]
     return {field.alias or name for kind in kinds for name, field in kind.model_fields.items()}
 

@@ -18,7 +18,7 @@ from workbench.core.values.linear import LinearPart
 from workbench.errors import SimulationError
 from workbench.limit_cycles.feed_forward.plant import linear_plant
 from workbench.limit_cycles.feed_forward.remaining_cycles import Remaining, remaining, with_filter
-from workbench.limit_cycles.feed_forward.trial import Run, _shorter, run_trial
+from workbench.limit_cycles.feed_forward.trial import TrialSettings, _shorter, run_trial
 from workbench.limit_cycles.feed_forward.weighting import weighted
 from workbench.limit_cycles.feed_forward.wiring import Loops
 from workbench.loops.opened_system import find_ports
@@ -222,7 +222,7 @@ def test_a_filter_too_strong_escapes_in_finite_time_and_says_when() -> None:
     twice = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 2.0)
     with scalar(1.5) as model:
         loops = Loops(ports=find_ports(model, "block"), target="plant.u")
-        run = Run(inputs={}, outputs=(), stop=10.0, closes_at=0.0)
+        run = TrialSettings(inputs={}, outputs=(), stop=10.0, closes_at=0.0)
         trial = run_trial(model, loops, twice, run, name="twice")
         tame = run_trial(model, loops, LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0), run, name="exact")
     assert trial.divergence is not None
@@ -243,7 +243,7 @@ def test_the_largest_target_is_that_of_the_motion_however_small() -> None:
     """The exact gain 1 leaves dv/dt = −v from 0.5; the target is v·|v|, which begins at 0.25 and falls with −2 v²."""
     with scalar(0.5) as model:
         loops = Loops(ports=find_ports(model, "block"), target="plant.u")
-        run = Run(inputs={}, outputs=(), stop=1.0, closes_at=0.0)
+        run = TrialSettings(inputs={}, outputs=(), stop=1.0, closes_at=0.0)
         exact = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)
         trial = run_trial(model, loops, exact, run, name="exact")
     assert trial.largest_target == pytest.approx(0.25, rel=1e-3)
@@ -260,7 +260,7 @@ def test_where_the_end_fails_again_nine_tenths_of_the_way_are_kept(monkeypatch: 
 
     monkeypatch.setattr("workbench.limit_cycles.feed_forward.trial.simulate", failing)
     system: Any = None
-    run = Run(inputs={}, outputs=(), stop=20.0, closes_at=2.0)
+    run = TrialSettings(inputs={}, outputs=(), stop=20.0, closes_at=2.0)
     _shorter(system, SimulationError("fails", time=12.0), {}, ["y"], run)
     assert ends[-1] == pytest.approx(2.0 + 0.9 * (12.0 - 2.0))
 

@@ -12,7 +12,7 @@ from scipy.linalg import matrix_balance
 from tests.random_systems import pole_error
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
-from workbench.limit_cycles.feedback.gains import Crossing, crossings, fixed_modes, intervals, stable_gains
+from workbench.limit_cycles.feedback.gains import CriticalGain, crossings, fixed_modes, intervals, stable_gains
 from workbench.limit_cycles.feedback.initial_motion import mean_magnitude
 from workbench.limit_cycles.feedback.locus import fastest, locus
 from workbench.limit_cycles.feedback.optimum import optimum_of
@@ -27,7 +27,7 @@ def plant(system: control.TransferFunction | control.StateSpace) -> LinearPart:
     return LinearPart(s.A, s.B, s.C, s.D, dt=float(s.dt or 0.0))
 
 
-def found(system: LinearPart) -> tuple[tuple[Crossing, ...], tuple[tuple[float, float], ...]]:
+def found(system: LinearPart) -> tuple[tuple[CriticalGain, ...], tuple[tuple[float, float], ...]]:
     every = crossings(system)
     return every, stable_gains(intervals(system, [c.gain for c in every]), ALL)
 

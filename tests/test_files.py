@@ -17,7 +17,7 @@ from tests.platforms import posix_signals
 from workbench.cli.app import run
 from workbench.core.machine.files import content_of, replacing
 from workbench.core.records.parsing import from_json, from_toml
-from workbench.ui.root import Root
+from workbench.ui.root import ServedFolder
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_the_browser_s_list_does_not_wait_for_pipes(tmp_path: Path) -> None:
     for name in ("a.json", "a.toml", "a.fmu"):
         os.mkfifo(tmp_path / name)
     (tmp_path / "b.toml").write_text("[components]\n", encoding="utf-8")
-    root = Root(tmp_path)
+    root = ServedFolder(tmp_path)
     assert [entry["name"] for entry in root.listing() if ":" not in entry["name"]] == ["b.toml"]
     with pytest.raises(wb.InputError, match=r"a\.toml: cannot be read as text"):
         root.text_of("a.toml")

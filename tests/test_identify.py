@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import workbench as wb
 from workbench.cli.app import run
 from workbench.reproduce.targets import read_targets
-from workbench.show.page import Page, Section, Table, write_page
+from workbench.show.page import Page, PageTable, Section, write_page
 
 TARGETS = read_targets()
 PERIOD = 0.022  # of the elevator law [s]
@@ -178,7 +178,7 @@ def test_a_slow_input_tells_a_limit_from_a_settled_response(failed: float, verdi
 
 def test_a_page_stands_alone(tmp_path: Path) -> None:
     figure = lag_figure()
-    table = Table(("what", "verdict"), [("<b>", "good")], verdict=1)
+    table = PageTable(("what", "verdict"), [("<b>", "good")], verdict=1)
     page = Page(
         "A & B", "lead", {"command": "workbench x"}, [Section("S", tables=[table], figures=[(lambda: figure, "f")])]
     )

@@ -10,7 +10,7 @@ import pytest
 import workbench as wb
 from scripts.figure31 import main
 from workbench.reproduce.chapter6 import draw_widths
-from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study
+from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, WidthComparison, study
 from workbench.reproduce.targets import read_targets
 from workbench.show.figure import save
 
@@ -19,15 +19,15 @@ TRAVEL = 2.0 * 30.0 * 0.022  # [deg]: from limit to limit of the rate, in one sa
 
 
 @pytest.fixture(scope="module")
-def done() -> Study:
+def done() -> WidthComparison:
     return study()
 
 
-def shift(done: Study, name: str, frequency: float) -> float:
+def shift(done: WidthComparison, name: str, frequency: float) -> float:
     return abs(done.trials[name, frequency].phase_shift)
 
 
-def test_there_are_infinitely_many_equilibria(done: Study) -> None:
+def test_there_are_infinitely_many_equilibria(done: WidthComparison) -> None:
     assert done.trim.converged
     assert {n for d in done.trim.null_directions for n in d.components} == {"positiveGain", "negativeGain", "normalFor"}
     assert TARGETS["law-equilibria"].accepts(len(done.trim.null_directions))
@@ -38,7 +38,7 @@ def test_there_are_infinitely_many_equilibria(done: Study) -> None:
 @pytest.mark.parametrize(
     "moved", [{"positiveGain": 11.0}, {"negativeGain": 3.0, "normalFor": 25.0}, {"normalFor": 400.0}]
 )
-def test_other_members_of_the_family_stay_where_they_are(done: Study, moved: dict[str, float]) -> None:
+def test_other_members_of_the_family_stay_where_they_are(done: WidthComparison, moved: dict[str, float]) -> None:
     start = {**done.trim.point.discrete, **moved}
     with wb.load(LAW, "me", start_values=start) as law:
         result = wb.simulate(law, stop=2.0, outputs=[*start])
@@ -48,7 +48,7 @@ def test_other_members_of_the_family_stay_where_they_are(done: Study, moved: dic
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_only_the_fourth_state_and_the_fifth_input_depend_on_the_set(done: Study, name: str) -> None:
+def test_only_the_fourth_state_and_the_fifth_input_depend_on_the_set(done: WidthComparison, name: str) -> None:
     """Beyond the rate limit the step of the elevator is the limit's, in either direction."""
     model, (dx, du) = done.models[name], PUBLISHED[name]
     assert model.method == "kalman-bertram"
@@ -65,7 +65,7 @@ def test_only_the_fourth_state_and_the_fifth_input_depend_on_the_set(done: Study
     assert model.C[0, 3:] == pytest.approx([kept] if kept else [])
 
 
-def test_at_5_hz_no_published_set_is_without_a_phase_shift(done: Study) -> None:
+def test_at_5_hz_no_published_set_is_without_a_phase_shift(done: WidthComparison) -> None:
     shifts = {name: shift(done, name, 5.0) for name in PUBLISHED}
     assert TARGETS["figure-31-phase-5hz"].accepts(list(shifts.values()))
     assert shifts["30a"] == pytest.approx(62.9, abs=0.5)
@@ -74,7 +74,7 @@ def test_at_5_hz_no_published_set_is_without_a_phase_shift(done: Study) -> None:
     assert shifts["30d"] == pytest.approx(shifts["30c"])
 
 
-def test_from_set_to_set_the_model_at_5_hz_gets_better(done: Study) -> None:
+def test_from_set_to_set_the_model_at_5_hz_gets_better(done: WidthComparison) -> None:
     errors = [done.trials[name, 5.0].error for name in PUBLISHED]
     assert errors[0] == pytest.approx(errors[1])
     assert errors[1] > errors[2] > errors[3]
@@ -82,13 +82,13 @@ def test_from_set_to_set_the_model_at_5_hz_gets_better(done: Study) -> None:
     assert done.trials["30d", 5.0].gain_ratio == pytest.approx(1.1, abs=0.05)
 
 
-def test_at_lower_frequencies_the_phase_shift_nearly_vanishes(done: Study) -> None:
+def test_at_lower_frequencies_the_phase_shift_nearly_vanishes(done: WidthComparison) -> None:
     fastest, half, slow = (min(shift(done, name, f) for name in PUBLISHED) for f in (5.0, 0.5, 0.05))
     assert TARGETS["figure-31-phase-best"].accepts([half / fastest, slow / fastest])
 
 
 @pytest.mark.parametrize(("frequency", "target"), [(0.5, "figure-31-phase-half-hz"), (0.05, "figure-31-phase-slow")])
-def test_it_does_so_for_the_sets_without_dynamics_only(done: Study, frequency: float, target: str) -> None:
+def test_it_does_so_for_the_sets_without_dynamics_only(done: WidthComparison, frequency: float, target: str) -> None:
     ratios = [shift(done, name, frequency) / shift(done, name, 5.0) for name in PUBLISHED]
     assert [r <= np.max(TARGETS[target].limits[1]) for r in ratios] == [True, True, False, False]
     assert TARGETS[target].expects(ratios)
@@ -98,7 +98,7 @@ def test_it_does_so_for_the_sets_without_dynamics_only(done: Study, frequency: f
     assert shift(done, "30c", frequency) == pytest.approx(-lag, abs=0.1 + 360.0 * frequency * 0.022)
 
 
-def test_the_phase_shift_at_5_hz_comes_from_the_rate_limit(done: Study) -> None:
+def test_the_phase_shift_at_5_hz_comes_from_the_rate_limit(done: WidthComparison) -> None:
     """Where nothing is limited, narrow widths are right, and wrong where the limiter works all the time."""
     slow, fast = (done.trials["narrow", f] for f in (0.5, 5.0))
     assert abs(slow.phase_shift) < 0.1
@@ -108,7 +108,7 @@ def test_the_phase_shift_at_5_hz_comes_from_the_rate_limit(done: Study) -> None:
     assert fast.gain_ratio > 4.0
 
 
-def test_a_set_fitted_to_5_hz_holds_there_alone(done: Study) -> None:
+def test_a_set_fitted_to_5_hz_holds_there_alone(done: WidthComparison) -> None:
     """One frequency and amplitude can be bought, in the fundamental: beyond the published sets."""
     there, elsewhere = (done.trials["fitted", f] for f in (5.0, 0.5))
     assert abs(there.phase_shift) < 0.5
@@ -118,7 +118,7 @@ def test_a_set_fitted_to_5_hz_holds_there_alone(done: Study) -> None:
 
 
 @pytest.mark.parametrize("frequency", FREQUENCIES)
-def test_the_law_measured_by_its_frequency_response_has_the_same_phase(done: Study, frequency: float) -> None:
+def test_the_law_measured_by_its_frequency_response_has_the_same_phase(done: WidthComparison, frequency: float) -> None:
     """The hold between the samples, half a period, is in the measured response and not in the samples."""
     law = done.trials["30a", frequency].law
     with wb.load(LAW, "me") as model:
@@ -128,7 +128,7 @@ def test_the_law_measured_by_its_frequency_response_has_the_same_phase(done: Stu
     assert measured.gain[0, 0] == pytest.approx(abs(law.fundamental), rel=0.03)
 
 
-def test_table_and_picture(done: Study, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_table_and_picture(done: WidthComparison, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 0
     printed = capsys.readouterr().out
     assert "family of equilibria" in printed

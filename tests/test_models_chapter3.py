@@ -19,7 +19,7 @@ from tests.platforms import needs_module
 from workbench.model.load import load
 from workbench.reproduce.targets import read_targets
 from workbench.response.simulate.request import simulate
-from workbench.session.point import Point
+from workbench.session.point import ModelPoint
 from workbench.signals.kinds import Constant, Step
 
 Vector = npt.NDArray[np.float64]
@@ -352,7 +352,7 @@ def test_a_parameter_of_a_block_can_be_set(fmus: Path) -> None:
 # ── Published slopes, on the FMUs ────────────────────────────────────────────────────────────────────────────────
 
 
-def differences(point: Point, x0: Vector, u0: float, widths: Vector) -> Vector:
+def differences(point: ModelPoint, x0: Vector, u0: float, widths: Vector) -> Vector:
     """Central differences of (dx/dt, y) by (x, u) with total widths, shape (n + 1, n + 1)."""
     base, n = np.append(x0, u0), len(x0)
     point.move(x0, np.array([u0]))

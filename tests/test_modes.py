@@ -21,12 +21,12 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.modal import Poles, poles_of
 from workbench.errors import InputError
 from workbench.model.described_model import DescribedModel
-from workbench.point.modes.match import Group, Match, closeness, coincide, match, turning
+from workbench.point.modes.match import Match, ModeCluster, closeness, coincide, match, turning
 from workbench.point.modes.modes import critical_values, find_root, sign_of
 from workbench.point.modes.request import modes
 from workbench.point.modes.result import Critical, Mode
 from workbench.point.modes.source import ModelSource
-from workbench.point.modes.track import Track, track
+from workbench.point.modes.track import ModeTracks, track
 from workbench.system.connect import connect
 from workbench.system.description import GainComponent
 from workbench.system.load import load
@@ -41,7 +41,7 @@ def second_order(k: object, c: object = 0.0, m: object = 1.0) -> Poles:
     return poles_of(np.vstack([upper, np.linalg.solve(mass, np.hstack([-stiffness, -damping]))]))
 
 
-def frequencies(found: Track) -> Floats:
+def frequencies(found: ModeTracks) -> Floats:
     """Undamped frequencies [rad/s], shape (values, branches)."""
     return np.asarray(np.abs(found.table()[0]), dtype=np.float64)
 
@@ -533,7 +533,7 @@ def test_a_pair_that_splits_turns_where_its_poles_are_known_to_lie_on_both_sides
     sign = -1.0 if max(real) < 0.0 else 1.0
     pair = Poles(np.array([sign + 2.0j]), eye[:, :1], eye[:, :1], np.zeros(1))
     split = Poles(np.array(real, dtype=np.complex128), eye, eye, np.full(2, uncertain))
-    assert turning(pair, split, Match(((0, 0),), (Group((0,), (0, 1), "real axis"),))) == turns
+    assert turning(pair, split, Match(((0, 0),), (ModeCluster((0,), (0, 1), "real axis"),))) == turns
 
 
 def test_a_model_without_states_has_no_modes(tmp_path: Path) -> None:

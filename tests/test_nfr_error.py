@@ -25,7 +25,7 @@ from workbench.response.nfr.point import NfrPoint
 from workbench.response.nfr.prior_knowledge import LinearStart, surroundings
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
-from workbench.response.nfr.settling import Outcome, Settling
+from workbench.response.nfr.settling import Settling, SettlingOutcome
 from workbench.response.periodic.fourier import Period
 from workbench.signals.kinds import Sine
 
@@ -149,7 +149,7 @@ def test_noise_settles_and_the_mean_of_the_last_half_is_as_good_as_it_says(seed:
         h = np.concatenate([[0.0, 1.0], np.zeros(9)]) + 0.005 * random.standard_normal(11)
         response = settling.add(Period(h, 1.0 + 0j, 1.0))
     assert abs(response.value - 1.0) <= response.error
-    assert response.error <= (0.01 if response.outcome is Outcome.SETTLED else 0.02)
+    assert response.error <= (0.01 if response.outcome is SettlingOutcome.SETTLED else 0.02)
 
 
 def test_slow_modes_do_not_pass_for_wandering() -> None:
@@ -289,7 +289,7 @@ def test_a_chaotic_response_is_seldom_settled() -> None:
             h = np.zeros(11)
             h[1], h[4], h[6] = value, 0.3 * value**2, 0.1 * math.cos(3.0 * value)
             response = response or settling.add(Period(h, 1.0 + 0j, 1.0))
-        settled += response is not None and response.outcome in (Outcome.RESOLVED, Outcome.SETTLED)
+        settled += response is not None and response.outcome in (SettlingOutcome.RESOLVED, SettlingOutcome.SETTLED)
     assert count > 50
     # Some pass so close to a periodic response that 20 periods do not tell: 2 of 76, of all kinds of chaos about 1 %.
     assert settled <= 0.04 * count
@@ -312,7 +312,7 @@ def test_a_weak_wander_about_a_periodic_response_is_not_settled() -> None:
         for h in periodic + transient + weak:
             response = response or settling.add(Period(h, 1.0 + 0j, 1.0))
         assert response is not None
-        if response.outcome in (Outcome.RESOLVED, Outcome.SETTLED):
+        if response.outcome in (SettlingOutcome.RESOLVED, SettlingOutcome.SETTLED):
             settled += 1
         else:
             marked += "irregular" in str(response.why) or "subharmonic" in str(response.why)

@@ -16,7 +16,7 @@ from workbench.errors import SimulationError
 from workbench.response.nfr import transient
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.run import NfrSweep
-from workbench.response.nfr.settling import Outcome, Settling
+from workbench.response.nfr.settling import Settling, SettlingOutcome
 from workbench.response.nfr.transient import remove_transient
 from workbench.response.periodic.fourier import Period
 from workbench.session import Session
@@ -86,7 +86,7 @@ def test_an_averaged_point_is_the_mean_of_the_last_half() -> None:
     assert all(outcome is None for outcome in outcomes[:-1])
     response = outcomes[-1]
     assert response is not None
-    assert response.outcome is Outcome.AVERAGED
+    assert response.outcome is SettlingOutcome.AVERAGED
     mean = rows[10:].mean(axis=0)
     assert response.value == pytest.approx(complex(mean[1], mean[2]))
     assert response.offset == pytest.approx(mean[0])
@@ -104,7 +104,7 @@ def test_an_averaged_point_is_what_its_periods_tend_to_where_that_is_known_twice
     *earlier, response = [settling.add(Period(row, 1.0 + 0j, 1.5)) for row in rows]
     assert not any(earlier)
     assert response is not None
-    assert response.outcome is Outcome.AVERAGED
+    assert response.outcome is SettlingOutcome.AVERAGED
     assert abs(response.value - 1.0) <= response.error
     mean = complex(*rows[10:, 1:3].mean(axis=0))
     if extrapolated:
@@ -121,7 +121,7 @@ def test_what_cannot_be_described_settles_by_the_published_rule_in_the_second_ha
     while response is None:
         h = np.concatenate([[0.0, 1.0], np.zeros(9)]) + 0.0015 * random.standard_normal(11)
         response = settling.add(Period(h, 1.0 + 0j, 1.0))
-    assert response.outcome is Outcome.SETTLED
+    assert response.outcome is SettlingOutcome.SETTLED
     assert len(settling.periods) >= 11
     assert response.value == pytest.approx(1.0, abs=0.02)
 
@@ -133,11 +133,11 @@ def test_the_phase_of_two_periods_is_compared_modulo_a_turn() -> None:
         angle = 0.006 * random.uniform(-1.0, 1.0)
         h = np.array([0.0, -math.cos(angle), math.sin(angle), *(0.001 * random.standard_normal(2))])
         response = settling.add(Period(h, 1.0 + 0j, 1.0))
-    assert response.outcome is Outcome.SETTLED
+    assert response.outcome is SettlingOutcome.SETTLED
     assert abs(response.value + 1.0) <= response.error <= 0.01
 
 
-def outcome_of(size: Callable[[int], float], *, most: int = 40) -> tuple[Outcome, int]:
+def outcome_of(size: Callable[[int], float], *, most: int = 40) -> tuple[SettlingOutcome, int]:
     """Return how 2 + a disturbance of each period ends, and after how many periods.
 
     The disturbance turns in an irregular way from period to period, so that no few exponentials describe it, and its
@@ -174,7 +174,7 @@ def test_only_changes_that_grow_exponentially_to_the_end_are_divergence(
     name: str, size: Callable[[int], float], diverges: bool
 ) -> None:
     outcome, periods = outcome_of(size)
-    assert (outcome is Outcome.DIVERGED) is diverges, f"{name}: {outcome} after {periods}"
+    assert (outcome is SettlingOutcome.DIVERGED) is diverges, f"{name}: {outcome} after {periods}"
 
 
 def test_extrapolation_is_exact_for_two_modes() -> None:

@@ -26,7 +26,7 @@ from workbench.response.nfr.error import Evidence
 from workbench.response.nfr.period_solver import Search, can_solve
 from workbench.response.nfr.point import PointTask
 from workbench.response.periodic.fourier import Period
-from workbench.response.periodic.monodromy import Tangent
+from workbench.response.periodic.monodromy import VariationalEquation
 from workbench.response.periodic.period_map import Lap
 from workbench.session.compiled import CompiledMeSession
 
@@ -368,7 +368,7 @@ def test_what_the_last_step_changes_is_in_the_error_whatever_its_phase() -> None
     errors = []
     for turned in (0.0, 0.5, 1.0, 1.5):
         rows = np.array([[0.0], [math.cos(math.pi * turned)], [math.sin(math.pi * turned)]])
-        found = search._solved(lap, Tangent(np.zeros((1, 1)), rows, np.zeros(1)), np.array([1e-4]))
+        found = search._solved(lap, VariationalEquation(np.zeros((1, 1)), rows, np.zeros(1)), np.array([1e-4]))
         errors.append(found.error)
         assert found.error >= abs(complex(*(found.harmonics - harmonics)[1:3]))
     assert errors == pytest.approx([errors[0]] * 4, rel=1e-3)

@@ -11,7 +11,7 @@ import pytest
 
 import workbench as wb
 from scripts.coverage_nfr import Mode, Plant, measure
-from workbench.response.nfr.settling import Outcome, Settling
+from workbench.response.nfr.settling import Settling, SettlingOutcome
 from workbench.response.periodic.fourier import Period
 
 
@@ -39,7 +39,7 @@ def test_a_transient_that_moves_the_response_by_its_power_is_in_the_error(
         row = [0.2 * a.real, z.real, z.imag, third.real, third.imag, *np.zeros(6)]
         response = settling.add(Period(np.array(row), 1.0 + 0j, 1.0))
         a *= left * cmath.exp(1j * turned)
-    assert response.outcome is Outcome.RESOLVED
+    assert response.outcome is SettlingOutcome.RESOLVED
     assert abs(response.value - 1.0) <= response.error <= 0.01
 
 

@@ -10,13 +10,13 @@ import pytest
 
 import workbench as wb
 from tests.test_records import RECORDS, example
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.show.result import Result
 
 
-def parts_of(value: object, depth: int = 0) -> Iterator[Part]:
-    if isinstance(value, Part):
+def parts_of(value: object, depth: int = 0) -> Iterator[RecordPart]:
+    if isinstance(value, RecordPart):
         yield value
     if depth > 4:
         return

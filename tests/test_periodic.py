@@ -17,7 +17,7 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.matrices import exponentials
 from workbench.errors import InputError, SimulationError
 from workbench.response.periodic.fourier import Period
-from workbench.response.periodic.monodromy import Tangent
+from workbench.response.periodic.monodromy import VariationalEquation
 from workbench.response.periodic.period_map import Lap, PeriodMap
 from workbench.response.periodic.place import Family, arrive, stride_from
 from workbench.response.periodic.special import _turning
@@ -130,7 +130,7 @@ class Curve(Family):
 
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:
         one = np.ones(1)
-        at = Tangent(np.array([[1.0 - self.slope(float(x[0]))]]), np.zeros((3, 1)), 0.0 * one)
+        at = VariationalEquation(np.array([[1.0 - self.slope(float(x[0]))]]), np.zeros((3, 1)), 0.0 * one)
         x1 = x + p - self.h(float(x[0]))
         return Lap(x, x1, Period(np.zeros(3), 1.0 + 0.0j, 1.0), 0, one, tangent=at), one
 

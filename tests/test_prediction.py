@@ -19,7 +19,7 @@ from workbench.errors import InputError
 from workbench.identification.identified.recursion import march, march_one
 from workbench.identification.prediction.gradient import errors_of, jacobian, normal_equations
 from workbench.identification.prediction.innovations import Innovations
-from workbench.identification.prediction.model_selection import Wish, _Search
+from workbench.identification.prediction.model_selection import SelectionOptions, _ModelSearch
 from workbench.identification.prediction.refine import refine
 from workbench.identification.prediction.start import _cut_off
 from workbench.kernel.native_predictor import sensitivities
@@ -277,8 +277,8 @@ def test_the_search_for_an_order_goes_on_while_it_is_better(
     closed_loop: bool, first: int, found: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In a closed loop from 0 and past one order that is worse; else from what the subspaces show."""
-    wish = Wish(order=None, noise=None, most=5, feedthrough=False, stable=False, closed_loop=closed_loop)
-    search: Any = _Search(record(100), (), wish)
+    wish = SelectionOptions(order=None, noise=None, most=5, feedthrough=False, stable=False, closed_loop=closed_loop)
+    search: Any = _ModelSearch(record(100), (), wish)
     search._known = {n: SimpleNamespace(criterion=c) for n, c in enumerate([4.0, 5.0, 1.0, 2.0, 3.0, 0.0])}
     monkeypatch.setattr(search, "_first", lambda: first)
     assert search.run() is search._known[found]

@@ -18,7 +18,7 @@ from tests.gemseo import gemseo_folder, needs_gemseo
 from workbench.errors import FmuError
 from workbench.fmi import kept, reading
 from workbench.fmi.bundled import bundled_names, bundled_path
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.reading import described_at, read_description
 
 BUNDLED = [bundled_path(f"fmu:{name}{at}") for at in ("", "@3") for name in bundled_names()]
@@ -106,12 +106,12 @@ ONE = """<?xml version="1.0" encoding="UTF-8"?>
 </fmiModelDescription>
 """
 
-Read = Callable[[str], Description]
+Read = Callable[[str], ModelDescription]
 
 
 @pytest.fixture
 def read(tmp_path: Path) -> Read:
-    def from_text(xml: str) -> Description:
+    def from_text(xml: str) -> ModelDescription:
         (tmp_path / "modelDescription.xml").write_text(xml, encoding="utf-8")
         return read_description(tmp_path, source="M")
 
@@ -322,7 +322,7 @@ def test_processes_at_once_read_the_same(large: Path) -> None:
     command = [sys.executable, "-c", script]
     at_once = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=large) for _ in range(3)]
     said = {process.communicate(timeout=120)[0] for process in at_once}
-    assert [text[:12] for text in said] == ["Description("]
+    assert [text[:17] for text in said] == ["ModelDescription("]
     assert [file.suffix for file in kept_files(large)] == [".pickle"]
 
 

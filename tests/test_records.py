@@ -19,14 +19,14 @@ from typing_extensions import TypeAliasType
 import workbench
 from tests.platforms import needs_module
 from tests.record_examples import Maker
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.errors import InputError
 from workbench.response.nfr.result import NfrResult
 from workbench.show.result import Result
 
 
 @dataclass(frozen=True, kw_only=True)
-class Corner(Part):
+class Corner(RecordPart):
     frequency_hz: float
     pole: complex
     words: str = ""
@@ -163,13 +163,13 @@ def test_a_data_set_has_coordinates_and_units() -> None:
 # -- every record of the package ---------------------------------------------------------------
 
 
-def all_parts() -> list[type[Part]]:
+def all_parts() -> list[type[RecordPart]]:
     """Return every class whose JSON the package writes and reads, none can be forgotten."""
     for module in pkgutil.walk_packages(workbench.__path__, "workbench."):
         if not module.name.endswith("__main__"):
             import_module(module.name)
-    found: set[type[Part]] = set()
-    todo: list[type[Part]] = [Part]
+    found: set[type[RecordPart]] = set()
+    todo: list[type[RecordPart]] = [RecordPart]
     while todo:
         new = set(todo.pop().__subclasses__()) - found
         todo += new
@@ -190,7 +190,7 @@ PARTS = all_parts()
 RECORDS = [kind for kind in PARTS if issubclass(kind, Result)]
 
 
-def example(kind: type[Part], *, empty: bool = False) -> Any:
+def example(kind: type[RecordPart], *, empty: bool = False) -> Any:
     return Maker(empty=empty).record(kind)
 
 
@@ -222,7 +222,7 @@ def assert_same(found: Any, expected: Any, where: str) -> None:
 
 @pytest.mark.parametrize("empty", [False, True], ids=["full", "empty"])
 @pytest.mark.parametrize("kind", PARTS, ids=lambda kind: kind.__name__)
-def test_every_record_reads_its_own_json(kind: type[Part], empty: bool) -> None:
+def test_every_record_reads_its_own_json(kind: type[RecordPart], empty: bool) -> None:
     first = example(kind, empty=empty)
     data = json.loads(json.dumps(first.to_dict(), allow_nan=False))
     again = kind.from_dict({**data, "command": "any", "version": "0"} if issubclass(kind, Result) else data)

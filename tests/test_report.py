@@ -31,7 +31,7 @@ from workbench.requests.decorator import with_origin
 from workbench.requests.kept import origin_of, remember
 from workbench.requests.origin import Origin
 from workbench.show.facts import point_facts
-from workbench.show.page import SUFFIXES, Page, Section, Table, write_page
+from workbench.show.page import SUFFIXES, Page, PageTable, Section, write_page
 from workbench.show.result import Reportable, Result, page_of, picture_of, write_report
 from workbench.show.verdicts import TONES, Verdict, counted, tone, worst_first
 
@@ -148,8 +148,8 @@ def test_words_have_one_tone_each() -> None:
 
 def test_numbers_stand_at_the_right() -> None:
     rows = [("x", "1", "1.2e-3", "−3 %", "2 Hz", ""), ("y", "-", "∞", "4", "3", "")]
-    assert Table(("",) * 6, rows).at_right == {1, 2, 3}
-    assert Table(("", ""), [("1", "2")], right=()).at_right == frozenset()
+    assert PageTable(("",) * 6, rows).at_right == {1, 2, 3}
+    assert PageTable(("", ""), [("1", "2")], right=()).at_right == frozenset()
 
 
 def test_text_of_others_is_no_markup(tmp_path: Path) -> None:
@@ -458,9 +458,9 @@ def test_pictures_of_a_report_have_text_and_values(changed: wb.NfrResult, tmp_pa
 
 def test_tables_of_sentences_fold_and_tables_of_numbers_do_not() -> None:
     sentence = "coherence 0.99 in the middle, below 0.9 elsewhere"
-    assert Table(("question", "verdict", "evidence"), [("noise", "good", sentence)]).wordy
-    assert not Table(("f", "gain", "phase"), [("1", "2", "3")]).wordy
-    assert not Table(("name", "text"), [("a", sentence)]).wordy
+    assert PageTable(("question", "verdict", "evidence"), [("noise", "good", sentence)]).wordy
+    assert not PageTable(("f", "gain", "phase"), [("1", "2", "3")]).wordy
+    assert not PageTable(("name", "text"), [("a", sentence)]).wordy
 
 
 def test_an_input_that_a_simulation_forces_is_not_among_those_held() -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from workbench.show.page import Page, Section, Table, write_page
+from workbench.show.page import Page, PageTable, Section, write_page
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -23,9 +23,11 @@ HASH = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     heads = ("mode", *(f"value number {k} [rad/s]" for k in range(7)), "states that take part")
     tables = [
-        Table(heads, [(str(k), *NUMBERS, WORDS) for k in range(12)], title="numbers", right=range(8)),
-        Table(("question", "verdict", "evidence"), [("noise", "good", "words " * 20)], verdict=1, title="sentences"),
-        Table(("file", "SHA-256"), [("system:failed_aileron_limited", HASH)], title="hash"),
+        PageTable(heads, [(str(k), *NUMBERS, WORDS) for k in range(12)], title="numbers", right=range(8)),
+        PageTable(
+            ("question", "verdict", "evidence"), [("noise", "good", "words " * 20)], verdict=1, title="sentences"
+        ),
+        PageTable(("file", "SHA-256"), [("system:failed_aileron_limited", HASH)], title="hash"),
     ]
     path = tmp_path_factory.mktemp("phone") / "p.html"
     write_page(Page(title="T" * 60, lead="lead", facts={"SHA-256": HASH}, sections=[Section("S", tables=tables)]), path)

@@ -12,22 +12,22 @@ from workbench.limit_cycles.limit_cycle import page as limit_cycle
 from workbench.limit_cycles.limit_cycle.result import SimulatedCycle
 from workbench.response.simulate import page as simulate
 from workbench.response.simulate.result import SimulationResult
-from workbench.show.page import Page, Section, Table, write_page
+from workbench.show.page import Page, PageTable, Section, write_page
 from workbench.show.terminal import text_of
 
 NAMES = [f"component[{k}].signal_{k}" for k in range(12)]
 NUMBERS = [[f"{10.0**k * (-1) ** k:.6g}" for k in range(12)] for _ in range(4)]
-MATRIX = Table(("row", *NAMES), [(f"state_{i}", *row) for i, row in enumerate(NUMBERS)], right=range(1, 13))
+MATRIX = PageTable(("row", *NAMES), [(f"state_{i}", *row) for i, row in enumerate(NUMBERS)], right=range(1, 13))
 WORDS = " ".join(random.Random(1).choices(["pressure", "of", "the", "chamber", "rises", "beyond", "2e7", "Pa"], k=60))
 
 
-def page(*tables: Table) -> Page:
+def page(*tables: PageTable) -> Page:
     return Page("A page", WORDS, {"what": "a fact"}, [Section("Tables", tables=list(tables))])
 
 
 @pytest.mark.parametrize("width", [60, 80, 132])
 def test_a_terminal_is_kept_and_nothing_is_broken(width: int) -> None:
-    table = Table(("check", "evidence", "value"), [("runs", WORDS, "1.5e-07"), ("reset", "equal", "2")], right=(2,))
+    table = PageTable(("check", "evidence", "value"), [("runs", WORDS, "1.5e-07"), ("reset", "equal", "2")], right=(2,))
     lines = text_of(page(MATRIX, table), width).splitlines()
     assert max(map(len, lines)) <= width
     words = " ".join(lines).split()
@@ -45,7 +45,7 @@ def test_a_row_is_a_line_in_a_pipe() -> None:
 
 def test_bars_are_drawn_by_a_terminal_alone(tmp_path: Path) -> None:
     """A page has a picture of the same numbers."""
-    shown = page(Table(("order", "value"), [("1", "2.5"), ("2", "0.1")], bars=["████", "░"]))
+    shown = page(PageTable(("order", "value"), [("1", "2.5"), ("2", "0.1")], bars=["████", "░"]))
     lines = [line.split() for line in text_of(shown, 80).splitlines()]
     assert ["1", "2.5", "████"] in lines
     assert ["2", "0.1", "░"] in lines

@@ -23,7 +23,7 @@ from workbench.jobs.options import Workers
 from workbench.reproduce import reproduce
 from workbench.reproduce.measurement import Measured, Measurement, Picture
 from workbench.reproduce.registry import experiments
-from workbench.reproduce.result import Outcome, ReproduceResult, TargetList, plain
+from workbench.reproduce.result import ReproduceResult, TargetList, TargetResult, plain
 from workbench.reproduce.run import _runner
 from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, parse_targets, read_targets
 
@@ -194,8 +194,8 @@ instead = {{low = 2, high = 3, why = "theory"}}
 """
 
 
-def explained(why: str, measured: float | None) -> Outcome:
-    return Outcome(parse_targets(EXPLAINED.format(why=why), "file")["a"], "e", measured)
+def explained(why: str, measured: float | None) -> TargetResult:
+    return TargetResult(parse_targets(EXPLAINED.format(why=why), "file")["a"], "e", measured)
 
 
 def test_a_reason_counts_only_where_what_is_measured_instead_is_measured() -> None:
@@ -314,7 +314,7 @@ def test_a_picture_that_fails_is_told(change: Changed) -> None:
 )
 def test_many_numbers_are_a_range(measured: Measured, text: str) -> None:
     target = parse_targets('[a]\nchapter = "3"\nwhat = "w"\nbasis = "predicted"\nhigh = 1\nunit = "dB"', "file")["a"]
-    assert Outcome(target, "e", plain(measured)).text == text
+    assert TargetResult(target, "e", plain(measured)).text == text
 
 
 # -- the command -------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from docs.tools.fitted import fitted_section, fitted_section_of
 from workbench.errors import InputError
 from workbench.reproduce.registry import experiments
 from workbench.reproduce.select import select
-from workbench.reproduce.targets import Target, parse_targets, read_targets
+from workbench.reproduce.targets import PublishedTarget, parse_targets, read_targets
 
 TARGETS = read_targets()
 WHOLE = '[a]\nchapter = "3"\nwhat = "w"\nbasis = "predicted"\n'
@@ -21,7 +21,7 @@ FITTED = 'value = 1\nabsolute = 1\nbasis = "fitted"\n'
 INSTEAD = 'instead = {low = 3, high = 4, why = "w"}'
 
 
-def one(lines: str) -> Target:
+def one(lines: str) -> PublishedTarget:
     head = "\n".join(line for line in WHOLE.splitlines() if not (line.startswith("basis") and "basis =" in lines))
     return parse_targets(f"{head}\n{lines}", "file")["a"]
 

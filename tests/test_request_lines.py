@@ -13,7 +13,7 @@ import typer
 from workbench.cli.derive import command
 from workbench.cli.program import program
 from workbench.commands import REQUESTS, request_of
-from workbench.core.records.option import Declared, asked_of, put_together, recast
+from workbench.core.records.option import DeclaredOption, asked_of, put_together, recast
 from workbench.data.excite.multisine import MultisineDesign
 from workbench.data.excite.prbs import PrbsDesign
 from workbench.errors import InputError
@@ -90,7 +90,7 @@ SPECIAL: dict[str, Callable[[random.Random], Any]] = {
 }
 
 
-def value_of(request: str, declared: Declared, chance: random.Random) -> object:
+def value_of(request: str, declared: DeclaredOption, chance: random.Random) -> object:
     """Return a random value of an option."""
     if declared.name in SPECIAL and (request, declared.name) != ("limit-cycle", "vary"):
         return SPECIAL[declared.name](chance)

@@ -15,9 +15,9 @@ from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.structures.page import structure_page
-from workbench.identification.structures.refine import Chain, Table, line_of
+from workbench.identification.structures.refine import PiecewiseLinearBlock, WienerHammersteinModel, line_of
 from workbench.identification.structures.request import IdentifyCommand, IdentifyStructure
-from workbench.identification.structures.run import _Scaled, _Search
+from workbench.identification.structures.run import _Scaled, _StructureSearch
 from workbench.identification.structures.start import block_of, placed, rescaled
 from workbench.identification.structures.table import StaticTable, free_directions, knots_for, weights
 
@@ -206,7 +206,9 @@ def test_a_linear_block_is_the_linear_model_by_the_sizes_of_input_and_output() -
     u = np.random.default_rng(2).normal(size=300)
     data = wb.make_experiment(1.0, 4.0 * u, signal.lfilter([2.0, 1.0], [1.0, -0.5], 4.0 * u))
     model = wb.identify(data, order=1, feedthrough=True).model
-    found = _Search(_Scaled.of(data, 0), model, IdentifyStructure(structure="wiener", order=1, feedthrough=True)).linear
+    found = _StructureSearch(
+        _Scaled.of(data, 0), model, IdentifyStructure(structure="wiener", order=1, feedthrough=True)
+    ).linear
     z = np.exp(2j * np.pi * 0.1)
     response = (found.C @ found.B)[0, 0] / (z - found.A[0, 0]) + found.D[0, 0]
     assert response == pytest.approx((2.0 * z + 1.0) / (z - 0.5) * data.u.std() / data.y.std(), rel=1e-6)
@@ -229,13 +231,13 @@ def test_scales_are_moved_without_a_change_of_the_output() -> None:
     linear = block_of(np.array([[0.5]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), feedthrough=False)
     knots = np.linspace(-4.0, 4.0, 7)
     for values in (-3.0 * np.tanh(knots), np.cosh(knots)):
-        chain = Chain(None, linear, Table(knots, values, np.eye(7)))
+        chain = WienerHammersteinModel(None, linear, PiecewiseLinearBlock(knots, values, np.eye(7)))
         moved = rescaled(chain, u)
         assert moved.output(u) == pytest.approx(chain.output(u), rel=1e-9, abs=1e-9)
         assert moved.behind is not None
         assert np.all(np.diff(moved.behind.knots) > 0.0)
         assert moved.behind.free.shape == (7, 6)
-    assert placed(Chain(None, linear, None), u, 2.0 * u, 5).behind is not None
+    assert placed(WienerHammersteinModel(None, linear, None), u, 2.0 * u, 5).behind is not None
 
 
 def test_what_cannot_show_a_block_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,9 +19,9 @@ from workbench.cli.app import run
 from workbench.fmi.bundled import bundled_path
 from workbench.jobs.options import Workers
 from workbench.study import worker
-from workbench.study.plan import Outcome
+from workbench.study.plan import RunResult
 from workbench.study.run import StudyRun
-from workbench.study.worker import Job, perform
+from workbench.study.worker import CommandJob, perform
 
 GRID = """
 name = "lags"
@@ -339,9 +339,9 @@ def test_a_crash_fails_its_requirements_and_the_others_go_on(
 
 
 def test_a_crash_is_not_kept_but_failed_points_are() -> None:
-    assert not Outcome(reason="the FMU crashed").lasting
-    assert not Outcome(result={}, code=130).lasting
-    assert Outcome(result={}, code=1).lasting
+    assert not RunResult(reason="the FMU crashed").lasting
+    assert not RunResult(result={}, code=130).lasting
+    assert RunResult(result={}, code=1).lasting
 
 
 def test_what_cannot_be_done_at_any_point_is_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -378,7 +378,7 @@ y = "plant.y"
 
 
 def answered(folder: Path, subject: str, given: dict[str, Any], files: dict[str, str]) -> dict[str, Any]:
-    job = Job(
+    job = CommandJob(
         number=0, command="simulate", subject=[subject], options={"stop": 1.0, "set": given, "output": ["y"]},
         command_line="", folder=folder, workplace=folder, csv="", files=files,
     )  # fmt: skip

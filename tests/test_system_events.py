@@ -14,7 +14,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.session.base import Recorded
 from workbench.signals.kinds import Signal, Sine, Step
-from workbench.system.components import Opened, Part
+from workbench.system.components import OpenComponent, Opened
 from workbench.system.connection_checks import resolve
 from workbench.system.description import Connection, FmuComponent, SystemDescription
 from workbench.system.model import SystemModel
@@ -47,10 +47,10 @@ class FailingC(FakeC):
             return 3
 
 
-def part(name: str, make: type[Hybrid]) -> Part:
+def part(name: str, make: type[Hybrid]) -> OpenComponent:
     description = describe(make(), state=True)
     names = [v.name for v in description.variables]
-    return Part(
+    return OpenComponent(
         component=FmuComponent(name=name, file=name),
         description=description,
         interface="me",

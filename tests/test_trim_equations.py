@@ -14,8 +14,8 @@ from workbench.point.trim.balance import ContinuousBalance
 from workbench.point.trim.problem import TrimSets, pose
 from workbench.point.trim.request import trim
 from workbench.point.trim.result import TrimResult
-from workbench.point.trim.scaled import Scaled
-from workbench.point.trim.solve import _Search
+from workbench.point.trim.scaled import ScaledEquations
+from workbench.point.trim.solve import _FamilySearch
 
 
 def told(result: TrimResult) -> list[str]:
@@ -298,10 +298,10 @@ def test_without_states_the_point_is_what_the_inputs_make_it() -> None:
     assert trim(plant, free=["u"], fix={"y": 9.0}).point.u["u"] == pytest.approx(3.0)
 
 
-def search_of(equations: Equations, **sets: Any) -> _Search:  # noqa: ANN401
+def search_of(equations: Equations, **sets: Any) -> _FamilySearch:  # noqa: ANN401
     with Plant(equations).open_point() as point:
         problem = pose(ContinuousBalance(point), TrimSets(**sets))
-    return _Search(Scaled(problem, exact=False), 1e-9, np.array([k.start for k in problem.unknowns]))
+    return _FamilySearch(ScaledEquations(problem, exact=False), 1e-9, np.array([k.start for k in problem.unknowns]))
 
 
 @pytest.mark.parametrize(

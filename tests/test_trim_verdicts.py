@@ -12,11 +12,11 @@ from tests.trim_cases import Case, cases, judged
 from tests.trim_models import Equations, Function, Plant, Values
 from workbench.core.values.arrays import Floats
 from workbench.point.trim.balance import ContinuousBalance
-from workbench.point.trim.convergence import Judge
+from workbench.point.trim.convergence import EquilibriumTest
 from workbench.point.trim.problem import TrimSets, pose
 from workbench.point.trim.request import trim
 from workbench.point.trim.result import TrimResult
-from workbench.point.trim.scaled import Scaled
+from workbench.point.trim.scaled import ScaledEquations
 
 
 def scalar(f: Function, start: float, *, interface: str = "me") -> TrimResult:
@@ -198,8 +198,8 @@ def test_a_residual_ends_at_the_edge_of_a_dead_zone_on_the_way_and_not_where_it_
 
     def ends_at_an_edge(f: Function, begin: float, end: float) -> bool:
         with Plant(Equations(x={"x": begin}, f=f, nominal={"x": 1.0})).open_point() as point:
-            scaled = Scaled(pose(ContinuousBalance(point), TrimSets()), exact=False)
-            judge = Judge(scaled, np.array([begin]), 1e-9)
+            scaled = ScaledEquations(pose(ContinuousBalance(point), TrimSets()), exact=False)
+            judge = EquilibriumTest(scaled, np.array([begin]), 1e-9)
             return judge._edge(np.array([begin]), np.array([end]), np.ones(1), 1e-15)
 
     assert ends_at_an_edge(lambda v: [-max(v["x"] - 3.0, 0.0)], 3.2, 2.8)

@@ -12,7 +12,7 @@ import pytest
 import workbench as wb
 from workbench.errors import InputError
 from workbench.system.files.read import read_system
-from workbench.ui.root import Root
+from workbench.ui.root import ServedFolder
 
 pytest.importorskip("tomlkit", reason="the extra 'ui' is not installed")
 
@@ -70,7 +70,7 @@ def parts(found: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def test_what_stands_in_several_lines_is_drawn(tmp_path: Path) -> None:
-    found = drawn(SPREAD, Root(tmp_path), "loop.toml")
+    found = drawn(SPREAD, ServedFolder(tmp_path), "loop.toml")
     assert found["wrong"] == []
     assert {name: part["inputs"] for name, part in parts(found).items()} == {
         "plant": [], "lag": ["a"], "error": ["u1", "u2"], "gain": ["u"],
@@ -87,7 +87,9 @@ def test_what_stands_in_several_lines_is_drawn(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", BUNDLED)
 def test_the_picture_has_what_the_workbench_reads(tmp_path: Path, name: str) -> None:
-    found = drawn((ROOT / "systems" / f"{name}.toml").read_text(encoding="utf-8"), Root(tmp_path), f"system:{name}")
+    found = drawn(
+        (ROOT / "systems" / f"{name}.toml").read_text(encoding="utf-8"), ServedFolder(tmp_path), f"system:{name}"
+    )
     system = read_system(f"system:{name}")
     assert found["wrong"] == []
     assert [part["name"] for part in found["components"]] == [c.name for c in system.components]
@@ -103,7 +105,7 @@ def test_a_block_is_one_line_more(tmp_path: Path, text: str, block: str) -> None
     (line,) = changed(text, after)
     name = line[2:].partition(" ")[0]
     assert name not in tomllib.loads(text)["components"]
-    found = parts(drawn(after, Root(tmp_path), "system:rudder_loop"))[name]
+    found = parts(drawn(after, ServedFolder(tmp_path), "system:rudder_loop"))[name]
     assert found["inputs"] or found["model"]
 
 
@@ -121,7 +123,7 @@ def test_a_component_goes_with_its_connections(tmp_path: Path) -> None:
     assert "error" not in after
     assert tomllib.loads(after)["inputs"] == {"both": ["plant.mH"]}
     assert "# about connections" in after
-    assert parts(drawn(after, Root(tmp_path), "loop.toml")).keys() == {"plant", "lag", "gain"}
+    assert parts(drawn(after, ServedFolder(tmp_path), "loop.toml")).keys() == {"plant", "lag", "gain"}
     assert "[components.gain]" not in edited(SPREAD, "remove", "gain")
 
 
@@ -152,12 +154,12 @@ def test_what_cannot_be_done_is_one_line(text: str, change: tuple[str, ...], sai
 
 def test_what_is_wrong_with_a_part_is_said_and_the_others_are_drawn(tmp_path: Path) -> None:
     text = '[components]\na = {sum = "x"}\nb = 2.0\nc = "../outside.fmu"\nd = {linear = "none.json"}'
-    found = drawn(text, Root(tmp_path), "loop.toml")
+    found = drawn(text, ServedFolder(tmp_path), "loop.toml")
     assert len(found["wrong"]) == 3
     assert parts(found)["b"]["outputs"] == ["y"]
     for wrong in ("x", "[components]\na = 1\n[connections]\n1", "components = 1"):
         with pytest.raises(InputError):
-            drawn(wrong, Root(tmp_path), "loop.toml")
+            drawn(wrong, ServedFolder(tmp_path), "loop.toml")
 
 
 @pytest.mark.parametrize(
@@ -175,7 +177,7 @@ def test_what_is_wrong_with_a_part_is_said_and_the_others_are_drawn(tmp_path: Pa
     ],
 )
 def test_a_box_says_what_is_in_it(tmp_path: Path, entry: str, label: str) -> None:
-    found = drawn(f"[components]\npart = {entry}\n", Root(tmp_path), "loop.toml")
+    found = drawn(f"[components]\npart = {entry}\n", ServedFolder(tmp_path), "loop.toml")
     assert found["wrong"] == []
     assert parts(found)["part"]["label"] == label
 

@@ -12,7 +12,7 @@ from workbench.commands import request_of
 from workbench.requests.request import asked_options, command_line_of
 from workbench.ui.curves import _with_unit
 from workbench.ui.forms import MEASURED, FormError, form_of, request_of_form
-from workbench.ui.root import Root
+from workbench.ui.root import ServedFolder
 
 ROOT = Path(__file__).resolve().parents[1]
 ELSEWHERE = {"in_process", "scheduler", "tls"}
@@ -35,7 +35,7 @@ def test_what_is_filled_in_is_what_a_command_line_gives(tmp_path: Path) -> None:
         "input": "delC", "output": "del", "band": "0.5:20", "amplitudes": "1,4", "max_periods": "30", "carry": True,
         "method": "settle", "start_values": ["pS=1e7", "rho=900"], "tolerance": "1e-9", "ratio": "",
     }  # fmt: skip
-    asked, loading = request_of_form("nfr", given, Root(tmp_path))
+    asked, loading = request_of_form("nfr", given, ServedFolder(tmp_path))
     assert command_line_of(asked, "x.fmu", loading) == (
         "workbench nfr x.fmu --input=delC --output=del --amplitude=1,4 --band=0.5:20 --max-periods=30 --method=settle "
         "--carry --tolerance=1e-09 --set=pS=1e+07 --set=rho=900"
@@ -45,17 +45,19 @@ def test_what_is_filled_in_is_what_a_command_line_gives(tmp_path: Path) -> None:
 def test_what_is_wrong_is_said_at_its_field(tmp_path: Path) -> None:
     with pytest.raises(FormError) as told:
         request_of_form(
-            "nfr", {"input": "u", "output": "y", "amplitudes": "1", "band": "1:2", "max_periods": "2.5"}, Root(tmp_path)
+            "nfr",
+            {"input": "u", "output": "y", "amplitudes": "1", "band": "1:2", "max_periods": "2.5"},
+            ServedFolder(tmp_path),
         )
     assert told.value.fields == {"max_periods": "'2.5' is not a whole number"}
     with pytest.raises(FormError) as told:
-        request_of_form("nfr", {"input": "u", "output": "y"}, Root(tmp_path))
+        request_of_form("nfr", {"input": "u", "output": "y"}, ServedFolder(tmp_path))
     assert set(told.value.fields) == {"amplitudes", "frequencies"}
 
 
 def wrong(command: str, **given: str) -> dict[str, str]:
     with pytest.raises(FormError) as told:
-        request_of_form(command, given, Root(Path()))
+        request_of_form(command, given, ServedFolder(Path()))
     return told.value.fields
 
 

@@ -15,7 +15,7 @@ from workbench.fmi.variable import Variable
 from workbench.model import Model
 from workbench.model.base import DeclaredRates
 from workbench.session import Recorded, Session, Snapshot
-from workbench.session.point import Evaluation, Point
+from workbench.session.point import Evaluation, ModelPoint
 from workbench.session.start_values import NotReachedError
 from workbench.signals.kinds import Signal
 
@@ -103,7 +103,7 @@ class Plant(Model):
             raise NotReachedError(f"{self.name}: cannot be started at {starts}")
         return PlantSession(self, starts, time or 0.0, step)
 
-    def open_point(self, *, time: float | None = None, values: Mapping[str, float] | None = None) -> Point:
+    def open_point(self, *, time: float | None = None, values: Mapping[str, float] | None = None) -> ModelPoint:
         if self.interface != "me":
             raise InputError("no point")
         return PlantPoint(self, self.starts(values), time or 0.0)
@@ -174,7 +174,7 @@ class PlantSession(Session):
         return
 
 
-class PlantPoint(Point):
+class PlantPoint(ModelPoint):
     def __init__(self, plant: Plant, values: Values, time: float) -> None:
         self.plant, self.values, self.time = plant, values, time
         e = plant.equations

@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 
 from workbench.study.requirements import KINDS
 from workbench.study.requirements.base import Requirement
-from workbench.system.files.toml_schema import Table
+from workbench.system.files.toml_schema import TomlTable
 
 __all__ = ["requirements_page"]
 
@@ -58,7 +58,7 @@ def _table(rows: list[str]) -> Iterator[str]:
     yield from ("| key | meaning | default |", "|---|---|---|", *rows)
 
 
-def _row(owner: type[Table], name: str, field: FieldInfo) -> str:
+def _row(owner: type[TomlTable], name: str, field: FieldInfo) -> str:
     return f"| `{field.alias or name}` | {_meaning(owner, name)} | {_default(field)} |"
 
 
@@ -68,7 +68,7 @@ def _default(field: FieldInfo) -> str:
     return "" if field.default_factory is not None or field.default in (None, "") else f"`{field.default}`"
 
 
-def _meaning(owner: type[Table], name: str) -> str:
+def _meaning(owner: type[TomlTable], name: str) -> str:
     """Return what the docstring of the class, or of one that it builds on, says about a key."""
     for kind in owner.__mro__:
         attributes = (inspect.getdoc(kind) or "").partition("Attributes:\n")[2] if "__doc__" in vars(kind) else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from workbench.reproduce.targets import Target, read_targets
+from workbench.reproduce.targets import PublishedTarget, read_targets
 
 __all__ = ["targets_page"]
 
@@ -30,7 +30,7 @@ def targets_page() -> str:
     return "\n".join(parts)
 
 
-def _table(targets: list[Target]) -> Iterator[str]:
+def _table(targets: list[PublishedTarget]) -> Iterator[str]:
     yield "| target | chapter | what | published | tolerance | origin | basis |"
     yield "|---|---|---|---|---|---|---|"
     for t in targets:

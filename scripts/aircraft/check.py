@@ -15,7 +15,7 @@ import numpy as np
 import workbench as wb
 from scripts.aircraft.figures import crossings, edges, frequency, peak, switches, transfer, unstable
 from workbench.core.values.arrays import Floats
-from workbench.reproduce.targets import Target, read_targets
+from workbench.reproduce.targets import PublishedTarget, read_targets
 
 SYSTEMS = Path(__file__).resolve().parents[2] / "systems"
 GRAVITY = 9.80665
@@ -33,7 +33,7 @@ class Figure:
 
     name: str
     achieved: float | Sequence[float]
-    target: Target | None = None
+    target: PublishedTarget | None = None
 
     @property
     def met(self) -> bool:

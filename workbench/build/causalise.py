@@ -18,7 +18,7 @@ from workbench.build.differentiate import partial
 from workbench.build.expressions import CONDITION, QUOTIENT, RELATION, VARIABLE, ExpressionGraph
 from workbench.build.ir import SourceLocation
 from workbench.build.loops import alike_together
-from workbench.build.scalar_model import DiscreteEquation, Residual, ScalarModel
+from workbench.build.scalar_model import DiscreteEquation, ResidualEquation, ScalarModel
 from workbench.build.translate import refuse
 from workbench.errors import BuildError
 
@@ -63,7 +63,7 @@ def causalise(model: ScalarModel) -> list[Assignment]:
     return _sort(model, steps)
 
 
-def _match(model: ScalarModel, unknowns: Sequence[int]) -> list[tuple[int, Residual]]:
+def _match(model: ScalarModel, unknowns: Sequence[int]) -> list[tuple[int, ResidualEquation]]:
     if len(unknowns) != len(model.residuals):
         raise BuildError(
             f"{model.name}: {len(model.residuals)} continuous equations for {len(unknowns)} unknowns; "
@@ -103,7 +103,7 @@ def _augment(equation: int, incidence: list[list[int]], owner: dict[int, int], v
     return False
 
 
-def _solve(model: ScalarModel, residual: Residual, unknown: int) -> int:
+def _solve(model: ScalarModel, residual: ResidualEquation, unknown: int) -> int:
     """Solve 0 = a·x + b for x."""
     graph, node = model.graph, model.graph[residual.expression]
     if node.operation == "subtract":

@@ -16,7 +16,7 @@ from workbench.build.toolchain import CFile, Platform, chosen_platforms, compile
 from workbench.core.machine.files import file_to_write, replacing
 from workbench.errors import BuildError, InputError
 from workbench.fmi.archive import extract, locate
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.library import functions_of
 from workbench.fmi.platforms import folders_of
 from workbench.fmi.reading import read_description
@@ -127,13 +127,13 @@ def _wanted(file: PurePosixPath) -> bool:
     return file.parts[0] == "sources" or str(file) == "modelDescription.xml"
 
 
-def _place(identifier: str, description: Description, platform: Platform) -> str:
+def _place(identifier: str, description: ModelDescription, platform: Platform) -> str:
     folder = platform.name if description.major >= 3 else platform.name_2
     return f"binaries/{folder}/{identifier}{platform.suffix}"
 
 
 def _refuse_present(
-    left: Sequence[PurePosixPath], description: Description, platforms: Sequence[Platform], source: str
+    left: Sequence[PurePosixPath], description: ModelDescription, platforms: Sequence[Platform], source: str
 ) -> None:
     """Refuse to replace what the FMU came with, unless another file is written."""
     names = {claims.identifier for claims in every_interface(description).values()}

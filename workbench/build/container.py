@@ -15,7 +15,7 @@ from typing import Any
 from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescription, ModelVariable, Unknown
 
 from workbench.build.container_parts import ContainerPart, container_part, container_wires, word
-from workbench.build.container_variables import Shown, shown_units, shown_variables
+from workbench.build.container_variables import ContainerVariable, shown_units, shown_variables
 from workbench.core.machine.files import file_to_write, pack
 from workbench.core.machine.scratch import scratch
 from workbench.errors import InputError
@@ -189,7 +189,7 @@ class _Plan:
     description: SystemDescription
     parts: tuple[ContainerPart, ...]
     wires: tuple[Wire, ...]
-    shown: tuple[Shown, ...]
+    shown: tuple[ContainerVariable, ...]
     step: float
     fmi: int
 

@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.fmi.variable import Value, Variable
 from workbench.system.description import Port, Resolved
 
-__all__ = ["Shown", "shown_units", "shown_variables"]
+__all__ = ["ContainerVariable", "shown_units", "shown_variables"]
 
 # FMPy's word for a type → FMI 2.0's.
 _FMI2: Mapping[str, str] = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
@@ -23,7 +23,7 @@ _LEVELS = ("exact", "approx")  # `initial` of variables whose start value is set
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ContainerVariable:
     """One variable of the container.
 
     Attributes:
@@ -37,7 +37,7 @@ class Shown:
 
 def shown_variables(
     parts: Sequence[ContainerPart], resolved: Resolved, starts: Mapping[str, Value], *, fmi: int
-) -> list[Shown]:
+) -> list[ContainerVariable]:
     """Return the container's variables, without time.
 
     Args:
@@ -58,7 +58,9 @@ def shown_variables(
     return found
 
 
-def _input(parts: Sequence[ContainerPart], name: str, ports: Sequence[Port], start: Value | None, fmi: int) -> Shown:
+def _input(
+    parts: Sequence[ContainerPart], name: str, ports: Sequence[Port], start: Value | None, fmi: int
+) -> ContainerVariable:
     kinds = [_word(parts, port, f"input {name}") for port in ports]
     if len(set(kinds)) > 1:
         raise InputError(f"input {name}: drives inputs of different types, which a container does not convert")
@@ -69,15 +71,15 @@ def _input(parts: Sequence[ContainerPart], name: str, ports: Sequence[Port], sta
     made = _made(name, first.variable, kinds[0], fmi)
     made.causality, made.variability = "input", "continuous" if moves else "discrete"
     made.start = _literal(value, kinds[0])
-    return Shown(made, tuple(ports))
+    return ContainerVariable(made, tuple(ports))
 
 
-def _output(parts: Sequence[ContainerPart], name: str, port: Port, fmi: int) -> Shown:
+def _output(parts: Sequence[ContainerPart], name: str, port: Port, fmi: int) -> ContainerVariable:
     kind = _word(parts, port, f"output {name}")
     made = _made(name, port.variable, kind, fmi)
     made.causality, made.initial = "output", "calculated"
     made.variability = "continuous" if port.variable.variability == "continuous" else "discrete"
-    return Shown(made, (port,))
+    return ContainerVariable(made, (port,))
 
 
 def _word(parts: Sequence[ContainerPart], port: Port, where: str) -> str:
@@ -111,7 +113,7 @@ def _is_parameter(part: ContainerPart, variable: Variable) -> bool:
     return True
 
 
-def _start(part: ContainerPart, port: Port, fmi: int) -> Shown:
+def _start(part: ContainerPart, port: Port, fmi: int) -> ContainerVariable:
     variable = port.variable
     try:
         kind = word(part, variable)
@@ -121,7 +123,7 @@ def _start(part: ContainerPart, port: Port, fmi: int) -> Shown:
         raise InputError(f"component {part.name}: its start value cannot be set in a container: {error}") from None
     value = part.starts.get(variable.name, variable.start)
     made.initial, made.start = "exact", _literal(_ZERO[kind] if value is None else value, kind)
-    return Shown(made, (port,))
+    return ContainerVariable(made, (port,))
 
 
 def _role(part: ContainerPart, variable: Variable) -> tuple[str, str]:
@@ -154,7 +156,7 @@ def _literal(value: Value, kind: str) -> str:
 # -- units ------------------------------------------------------------------------------------
 
 
-def shown_units(parts: Sequence[ContainerPart], shown: Sequence[Shown]) -> list[Any]:
+def shown_units(parts: Sequence[ContainerPart], shown: Sequence[ContainerVariable]) -> list[Any]:
     """Return the definitions of the units that the variables have; of the first part that defines each."""
     defined: dict[str, Any] = {}
     for part in parts:

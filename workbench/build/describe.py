@@ -14,7 +14,7 @@ from workbench.build.units import base_unit
 
 
 @dataclass(frozen=True, slots=True)
-class DefaultExperiment:
+class BuiltExperiment:
     """FMI's default experiment [s]."""
 
     stop_time: float | None
@@ -23,14 +23,14 @@ class DefaultExperiment:
 
 
 @dataclass(frozen=True, slots=True)
-class Description:
+class ModelDescriptionParts:
     """All that both model descriptions are written from."""
 
     model: ScalarModel
     order: Sequence[Assignment]
     token: str
     tool: str
-    experiment: DefaultExperiment
+    experiment: BuiltExperiment
     sources: Sequence[str]
     naming: str = "structured"  # FMI's variable naming convention
 
@@ -53,7 +53,7 @@ _FMI3_TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean", "enu
 _CAUSALITY = {"time": "independent", "input": "input", "parameter": "parameter", "calculated": "calculatedParameter"}
 
 
-def model_description_2(description: Description) -> bytes:
+def model_description_2(description: ModelDescriptionParts) -> bytes:
     """Return FMI 2.0's modelDescription.xml."""
     model = description.model
     root = _root(description, "2.0", {"guid": description.token})
@@ -86,7 +86,7 @@ def model_description_2(description: Description) -> bytes:
     return _bytes(root)
 
 
-def model_description_3(description: Description) -> bytes:
+def model_description_3(description: ModelDescriptionParts) -> bytes:
     """Return FMI 3.0's modelDescription.xml."""
     model = description.model
     root = _root(description, "3.0", {"instantiationToken": description.token})
@@ -116,7 +116,7 @@ def model_description_3(description: Description) -> bytes:
     return _bytes(root)
 
 
-def build_description(description: Description) -> bytes:
+def build_description(description: ModelDescriptionParts) -> bytes:
     """Return FMI 3.0's sources/buildDescription.xml."""
     root = ET.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = ET.SubElement(root, "BuildConfiguration", {"modelIdentifier": description.identifier})
@@ -133,7 +133,7 @@ def _flag(value: bool) -> str:  # noqa: FBT001 - all that it is about
     return "true" if value else "false"
 
 
-def _root(description: Description, version: str, token: dict[str, str]) -> ET.Element:
+def _root(description: ModelDescriptionParts, version: str, token: dict[str, str]) -> ET.Element:
     attributes = {"fmiVersion": version, "modelName": description.model.name, **token}
     if description.model.description:
         attributes["description"] = description.model.description
@@ -173,13 +173,13 @@ def _enumeration_name(model: ScalarModel, variable: ScalarVariable) -> str:
     return f"Enumeration{types.index(variable.literals) + 1}"
 
 
-def _default_experiment(root: ET.Element, experiment: DefaultExperiment) -> None:
+def _default_experiment(root: ET.Element, experiment: BuiltExperiment) -> None:
     attributes = {"startTime": "0", "tolerance": repr(experiment.tolerance)}
     if experiment.stop_time is not None:
         attributes["stopTime"] = repr(experiment.stop_time)
     if experiment.interval is not None:
         attributes["stepSize"] = repr(experiment.interval)
-    ET.SubElement(root, "DefaultExperiment", attributes)
+    ET.SubElement(root, "BuiltExperiment", attributes)
 
 
 def _number(variable_type: str, value: float) -> str:
@@ -231,7 +231,7 @@ def _initial_unknowns(model: ScalarModel) -> list[int]:
     ]
 
 
-def _variables(root: ET.Element, description: Description, *, fmi: int) -> ET.Element:
+def _variables(root: ET.Element, description: ModelDescriptionParts, *, fmi: int) -> ET.Element:
     """Add definitions, default experiment and variables; return the element of the last."""
     model = description.model
     _definitions(root, model)
@@ -270,7 +270,7 @@ def _variable(
 # FMI 2.0
 
 
-def _structure_2(root: ET.Element, description: Description) -> None:
+def _structure_2(root: ET.Element, description: ModelDescriptionParts) -> None:
     model = description.model
     found = dependencies(model, description.order)
     structure = ET.SubElement(root, "ModelStructure")
@@ -310,7 +310,7 @@ def _indicators_3(parent: ET.Element, model: ScalarModel) -> None:
         )
 
 
-def _structure_3(root: ET.Element, description: Description) -> None:
+def _structure_3(root: ET.Element, description: ModelDescriptionParts) -> None:
     model = description.model
     found = dependencies(model, description.order)
     structure = ET.SubElement(root, "ModelStructure")

@@ -21,7 +21,7 @@ from workbench.build.expressions import (
     TANGENT,
     VARIABLE,
     ExpressionGraph,
-    Node,
+    ExpressionNode,
     Row,
 )
 
@@ -137,7 +137,7 @@ _RULES: dict[str, Rule] = {
 }
 
 
-def _leaf_tangent(graph: ExpressionGraph, node: Node, tangents: Mapping[int, int]) -> int:
+def _leaf_tangent(graph: ExpressionGraph, node: ExpressionNode, tangents: Mapping[int, int]) -> int:
     if node.operation == VARIABLE:
         return tangents.get(node.reference, graph.number(0.0))
     if node.operation == DOT:
@@ -150,7 +150,7 @@ def _leaf_tangent(graph: ExpressionGraph, node: Node, tangents: Mapping[int, int
 def _matrix_tangent(graph: ExpressionGraph, row: Row, tangents: Mapping[int, int]) -> int:
     start, _, x, _, length = row
     moving = range(x, x + length)
-    if all(k in tangents and graph[tangents[k]] == Node(TANGENT, reference=k) for k in moving):
+    if all(k in tangents and graph[tangents[k]] == ExpressionNode(TANGENT, reference=k) for k in moving):
         return graph.row(MATRIX_TANGENT, row)
     total = graph.number(0.0)
     for factor, k in zip(graph.table[start : start + length], moving, strict=True):
@@ -166,7 +166,7 @@ def _dot_tangent(graph: ExpressionGraph, row: Row, tangents: Mapping[int, int]) 
         moving = [first + i * step for i in range(length) if first + i * step in tangents]
         if not moving:
             continue
-        if all(graph[tangents[k]] == Node(TANGENT, reference=k) for k in moving):
+        if all(graph[tangents[k]] == ExpressionNode(TANGENT, reference=k) for k in moving):
             # A loop over the whole row: values of one factor times tangents of the other.
             total = graph.add(total, graph.row(DOT_TANGENT, (other, other_step, first, step, length)))
             continue

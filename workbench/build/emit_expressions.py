@@ -26,7 +26,7 @@ from workbench.build.expressions import (
     TICK,
     VARIABLE,
     ExpressionGraph,
-    Node,
+    ExpressionNode,
 )
 from workbench.build.loops import Shapes
 
@@ -124,7 +124,7 @@ class Writer:
                 texts |= {o: self.text(o) for o in operands if o not in moving}
         return texts if expressions[0] in moving else {expressions[0]: self.text(expressions[0])}
 
-    def _moving_leaf(self, nodes: Sequence[Node], columns: _Columns) -> str:
+    def _moving_leaf(self, nodes: Sequence[ExpressionNode], columns: _Columns) -> str:
         operation = nodes[0].operation
         if operation == NUMBER:
             return columns.number([node.number for node in nodes])
@@ -152,7 +152,7 @@ class Writer:
         is_boolean = self.graph[number].operation in _BOOLEAN and text.startswith("(")
         return text if is_boolean else f"({text} != 0.0)"
 
-    def _place(self, node: Node) -> int:
+    def _place(self, node: ExpressionNode) -> int:
         """Return what a leaf refers to, as a place in its array."""
         return node.reference + (self.n_relations if node.operation == QUOTIENT else 0)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.build.fmu import FMI_VERSIONS, Sources, assemble, compile_and_pack
-from workbench.build.matrices import Matrices, matrices_of, read_matrices
+from workbench.build.matrices import StateSpaceFile, matrices_of, read_matrices
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
@@ -153,7 +153,7 @@ def write_linear(linear: Mapping[str, Any], path: Path) -> None:
         part.write_text("{\n" + ",\n".join([*matrices, *rest]) + "\n}\n", encoding="utf-8")
 
 
-def generate_linear(matrices: Matrices, scalar: ScalarModel, *, stiff: bool | None = None) -> Sources:
+def generate_linear(matrices: StateSpaceFile, scalar: ScalarModel, *, stiff: bool | None = None) -> Sources:
     """Generate all C and XML of a linear model.
 
     Args:
@@ -170,7 +170,7 @@ def generate_linear(matrices: Matrices, scalar: ScalarModel, *, stiff: bool | No
     )
 
 
-def _renamed(matrices: Matrices, scalar: ScalarModel) -> dict[str, str]:
+def _renamed(matrices: StateSpaceFile, scalar: ScalarModel) -> dict[str, str]:
     kind = "discrete" if matrices.dt > 0.0 else "state"
     names = [v.name for v in scalar.variables if v.kind == kind and not v.output]
     return {a: b for a, b in zip(matrices.state_names, names, strict=True) if a != b}
@@ -188,5 +188,5 @@ def _identifier(name: str | None, target: Path) -> str:
     return name
 
 
-def _is_stiff(matrices: Matrices) -> bool:
+def _is_stiff(matrices: StateSpaceFile) -> bool:
     return matrices.dt == 0.0 and bool(matrices.A.size) and is_stiff_matrix(matrices.A)

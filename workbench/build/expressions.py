@@ -46,7 +46,7 @@ COMPARISONS: dict[str, Callable[[float, float], bool]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class ExpressionNode:
     """One node: its operation, the numbers of its operands and, for a leaf, what it stands for."""
 
     operation: str
@@ -64,19 +64,19 @@ class ExpressionGraph:
     """
 
     def __init__(self) -> None:
-        self._nodes: list[Node] = []
+        self._nodes: list[ExpressionNode] = []
         self._numbers: dict[tuple[object, ...], int] = {}
         self.table: list[float] = []  # numbers of all matrix rows
         self._moving: set[int] = set()
         self._tangents: Mapping[int, int] = {}
 
-    def __getitem__(self, expression: int) -> Node:
+    def __getitem__(self, expression: int) -> ExpressionNode:
         return self._nodes[expression]
 
     def __len__(self) -> int:
         return len(self._nodes)
 
-    def _intern(self, node: Node) -> int:
+    def _intern(self, node: ExpressionNode) -> int:
         # repr tells 0.0 from -0.0, which compare equal.
         key = (node.operation, node.operands, repr(node.number), node.reference, node.row)
         number = self._numbers.get(key)
@@ -90,15 +90,15 @@ class ExpressionGraph:
 
     def number(self, value: float) -> int:
         """Return the constant `value`."""
-        return self._intern(Node(NUMBER, number=float(value)))
+        return self._intern(ExpressionNode(NUMBER, number=float(value)))
 
     def leaf(self, operation: str, reference: int) -> int:
         """Return a leaf such as ``leaf(VARIABLE, 3)``."""
-        return self._intern(Node(operation, reference=reference))
+        return self._intern(ExpressionNode(operation, reference=reference))
 
     def row(self, operation: str, row: Row) -> int:
         """Return a leaf that is a product of two rows of variables."""
-        return self._intern(Node(operation, row=row))
+        return self._intern(ExpressionNode(operation, row=row))
 
     def value(self, expression: int) -> float | None:
         """Return the number that `expression` is, or None when it is not a constant."""
@@ -118,7 +118,7 @@ class ExpressionGraph:
             return a
         if self._nodes[b].operation == "negate":
             return self.subtract(a, self._nodes[b].operands[0])
-        return self._intern(Node("add", (a, b)))
+        return self._intern(ExpressionNode("add", (a, b)))
 
     def subtract(self, a: int, b: int) -> int:
         """Return a - b."""
@@ -133,7 +133,7 @@ class ExpressionGraph:
             return self.negate(b)
         if self._nodes[b].operation == "negate":
             return self.add(a, self._nodes[b].operands[0])
-        return self._intern(Node("subtract", (a, b)))
+        return self._intern(ExpressionNode("subtract", (a, b)))
 
     def negate(self, a: int) -> int:
         """Return -a."""
@@ -144,8 +144,8 @@ class ExpressionGraph:
         if node.operation == "negate":
             return node.operands[0]
         if node.operation == "subtract":
-            return self._intern(Node("subtract", (node.operands[1], node.operands[0])))
-        return self._intern(Node("negate", (a,)))
+            return self._intern(ExpressionNode("subtract", (node.operands[1], node.operands[0])))
+        return self._intern(ExpressionNode("negate", (a,)))
 
     def multiply(self, a: int, b: int) -> int:
         """Return a·b."""
@@ -159,7 +159,7 @@ class ExpressionGraph:
                 return other
             if factor == -1.0:
                 return self.negate(other)
-        return self._intern(Node("multiply", (a, b)))
+        return self._intern(ExpressionNode("multiply", (a, b)))
 
     def divide(self, a: int, b: int) -> int:
         """Return a/b."""
@@ -172,7 +172,7 @@ class ExpressionGraph:
             return self.number(x / y)
         if x == 0.0 and y != 0.0:
             return self.number(0.0)
-        return self._intern(Node("divide", (a, b)))
+        return self._intern(ExpressionNode("divide", (a, b)))
 
     def power(self, a: int, b: int) -> int:
         """Return a to the power of b."""
@@ -192,7 +192,7 @@ class ExpressionGraph:
             return if_true if fixed != 0.0 else if_false
         if if_true == if_false:
             return if_true
-        return self._intern(Node("select", (condition, if_true, if_false)))
+        return self._intern(ExpressionNode("select", (condition, if_true, if_false)))
 
     def lookup(self, index: int, elements: Sequence[int]) -> int:
         """Return the element number `index` (from 1) of `elements`; outside it is not a number."""
@@ -201,7 +201,7 @@ class ExpressionGraph:
             return elements[int(fixed) - 1]
         if len(set(elements)) == 1 and self.value(elements[0]) == 0.0:
             return elements[0]
-        return self._intern(Node("lookup", (index, *elements)))
+        return self._intern(ExpressionNode("lookup", (index, *elements)))
 
     def dot(self, a: tuple[int, int], x: tuple[int, int], length: int) -> int:
         """Return Σ v[a + i·stride]·v[x + i·stride]; `a` and `x` are (first value reference, stride)."""
@@ -231,7 +231,7 @@ class ExpressionGraph:
             folded = evaluate_operation(operation, [v for v in values if v is not None])
             if math.isfinite(folded):
                 return self.number(folded)
-        return self._intern(Node(operation, operands))
+        return self._intern(ExpressionNode(operation, operands))
 
     def boolean(self, operation: str, *operands: int) -> int:
         """Return "and", "or" or "not" of conditions, without operands that decide nothing."""
@@ -420,7 +420,7 @@ def evaluate_operation(operation: str, operands: Sequence[float]) -> float:
     return float(FUNCTIONS[operation](*operands))
 
 
-def evaluate(graph: ExpressionGraph, expression: int, leaf: Callable[[Node], float]) -> float:
+def evaluate(graph: ExpressionGraph, expression: int, leaf: Callable[[ExpressionNode], float]) -> float:
     """Return the value of `expression`; `leaf` gives the values of the leaves that are not numbers."""
     values: dict[int, float] = {}
     for number in graph.reachable([expression]):

@@ -14,14 +14,14 @@ import fmpy
 
 from workbench.build.causalise import causalise
 from workbench.build.describe import (
-    DefaultExperiment,
-    Description,
+    BuiltExperiment,
+    ModelDescriptionParts,
     build_description,
     model_description_2,
     model_description_3,
 )
 from workbench.build.emit_c import emit_equations, emit_model
-from workbench.build.frontend import Checked, check, models_in
+from workbench.build.frontend import FlatModel, check, models_in
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.scalarise import scalarise
 from workbench.build.stiffness import is_stiff
@@ -181,7 +181,7 @@ def generate(file: Path, model: str, *, stiff: bool | None = None) -> Sources:
 
 def assemble(
     scalar: ScalarModel,
-    experiment: DefaultExperiment,
+    experiment: BuiltExperiment,
     *,
     stiff: bool | None = None,
     origin: str = "its Modelica source",
@@ -216,7 +216,7 @@ def assemble(
     token = "{" + digest.hexdigest()[:32] + "}"
     c_files = {**runtime, _MODEL: c_model(token).encode()}
     compiled = tuple(sorted(n for n in c_files if n.endswith(".c")))
-    description = Description(scalar, order, token, OUR_TOOL, experiment, compiled, naming)
+    description = ModelDescriptionParts(scalar, order, token, OUR_TOOL, experiment, compiled, naming)
     return Sources(
         name=scalar.name,
         identifier=description.identifier,
@@ -229,8 +229,8 @@ def assemble(
     )
 
 
-def _experiment(checked: Checked) -> DefaultExperiment:
-    return DefaultExperiment(checked.stop_time, checked.tolerance or DEFAULT_TOLERANCE, checked.interval)
+def _experiment(checked: FlatModel) -> BuiltExperiment:
+    return BuiltExperiment(checked.stop_time, checked.tolerance or DEFAULT_TOLERANCE, checked.interval)
 
 
 def _runtime() -> dict[str, bytes]:

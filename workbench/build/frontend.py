@@ -21,7 +21,7 @@ _STANDARD_ERROR = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class FlatModel:
     """A model that the front end accepted."""
 
     name: str
@@ -47,7 +47,7 @@ def _front_end() -> Any:  # noqa: ANN401 - the module, untyped because it is opt
     return rumoca
 
 
-def check(file: Path, model: str) -> Checked:
+def check(file: Path, model: str) -> FlatModel:
     """Parse, check and flatten `model` out of `file`.
 
     A file that says `within Package;` is read together with the whole package.
@@ -78,7 +78,7 @@ def check(file: Path, model: str) -> Checked:
             "array comprehensions, {… for i in 1:n}: write out the array, or use a loop of equations"
         ) from None
     experiment = _experiment(text, model)
-    return Checked(
+    return FlatModel(
         name=model,
         description=_description(text, model),
         dae=Dae(dae, flat),

@@ -16,7 +16,7 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import Linear
 from workbench.errors import InputError
 
-__all__ = ["Matrices", "matrices_of", "read_matrices"]
+__all__ = ["StateSpaceFile", "matrices_of", "read_matrices"]
 
 
 _REQUIRED = ("A", "B", "C", "D", "dt", "input_names", "output_names")
@@ -27,7 +27,7 @@ _HELD = 1e-9
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Matrices(Linear):
+class StateSpaceFile(Linear):
     """A linear model about a point.
 
     Continuous (dt = 0): dx/dt = dx0 + A x + B (u − u0); discrete (dt > 0): x(k+1) = A x(k) + B (u(k) − u0).
@@ -52,7 +52,7 @@ class Matrices(Linear):
     notes: tuple[str, ...] = ()
 
 
-def read_matrices(path: str | Path) -> Matrices:
+def read_matrices(path: str | Path) -> StateSpaceFile:
     """Return the model in a JSON file that `workbench identify`, `workbench lin` or a script wrote.
 
     Args:
@@ -68,7 +68,7 @@ def read_matrices(path: str | Path) -> Matrices:
         raise InputError(f"{path}: {error}") from None
 
 
-def matrices_of(model: object) -> Matrices:
+def matrices_of(model: object) -> StateSpaceFile:
     """Return the matrices of a linear model, checked.
 
     Args:
@@ -123,7 +123,7 @@ def _list(names: Sequence[str]) -> str:
 # -- checks ------------------------------------------------------------------------------------
 
 
-def _checked(data: Mapping[str, Any]) -> Matrices:
+def _checked(data: Mapping[str, Any]) -> StateSpaceFile:
     inputs, outputs = _names(data["input_names"], "input"), _names(data["output_names"], "output")
     n = _order(data["A"])
     states = _state_names(data.get("state_names"), n)
@@ -131,7 +131,7 @@ def _checked(data: Mapping[str, Any]) -> Matrices:
     dt = _period(data["dt"])
     _refuse_twice((*inputs, *outputs), "input_names and output_names")
     start, points = _start(data, states)
-    return Matrices(
+    return StateSpaceFile(
         A=_matrix(data, "A", (x, x)),
         B=_matrix(data, "B", (x, u)),
         C=_matrix(data, "C", (y, x)),

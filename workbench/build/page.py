@@ -12,7 +12,7 @@ from workbench.build.fmu import BuildResult, BuiltModels
 from workbench.build.result import SystemFile
 from workbench.errors import WorkbenchError
 from workbench.requests.model_facts import hash_of
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 
 __all__ = ["build_page", "built_page", "compiled_page", "container_page", "export_page", "system_file_page"]
@@ -34,7 +34,7 @@ def built_page(result: BuiltModels) -> Page:
         title=f"FMUs of {', '.join(r.model for r in result.models)}",
         lead=f"{counted(len(result.files), 'FMU')} for {', '.join(result.platforms)}.",
         facts={},
-        sections=[Section("Models", tables=[Table(headings, rows)]), _files(result.files)],
+        sections=[Section("Models", tables=[PageTable(headings, rows)]), _files(result.files)],
         kind="build",
     )
 
@@ -105,7 +105,7 @@ def system_file_page(result: SystemFile) -> Page:
 
 def _files(files: Sequence[Path]) -> Section:
     rows = [(file.name, _size(file), _hash(file)) for file in files]
-    return Section("Files", tables=[Table(("file", "size [KiB]", "SHA-256"), rows, right=(1,))])
+    return Section("Files", tables=[PageTable(("file", "size [KiB]", "SHA-256"), rows, right=(1,))])
 
 
 def _size(file: Path) -> str:

@@ -55,7 +55,7 @@ class Quotient:
 
 
 @dataclass(frozen=True, slots=True)
-class Residual:
+class ResidualEquation:
     """A continuous equation 0 = expression."""
 
     expression: int
@@ -63,7 +63,7 @@ class Residual:
 
 
 @dataclass(frozen=True, slots=True)
-class Branch:
+class ConditionalBranch:
     """A value that a discrete variable takes when `fires` holds; None: always."""
 
     fires: int | None
@@ -76,7 +76,7 @@ class DiscreteEquation:
 
     target: int
     place: SourceLocation
-    branches: list[Branch] = field(default_factory=list)
+    branches: list[ConditionalBranch] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class Action:
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class ModelClock:
     """Ticks at (phase + k·period), both rational numbers [s]."""
 
     period: tuple[int, int]
@@ -107,13 +107,13 @@ class ScalarModel:
     graph: ExpressionGraph
     variables: list[ScalarVariable] = field(default_factory=list)
     bindings: dict[int, int] = field(default_factory=dict)  # calculated parameter → expression
-    residuals: list[Residual] = field(default_factory=list)
+    residuals: list[ResidualEquation] = field(default_factory=list)
     discrete: list[DiscreteEquation] = field(default_factory=list)
     relations: list[Relation] = field(default_factory=list)
     quotients: list[Quotient] = field(default_factory=list)
     conditions: list[int] = field(default_factory=list)
     actions: list[Action] = field(default_factory=list)
-    clocks: list[Clock] = field(default_factory=list)
+    clocks: list[ModelClock] = field(default_factory=list)
     delays: list[int] = field(default_factory=list)  # expressions that read them
 
     def references(self, *kinds: str) -> list[int]:

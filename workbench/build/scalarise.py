@@ -13,10 +13,10 @@ from workbench.build.ir import Dae, IrVariable, Json
 from workbench.build.scalar_model import (
     TIME,
     Action,
-    Branch,
-    Clock,
+    ConditionalBranch,
     DiscreteEquation,
-    Residual,
+    ModelClock,
+    ResidualEquation,
     ScalarModel,
     ScalarVariable,
 )
@@ -226,7 +226,7 @@ class _Scalariser:
 
     def _continuous_equations(self) -> None:
         for scalar, provenance in self._residuals(self.dae.storage["continuous_equation_operations"]):
-            self.model.residuals.append(Residual(scalar, self.dae.place(provenance)))
+            self.model.residuals.append(ResidualEquation(scalar, self.dae.place(provenance)))
 
     def _clocks(self) -> None:
         for clock in self.dae.storage["clocks"]:
@@ -238,7 +238,7 @@ class _Scalariser:
             lattice = body["lattice"]
             period, phase = lattice["period"], lattice["phase"]
             self.model.clocks.append(
-                Clock((int(period["num"]), int(period["den"])), (int(phase["num"]), int(phase["den"])))
+                ModelClock((int(period["num"]), int(period["den"])), (int(phase["num"]), int(phase["den"])))
             )
 
     def _refuse_tunable_period(self, text: str, place: Any) -> None:  # noqa: ANN401
@@ -338,7 +338,7 @@ class _Scalariser:
         def add(target: int, value: int, activation: Json, provenance: Json) -> None:
             place = self.dae.place(provenance)
             equation = equations.setdefault(target, DiscreteEquation(target, place))
-            equation.branches.append(Branch(self._fires(activation), value))
+            equation.branches.append(ConditionalBranch(self._fires(activation), value))
 
         for entry in self.dae.storage["discrete_real_equations"]:
             scope = self._scope_of(entry["activation"])

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from lxml import etree
 
 from workbench.errors import BuildError
-from workbench.fmi.description import Capabilities, Description
+from workbench.fmi.description import Capabilities, ModelDescription
 
 __all__ = ["ListedLibrary", "SourceFile", "every_interface", "listed_libraries"]
 
@@ -55,7 +55,7 @@ class ListedLibrary:
 
 
 def listed_libraries(
-    folder: Path, description: Description, platform: str, *, source: str
+    folder: Path, description: ModelDescription, platform: str, *, source: str
 ) -> tuple[ListedLibrary, ...]:
     """Return what the sources of an unpacked FMU make.
 
@@ -94,7 +94,7 @@ def listed_libraries(
     return tuple(found)
 
 
-def every_interface(description: Description) -> dict[str, Capabilities]:
+def every_interface(description: ModelDescription) -> dict[str, Capabilities]:
     """Return all interfaces of an FMU, "se" for scheduled execution."""
     return {**description.interfaces, **({} if description.scheduled is None else {"se": description.scheduled})}
 

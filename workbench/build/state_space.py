@@ -20,8 +20,15 @@ import numpy as np
 
 from workbench.build.expressions import CONDITION, MATRIX, MATRIX_PRE, PRE, TICK, VARIABLE, ExpressionGraph
 from workbench.build.ir import SourceLocation
-from workbench.build.matrices import Matrices
-from workbench.build.scalar_model import Branch, Clock, DiscreteEquation, Residual, ScalarModel, ScalarVariable
+from workbench.build.matrices import StateSpaceFile
+from workbench.build.scalar_model import (
+    ConditionalBranch,
+    DiscreteEquation,
+    ModelClock,
+    ResidualEquation,
+    ScalarModel,
+    ScalarVariable,
+)
 from workbench.build.time_scale import nominals
 from workbench.build.units import rate_unit
 from workbench.core.values.arrays import Floats
@@ -41,7 +48,7 @@ _SAME_PERIOD = Fraction(1, 10**15)
 _MOST_DENOMINATOR = 10**15  # the runtime counts in 64 bits
 
 
-def state_space(matrices: Matrices, name: str) -> ScalarModel:
+def state_space(matrices: StateSpaceFile, name: str) -> ScalarModel:
     """Return the scalar model of a linear model.
 
     Args:
@@ -59,7 +66,7 @@ def naming(model: ScalarModel) -> str:
     return "structured" if all(_STRUCTURED.fullmatch(v.name) for v in model.variables) else "flat"
 
 
-def _description(matrices: Matrices) -> str:
+def _description(matrices: StateSpaceFile) -> str:
     order = f"order {len(matrices.state_names)}"
     if matrices.dt > 0.0:
         return f"Discrete linear state-space model, {order}, sampled at {matrices.dt:.9g} s"
@@ -68,7 +75,7 @@ def _description(matrices: Matrices) -> str:
 
 @dataclass(slots=True)
 class _Builder:
-    matrices: Matrices
+    matrices: StateSpaceFile
     model: ScalarModel
     taken: set[str] = field(default_factory=set)
     inputs: list[int] = field(default_factory=list)
@@ -171,11 +178,11 @@ class _Builder:
 
     def _residual(self, target: int, value: int, text: str, row: int) -> None:
         expression = self.graph.subtract(self.graph.leaf(VARIABLE, target), value)
-        self.model.residuals.append(Residual(expression, _place(text, row)))
+        self.model.residuals.append(ResidualEquation(expression, _place(text, row)))
 
     def _discrete_equations(self) -> None:
         m = self.matrices
-        self.model.clocks.append(Clock(_quotient(m.dt), (0, 1)))
+        self.model.clocks.append(ModelClock(_quotient(m.dt), (0, 1)))
         self.model.conditions.append(self.graph.leaf(TICK, 0))
         for i, state in enumerate(self.states):
             self._at_tick(state, self._row(0.0, m.A[i], m.B[i]), "x = A pre(x) + B (u - u0)", i)
@@ -183,7 +190,7 @@ class _Builder:
             self._at_tick(output, self._row(float(m.y0[i]), m.C[i], m.D[i]), "y = C pre(x) + D (u - u0)", i)
 
     def _at_tick(self, target: int, value: int, text: str, row: int) -> None:
-        branch = Branch(self.graph.leaf(CONDITION, 0), value)
+        branch = ConditionalBranch(self.graph.leaf(CONDITION, 0), value)
         self.model.discrete.append(DiscreteEquation(target, _place(text, row), [branch]))
 
     def _row(self, constant: float, by_state: Floats, by_input: Floats) -> int:

@@ -27,7 +27,7 @@ from workbench.build.expressions import (
     RELATION,
     TANGENT,
     VARIABLE,
-    Node,
+    ExpressionNode,
     evaluate,
 )
 from workbench.build.scalar_model import ScalarModel
@@ -63,7 +63,7 @@ class _Point:
     def number(self, expression: int) -> float:
         return evaluate(self.model.graph, expression, self._leaf)
 
-    def _leaf(self, node: Node) -> float:
+    def _leaf(self, node: ExpressionNode) -> float:
         if node.operation in _ROWS:
             return self._row(node)
         reference = node.reference
@@ -75,7 +75,7 @@ class _Point:
             return self.frozen.get((node.operation, reference), 0.0)
         return 0.0
 
-    def _row(self, node: Node) -> float:
+    def _row(self, node: ExpressionNode) -> float:
         a, stride_a, x, stride_x, length = node.row
         factors = self.values if node.operation in {DOT, DOT_TANGENT} else self.model.graph.table
         pairs = [(a + i * stride_a, x + i * stride_x) for i in range(length)]

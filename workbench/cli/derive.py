@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from workbench.core.records.forms import File
-from workbench.core.records.option import Declared, Options, asked_in_json, option, parts_of, put_together, values_of
+from workbench.core.records.option import (
+    DeclaredOption,
+    Options,
+    asked_in_json,
+    option,
+    parts_of,
+    put_together,
+    values_of,
+)
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.jobs.end_signals import INTERRUPTED
 from workbench.requests.request import Request, asked_options, function, request_from, values_from
@@ -73,7 +81,7 @@ def command(request: type[Request[Any, Any]], before: Before | None = None) -> C
 
 
 @dataclass
-class _Work:
+class _CommandRun:
     """A request that runs.
 
     Attributes:
@@ -88,7 +96,7 @@ class _Work:
 
 
 @contextmanager
-def _under_way() -> Iterator[_Work]:
+def _under_way() -> Iterator[_CommandRun]:
     """Show how far a request is while it is run here; whatever ends it, what it has is kept."""
     from workbench.cli.interrupt import OnInterrupt
     from workbench.cli.notes import say
@@ -98,7 +106,7 @@ def _under_way() -> Iterator[_Work]:
     def tell(what: object, done: int, total: int) -> None:
         bar.update(done / total, str(what))
 
-    bar, work = Bar(1.0), _Work(Job(tell))
+    bar, work = Bar(1.0), _CommandRun(Job(tell))
     work.job.say = say
     with bar, OnInterrupt(work.job.stop):
         try:
@@ -107,7 +115,7 @@ def _under_way() -> Iterator[_Work]:
             work.stopped, work.record = error, work.job.partial()
 
 
-def _ended(subject: Any, asked: Request[Any, Any], work: _Work, out: Output, written: Written) -> int:  # noqa: ANN401
+def _ended(subject: Any, asked: Request[Any, Any], work: _CommandRun, out: Output, written: Written) -> int:  # noqa: ANN401
     """Show and write what a request gave; return its exit code, or raise what ended it."""
     from workbench.cli.interrupt import interrupted
     from workbench.cli.notes import note
@@ -190,13 +198,13 @@ def _parameter(name: str, kind: Any, default: Any) -> inspect.Parameter:  # noqa
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
 
 
-def _default(declared: Declared) -> Any:  # noqa: ANN401
+def _default(declared: DeclaredOption) -> Any:  # noqa: ANN401
     if declared.required:
         return inspect.Parameter.empty
     return None if declared.form is not None else declared.default
 
 
-def _annotation(declared: Declared, group: str) -> Any:  # noqa: ANN401 - a type for typer
+def _annotation(declared: DeclaredOption, group: str) -> Any:  # noqa: ANN401 - a type for typer
     flag = declared.flag
     if declared.type is bool and declared.default:
         flag = f"{flag}/--no-{flag.removeprefix('--')}"
@@ -221,7 +229,7 @@ def _one_of(choices: tuple[str, ...], text: str) -> str:
     return text
 
 
-def _typer_type(declared: Declared) -> Any:  # noqa: ANN401
+def _typer_type(declared: DeclaredOption) -> Any:  # noqa: ANN401
     if declared.form is not None:
         kind: Any = list[str] if declared.form.repeated else str
     else:
@@ -232,7 +240,7 @@ def _typer_type(declared: Declared) -> Any:  # noqa: ANN401
 # -- values ------------------------------------------------------------------------------------
 
 
-def _files(request: type[Request[Any, Any]], written: type[Written]) -> dict[str, tuple[Declared, str]]:
+def _files(request: type[Request[Any, Any]], written: type[Written]) -> dict[str, tuple[DeclaredOption, str]]:
     """Return the options of a command's pictures and files, those that every command has last."""
     every = {d.name: (d, group) for kind in (_Json, written) for d, group in parts_of(kind)}
     known = (name for name in every if name not in request.unwritten)

@@ -138,7 +138,7 @@ def _run(prepared: StudyRun, workers: Workers) -> StudyResult:
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
 
-    with _Progress(prepared.total) as progress, OnInterrupt(prepared.stop):
+    with _ProgressLines(prepared.total) as progress, OnInterrupt(prepared.stop):
         result = prepared.run(lambda: workers, progress=progress.update, command=command_line())
     for text in result.notes:
         note(text)
@@ -148,7 +148,7 @@ def _run(prepared: StudyRun, workers: Workers) -> StudyResult:
     return result
 
 
-class _Progress(Closable):
+class _ProgressLines(Closable):
     """A bar that is loaded when there is something to tell: a study in its store is quick.
 
     Args:

@@ -14,7 +14,7 @@ from workbench.fmi.variable import Value, Variable
 if TYPE_CHECKING:
     from workbench.fmi.instance import Instance
 
-__all__ = ["Access", "Block", "TypeCalls", "is_good", "laid_out"]
+__all__ = ["TypeCalls", "VariableAccess", "VariableBlock", "is_good", "laid_out"]
 
 _WARNING = 1
 
@@ -59,7 +59,7 @@ class TypeCalls:
         return cls(getter, setter, ctypes.c_char_p, _utf8, lambda s: str(s).encode())
 
 
-class Block:
+class VariableBlock:
     """Variables of one type: one C call reads or writes them all.
 
     Attributes:
@@ -111,7 +111,7 @@ class Block:
             self.instance.fail(self.calls.setter, status)
 
 
-class Ticks(Block):
+class ClockTicks(VariableBlock):
     """Clocks: how often each has ticked so far."""
 
     counts = True
@@ -157,7 +157,7 @@ def _size(shapes: Mapping[int, tuple[int, ...]], reference: int) -> int:
     return size
 
 
-class Access:
+class VariableAccess:
     """Reading and writing a fixed list of variables.
 
     `read` returns values in the list's order; `write` takes them so. Lists of one type only, the
@@ -195,10 +195,12 @@ class Access:
             block.write([values[i] for i in indices])
 
 
-def _block(instance: Instance, variables: Sequence[Variable]) -> Block:
+def _block(instance: Instance, variables: Sequence[Variable]) -> VariableBlock:
     """Return the block of variables that one function reads."""
     kind = variables[0].type
-    return Ticks(instance, variables) if kind == _CLOCK else Block(instance, instance.TYPES[kind], variables)
+    return (
+        ClockTicks(instance, variables) if kind == _CLOCK else VariableBlock(instance, instance.TYPES[kind], variables)
+    )
 
 
 _CLOCK = "Clock"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from workbench.errors import FmuError, InputError
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.fmi1 import Instance1
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.fmi3 import Instance3
@@ -20,7 +20,7 @@ INTERFACES: Mapping[str, str] = {"me": "model exchange", "cs": "co-simulation"}
 
 
 def instantiate(
-    description: Description,
+    description: ModelDescription,
     folder: Path,
     *,
     interface: str,

@@ -13,8 +13,8 @@ __all__ = [
     "Capabilities",
     "Clock",
     "DefaultExperiment",
-    "Description",
     "DisplayUnit",
+    "ModelDescription",
     "Terminal",
     "TerminalMember",
     "UnitDefinition",
@@ -153,7 +153,7 @@ class Terminal:
 
 
 @dataclass(frozen=True)
-class Description:
+class ModelDescription:
     """One FMU's description.
 
     Attributes:

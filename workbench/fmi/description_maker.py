@@ -1,4 +1,4 @@
-"""Make a `Description` of what a modelDescription.xml declares: arrays taken apart, types and references looked up."""
+"""Make a `ModelDescription` of what an XML file declares: arrays taken apart, types and references looked up."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from workbench.errors import FmuError
 from workbench.fmi import declared as said
 from workbench.fmi.clocks import clocked_by, clocks_of
 from workbench.fmi.declared import Declared
-from workbench.fmi.description import Capabilities, DefaultExperiment, Description, DisplayUnit, UnitDefinition
+from workbench.fmi.description import Capabilities, DefaultExperiment, DisplayUnit, ModelDescription, UnitDefinition
 from workbench.fmi.rules import broken_rules, complete, less_kept_rules
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 
@@ -24,7 +24,7 @@ _INTERFACES = {"me": "ModelExchange", "cs": "CoSimulation", "scheduled": "Schedu
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
-def described(declared: Declared) -> Description:
+def described(declared: Declared) -> ModelDescription:
     """Return what the description means; `platforms` and `terminals` stay empty.
 
     Args:
@@ -40,7 +40,7 @@ def described(declared: Declared) -> Description:
     root = declared.root
     states, derivatives = made.states(every)
     clocked = clocked_by(declared.variables)
-    return Description(
+    return ModelDescription(
         fmi_version=root.fmi_version,
         major=declared.major,
         model_name=root.model_name or "unnamed",

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.fmi.access import Access, TypeCalls, decode_flag, is_good
+from workbench.fmi.access import TypeCalls, VariableAccess, decode_flag, is_good
 from workbench.fmi.fmpy_access import fmi2
 from workbench.fmi.instance import DISCARD, EventInfo, Instance, StepResult
 from workbench.fmi.log import callbacks2
@@ -118,7 +118,7 @@ class Instance2(Instance):
             self.library["fmi2GetRealStatus"](self.component, _LAST_SUCCESSFUL_TIME, byref(reached))
         return max(self.time, float(reached.value) - self.clock)
 
-    def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
+    def try_input_slopes(self, access: VariableAccess, slopes: Sequence[float]) -> bool:
         if not self.library.has("fmi2SetRealInputDerivatives"):
             return False
         n = len(access.variables)

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.errors import FmuError, InputError, SimulationError
-from workbench.fmi.access import Access, TypeCalls, is_good
+from workbench.fmi.access import TypeCalls, VariableAccess, is_good
 from workbench.fmi.c_array import array_type, c_array
-from workbench.fmi.description import Capabilities, Description
+from workbench.fmi.description import Capabilities, ModelDescription
 from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.library import Library, load_alone, load_library
 from workbench.fmi.log import InstanceLog, open_log
@@ -89,7 +89,7 @@ class StepResult:
     terminate: bool = False
 
 
-class _Ended:
+class _InstanceTerminated:
     """Instances that are closed, and not yet terminated and freed.
 
     Attributes:
@@ -109,7 +109,7 @@ def end_later(most: int, room: Callable[[], bool]) -> None:
         most: so many wait in any case.
         room: whether more may; where not, those that have waited longest are ended.
     """
-    _Ended.most, _Ended.room = most, staticmethod(room)
+    _InstanceTerminated.most, _InstanceTerminated.room = most, staticmethod(room)
 
 
 def end_now(but: int = 0) -> None:
@@ -118,8 +118,8 @@ def end_now(but: int = 0) -> None:
     Args:
         but: so many of the last ones may wait.
     """
-    while len(_Ended.waiting) > but:
-        _Ended.waiting.popleft()._end()  # noqa: SLF001 - of this module
+    while len(_InstanceTerminated.waiting) > but:
+        _InstanceTerminated.waiting.popleft()._end()  # noqa: SLF001 - of this module
 
 
 class Instance(ABC):
@@ -161,7 +161,7 @@ class Instance(ABC):
 
     def __init__(
         self,
-        description: Description,
+        description: ModelDescription,
         folder: Path,
         *,
         interface: str,
@@ -178,7 +178,7 @@ class Instance(ABC):
         self.component: Any = self._made(logging=False)
         if not self.component and interface == "cs" and self.event_mode:
             self._instantiate_without_event_mode()
-        if not self.component and _Ended.waiting:
+        if not self.component and _InstanceTerminated.waiting:
             # Some allow one instance only without saying so; one that waits for its end may stand in the way.
             end_now()
             self.component = self._made(logging=False)
@@ -221,7 +221,7 @@ class Instance(ABC):
         texts = c_array(ctypes.c_char_p, [n.encode() for n in names])
         return is_good(self.library[function](self.component, True, len(names), texts))
 
-    def _setup(self, description: Description, library: Library, *, interface: str) -> None:
+    def _setup(self, description: ModelDescription, library: Library, *, interface: str) -> None:
         self.description = description
         self.capabilities: Capabilities = description.interfaces[interface]
         self.interface = interface
@@ -321,9 +321,9 @@ class Instance(ABC):
 
     # -- access to variables --------------------------------------------------------------
 
-    def access(self, variables: Sequence[Variable]) -> Access:
+    def access(self, variables: Sequence[Variable]) -> VariableAccess:
         """Return prepared access to `variables`; the FMU is not called yet."""
-        return Access(self, variables)
+        return VariableAccess(self, variables)
 
     # -- life cycle -----------------------------------------------------------------------
 
@@ -348,9 +348,11 @@ class Instance(ABC):
         if self._closed:
             return
         self._closed = True
-        _Ended.waiting.append(self)
-        if len(_Ended.waiting) > _Ended.most and not (len(_Ended.waiting) <= _MOST_ENDED and _Ended.room()):
-            end_now(_Ended.most)
+        _InstanceTerminated.waiting.append(self)
+        if len(_InstanceTerminated.waiting) > _InstanceTerminated.most and not (
+            len(_InstanceTerminated.waiting) <= _MOST_ENDED and _InstanceTerminated.room()
+        ):
+            end_now(_InstanceTerminated.most)
 
     def _end(self) -> None:
         if self._worst >= FATAL:
@@ -445,7 +447,7 @@ class Instance(ABC):
         """Set continuous states by name between steps; False: there is no way. An event iteration comes next."""
         return False
 
-    def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
+    def try_input_slopes(self, access: VariableAccess, slopes: Sequence[float]) -> bool:
         """Give the time derivatives of real inputs [1/s] for the next step; False: it cannot."""
         return False
 
@@ -494,7 +496,7 @@ class Instance(ABC):
         raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no adjoint derivatives")
 
 
-def _loaded(description: Description, folder: Path, interface: str, source: str) -> Library:
+def _loaded(description: ModelDescription, folder: Path, interface: str, source: str) -> Library:
     """Return the binary of an FMU; of one that may be instantiated only once per process, one for this instance."""
     claims = description.interfaces[interface]
     path = binary_path(folder, claims.identifier, source=source)

@@ -19,7 +19,7 @@ from workbench.core.machine.cycles import undisturbed
 from workbench.core.machine.files import cache_folder, replacing
 from workbench.errors import InputError
 from workbench.fmi import description, variable
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 
 __all__ = ["keep", "kept"]
 
@@ -28,7 +28,7 @@ _MOST = 32  # files; the oldest are removed
 _READERS = ("clocks", "declared", "declared_xml", "description", "description_maker", "rules", "variable")
 
 
-def kept(digest: str) -> Description | None:
+def kept(digest: str) -> ModelDescription | None:
     """Return the description of a file; None: it is not kept.
 
     Args:
@@ -43,10 +43,10 @@ def kept(digest: str) -> Description | None:
             found = _Values(BytesIO(values)).load()
     except Exception:  # noqa: BLE001 - whatever a damaged file leads to
         return None
-    return found if isinstance(found, Description) else None
+    return found if isinstance(found, ModelDescription) else None
 
 
-def keep(digest: str, found: Description) -> None:
+def keep(digest: str, found: ModelDescription) -> None:
     """Keep a description, if the folder can be written.
 
     Args:

@@ -15,7 +15,7 @@ from workbench.core.machine.locks import forkable_lock
 from workbench.errors import FmuError
 from workbench.fmi.archive import DAMAGED
 from workbench.fmi.declared_xml import read_declared
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.description_maker import described
 from workbench.fmi.kept import keep, kept
 from workbench.fmi.platforms import platforms_in
@@ -29,11 +29,11 @@ MAX_XML_BYTES = 512 << 20
 
 _LARGE = 1 << 20  # below, reading anew is as fast [bytes]
 _MOST = 8
-_known: OrderedDict[str, Description] = OrderedDict()  # by SHA-256 of the file and the sizes
+_known: OrderedDict[str, ModelDescription] = OrderedDict()  # by SHA-256 of the file and the sizes
 _reading = forkable_lock()
 
 
-def read_description(folder: Path, *, source: str, structure: Mapping[str, int] | None = None) -> Description:
+def read_description(folder: Path, *, source: str, structure: Mapping[str, int] | None = None) -> ModelDescription:
     """Read the description of an unpacked FMU, leniently: what it bends is told in `notes` and `problems`.
 
     Args:
@@ -50,7 +50,7 @@ def read_description(folder: Path, *, source: str, structure: Mapping[str, int] 
     return replace(found, platforms=platforms_in(folder), terminals=terminals, notes=(*found.notes, *remarks))
 
 
-def described_at(path: Path) -> Description:
+def described_at(path: Path) -> ModelDescription:
     """Read the description of an FMU without unpacking it; `platforms` and `terminals` stay empty.
 
     Args:
@@ -85,7 +85,7 @@ def _check_size(size: int, source: str) -> None:
         raise FmuError(f"{source}: {DESCRIPTION} is larger than {MAX_XML_BYTES >> 20} MiB")
 
 
-def _described(data: bytes, source: str, structure: Mapping[str, int]) -> Description:
+def _described(data: bytes, source: str, structure: Mapping[str, int]) -> ModelDescription:
     whole = hashlib.sha256(data)
     whole.update("".join(f"\0{name}={structure[name]}" for name in sorted(structure)).encode())
     digest = whole.hexdigest()
@@ -105,7 +105,7 @@ def _described(data: bytes, source: str, structure: Mapping[str, int]) -> Descri
     return found
 
 
-def _read(data: bytes, source: str, structure: Mapping[str, int]) -> Description:
+def _read(data: bytes, source: str, structure: Mapping[str, int]) -> ModelDescription:
     _refuse_entities(data, source)
     try:
         with undisturbed():

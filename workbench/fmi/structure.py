@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from workbench.errors import InputError
 from workbench.fmi.declared import Declared
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.variable import Value
 
 __all__ = ["STRUCTURAL", "structural_values", "with_structure"]
@@ -14,7 +14,7 @@ __all__ = ["STRUCTURAL", "structural_values", "with_structure"]
 STRUCTURAL = "structuralParameter"
 
 
-def structural_values(description: Description, values: Mapping[str, Value]) -> dict[str, int]:
+def structural_values(description: ModelDescription, values: Mapping[str, Value]) -> dict[str, int]:
     """Return those of the values that are of structural parameters.
 
     Args:

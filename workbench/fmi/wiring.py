@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import is_due
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 
-__all__ = ["Group", "Wire", "Wiring", "wiring"]
+__all__ = ["AlgebraicGroup", "Wire", "Wiring", "wiring"]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Wire:
 
 
 @dataclass(frozen=True)
-class Group:
+class AlgebraicGroup:
     """Connections that are evaluated together.
 
     Attributes:
@@ -85,8 +85,8 @@ class Wiring:
     """
 
     connections: tuple[Wire, ...]
-    events: tuple[Group, ...]
-    continuous: tuple[Group, ...]
+    events: tuple[AlgebraicGroup, ...]
+    continuous: tuple[AlgebraicGroup, ...]
     values: Floats
     sizes: Floats
     closed: NDArray[np.int32]
@@ -112,15 +112,15 @@ class Wiring:
         """Return the same connections in the same order, with values of their own."""
         return wiring(self.connections, self.events, self.continuous, order=self.order, in_circle=self.in_circle)
 
-    def loops(self) -> list[Group]:
+    def loops(self) -> list[AlgebraicGroup]:
         """Return the loops in the order of `jacobians`."""
         return [g for g in (*self.continuous, *self.events) if g.loop]
 
 
 def wiring(
     connections: Sequence[Wire],
-    events: Sequence[Group],
-    continuous: Sequence[Group],
+    events: Sequence[AlgebraicGroup],
+    continuous: Sequence[AlgebraicGroup],
     *,
     order: tuple[int, ...],
     in_circle: tuple[bool, ...],

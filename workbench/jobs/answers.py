@@ -61,7 +61,7 @@ def in_records(item: object) -> bytes:
         TypeError: something else is in it.
         LostError: it is too large.
     """
-    writer = _Writer()
+    writer = _ResultPickler()
     text = json.dumps(writer.tree(item), separators=(",", ":")).encode("ascii")
     if _OF_TEXT * len(text) + writer.size > MOST:
         raise LostError(
@@ -98,7 +98,7 @@ class Records:
         (length,) = _TEXT.unpack_from(packed)
         self._spend(_OF_TEXT * length)
         text, content = packed[_TEXT.size : _TEXT.size + length], memoryview(packed)[_TEXT.size + length :]
-        return json.loads(text.decode("ascii"), object_pairs_hook=_Reader(content, self._spend).made)
+        return json.loads(text.decode("ascii"), object_pairs_hook=_RestrictedUnpickler(content, self._spend).made)
 
     def _spend(self, size: int) -> None:
         self._left -= size
@@ -106,7 +106,7 @@ class Records:
             raise pickle.UnpicklingError(f"a confined worker sent more than {MOST >> 30} GiB")
 
 
-class _Writer:
+class _ResultPickler:
     """What is being packed.
 
     Attributes:
@@ -163,7 +163,7 @@ class _Writer:
         return [self.size - len(piece), len(piece)]
 
 
-class _Reader:
+class _RestrictedUnpickler:
     """What is being made.
 
     Args:

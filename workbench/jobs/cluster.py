@@ -25,7 +25,7 @@ from typing import Any, Self
 from workbench.core.machine.closable import Closable
 from workbench.core.machine.files import content_of
 from workbench.errors import InputError, LostError, WorkbenchError, one_line
-from workbench.jobs.in_cluster import Batch, Done, do_batch, proof, take_apart, the_same
+from workbench.jobs.in_cluster import Batch, BatchReply, do_batch, proof, take_apart, the_same
 from workbench.jobs.local_cluster import LocalCluster, distributed, security, three
 from workbench.jobs.options import Limits, Scheduler, Workers
 from workbench.jobs.runner import Lost, Reply, Runner
@@ -483,7 +483,7 @@ class OnCluster(Runner):
         if tuple(found) != tuple(stamp()) or not packed:
             self._cluster.prove()
             self._cluster.refuse("that came later", str(Stamp(*found)))
-        done: Done = pickle.loads(packed)  # noqa: S301 - SECURITY.md says whom that trusts
+        done: BatchReply = pickle.loads(packed)  # noqa: S301 - SECURITY.md says whom that trusts
         self._times.append((len(jobs), done.seconds))
         self.printed += done.printed
         self.stray += done.stray

@@ -22,7 +22,7 @@ from workbench.jobs.system_calls import AFTER, CONDITIONS, INSTEAD, Condition, n
 __all__ = ["SIGNALS_SINCE", "confine", "confined", "landlock_version", "why_not"]
 
 
-class _State:
+class _Confinement:
     """Of this process.
 
     Attributes:
@@ -34,7 +34,7 @@ class _State:
 
 def confined() -> bool:
     """Return whether this process confined itself."""
-    return _State.confined
+    return _Confinement.confined
 
 
 def why_not() -> str:
@@ -70,7 +70,7 @@ def confine(folder: str) -> None:
     _drop_capabilities()
     _restrict_files(folder)
     _restrict_calls(platform.machine())
-    _State.confined = True
+    _Confinement.confined = True
 
 
 def landlock_version() -> int:

@@ -23,7 +23,7 @@ from workbench.jobs.worker_main import Task
 from workbench.model.base import Model
 from workbench.model.recipe import Recipe
 
-__all__ = ["Batch", "Done", "do_batch", "proof", "take_apart", "the_same"]
+__all__ = ["Batch", "BatchReply", "do_batch", "proof", "take_apart", "the_same"]
 
 _APART = 1 << 15  # bytes that are longer travel by themselves
 
@@ -48,7 +48,7 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class Done:
+class BatchReply:
     """What came of a batch.
 
     Attributes:
@@ -122,7 +122,7 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
         archives: what was taken apart from its recipe.
 
     Returns:
-        State of the workbench in this worker, and the `Done`, pickled; nothing if the states differ.
+        State of the workbench in this worker, and the `BatchReply`, pickled; nothing if the states differ.
     """
     own = proof()
     if own != wanted:
@@ -132,7 +132,7 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
         batch: Batch = pickle.loads(packed)  # noqa: S301 - of the same workbench
     except (AttributeError, ImportError) as unknown:
         return own, _packed(
-            Done(error=InputError(f"the cluster does not know what the program itself defines: {unknown}"))
+            BatchReply(error=InputError(f"the cluster does not know what the program itself defines: {unknown}"))
         )
     recipe = _put_together(batch.recipe, dict(zip(batch.archives, archives, strict=True)))
     pool = _pool(recipe, batch.limits)
@@ -149,7 +149,7 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
     except KeyboardInterrupt:
         error = InputError("nobody waits for the result")
     seconds = time.perf_counter() - begin
-    done = Done(
+    done = BatchReply(
         found=tuple(map(tuple, found)), lost=lost, error=error, seconds=seconds, printed=pool.printed,
         stray=pool.stray, afterwards=tuple(pool.afterwards),
     )  # fmt: skip
@@ -182,7 +182,7 @@ def _do_some(
             told = event.value.number
 
 
-def _packed(done: Done) -> bytes:
+def _packed(done: BatchReply) -> bytes:
     return pickle.dumps(done, pickle.HIGHEST_PROTOCOL)
 
 

@@ -15,7 +15,7 @@ from workbench.jobs.worker_main import Task
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["InProcess", "Job", "Lost", "Remark", "Reply", "Runner", "perform"]
+__all__ = ["InProcess", "Lost", "Remark", "Reply", "Runner", "WorkItem", "perform"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Remark:
     text: str
 
 
-class Job(ABC):
+class WorkItem(ABC):
     """A piece of work on a model that knows how to be done; picklable, as are its results."""
 
     @abstractmethod
@@ -33,7 +33,7 @@ class Job(ABC):
         """Yield the results as they are finished."""
 
 
-def perform(model: Model, job: Job) -> Iterator[Any]:
+def perform(model: Model, job: WorkItem) -> Iterator[Any]:
     """Do a job: the task that is handed to a `Runner` with a queue of jobs."""
     return job.run(model)
 

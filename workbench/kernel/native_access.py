@@ -6,8 +6,8 @@ import ctypes
 from collections.abc import Sequence
 from typing import Any
 
-from workbench.fmi.access import Access, TypeCalls, decode_flag
-from workbench.fmi.access import Block as Variables
+from workbench.fmi.access import TypeCalls, VariableAccess, decode_flag
+from workbench.fmi.access import VariableBlock as Variables
 from workbench.fmi.c_array import array_type, c_array
 from workbench.kernel.structs import Access as Native
 from workbench.kernel.structs import Block, Type
@@ -27,7 +27,7 @@ def value_type(calls: TypeCalls) -> int:
     return Type.NUMBERS[calls.ctype]
 
 
-def native_access(access: Access, *, columns: Sequence[int], component: int = 0) -> tuple[Native, Any]:
+def native_access(access: VariableAccess, *, columns: Sequence[int], component: int = 0) -> tuple[Native, Any]:
     """Return the structure, and what must live as long as it.
 
     Args:

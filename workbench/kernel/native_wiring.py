@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
-from workbench.fmi.wiring import Group, Wire, Wiring
+from workbench.fmi.wiring import AlgebraicGroup, Wire, Wiring
 from workbench.kernel.native_access import join_access, native_access
 from workbench.kernel.structs import Access, Link, System, Wires
 
@@ -55,7 +55,7 @@ def _wires(wiring: Wiring, kept: list[Any]) -> Wires:
     return Wires(n=len(connections), **{name: a.ctypes.data for name, a in arrays.items()})
 
 
-def _link(instances: Sequence[Instance], wiring: Wiring, group: Group, memory: int, kept: list[Any]) -> Link:
+def _link(instances: Sequence[Instance], wiring: Wiring, group: AlgebraicGroup, memory: int, kept: list[Any]) -> Link:
     connections = [wiring.connections[i] for i in group.members]
     members = np.array(group.members, dtype=np.uintp)
     link = Link(
@@ -102,7 +102,7 @@ def _claims(instance: Instance) -> bool:
 
 
 def _access(
-    instances: Sequence[Instance], wanted: Sequence[tuple[int, Variable]], group: Group, kept: list[Any]
+    instances: Sequence[Instance], wanted: Sequence[tuple[int, Variable]], group: AlgebraicGroup, kept: list[Any]
 ) -> Access:
     """Return access to variables of several components, in columns that are the connections' numbers."""
     parts = []

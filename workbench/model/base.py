@@ -17,7 +17,7 @@ from workbench.errors import InputError, visible
 from workbench.fmi.variable import Value, Variable
 from workbench.model.operating_point import find_point
 from workbench.session.base import Session
-from workbench.session.point import Point
+from workbench.session.point import ModelPoint
 from workbench.signals.kinds import Signal
 
 if TYPE_CHECKING:
@@ -214,7 +214,7 @@ class Model(Closable):
         *,
         time: float | None = None,
         values: Mapping[str, float] | None = None,
-    ) -> Point:
+    ) -> ModelPoint:
         """Return the model at one instant, for derivatives and outputs at any states and inputs near it.
 
         Args:

@@ -15,7 +15,7 @@ from workbench.core.records.forms import several
 from workbench.core.values.calendar import Sampler, exact
 from workbench.core.values.operating_point import At
 from workbench.errors import InputError, SimulationError
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import Instance
 from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.ticking import periodic
@@ -72,7 +72,7 @@ class DescribedModel(Model):
 
     def __init__(
         self,
-        description: Description,
+        description: ModelDescription,
         *,
         source: str,
         interface: str,

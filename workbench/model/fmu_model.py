@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from workbench.fmi.archive import Unpacked
 from workbench.fmi.binding import instantiate
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library
 from workbench.kernel.library import intermediate_update
@@ -36,7 +36,7 @@ class FmuModel(DescribedModel):
     def __init__(
         self,
         unpacked: Unpacked,
-        description: Description,
+        description: ModelDescription,
         *,
         interface: str,
         setup: Setup,

@@ -15,7 +15,7 @@ from workbench.core.machine.scratch import scratch
 from workbench.core.records.option import values_of, with_options
 from workbench.errors import FmuError, InputError, suggest
 from workbench.fmi.archive import Unpacked, unpack
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import Instance
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.reading import read_description
@@ -209,13 +209,13 @@ def _not_yet() -> Instance:
     raise NotImplementedError  # FmuModel puts its own in place
 
 
-def start_of(recipe: LoadRecipe, description: Description) -> float:
+def start_of(recipe: LoadRecipe, description: ModelDescription) -> float:
     """Return the time at which sessions begin [s]: what was asked for, else that of the default experiment, else 0."""
     start = description.experiment.start_time if recipe.start is None else recipe.start
     return start or 0.0
 
 
-def experiment_notes(recipe: LoadRecipe, description: Description) -> list[str]:
+def experiment_notes(recipe: LoadRecipe, description: ModelDescription) -> list[str]:
     """Return what the default experiment decides where nothing was asked for, as far as it is not usual."""
     given, notes = description.experiment, []
     if recipe.start is None and given.start_time:
@@ -225,7 +225,7 @@ def experiment_notes(recipe: LoadRecipe, description: Description) -> list[str]:
     return notes
 
 
-def _choose_interface(wanted: str, description: Description, source: str) -> str:
+def _choose_interface(wanted: str, description: ModelDescription, source: str) -> str:
     offered = description.interfaces
     if not offered and description.scheduled is not None:
         raise InputError(
@@ -241,7 +241,7 @@ def _choose_interface(wanted: str, description: Description, source: str) -> str
     return wanted
 
 
-def _choose_solver(wanted: str, interface: str, description: Description) -> tuple[str, str]:
+def _choose_solver(wanted: str, interface: str, description: ModelDescription) -> tuple[str, str]:
     if interface == "me":
         return choose_solver(wanted, description)
     if wanted not in ("auto", "fmu"):
@@ -249,7 +249,7 @@ def _choose_solver(wanted: str, interface: str, description: Description) -> tup
     return "fmu", ""
 
 
-def choose_solver(wanted: str, description: Description) -> tuple[str, str]:
+def choose_solver(wanted: str, description: ModelDescription) -> tuple[str, str]:
     """Return the name of the solver of model exchange, and a note about it (may be empty).
 
     Args:
@@ -277,7 +277,7 @@ def choose_solver(wanted: str, description: Description) -> tuple[str, str]:
     return name, "; ".join(filter(None, (chosen, newton_note(description) if name == "gear" else "")))
 
 
-def silent_clocks(description: Description, interface: str) -> list[str]:
+def silent_clocks(description: ModelDescription, interface: str) -> list[str]:
     """Return notes on clocks that do not tick although something depends on them."""
     driven, claims = time_based(description.clocks), description.interfaces[interface]
     waiting = [name for name, c in description.clocks.items() if c.causality == "input" and name not in driven]
@@ -287,7 +287,7 @@ def silent_clocks(description: Description, interface: str) -> list[str]:
     return notes
 
 
-def _course_of_inputs(description: Description, *, hold: bool) -> list[str]:
+def _course_of_inputs(description: ModelDescription, *, hold: bool) -> list[str]:
     """Say what a co-simulation sees of its continuous inputs inside a step, where that is not their course."""
     claims = description.interfaces["cs"]
     takes = claims.interpolates_inputs or (claims.intermediate_update and bool(description.intermediate))
@@ -301,7 +301,7 @@ def _course_of_inputs(description: Description, *, hold: bool) -> list[str]:
     return ["inputs: held over a communication step at their value in its middle; the FMU does not ask how they go on"]
 
 
-def _notes(wanted: str, chosen: str, description: Description, step: float | None) -> list[str]:
+def _notes(wanted: str, chosen: str, description: ModelDescription, step: float | None) -> list[str]:
     notes = []
     if wanted == "auto" and len(description.interfaces) > 1:
         notes.append(f"interface: {chosen} (chosen by auto; it has: {', '.join(description.interfaces)})")

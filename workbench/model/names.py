@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from workbench.core.records.names_in_text import check_names
-from workbench.core.records.option import EACH, Declared
+from workbench.core.records.option import EACH, DeclaredOption
 from workbench.core.records.quantity import Quantity
 from workbench.core.values.conversion import in_other_unit
 from workbench.errors import InputError, suggest
@@ -176,7 +176,7 @@ def _other_names(model: Model) -> dict[str, str]:
     return arrays | pairs
 
 
-def in_own_units(model: Model, names: str | Iterable[str], value: Any, declared: Declared) -> Any:  # noqa: ANN401
+def in_own_units(model: Model, names: str | Iterable[str], value: Any, declared: DeclaredOption) -> Any:  # noqa: ANN401
     """Return an option's value with every `Quantity` as a number in the unit of its variable.
 
     Args:

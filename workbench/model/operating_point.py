@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from workbench.core.records.names_in_text import check_names
 from workbench.core.values.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.variable import Variable
 from workbench.model.recipe import LoadRecipe
 
@@ -111,9 +111,9 @@ def _held(model: Model) -> list[Variable]:
     return [v for v in every if v.variability == "discrete" and v.causality in ("local", "output") and not v.alias_of]
 
 
-def _described(model: Model) -> Description | None:
+def _described(model: Model) -> ModelDescription | None:
     found = getattr(model, "description", None)
-    return found if isinstance(found, Description) else None
+    return found if isinstance(found, ModelDescription) else None
 
 
 def _read(session: Session, names: list[str]) -> dict[str, float]:

@@ -1,5 +1,5 @@
 from workbench.reproduce.request import reproduce as reproduce
-from workbench.reproduce.result import Outcome as Outcome
 from workbench.reproduce.result import ReproduceResult as ReproduceResult
-from workbench.reproduce.targets import Target as Target
+from workbench.reproduce.result import TargetResult as TargetResult
+from workbench.reproduce.targets import PublishedTarget as PublishedTarget
 from workbench.reproduce.targets import read_targets as read_targets

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from workbench.jobs.options import Workers
 from workbench.point.lin.result import LinResult
 from workbench.reproduce.identification import PERIOD
-from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, Study, study
+from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, WidthComparison, study
 from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.response.nfr.request import nfr
 from workbench.response.simulate.request import simulate
@@ -161,7 +161,7 @@ def _untouched(models: list[LinResult]) -> float:
     return float(max(np.max(np.abs(other - kept[0])) for other in kept[1:]))
 
 
-def draw_widths(result: Study) -> Figure:
+def draw_widths(result: WidthComparison) -> Figure:
     """Draw two periods of the law and of the published linear models at 5 Hz and at 0.5 Hz.
 
     Args:

@@ -42,7 +42,7 @@ WIDTH = 1.0  # of the command [deg]
 
 
 @dataclass(frozen=True)
-class _Linear:
+class _LinearRudder:
     """The rudder at its operating point.
 
     Attributes:
@@ -62,7 +62,7 @@ class _Linear:
     measured: NfrResult
 
 
-def _linear(frequency: NDArray[np.float64]) -> _Linear:
+def _linear(frequency: NDArray[np.float64]) -> _LinearRudder:
     with load("fmu:Rudder", "me", tolerance=1e-8) as model:
         rest = trim(model, fix={INPUT: HEIGHT}, floating=FLOATING)
         published = lin(model, at=rest.operating_point, inputs=[INPUT], outputs=[OUTPUT], dx=WIDTHS, du=WIDTH).result
@@ -72,7 +72,7 @@ def _linear(frequency: NDArray[np.float64]) -> _Linear:
             step_check(model, m, input=INPUT, output=OUTPUT, height=HEIGHT, stop=1.0) for m in (published, default)
         )
         measured = nfr(model, INPUT, OUTPUT, frequency, HEIGHT, workers=HERE)
-    return _Linear(rest, published, default, nearby, (steps[0], steps[1]), measured)
+    return _LinearRudder(rest, published, default, nearby, (steps[0], steps[1]), measured)
 
 
 def _worst(model: LinResult, measured: NfrResult) -> tuple[float, float]:
@@ -100,7 +100,7 @@ def _linearised() -> Measurement:
     )
 
 
-def _draw_step(done: _Linear) -> Figure:
+def _draw_step(done: _LinearRudder) -> Figure:
     published, default = done.steps
     curves = [
         ("rudder", published.nonlinear),
@@ -149,7 +149,7 @@ def _lag_identified() -> Measurement:
     )
 
 
-def _pictures(done: _Linear, data: ExciteResult, found: IdentifyResult, laid: Overlay) -> list[Picture]:
+def _pictures(done: _LinearRudder, data: ExciteResult, found: IdentifyResult, laid: Overlay) -> list[Picture]:
     def steps() -> Figure:
         default = done.steps[1]
         curves = [

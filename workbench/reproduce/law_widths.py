@@ -19,7 +19,17 @@ from workbench.signals.kinds import Sine
 from workbench.system.load import load
 
 __all__ = [
-    "AMPLITUDE", "ELEVATOR", "FREQUENCIES", "LAW", "OURS", "PUBLISHED", "STICK", "Study", "Trial", "Wave", "study"
+    "AMPLITUDE",
+    "ELEVATOR",
+    "FREQUENCIES",
+    "LAW",
+    "OURS",
+    "PUBLISHED",
+    "STICK",
+    "LinearTrial",
+    "Wave",
+    "WidthComparison",
+    "study"
 ]  # fmt: skip
 
 Widths = tuple[tuple[float, ...], tuple[float, ...]]
@@ -67,7 +77,7 @@ class Wave:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class LinearTrial:
     """One linear model beside the law, at one frequency.
 
     Attributes:
@@ -99,7 +109,7 @@ class Trial:
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class WidthComparison:
     """All of it.
 
     Attributes:
@@ -110,10 +120,10 @@ class Study:
 
     trim: TrimResult
     models: Mapping[str, LinResult]
-    trials: Mapping[tuple[str, float], Trial]
+    trials: Mapping[tuple[str, float], LinearTrial]
 
 
-def study() -> Study:
+def study() -> WidthComparison:
     """Trim, linearise with every set, simulate the linear models and the law."""
     with load(LAW, "me") as law:
         rest = trim(law)
@@ -122,9 +132,11 @@ def study() -> Study:
     with load(LAW, "me", start_values=dict(rest.operating_point.discrete)) as law:
         waves = {f: _law(law, f, models["narrow"].dt) for f in FREQUENCIES}
     trials = {
-        (name, f): Trial(name, f, _linear(model, f), waves[f]) for name, model in models.items() for f in FREQUENCIES
+        (name, f): LinearTrial(name, f, _linear(model, f), waves[f])
+        for name, model in models.items()
+        for f in FREQUENCIES
     }
-    return Study(rest, models, trials)
+    return WidthComparison(rest, models, trials)
 
 
 def _samples(frequency: float, period: float) -> tuple[Floats, int]:

@@ -9,15 +9,15 @@ from typing import IO, TYPE_CHECKING, cast
 
 from workbench.fmi.bundled import bundled_names, bundled_path
 from workbench.model.recipe import content_hash
-from workbench.reproduce.targets import MISSED, NOT_REACHABLE, VERDICTS, Target
-from workbench.show.page import Page, Section, Table
+from workbench.reproduce.targets import MISSED, NOT_REACHABLE, VERDICTS, PublishedTarget
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, sentence
 from workbench.show.verdicts import Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from workbench.reproduce.result import Drawing, Outcome, ReproduceResult, TargetList
+    from workbench.reproduce.result import Drawing, ReproduceResult, TargetList, TargetResult
 
 __all__ = ["TITLES", "reproduce_page", "targets_page"]
 
@@ -72,14 +72,14 @@ def targets_page(result: TargetList) -> Page:
         lead=f"{counted(len(result.targets), 'target')}.",
         facts={},
         sections=[
-            Section(c, tables=[Table(headings, [_asked(t) for t in result.targets if _title(t.chapter) == c])])
+            Section(c, tables=[PageTable(headings, [_asked(t) for t in result.targets if _title(t.chapter) == c])])
             for c in chapters
         ],
         kind="reproduce",
     )
 
 
-def _asked(target: Target) -> tuple[str, ...]:
+def _asked(target: PublishedTarget) -> tuple[str, ...]:
     figures = ", ".join(map(str, target.figures))
     return (target.name, target.basis, figures, target.what, target.text, target.tolerance)
 
@@ -93,7 +93,7 @@ def _chapter(text: str) -> str:
     return text.split(".", maxsplit=1)[0]
 
 
-def _line(outcome: Outcome) -> str:
+def _line(outcome: TargetResult) -> str:
     return f"{outcome.target.name}: {outcome.target.text} published, {outcome.text} measured"
 
 
@@ -110,15 +110,15 @@ def _counts(result: ReproduceResult) -> Section:
         "were chosen to give it; that it is met says that the fit still holds. Structural: it follows from how the "
         "model is made, or is a printed number that the model was given."
     )
-    return Section("What the verdicts are worth", paragraphs=[words], tables=[Table(headings, rows)])
+    return Section("What the verdicts are worth", paragraphs=[words], tables=[PageTable(headings, rows)])
 
 
-def _of_data(targets: Sequence[Target]) -> Iterator[Section]:
+def _of_data(targets: Sequence[PublishedTarget]) -> Iterator[Section]:
     """List what was fitted, and which data were chosen for it."""
     rows = [(t.name, f"fmu:{t.fmu}", t.fitted_by) for t in targets if t.fitted_by is not None]
     if rows:
         yield Section(
-            "What was fitted", tables=[Table(("target", "FMU", "what was chosen to give it"), rows)], folded=True
+            "What was fitted", tables=[PageTable(("target", "FMU", "what was chosen to give it"), rows)], folded=True
         )
 
 
@@ -136,7 +136,7 @@ def _section(chapter: str, result: ReproduceResult) -> Section:
     outcomes = [o for o in result.outcomes if _chapter(o.target.chapter) == chapter]
     return Section(
         _title(chapter),
-        tables=[Table(_HEADINGS, [_row(o) for o in outcomes], verdict=1, right=())],
+        tables=[PageTable(_HEADINGS, [_row(o) for o in outcomes], verdict=1, right=())],
         figures=[
             (partial(_figure, d), _caption(d)) for d in result.drawings if d.svg and _chapter(d.chapter) == chapter
         ],
@@ -144,7 +144,7 @@ def _section(chapter: str, result: ReproduceResult) -> Section:
     )
 
 
-def _row(outcome: Outcome) -> tuple[str, ...]:
+def _row(outcome: TargetResult) -> tuple[str, ...]:
     t = outcome.target
     origin = "" if t.origin == "printed" else f" ({t.origin})"
     figures = ", ".join(str(n) for n in t.figures)
@@ -152,7 +152,7 @@ def _row(outcome: Outcome) -> tuple[str, ...]:
     return (t.name, outcome.verdict, t.basis, f"{t.text}{origin}", t.tolerance, outcome.text, figures, place)
 
 
-def _remarks(outcomes: Sequence[Outcome]) -> Iterator[Section]:
+def _remarks(outcomes: Sequence[TargetResult]) -> Iterator[Section]:
     """Yield how targets are read, and what else was seen."""
     lines = []
     for o in outcomes:
@@ -173,18 +173,18 @@ def _caption(drawing: Drawing) -> str:
 def _of_fmus() -> Section:
     """Say on which files all this was measured."""
     rows = [(f"fmu:{name}", content_hash(bundled_path(f"fmu:{name}"))[:_HASH]) for name in bundled_names()]
-    return Section("The bundled FMUs", tables=[Table(("FMU", "sha256"), rows)], folded=True, explains=True)
+    return Section("The bundled FMUs", tables=[PageTable(("FMU", "sha256"), rows)], folded=True, explains=True)
 
 
 def _of_time(result: ReproduceResult) -> Section:
     longest = sorted(result.processor_seconds.items(), key=lambda item: -item[1])
-    table = Table(("experiment", "processor time [s]"), [(name, f"{s:.2f}") for name, s in longest])
+    table = PageTable(("experiment", "processor time [s]"), [(name, f"{s:.2f}") for name, s in longest])
     total = sum(result.processor_seconds.values())
     words = f"{result.seconds:.1f} s with {result.jobs} processes at a time, {total:.1f} s of processor time."
     return Section("How long it took", paragraphs=[words], tables=[table], folded=True, explains=True)
 
 
-class _Drawn:
+class _Picture:
     """A picture that was drawn in another process, as a page takes it."""
 
     def __init__(self, svg: str) -> None:
@@ -196,4 +196,4 @@ class _Drawn:
 
 
 def _figure(drawing: Drawing) -> Figure:
-    return cast("Figure", _Drawn(drawing.svg))
+    return cast("Figure", _Picture(drawing.svg))

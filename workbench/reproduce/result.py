@@ -9,17 +9,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
-from workbench.reproduce.targets import BASES, MET, MISSED, NOT_REACHABLE, VERDICTS, Target
+from workbench.core.records.record import RecordPart, entry
+from workbench.reproduce.targets import BASES, MET, MISSED, NOT_REACHABLE, VERDICTS, PublishedTarget
 from workbench.show.result import Result
 
-__all__ = ["Drawing", "Outcome", "ReproduceResult", "TargetList", "plain"]
+__all__ = ["Drawing", "ReproduceResult", "TargetList", "TargetResult", "plain"]
 
 _MOST = 4  # numbers shown one by one; more as a range
 
 
 @dataclass(frozen=True)
-class Outcome(Part):
+class TargetResult(RecordPart):
     """One target and what was measured.
 
     Attributes:
@@ -30,7 +30,7 @@ class Outcome(Part):
         problem: why nothing was measured; "": it was.
     """
 
-    target: Target = field(metadata=entry(kept=False))
+    target: PublishedTarget = field(metadata=entry(kept=False))
     experiment: str
     measured: float | tuple[float, ...] | None
     remark: str = ""
@@ -109,7 +109,7 @@ class Outcome(Part):
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the target as its file has it."""
-        return {**data, "target": Target.model_validate(data["published"])}
+        return {**data, "target": PublishedTarget.model_validate(data["published"])}
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class ReproduceResult(Result):
 
     _page = "workbench.reproduce.page:reproduce_page"
 
-    outcomes: tuple[Outcome, ...] = field(metadata=entry(key="targets"))
+    outcomes: tuple[TargetResult, ...] = field(metadata=entry(key="targets"))
     drawings: tuple[Drawing, ...] = field(metadata=entry(key="pictures"))
     seconds: float = field(metadata=entry(key="wall_seconds"))
     processor_seconds: Mapping[str, float] = field(metadata=entry(key="experiments"))
@@ -158,12 +158,12 @@ class ReproduceResult(Result):
     _WHAT, _COMMAND = "a result of reproduce", "reproduce"
 
     @property
-    def missed(self) -> tuple[Outcome, ...]:
+    def missed(self) -> tuple[TargetResult, ...]:
         """Targets that are missed without a reason in the source report."""
         return tuple(o for o in self.outcomes if o.verdict == MISSED)
 
     @property
-    def unexpected(self) -> tuple[Outcome, ...]:
+    def unexpected(self) -> tuple[TargetResult, ...]:
         """Missed targets without those of which the bundled model is known to fall short."""
         return tuple(o for o in self.missed if not o.known)
 
@@ -186,7 +186,7 @@ class ReproduceResult(Result):
         processes = "1 process" if self.jobs == 1 else f"{self.jobs} processes"
         return f"{'; '.join(parts)}; {self.seconds:.1f} s with {processes}"
 
-    def outcome(self, name: str) -> Outcome:
+    def outcome(self, name: str) -> TargetResult:
         """Return what came of one target.
 
         Args:
@@ -223,10 +223,10 @@ class TargetList(Result):
 
     _page = "workbench.reproduce.page:targets_page"
 
-    targets: tuple[Target, ...] = field(metadata=entry(kept=False))
+    targets: tuple[PublishedTarget, ...] = field(metadata=entry(kept=False))
 
     _WHAT, _COMMAND = "a list of targets", "reproduce --list"
-    unexpected: ClassVar[tuple[Outcome, ...]] = ()  # nothing was measured
+    unexpected: ClassVar[tuple[TargetResult, ...]] = ()  # nothing was measured
 
     def derived(self) -> dict[str, Any]:
         """Return the targets as their file has them."""
@@ -235,7 +235,7 @@ class TargetList(Result):
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the targets as their file has them."""
-        return {"targets": tuple(Target.model_validate(t) for t in data["targets"])}
+        return {"targets": tuple(PublishedTarget.model_validate(t) for t in data["targets"])}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each target."""

@@ -15,10 +15,10 @@ from workbench.jobs.runner import Lost, Runner
 from workbench.jobs.runner_choice import runner_for
 from workbench.reproduce.registry import experiments
 from workbench.reproduce.request import Reproduce, ReproduceCommand
-from workbench.reproduce.result import Outcome, ReproduceResult, TargetList
+from workbench.reproduce.result import ReproduceResult, TargetList, TargetResult
 from workbench.reproduce.select import select
-from workbench.reproduce.targets import Target
-from workbench.reproduce.work import Found, Job, perform
+from workbench.reproduce.targets import PublishedTarget
+from workbench.reproduce.work import ExperimentJob, Found, perform
 
 __all__ = ["run", "run_command"]
 
@@ -78,7 +78,9 @@ def _checked(folder: str | Path | None) -> Path | None:
     return path
 
 
-def _jobs(chosen: Sequence[Target], *, everything: bool, svg: bool, folder: Path | None) -> list[Job]:
+def _jobs(
+    chosen: Sequence[PublishedTarget], *, everything: bool, svg: bool, folder: Path | None
+) -> list[ExperimentJob]:
     """Return what to run, in the order of the source report."""
     by_name = {t.name: t for t in chosen}
     figures = None if everything else frozenset(n for t in chosen for n in t.figures)
@@ -87,7 +89,7 @@ def _jobs(chosen: Sequence[Target], *, everything: bool, svg: bool, folder: Path
         wanted = tuple(name for name in experiment.targets if name in by_name)
         if wanted:
             chapter = by_name[wanted[0]].chapter
-            job = Job(
+            job = ExperimentJob(
                 experiment=experiment.name, targets=wanted, figures=figures, chapter=chapter, svg=svg, folder=folder
             )
             found.append(job)
@@ -110,7 +112,7 @@ def _processes(workers: Workers) -> int:
     return 1 if workers.in_process else workers.jobs or cores()
 
 
-def _outcome(target: Target, job: Job, found: Found) -> Outcome:
+def _outcome(target: PublishedTarget, job: ExperimentJob, found: Found) -> TargetResult:
     measured, problem = found.values.get(target.name), found.problem
     if measured is None:
         problem = problem or f"experiment '{job.experiment}' did not measure it"
@@ -119,4 +121,4 @@ def _outcome(target: Target, job: Job, found: Found) -> Outcome:
             target.accepts(measured)
         except InputError as error:  # not as many numbers as the target has
             measured, problem = None, str(error)
-    return Outcome(target, job.experiment, measured, found.remarks.get(target.name, ""), problem)
+    return TargetResult(target, job.experiment, measured, found.remarks.get(target.name, ""), problem)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from workbench.errors import InputError, suggest
-from workbench.reproduce.targets import Target, read_targets
+from workbench.reproduce.targets import PublishedTarget, read_targets
 
 __all__ = ["select"]
 
@@ -15,7 +15,9 @@ _CHAPTER = re.compile(r"(?:chapter\s*)?(\d+(?:\.\d+)*)\.?", re.IGNORECASE)
 _ALONE = ("fig", "fig.", "figure", "chapter")
 
 
-def select(words: Sequence[str] = (), targets: Mapping[str, Target] | None = None) -> tuple[Target, ...]:
+def select(
+    words: Sequence[str] = (), targets: Mapping[str, PublishedTarget] | None = None
+) -> tuple[PublishedTarget, ...]:
     """Return the targets that any of the words means, in the order of the file; all without words.
 
     A word is a chapter ("3", "8.3", "chapter 8"), a figure ("fig31", "figure 48"), a target ("cycle-rate"), or how the
@@ -48,7 +50,7 @@ def _joined(words: Sequence[str]) -> Iterator[str]:
         raise InputError(f"'{waiting.strip()}': the number is missing, as in '{waiting}8'")
 
 
-def _meant(word: str, known: Mapping[str, Target]) -> list[Target]:
+def _meant(word: str, known: Mapping[str, PublishedTarget]) -> list[PublishedTarget]:
     if found := [t for t in known.values() if t.name == word.lower()]:
         return found
     if figure := _FIGURE.fullmatch(word):
@@ -60,14 +62,14 @@ def _meant(word: str, known: Mapping[str, Target]) -> list[Target]:
     raise InputError(f"'{word}' is not a chapter, figure or target; {suggest(word, _words(known))}")
 
 
-def _of_figure(number: int, known: Mapping[str, Target]) -> list[Target]:
+def _of_figure(number: int, known: Mapping[str, PublishedTarget]) -> list[PublishedTarget]:
     if found := [t for t in known.values() if number in t.figures]:
         return found
     numbers = sorted({n for t in known.values() for n in t.figures}, key=lambda n: abs(n - number))
     raise InputError(f"figure {number}: no target belongs to it; the nearest are {_listed(sorted(numbers[:4]))}")
 
 
-def _of_chapter(chapter: str, known: Mapping[str, Target]) -> list[Target]:
+def _of_chapter(chapter: str, known: Mapping[str, PublishedTarget]) -> list[PublishedTarget]:
     if found := [t for t in known.values() if f"{t.chapter}.".startswith(f"{chapter}.")]:
         return found
     chapters = sorted({t.chapter for t in known.values()})
@@ -78,7 +80,7 @@ def _listed(numbers: Sequence[int]) -> str:
     return ", ".join(str(n) for n in numbers)
 
 
-def _words(known: Mapping[str, Target]) -> set[str]:
+def _words(known: Mapping[str, PublishedTarget]) -> set[str]:
     """Return what a word may be, for suggestions."""
     starts = {"-".join(name.split("-")[:k]) for name in known for k in range(1, 1 + name.count("-"))}
     return {*known, *starts, *(f"figure{n}" for t in known.values() for n in t.figures)}

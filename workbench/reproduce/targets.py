@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from workbench.errors import InputError
-from workbench.system.files.toml_schema import Table, read_table
+from workbench.system.files.toml_schema import TomlTable, read_table
 
 __all__ = [
-    "BASES", "MET", "MISSED", "NOT_REACHABLE", "VERDICTS", "Instead", "Number", "Target", "parse_targets",
+    "BASES", "MET", "MISSED", "NOT_REACHABLE", "VERDICTS", "Instead", "Number", "PublishedTarget", "parse_targets",
     "read_targets",
 ]  # fmt: skip
 
@@ -33,7 +33,7 @@ BASES: tuple[Basis, ...] = ("predicted", "fitted", "structural")
 _FILE = Path(__file__).with_name("targets.toml")
 
 
-class Instead(Table):
+class Instead(TomlTable):
     """What is measured in place of a published figure that is not met: to leave it is a failure, too.
 
     Attributes:
@@ -62,7 +62,7 @@ class Instead(Table):
         return _range(self.low, self.high)
 
 
-class Target(Table):
+class PublishedTarget(TomlTable):
     """One figure of the source report.
 
     Attributes:
@@ -207,12 +207,12 @@ def _with_unit(text: str, unit: str) -> str:
 
 
 @cache
-def read_targets() -> Mapping[str, Target]:
+def read_targets() -> Mapping[str, PublishedTarget]:
     """Return all targets by name, in the order of the source report."""
     return MappingProxyType(parse_targets(_FILE.read_text(encoding="utf-8"), _FILE.name))
 
 
-def parse_targets(text: str, where: str) -> dict[str, Target]:
+def parse_targets(text: str, where: str) -> dict[str, PublishedTarget]:
     """Return the targets that a file holds.
 
     Args:
@@ -230,5 +230,5 @@ def parse_targets(text: str, where: str) -> dict[str, Target]:
     for name, table in tables.items():
         if not isinstance(table, Mapping):
             raise InputError(f"{where}: '{name}' is not a table; a target is a table [{name}]")
-        found[name] = read_table(Target, {**table, "name": name}, f"{where}: [{name}]")
+        found[name] = read_table(PublishedTarget, {**table, "name": name}, f"{where}: [{name}]")
     return found

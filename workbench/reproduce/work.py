@@ -14,11 +14,11 @@ from workbench.reproduce.measurement import Picture
 from workbench.reproduce.registry import experiments
 from workbench.reproduce.result import Drawing, plain
 
-__all__ = ["Found", "Job", "perform"]
+__all__ = ["ExperimentJob", "Found", "perform"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class ExperimentJob:
     """One experiment.
 
     Attributes:
@@ -57,7 +57,7 @@ class Found:
     processor_seconds: float = 0.0
 
 
-def perform(_model: None, job: Job) -> Iterator[Found]:
+def perform(_model: None, job: ExperimentJob) -> Iterator[Found]:
     """Run an experiment and yield what it found, once; whatever goes wrong there is its own affair."""
     begin = time.process_time()
     try:
@@ -69,7 +69,7 @@ def perform(_model: None, job: Job) -> Iterator[Found]:
     yield Found(**{**vars(found), "processor_seconds": time.process_time() - begin})
 
 
-def _measured(job: Job) -> Found:
+def _measured(job: ExperimentJob) -> Found:
     done = experiments()[job.experiment].measure()
     wanted = [p for p in done.pictures if job.figures is None or not p.figures or job.figures & set(p.figures)]
     shown = job.svg or job.folder is not None
@@ -80,7 +80,7 @@ def _measured(job: Job) -> Found:
     )
 
 
-def _drawn(picture: Picture, job: Job, number: int) -> Drawing:
+def _drawn(picture: Picture, job: ExperimentJob, number: int) -> Drawing:
     from workbench.show.figure import save  # noqa: PLC0415 - matplotlib is slow to import
 
     figure = picture.draw()
@@ -95,7 +95,7 @@ def _drawn(picture: Picture, job: Job, number: int) -> Drawing:
     return Drawing(picture.figures, picture.words, job.chapter, buffer.getvalue(), files)
 
 
-def _file_name(picture: Picture, job: Job, number: int) -> str:
+def _file_name(picture: Picture, job: ExperimentJob, number: int) -> str:
     """Return a name that tells the figures and differs between the pictures of all experiments."""
     numbers = "_".join(str(n) for n in picture.figures)
     place = f"figure_{numbers}" if numbers else f"chapter_{job.chapter.replace('.', '_')}"

@@ -57,7 +57,7 @@ class _Said:
 
 
 @dataclass(frozen=True)
-class _Ended:
+class _RequestEnded:
     """What a request gave, or what there was when it was stopped.
 
     Attributes:
@@ -95,7 +95,7 @@ def _whole(asked: Request[Any, Any], subject: object) -> _Whole:
     return _Whole(asked, subject)
 
 
-def _perform(model: Model | None, whole: _Whole) -> Iterator[_Ended]:
+def _perform(model: Model | None, whole: _Whole) -> Iterator[_RequestEnded]:
     """Run a request in a worker."""
     begun = last = time.monotonic()
     most, spent = 0, 0.0
@@ -126,7 +126,7 @@ def _perform(model: Model | None, whole: _Whole) -> Iterator[_Ended]:
     except SimulationError as error:
         error.before = job.partial()  # nothing is lost
         raise
-    yield _Ended(record, origin_of(record), tuple(job.notes), stopped)
+    yield _RequestEnded(record, origin_of(record), tuple(job.notes), stopped)
 
 
 def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401 - the request's
@@ -204,12 +204,12 @@ def _same(record: object) -> object:
     return record
 
 
-def _heard(events: Iterator[Any], job: telling.Job) -> _Ended:
+def _heard(events: Iterator[Any], job: telling.Job) -> _RequestEnded:
     """Pass on what the worker tells until it has a result and is ready again."""
-    found: _Ended | None = None
+    found: _RequestEnded | None = None
     whole: _Told | None = None
     for event in events:
-        if isinstance(event, Reply) and isinstance(event.value, _Ended):
+        if isinstance(event, Reply) and isinstance(event.value, _RequestEnded):
             found = event.value
         elif isinstance(event, Reply) and isinstance(event.value, _Said):
             job.say(event.value.words)
@@ -220,7 +220,7 @@ def _heard(events: Iterator[Any], job: telling.Job) -> _Ended:
                 job.partial = partial(_same, told.partial)
             job.done(told.what, told.done, told.total)
         elif found is None and whole is not None:
-            found = _Ended(whole.partial, None, (f"{whole.checking} came to no end: {event.reason}",))
+            found = _RequestEnded(whole.partial, None, (f"{whole.checking} came to no end: {event.reason}",))
         elif found is None:
             raise event.error
         else:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from workbench.errors import WorkbenchError
 from workbench.fmi.bundled import name_of_bundled
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.reading import described_at
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
 from workbench.model.load import FmuRecipe
 from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe, hash_of
-from workbench.requests.origin import FmuFacts, ModelFacts
+from workbench.requests.origin import FmuOrigin, ModelFacts
 from workbench.system.description import Component, FmuComponent
 from workbench.system.recipe import SystemRecipe
 
@@ -76,7 +76,7 @@ def _tolerance(model: DescribedModel, recipe: LoadRecipe) -> float | None:
 # -- FMUs --------------------------------------------------------------------------------------
 
 
-def fmu_facts(path: Path, description: Description, interface: str) -> FmuFacts:
+def fmu_facts(path: Path, description: ModelDescription, interface: str) -> FmuOrigin:
     """Return what is known about one FMU.
 
     Args:
@@ -84,7 +84,7 @@ def fmu_facts(path: Path, description: Description, interface: str) -> FmuFacts:
         description: what the FMU says of itself.
         interface: "me" or "cs"; empty where none was chosen.
     """
-    return FmuFacts(
+    return FmuOrigin(
         component="",
         model=description.model_name,
         file=path.name,
@@ -95,19 +95,19 @@ def fmu_facts(path: Path, description: Description, interface: str) -> FmuFacts:
     )
 
 
-def _fmus(model: DescribedModel, recipe: LoadRecipe) -> tuple[FmuFacts, ...]:
+def _fmus(model: DescribedModel, recipe: LoadRecipe) -> tuple[FmuOrigin, ...]:
     if isinstance(recipe, SystemRecipe):
         return tuple(_part(name, part, model.interface) for name, part in recipe.parts.items())
     return (fmu_facts(Path(recipe.source), model.description, model.interface),)
 
 
-def _part(name: str, recipe: FmuRecipe, interface: str) -> FmuFacts:
+def _part(name: str, recipe: FmuRecipe, interface: str) -> FmuOrigin:
     path = Path(recipe.source)
     chosen = interface if interface in ("me", "cs") else recipe.interface
     try:
         found = described_at(Path(recipe.folder) if Path(recipe.folder).is_dir() else path)
     except (WorkbenchError, OSError):  # removed since it was loaded; a result is no worse for that
-        return FmuFacts(
+        return FmuOrigin(
             component=name, model="", file=path.name, sha256="", fmi_version="", generation_tool="", interface=chosen
         )
     offered = "me" if "me" in found.interfaces else "cs"

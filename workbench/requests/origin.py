@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["FmuFacts", "ModelFacts", "Origin"]
+__all__ = ["FmuOrigin", "ModelFacts", "Origin"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FmuFacts:
+class FmuOrigin:
     """One FMU.
 
     Attributes:
@@ -60,7 +60,7 @@ class ModelFacts:
     start_values: Mapping[str, Any] = field(default_factory=dict)
     defaults: Mapping[str, Any] = field(default_factory=dict)
     bias: Mapping[str, float] = field(default_factory=dict)
-    fmus: tuple[FmuFacts, ...] = ()
+    fmus: tuple[FmuOrigin, ...] = ()
     blocks: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

@@ -30,7 +30,7 @@ from typing import (
 from workbench.core.records.named import named
 from workbench.core.records.option import (
     EACH,
-    Declared,
+    DeclaredOption,
     Options,
     asked_of,
     documented,
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MODEL_FILE",
-    "Analysis",
+    "ModelRequest",
     "Request",
     "Subject",
     "asked_options",
@@ -230,7 +230,7 @@ class Request(Options, Generic[_Subject, _Record]):
             found[declared.name] = named(_IN_OWN_UNITS)(subject, names, value, declared)
         return replace(self, **found) if found else self
 
-    def variable_of(self, declared: Declared, subject: _Subject) -> str:
+    def variable_of(self, declared: DeclaredOption, subject: _Subject) -> str:
         """Return the name of the variable in whose unit an option is.
 
         Args:
@@ -320,14 +320,14 @@ _MODEL: Mapping[str, Any] = {
 MODEL_FILE = Subject(name="path", type="str | Path", help="An FMU, as for `load`, or a system: .toml, .ssp.", **_MODEL)
 
 
-class Analysis(InWorker, Request["Model", _Record]):
+class ModelRequest(InWorker, Request["Model", _Record]):
     """An analysis of a model; the command line opens the model."""
 
     isolated = True
     subject = Subject(name="model", type="Model", help="The model to analyse; it stays open.", opened=True, **_MODEL)
 
 
-def asked_options(request: type[Request[Any, Any]]) -> dict[str, tuple[Declared, str]]:
+def asked_options(request: type[Request[Any, Any]]) -> dict[str, tuple[DeclaredOption, str]]:
     """Return name → option and heading of what can be asked in a line or a table, also of how the model is opened.
 
     An option that the analysis declares itself, as its own `step`, is given to the model as well, unless it is
@@ -344,12 +344,12 @@ def asked_options(request: type[Request[Any, Any]]) -> dict[str, tuple[Declared,
     return own
 
 
-def values_from(options: Mapping[str, tuple[Declared, str]], given: Mapping[str, Any]) -> dict[str, Any]:
+def values_from(options: Mapping[str, tuple[DeclaredOption, str]], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of options by name, read from what a command line or a form gives; None: not given.
 
     Args:
         options: as `asked_options` returns them.
-        given: see `Declared.read`.
+        given: see `DeclaredOption.read`.
 
     Raises:
         InputError: a value that an option cannot have.

@@ -16,7 +16,7 @@ from workbench.session.fmu import FmuSession, Lead
 from workbench.session.forcing import convert
 from workbench.session.pauses import pause
 from workbench.session.rows import Rows
-from workbench.session.start_values import COMPUTED, Target
+from workbench.session.start_values import COMPUTED, StartPoint
 
 __all__ = ["CsSession", "off_grid"]
 
@@ -69,7 +69,7 @@ class CsSession(FmuSession):
         way = self.instance.description.way_out()
         target.refuse([*target.missed_states(), *target.missed_outputs()], f"{_DETERMINED}; {way}")
 
-    def _follow(self, lead: Lead, target: Target) -> None:
+    def _follow(self, lead: Lead, target: StartPoint) -> None:
         """Run under the inputs of the point up to its time."""
         target.near, target.sizes = COMPUTED, lead.sizes
         own, self.setup = self.setup, replace(self.setup, step=lead.step)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.kernel.native_slopes import NativeSparsity, Pattern, pattern_of
@@ -62,10 +62,10 @@ def slopes_pattern(instance: Instance, recorded: Sequence[Variable]) -> Pattern:
 
 
 # Of the descriptions used last: a model opens many sessions.
-_known: deque[tuple[Description, NativeSparsity | None]] = deque(maxlen=4)
+_known: deque[tuple[ModelDescription, NativeSparsity | None]] = deque(maxlen=4)
 
 
-def newton_sparsity(description: Description) -> NativeSparsity | None:
+def newton_sparsity(description: ModelDescription) -> NativeSparsity | None:
     """Return where the Jacobian of a large model may differ from zero, as declared; None: a dense one is not slower.
 
     Args:
@@ -79,7 +79,7 @@ def newton_sparsity(description: Description) -> NativeSparsity | None:
     return made
 
 
-def _newton_sparsity(description: Description) -> NativeSparsity | None:
+def _newton_sparsity(description: ModelDescription) -> NativeSparsity | None:
     n = len(description.states)
     depends = _states_of(description, description.derivatives) if n >= LARGE and _names_states(description) else [None]
     if None in depends:
@@ -88,7 +88,7 @@ def _newton_sparsity(description: Description) -> NativeSparsity | None:
     return found if NARROW * (2 * found.below + found.above + 1) <= n else None
 
 
-def newton_note(description: Description) -> str:
+def newton_note(description: ModelDescription) -> str:
     """Return a remark on the Newton matrix of `gear`; empty where the model is small.
 
     Args:
@@ -125,12 +125,12 @@ def columns_pattern(instance: Instance, columns: Sequence[Variable], rows: Seque
     return found if 2 * len(found.ends) < len(columns) else None
 
 
-def _names_states(description: Description) -> bool:
+def _names_states(description: ModelDescription) -> bool:
     """Whether a model names its states and their derivatives, which FMI 1.0 leaves out."""
     return len(description.derivatives) == len(description.states) == description.state_count
 
 
-def _states_of(description: Description, rows: Sequence[Variable]) -> list[list[int] | None]:
+def _states_of(description: ModelDescription, rows: Sequence[Variable]) -> list[list[int] | None]:
     """Return on which states each variable depends; None: it is not declared."""
     if description.shapes:
         return [None]

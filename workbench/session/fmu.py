@@ -19,7 +19,7 @@ from workbench.fmi.variable import Value, Variable
 from workbench.session.base import Recorded, Session, Snapshot
 from workbench.session.forcing import Forcing
 from workbench.session.rows import find, read_finite
-from workbench.session.start_values import Miss, NotReachedError, Target, in_words, misses
+from workbench.session.start_values import Miss, NotReachedError, StartPoint, in_words, misses
 from workbench.signals.kinds import Signal
 
 __all__ = ["Call", "FmuSession", "Lead", "Manners", "Setup"]
@@ -297,12 +297,12 @@ class FmuSession(Session):
                 f"{name}: the FMU does not accept a start value: {in_words(found)}; {_remedy(found, setup)}"
             )
 
-    def _aim(self) -> Target | None:
+    def _aim(self) -> StartPoint | None:
         """Return the operating point to start at; None: there is none. Discrete states must have taken by now."""
         setup = self.setup
         if not (setup.point or setup.outputs):
             return None
-        target = Target(self.instance, setup.variables, setup.point, setup.outputs)
+        target = StartPoint(self.instance, setup.variables, setup.point, setup.outputs)
         if self.instance.event_mode and self.instance.version > 1:  # FMI 1.0 has handled the first event already
             settable = [v for v in target.others if v.start is not None]
             target.refuse(target.missed(settable), "its initial equations determine it, and FMI cannot set it later")

@@ -11,7 +11,7 @@ from workbench.core.values.arrays import Floats
 from workbench.fmi.instance import EventInfo
 from workbench.session.evaluated_point import Stand
 from workbench.session.fmu import FmuSession
-from workbench.session.start_values import Target
+from workbench.session.start_values import StartPoint
 
 __all__ = ["MeSession"]
 
@@ -73,7 +73,7 @@ class MeSession(FmuSession):
         self._check_discrete(target, moved=not there, timed=due < math.inf)
         return due
 
-    def _check_discrete(self, target: Target, *, moved: bool, timed: bool) -> None:
+    def _check_discrete(self, target: StartPoint, *, moved: bool, timed: bool) -> None:
         """Refuse discrete values that are not those of the point.
 
         What had its start value may since have been handled by the model's own first event, as it should be; on the way

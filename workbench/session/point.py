@@ -22,7 +22,7 @@ from workbench.session.exact_jacobian import ExactJacobian
 from workbench.session.fmu import FmuSession
 from workbench.session.me import MeSession
 
-__all__ = ["Evaluation", "FmuPoint", "Point"]
+__all__ = ["Evaluation", "FmuPoint", "ModelPoint"]
 
 _SAME = 1e-9  # relative: a model that is back where it was may differ by its own iterations
 
@@ -43,7 +43,7 @@ class Evaluation:
     latched: bool = False
 
 
-class Point(Closable):
+class ModelPoint(Closable):
     """Evaluates dx/dt and y at any (x, u) near a base point; time and discrete states stay as they are there.
 
     Obligations of a subclass:
@@ -124,7 +124,7 @@ class Point(Closable):
         """Return why `jacobian` cannot be used; empty if it can."""
 
 
-class FmuPoint(Point):
+class FmuPoint(ModelPoint):
     """The point at which a model exchange session stands.
 
     In continuous time an FMU keeps its relations, so an FMU with event indicators is taken through event

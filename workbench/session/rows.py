@@ -11,7 +11,7 @@ import numpy as np
 from workbench.core.records.names_in_text import check_names
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError, StoppedError
-from workbench.fmi.access import Access
+from workbench.fmi.access import VariableAccess
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.session.base import Recorded
@@ -78,7 +78,7 @@ class Rows:
         )
 
 
-def read_finite(access: Access, variables: Sequence[Variable], time: float) -> list[float]:
+def read_finite(access: VariableAccess, variables: Sequence[Variable], time: float) -> list[float]:
     """Return the values of a prepared access, each finite.
 
     Raises:

@@ -21,7 +21,7 @@ __all__ = [
     "RELATIVE",
     "Miss",
     "NotReachedError",
-    "Target",
+    "StartPoint",
     "check_values",
     "in_words",
     "misses",
@@ -116,7 +116,7 @@ def starts_of(variables: Mapping[str, Variable], values: Mapping[str, float]) ->
     return {n: convert(variables[n], v) for n, v in settable.items()}
 
 
-class Target:
+class StartPoint:
     """An operating point that one instance is taken to.
 
     Continuous states are set after initialisation, in model exchange: initial equations cannot override them there.

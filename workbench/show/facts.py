@@ -15,7 +15,7 @@ from workbench import __version__
 from workbench.core.values.operating_point import point_of_json
 from workbench.errors import InputError
 from workbench.requests.origin import ModelFacts, Origin
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 
 __all__ = ["finished", "point_facts", "versions"]
@@ -208,5 +208,5 @@ def _components(models: Iterable[ModelFacts]) -> list[Section]:
                 : 6 if model.fmus else 2
             ]
             cells = [row[: len(headings)] for row in rows]
-            found.append(Section(f"Components of {model.name}", tables=[Table(headings, cells, right=())]))
+            found.append(Section(f"Components of {model.name}", tables=[PageTable(headings, cells, right=())]))
     return found

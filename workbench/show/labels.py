@@ -45,7 +45,7 @@ def name_points(
 
 
 @dataclass(eq=False)
-class _Around:
+class _LabelBox:
     """What a name must not cover, on the picture [pixels].
 
     Attributes:
@@ -123,7 +123,7 @@ class Names(Artist):
         shown = np.isfinite(at).all(axis=1)
         if self._begin is None:
             shown &= np.array([frame.contains(x, y) for x, y in at], dtype=bool)
-        around = _Around(unit, _curves(ax, unit), at[shown], list(_taken(ax, self, renderer)), frame)
+        around = _LabelBox(unit, _curves(ax, unit), at[shown], list(_taken(ax, self, renderer)), frame)
         for number, (text, leader) in enumerate(zip(self.texts, self._leaders, strict=True)):
             text.set_visible(bool(shown[number]))
             leader.set_visible(False)
@@ -146,7 +146,7 @@ class Names(Artist):
         for text in self.texts:
             text.draw(renderer)
 
-    def _lead(self, leader: Line2D, at: Floats, box: Bbox, around: _Around) -> None:
+    def _lead(self, leader: Line2D, at: Floats, box: Bbox, around: _LabelBox) -> None:
         """Draw a line from a mark to the nearest edge of its name, where that is not beside it."""
         end = np.clip(at, box.min, box.max)
         if np.hypot(*(end - at)) > _LEADER * around.unit:
@@ -164,7 +164,7 @@ def _box(middle: Floats, size: Floats) -> Bbox:
     return Bbox([middle - 0.5 * size, middle + 0.5 * size])
 
 
-def _place(at: Floats, size: Floats, around: _Around, begin: Floats | None) -> Floats:
+def _place(at: Floats, size: Floats, around: _LabelBox, begin: Floats | None) -> Floats:
     """Return the middle of a name: the place around its mark, or on the line that ends there, that costs least."""
     turns = 2.0 * np.pi * (0.25 + np.arange(_DIRECTIONS) / _DIRECTIONS)
     way = np.column_stack([np.cos(turns), np.sin(turns)])

@@ -18,7 +18,7 @@ from workbench.show.verdicts import Verdict, counted, tone, worst_first
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["SUFFIXES", "Page", "Section", "Table", "write_page"]
+__all__ = ["SUFFIXES", "Page", "PageTable", "Section", "write_page"]
 
 SUFFIXES = (".html", ".htm")
 _LONG = 5  # a page of so many sections begins with a list of them
@@ -30,7 +30,7 @@ _NUMBER = re.compile(r"^[+\-−±<>≤≥≈]?\s*(\d[\d.,]*(e[+\-−]?\d+)?|∞|
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """Rows under headings.
 
     Attributes:
@@ -92,7 +92,7 @@ class Section:
     title: str
     paragraphs: Sequence[str] = ()
     items: Sequence[str] = ()
-    tables: Sequence[Table] = ()
+    tables: Sequence[PageTable] = ()
     figures: Sequence[tuple[Callable[[], Figure], str]] = ()
     verdicts: Sequence[Verdict] = ()
     code: Sequence[str] = ()

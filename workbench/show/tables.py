@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.core.values.poles import POLE_HEADINGS, pole_rows
 from workbench.core.values.units import rate_unit
-from workbench.show.page import Section, Table
+from workbench.show.page import PageTable, Section
 
 __all__ = [
     "MOST_ENTRIES",
@@ -54,10 +54,10 @@ def counted(count: int, one: str, several: str = "") -> str:
     return f"{count} {one if count == 1 else several or one + 's'}"
 
 
-def matrix(title: str, values: NDArray[np.float64], rows: Sequence[str], columns: Sequence[str]) -> Table:
+def matrix(title: str, values: NDArray[np.float64], rows: Sequence[str], columns: Sequence[str]) -> PageTable:
     """Return a matrix with names at its rows and columns."""
     texts = [[name, *(f"{x:.6g}" for x in row)] for name, row in zip(rows, values.tolist(), strict=True)]
-    return Table(("", *columns), texts, title=title, right=range(1, len(columns) + 1))
+    return PageTable(("", *columns), texts, title=title, right=range(1, len(columns) + 1))
 
 
 def matrices(
@@ -94,7 +94,7 @@ def matrices(
     return Section("Matrices", tables=[matrix(*one) for one in shown if len(one[2]) and len(one[3])], folded=True)
 
 
-def pole_table(poles: Iterable[complex], dt: float, title: str = "") -> Table:
+def pole_table(poles: Iterable[complex], dt: float, title: str = "") -> PageTable:
     """Return poles with natural frequency, damping ratio and damped frequency, slowest first.
 
     Args:
@@ -106,7 +106,7 @@ def pole_table(poles: Iterable[complex], dt: float, title: str = "") -> Table:
     rows = [(_complex(r.pole), r.natural, r.damping, r.damped) for r in every[:_MOST_POLES]]
     rest = f"the slowest {_MOST_POLES} of {len(every)}" if len(every) > _MOST_POLES else ""
     headings = (f"pole{'' if dt > 0.0 else ' [1/s]'}", *POLE_HEADINGS[1:])
-    return Table(headings, rows, title=", ".join(filter(None, [title, rest])), right=range(4))
+    return PageTable(headings, rows, title=", ".join(filter(None, [title, rest])), right=range(4))
 
 
 def _complex(z: complex) -> str:

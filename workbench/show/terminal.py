@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import pairwise, zip_longest
 
 from workbench.errors import shortened, unbroken
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.verdicts import worst_first
 
 __all__ = ["section_text", "text_of"]
@@ -79,7 +79,7 @@ def _folded(text: str, width: int | None) -> list[str]:
     return textwrap.wrap(text, width, subsequent_indent=_GAP, break_long_words=False, break_on_hyphens=False)
 
 
-def _table(table: Table, width: int | None) -> Iterator[str]:
+def _table(table: PageTable, width: int | None) -> Iterator[str]:
     if not table.rows:
         return
     if table.title:
@@ -104,7 +104,7 @@ def _cell(text: str) -> str:
     return shortened(unbroken(text), line=_MOST_IN_CELL)
 
 
-def _sizes(table: Table, rows: Sequence[Sequence[str]], width: int | None) -> list[int]:
+def _sizes(table: PageTable, rows: Sequence[Sequence[str]], width: int | None) -> list[int]:
     """Return the width of each column; the widest one of words gives way where that fits the table into the line.
 
     Only sentences are wide enough for that, which are broken between words.

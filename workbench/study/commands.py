@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.commands import REQUESTS, request_of
 from workbench.core.records.forms import Form
-from workbench.core.records.option import Declared, options_of, parts_of, put_together
+from workbench.core.records.option import DeclaredOption, options_of, parts_of, put_together
 from workbench.errors import InputError, suggest
 from workbench.model.loading import Loading
 from workbench.requests.request import Request, asked_options
@@ -56,7 +56,7 @@ class Command:
     name: str
     subject: str
     request: type[Request[Any, Any]]
-    options: Mapping[str, tuple[str, Declared]]
+    options: Mapping[str, tuple[str, DeclaredOption]]
     written: type[Written]
 
     @property
@@ -143,7 +143,7 @@ class Command:
                 found[name] = declared.write(taken)
         return found
 
-    def _usual(self, name: str, declared: Declared, value: Any) -> bool:  # noqa: ANN401 - of this option
+    def _usual(self, name: str, declared: DeclaredOption, value: Any) -> bool:  # noqa: ANN401 - of this option
         """Return whether a value is that of an option which is not given."""
         usual = declared.default
         if name == "tolerance" and name not in {d.name for d in options_of(self.request)}:
@@ -201,7 +201,7 @@ def command(name: str) -> Command:
 # -- values ------------------------------------------------------------------------------------
 
 
-def _value(key: str, declared: Declared, value: Any) -> Any:  # noqa: ANN401 - what TOML can hold, or its option
+def _value(key: str, declared: DeclaredOption, value: Any) -> Any:  # noqa: ANN401 - what TOML can hold, or its option
     """Return the value of an option from what TOML holds: typed, or as text as on the command line."""
     form = declared.form
     kind = declared.option.metavar or (form.metavar if form is not None else _KINDS.get(declared.type, ""))
@@ -246,7 +246,7 @@ def _formed(form: Form, value: Any) -> Any:  # noqa: ANN401
     return {**read, **{name: x for name, x in value.items() if name not in texts}}
 
 
-def _as_text(declared: Declared, value: Any) -> bool:  # noqa: ANN401
+def _as_text(declared: DeclaredOption, value: Any) -> bool:  # noqa: ANN401
     """Return whether a value is written as on the command line already: names of files stay as they are there."""
     several = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
     repeated = declared.form is not None and declared.form.repeated

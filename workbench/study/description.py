@@ -14,7 +14,7 @@ from workbench.study.requirements.base import Requirement, Scalar
 if TYPE_CHECKING:
     from workbench.study.envelope_table import Envelope
 
-__all__ = ["Analysis", "Approval", "Change", "Point", "Study"]
+__all__ = ["Approval", "Change", "GridPoint", "Study", "StudyAnalysis"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class Change:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Analysis:
+class StudyAnalysis:
     """One analysis.
 
     Attributes:
@@ -61,7 +61,7 @@ class Analysis:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Point:
+class GridPoint:
     """One point of the grid.
 
     Attributes:
@@ -125,7 +125,7 @@ class Study:
     models: Mapping[str, Change]
     configurations: Mapping[str, Mapping[str, Change]]
     grid: Mapping[str, tuple[Scalar, ...]]
-    analyses: Mapping[str, Analysis]
+    analyses: Mapping[str, StudyAnalysis]
     requirements: tuple[Requirement, ...]
     id: str = ""
     author: str = ""
@@ -140,18 +140,18 @@ class Study:
         return self.path.resolve().parent
 
     @property
-    def points(self) -> list[Point]:
+    def points(self) -> list[GridPoint]:
         """Every combination of configuration and parameter values, in the order of the file."""
         configurations: list[str | None] = [*self.configurations] or [None]
         return [
-            Point(configuration=configuration, values=dict(zip(self.grid, values, strict=True)))
+            GridPoint(configuration=configuration, values=dict(zip(self.grid, values, strict=True)))
             for configuration in configurations
             for values in product(*self.grid.values())
         ]
 
     def alone(self, names: Iterable[str]) -> Study:
         """Return the study with some of its analyses and those that they refer to, without requirements."""
-        wanted: dict[str, Analysis] = {}
+        wanted: dict[str, StudyAnalysis] = {}
         waiting = list(names)
         while waiting:
             name = waiting.pop()
@@ -160,7 +160,7 @@ class Study:
         kept = {name: analysis for name, analysis in self.analyses.items() if name in wanted}
         return replace(self, analyses=kept, requirements=())
 
-    def model_at(self, model: str, point: Point) -> Change:
+    def model_at(self, model: str, point: GridPoint) -> Change:
         """Return a model as a point has it."""
         found = self.models[model]
         if point.configuration is not None:
@@ -169,8 +169,8 @@ class Study:
         values = {parameter: value for (owner, _, parameter), value in split if owner == model}
         return found.changed(Change(model=None, options={"set": values})) if values else found
 
-    def part_of(self, point: Point, models: set[str]) -> Point:
+    def part_of(self, point: GridPoint, models: set[str]) -> GridPoint:
         """Return what of a point concerns some models: results differ only by that."""
         values = {name: value for name, value in point.values.items() if name.partition(".")[0] in models}
         configured = {model for changes in self.configurations.values() for model in changes}
-        return Point(configuration=point.configuration if configured & models else None, values=values)
+        return GridPoint(configuration=point.configuration if configured & models else None, values=values)

@@ -10,12 +10,12 @@ from typing import Any
 from pydantic import Field
 
 from workbench.errors import InputError
-from workbench.study.description import Analysis, Study
+from workbench.study.description import Study, StudyAnalysis
 from workbench.study.envelope.request import PlanName
 from workbench.study.position_in_file import known
 from workbench.study.requirements.base import Requirement
 from workbench.study.spread import KINDS, Spread, read_spread
-from workbench.system.files.toml_schema import Table, read_table
+from workbench.system.files.toml_schema import TomlTable, read_table
 
 __all__ = ["Envelope", "read_envelope", "varied_by"]
 
@@ -24,7 +24,7 @@ _WHERE = "[envelope]"
 _BORDERS: Mapping[str, str] = {"modes": "vary", "limit-cycle": "vary"}
 
 
-class EnvelopeTable(Table):
+class EnvelopeTable(TomlTable):
     """What is varied, how, and what is asked of it."""
 
     parameters: dict[str, Any]
@@ -186,7 +186,7 @@ def _check_border(name: str, study: Study, axes: Sequence[str]) -> None:
         )
 
 
-def varied_by(analysis: Analysis) -> str:
+def varied_by(analysis: StudyAnalysis) -> str:
     """Return the parameter that an analysis varies, as "model.parameter"; empty: none, or several."""
     given = analysis.options.get(_BORDERS[analysis.command.name])
     names = list(given) if isinstance(given, Mapping) else [str(given).partition("=")[0].strip()] if given else []

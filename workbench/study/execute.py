@@ -15,11 +15,11 @@ from workbench.jobs.end_signals import INTERRUPTED
 from workbench.jobs.options import Workers
 from workbench.study.commands import Reference, filled
 from workbench.study.finished_store import Finished
-from workbench.study.plan import Outcome, Plan, Run
+from workbench.study.plan import Plan, PlannedRun, RunResult
 
 if TYPE_CHECKING:  # a study that is in its store as a whole needs no workers
     from workbench.jobs.runner import Runner
-    from workbench.study.worker import Job
+    from workbench.study.worker import CommandJob
 
 __all__ = ["Execution", "Progress"]
 
@@ -48,7 +48,7 @@ class Execution:
         self._runner: Runner | None = None
         self._stopped = False
         self.afterwards: tuple[str, ...] = ()
-        self.outcomes: dict[Run, Outcome] = {}
+        self.outcomes: dict[PlannedRun, RunResult] = {}
         self.measured = 0
         self._reuse()
 
@@ -59,7 +59,7 @@ class Execution:
                 self.outcomes[run] = found
 
     @property
-    def missing(self) -> list[Run]:
+    def missing(self) -> list[PlannedRun]:
         """Runs that are not done."""
         return [run for run in self._plan.runs if run not in self.outcomes]
 
@@ -115,31 +115,31 @@ class Execution:
 
         runs = self.missing
         waiting = dict(enumerate(runs))
-        queue: deque[Job] = deque()
+        queue: deque[CommandJob] = deque()
         self._release(waiting, queue)
         for reply in runner.run(perform, queue):
             run = runs[reply.job.number]
-            outcome = Outcome(reason=reply.reason, kind=reply.kind) if isinstance(reply, Lost) else reply.value
+            outcome = RunResult(reason=reply.reason, kind=reply.kind) if isinstance(reply, Lost) else reply.value
             if outcome.code == INTERRUPTED:
                 continue
             self._done(run, outcome)
             self._release(waiting, queue)
             progress(len(self.outcomes), run.label)
 
-    def _done(self, run: Run, outcome: Outcome) -> None:
+    def _done(self, run: PlannedRun, outcome: RunResult) -> None:
         self.measured += 1
         self.outcomes[run] = outcome
         self._finished.save(run, outcome)
         if outcome.kind == InputError.kind and not self._patient:
             self._refuse(run)
 
-    def _refuse(self, run: Run) -> None:
+    def _refuse(self, run: PlannedRun) -> None:
         """What cannot be done at any point is a mistake in the study; at some points only, it is their failure."""
         same = [r for r in self._plan.runs if r.analysis is run.analysis]
         if all(r in self.outcomes and self.outcomes[r].kind == InputError.kind for r in same):
             raise InputError(f"[analyses.{run.analysis.name}]: {self.outcomes[same[0]].reason}")
 
-    def _release(self, waiting: dict[int, Run], queue: deque[Job]) -> None:
+    def _release(self, waiting: dict[int, PlannedRun], queue: deque[CommandJob]) -> None:
         """Put the runs whose references are there into the queue; those whose references failed, fail."""
         again = True
         while again:
@@ -150,12 +150,12 @@ class Execution:
                 del waiting[number]
                 lacking = self._lacking(run)
                 if lacking:
-                    self.outcomes[run] = Outcome(reason=lacking, kind=WorkbenchError.kind)
+                    self.outcomes[run] = RunResult(reason=lacking, kind=WorkbenchError.kind)
                     again = True
                 else:
                     queue.append(self._job(number, run))
 
-    def _lacking(self, run: Run) -> str:
+    def _lacking(self, run: PlannedRun) -> str:
         """Return why a run cannot begin; empty: it can."""
         for reference in run.analysis.references:
             needed = run.needs[reference.analysis]
@@ -166,13 +166,13 @@ class Execution:
                 return f"{needed.label} wrote no '{reference.kind}'; it wrote: {', '.join(outcome.files) or 'none'}"
         return ""
 
-    def _job(self, number: int, run: Run) -> Job:
-        from workbench.study.worker import Job  # noqa: PLC0415
+    def _job(self, number: int, run: PlannedRun) -> CommandJob:
+        from workbench.study.worker import CommandJob  # noqa: PLC0415
 
         workplace = self._finished.workplace(run)
         command = run.analysis.command
         table = filled(run.options, lambda reference: self._file(reference, run, workplace))
-        return Job(
+        return CommandJob(
             number=number,
             command=command.name,
             subject=[str(model.model) for model in run.models],
@@ -185,7 +185,7 @@ class Execution:
             files=run.subject["files"],
         )
 
-    def _own(self, run: Run, workplace: Path) -> dict[str, Any]:
+    def _own(self, run: PlannedRun, workplace: Path) -> dict[str, Any]:
         """Return what the study adds: a store for the points of an analysis, and one job where there are many."""
         known, given = run.analysis.command.options, run.options
         own: dict[str, Any] = {}
@@ -195,7 +195,7 @@ class Execution:
             own["jobs"] = max(1, self._jobs // max(1, len(self.missing)))
         return own
 
-    def _file(self, reference: Reference, run: Run, workplace: Path) -> str:
+    def _file(self, reference: Reference, run: PlannedRun, workplace: Path) -> str:
         """Write what a reference stands for into a file; return its name."""
         outcome = self.outcomes[run.needs[reference.analysis]]
         text, suffix = _content(reference, outcome)
@@ -204,7 +204,7 @@ class Execution:
         return str(path)
 
 
-def _content(reference: Reference, outcome: Outcome) -> tuple[str, str]:
+def _content(reference: Reference, outcome: RunResult) -> tuple[str, str]:
     if reference.kind == "json":
         return json.dumps(outcome.result), "json"
     return outcome.files[reference.kind], "csv"

@@ -17,9 +17,9 @@ from workbench.core.machine.closable import Closable
 from workbench.core.machine.scratch import remove, scratch_folder
 from workbench.errors import InputError
 from workbench.jobs.store import Store
-from workbench.study.plan import Outcome, Run
+from workbench.study.plan import PlannedRun, RunResult
 from workbench.study.requirements.base import Compliance
-from workbench.study.result import Checked
+from workbench.study.result import RequirementResult
 
 __all__ = ["FOLDER", "Finished"]
 
@@ -29,12 +29,12 @@ _FORGOTTEN = 30 * 86400.0  # what was left behind is removed after this time [s]
 _LAYOUT = 1  # to be raised when what is stored changes
 
 
-def _name(run: Run) -> str:
+def _name(run: PlannedRun) -> str:
     """Return a name for everything that a result depends on."""
     return hashlib.sha256(json.dumps([run.subject, run.key], sort_keys=True).encode()).hexdigest()
 
 
-def _name_of(questions: Sequence[Checked]) -> str:
+def _name_of(questions: Sequence[RequirementResult]) -> str:
     """Return a name for requirements and the results that they are compared with."""
     asked = [[c.requirement.model_dump(), [_name(run) for run in c.runs]] for c in questions]
     return f"findings {hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()}"
@@ -61,7 +61,7 @@ class Finished(Closable):
         self._opened: Store | None = None
         self._tidied = False
 
-    def load(self, run: Run) -> Outcome | None:
+    def load(self, run: PlannedRun) -> RunResult | None:
         """Return what was measured before; None: nothing was, or a file that the run writes is not there.
 
         Raises:
@@ -73,9 +73,9 @@ class Finished(Closable):
             return None  # a study that was never run leaves no folder behind when something in it is wrong
         found = self._results().get(_name(run))
         with self._results().taken_apart():
-            return None if found is None else Outcome.from_store(found)
+            return None if found is None else RunResult.from_store(found)
 
-    def save(self, run: Run, outcome: Outcome) -> None:
+    def save(self, run: PlannedRun, outcome: RunResult) -> None:
         """Keep an outcome; an analysis that failed is not kept, but what it left behind is.
 
         Raises:
@@ -87,7 +87,7 @@ class Finished(Closable):
             self._results().save(_name(run), outcome.to_store())
         shutil.rmtree(self.workplace(run, make=False), ignore_errors=True)
 
-    def load_findings(self, questions: Sequence[Checked]) -> list[Compliance] | None:
+    def load_findings(self, questions: Sequence[RequirementResult]) -> list[Compliance] | None:
         """Return how requirements came out before, in their order; None: not of exactly these results."""
         if self._fresh or not self._keeps or not self.folder.is_dir():
             return None
@@ -95,7 +95,7 @@ class Finished(Closable):
         with self._results().taken_apart():
             return None if found is None else TypeAdapter(list[Compliance]).validate_python(found["findings"])
 
-    def save_findings(self, checked: Sequence[Checked]) -> None:
+    def save_findings(self, checked: Sequence[RequirementResult]) -> None:
         """Keep how requirements came out.
 
         Raises:
@@ -104,7 +104,7 @@ class Finished(Closable):
         if self._keeps:
             self._results().save(_name_of(checked), {"findings": [asdict(c.finding) for c in checked]})
 
-    def workplace(self, run: Run, *, make: bool = True) -> Path:
+    def workplace(self, run: PlannedRun, *, make: bool = True) -> Path:
         """Return the folder in which a run works.
 
         Raises:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from workbench.core.machine.files import replacing
-from workbench.study.plan import Run
+from workbench.study.plan import PlannedRun
 
 if TYPE_CHECKING:
-    from workbench.study.result import Checked, StudyResult
+    from workbench.study.result import RequirementResult, StudyResult
 
 __all__ = ["write_junit"]
 
@@ -53,18 +53,18 @@ def write_junit(result: StudyResult, path: str | Path) -> None:
         ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
 
 
-def _seconds(result: StudyResult, run: Run) -> float:
+def _seconds(result: StudyResult, run: PlannedRun) -> float:
     """Time that an analysis took now; a reused one took none."""
     outcome = result.runs.get(run)
     return 0.0 if outcome is None or outcome.reused else outcome.seconds
 
 
-def _lost(result: StudyResult, run: Run) -> bool:
+def _lost(result: StudyResult, run: PlannedRun) -> bool:
     """Whether an analysis gave no result, which is an error rather than a failure."""
     return run not in result.runs or result.runs[run].result is None
 
 
-def _case(suite: ET.Element, checked: Checked, seconds: float, *, lost: bool) -> None:
+def _case(suite: ET.Element, checked: RequirementResult, seconds: float, *, lost: bool) -> None:
     case = _testcase(suite, checked.name, checked.requirement.analysis, seconds)
     found = checked.finding
     if found.passed:

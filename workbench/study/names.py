@@ -13,7 +13,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.bundled import is_bundled
 from workbench.model.described_model import DescribedModel
 from workbench.study.description import Change, Study
-from workbench.study.plan import Run
+from workbench.study.plan import PlannedRun
 from workbench.study.position_in_file import place
 from workbench.system.load import load
 
@@ -25,7 +25,7 @@ _MATRICES = ".json"  # of a linear model: it has no variables to look for
 _VALUES = ("set", "bias")
 
 
-def check_names(study: Study, runs: Sequence[Run]) -> None:
+def check_names(study: Study, runs: Sequence[PlannedRun]) -> None:
     """Open each model once and look for the variables that the analyses name.
 
     Args:
@@ -115,7 +115,7 @@ def _where(study: Study, model: str, message: str) -> str:
     return f"[models] {model}"
 
 
-def _check(run: Run, file: str, names: _Names) -> None:
+def _check(run: PlannedRun, file: str, names: _Names) -> None:
     for key, name in _named(run.analysis.options):
         if name not in names.every:
             known, kinds = (names.inputs, ("input",)) if key.startswith("in") else (names.outputs, ("output", "state"))

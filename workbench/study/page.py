@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError
 from workbench.show.facts import point_facts
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import sentence
 from workbench.show.verdicts import Verdict
-from workbench.study.plan import Outcome, Run
+from workbench.study.plan import PlannedRun, RunResult
 from workbench.study.requirements.base import Compliance, Result
 from workbench.study.requirements.response import UNITS, Mask
 from workbench.study.requirements.step import Overshoot, SettlingTime
@@ -19,7 +19,7 @@ from workbench.study.requirements.step import Overshoot, SettlingTime
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from workbench.study.result import Checked, StudyResult
+    from workbench.study.result import RequirementResult, StudyResult
 
 __all__ = ["study_page"]
 
@@ -57,7 +57,7 @@ def study_page(result: StudyResult) -> Page:
     )
 
 
-def _named(checked: Checked) -> str:
+def _named(checked: RequirementResult) -> str:
     """Return a requirement with its id, and what was found."""
     number = f"{checked.requirement.id} " if checked.requirement.id else ""
     return f"{number}{checked.name}: {checked.finding.words}"
@@ -101,7 +101,7 @@ def _violations(result: StudyResult) -> Iterator[Section]:
         yield Section("Analyses that failed", items=lines)
 
 
-def _why(outcome: Outcome) -> str:
+def _why(outcome: RunResult) -> str:
     return outcome.reason or "ended with exit code 1: points of it failed"
 
 
@@ -112,15 +112,15 @@ def _requirements(result: StudyResult) -> Iterator[Section]:
         yield Section("Requirements", tables=[_table(result.checked)], items=items)
 
 
-def _table(checked: Sequence[Checked]) -> Table:
+def _table(checked: Sequence[RequirementResult]) -> PageTable:
     """Return the verdicts, with the ids of the requirements where there are any."""
     if not any(c.requirement.id for c in checked):
-        return Table(_HEADINGS, [_row(c) for c in checked], verdict=1, right=(2, 3, 4))
+        return PageTable(_HEADINGS, [_row(c) for c in checked], verdict=1, right=(2, 3, 4))
     rows = [(c.requirement.id, *_row(c)) for c in checked]
-    return Table(("id", *_HEADINGS), rows, verdict=2, right=(3, 4, 5))
+    return PageTable(("id", *_HEADINGS), rows, verdict=2, right=(3, 4, 5))
 
 
-def _row(checked: Checked) -> tuple[str, ...]:
+def _row(checked: RequirementResult) -> tuple[str, ...]:
     found = checked.finding
     numbers = (found.value_words, found.limit_words, found.margin_words)
     return (checked.name, found.verdict, *numbers, found.where)
@@ -132,14 +132,14 @@ def _grid(result: StudyResult) -> Iterator[Section]:
         rows = [(name, ", ".join(map(str, values))) for name, values in study.grid.items()]
         if study.configurations:
             rows.insert(0, ("configuration", ", ".join(study.configurations)))
-        yield Section("Grid", tables=[Table(("parameter", "values"), rows)])
+        yield Section("Grid", tables=[PageTable(("parameter", "values"), rows)])
 
 
 def _approvals(result: StudyResult) -> Iterator[Section]:
     """Yield who has to agree; what is not told yet is left to be written by hand."""
     if result.study.approvals:
         rows = [(a.role, a.name or _BLANK, a.date or _BLANK, _BLANK) for a in result.study.approvals]
-        yield Section("Approval", tables=[Table(("role", "name", "date", "signature"), rows)])
+        yield Section("Approval", tables=[PageTable(("role", "name", "date", "signature"), rows)])
 
 
 def _points(result: StudyResult) -> Iterator[Section]:
@@ -151,7 +151,7 @@ def _points(result: StudyResult) -> Iterator[Section]:
             where.setdefault((told.get("held inputs", ""), told["operating point"]), []).append(run.label)
     if where:
         rows = [(", ".join(labels), *told) for told, labels in where.items()]
-        table = Table(("analysis", "held inputs", "operating point"), rows, right=())
+        table = PageTable(("analysis", "held inputs", "operating point"), rows, right=())
         yield Section("Operating points", tables=[table], folded=len(rows) > _FEW)
 
 
@@ -160,10 +160,10 @@ def _analyses(result: StudyResult) -> Section:
     headings = ("analysis", "interface", "solver", "seconds", "from the store", "notes")
     commands = [run.command_line for run in result.runs]
     parts = [Section("The commands", code=commands, folded=True)]
-    return Section("Analyses", tables=[Table(headings, rows)], parts=parts)
+    return Section("Analyses", tables=[PageTable(headings, rows)], parts=parts)
 
 
-def _of_run(run: Run, outcome: Outcome) -> tuple[str, ...]:
+def _of_run(run: PlannedRun, outcome: RunResult) -> tuple[str, ...]:
     found = outcome.result or {}
     how = [str(found.get(key, "")) for key in ("interface", "solver")]
     return (run.label, *how, f"{outcome.seconds:.2f}", "yes" if outcome.reused else "", "; ".join(outcome.notes))
@@ -189,7 +189,7 @@ def _same(figure: Figure) -> Figure:
     return figure
 
 
-def _drawn(checked: Checked, result: Result) -> Figure | None:
+def _drawn(checked: RequirementResult, result: Result) -> Figure | None:
     requirement = checked.requirement
     try:
         if isinstance(requirement, Mask):
@@ -201,7 +201,7 @@ def _drawn(checked: Checked, result: Result) -> Figure | None:
     return None
 
 
-def _title(checked: Checked, result: Result) -> str:
+def _title(checked: RequirementResult, result: Result) -> str:
     model = result.get("model")
     return f"{model}: {checked.name}" if isinstance(model, str) else checked.name
 

@@ -15,18 +15,18 @@ from pydantic import TypeAdapter
 from workbench import __version__
 from workbench.errors import InputError
 from workbench.study.commands import Command, Reference
-from workbench.study.description import Analysis, Change, Point, Study
+from workbench.study.description import Change, GridPoint, Study, StudyAnalysis
 from workbench.study.fingerprint import Hashes, code_hash
 from workbench.study.position_in_file import place
 
-__all__ = ["OUTPUTS", "Outcome", "Plan", "Run", "make_plan"]
+__all__ = ["OUTPUTS", "Plan", "PlannedRun", "RunResult", "make_plan"]
 
 # Options by which commands write files; their paths are kept apart for each point.
 OUTPUTS = ("plot", "csv", "report", "bode", "out")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Run:
+class PlannedRun:
     """One analysis at one point.
 
     Attributes:
@@ -42,13 +42,13 @@ class Run:
         files: that the run writes by its own options.
     """
 
-    analysis: Analysis
-    point: Point
+    analysis: StudyAnalysis
+    point: GridPoint
     models: tuple[Change, ...]
     options: Mapping[str, Any]
     words: Sequence[str]
     wants: tuple[str, ...]
-    needs: Mapping[str, Run]
+    needs: Mapping[str, PlannedRun]
     subject: Mapping[str, Any]
     key: str
     files: tuple[Path, ...]
@@ -65,7 +65,7 @@ class Run:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class RunResult:
     """What one run of an analysis gave.
 
     Attributes:
@@ -98,9 +98,9 @@ class Outcome:
         return {k: v for k, v in asdict(self).items() if k not in ("reused", "reason", "kind")}
 
     @classmethod
-    def from_store(cls, data: Mapping[str, Any]) -> Outcome:
+    def from_store(cls, data: Mapping[str, Any]) -> RunResult:
         """Return what `to_store` describes."""
-        found: Outcome = TypeAdapter(cls).validate_python({**data, "reused": True})
+        found: RunResult = TypeAdapter(cls).validate_python({**data, "reused": True})
         return found
 
 
@@ -121,13 +121,13 @@ class Plan:
         notes: what should be known before, one line each.
     """
 
-    points: Sequence[Point]
-    runs: Sequence[Run]
-    at: Mapping[tuple[str, int], Run]
+    points: Sequence[GridPoint]
+    runs: Sequence[PlannedRun]
+    at: Mapping[tuple[str, int], PlannedRun]
     notes: Sequence[str]
 
 
-def make_plan(study: Study, points: Sequence[Point] | None = None) -> Plan:
+def make_plan(study: Study, points: Sequence[GridPoint] | None = None) -> Plan:
     """Return what has to be run.
 
     Args:
@@ -150,14 +150,14 @@ class _Planner:
     def __init__(self, study: Study) -> None:
         self._study = study
         self._references = {name: analysis.references for name, analysis in study.analyses.items()}
-        self._runs: dict[str, Run] = {}
+        self._runs: dict[str, PlannedRun] = {}
         self._notes: dict[str, None] = {}
         self._files = Hashes(study.folder)
         self._common = {"workbench": __version__, "code": code_hash()}
 
-    def plan(self, every: Sequence[Point]) -> Plan:
+    def plan(self, every: Sequence[GridPoint]) -> Plan:
         """Return all of it at some points."""
-        at: dict[tuple[str, int], Run] = {}
+        at: dict[tuple[str, int], PlannedRun] = {}
         for k, point in enumerate(every):
             for name in self._ordered():
                 at[name, k] = self._run(name, point, {r.analysis: at[r.analysis, k] for r in self._references[name]})
@@ -180,7 +180,7 @@ class _Planner:
         """Return the models that an analysis depends on."""
         return set(self._study.analyses[name].models).union(*(self._models(r.analysis) for r in self._references[name]))
 
-    def _run(self, name: str, point: Point, needs: Mapping[str, Run]) -> Run:
+    def _run(self, name: str, point: GridPoint, needs: Mapping[str, PlannedRun]) -> PlannedRun:
         analysis = self._study.analyses[name]
         models = tuple(self._study.model_at(model, point) for model in analysis.models)
         part = self._study.part_of(point, self._models(name))
@@ -196,7 +196,7 @@ class _Planner:
         key = _key({"models": [str(model.model) for model in models], "options": asks}, wants, needs)
         identity = json.dumps([subject, key], sort_keys=True)
         if identity not in self._runs:
-            self._runs[identity] = Run(
+            self._runs[identity] = PlannedRun(
                 analysis=analysis, point=part, models=models, options=options, words=words, wants=wants,
                 needs=needs, subject=subject, key=key, files=tuple(self._study.folder / p for p in files.values()),
             )  # fmt: skip
@@ -206,7 +206,7 @@ class _Planner:
         for references in self._references.values():
             yield from (r for r in references if r.analysis == name)
 
-    def _options(self, analysis: Analysis, models: Sequence[Change]) -> dict[str, Any]:
+    def _options(self, analysis: StudyAnalysis, models: Sequence[Change]) -> dict[str, Any]:
         """Return how the models are opened, then the options of the analysis; `set` and `bias` are joined."""
         where, command, own = f"[analyses.{analysis.name}]", analysis.command, analysis.options
         if any(model.options != models[0].options for model in models):
@@ -246,7 +246,7 @@ def _with_label(path: Path, label: str) -> Path:
     return path.with_stem(f"{path.stem}_{plain}") if plain else path
 
 
-def _key(asked: Mapping[str, Any], wants: Sequence[str], needs: Mapping[str, Run]) -> str:
+def _key(asked: Mapping[str, Any], wants: Sequence[str], needs: Mapping[str, PlannedRun]) -> str:
     """Return what tells a run from others of the same subject, as text; the order of options does not."""
     others = {name: [run.subject, run.key] for name, run in needs.items()}
     return json.dumps({"asked": asked, "wants": list(wants), "needs": others}, sort_keys=True)

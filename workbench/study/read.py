@@ -15,11 +15,11 @@ from workbench.core.machine.files import named_path
 from workbench.core.records.record import read_toml_table
 from workbench.errors import InputError, suggest
 from workbench.study.commands import COMMANDS, Command, Reference, command
-from workbench.study.description import Analysis, Approval, Change, Study
+from workbench.study.description import Approval, Change, Study, StudyAnalysis
 from workbench.study.position_in_file import known, place
 from workbench.study.requirements import read_requirement
 from workbench.study.requirements.base import Requirement, Scalar
-from workbench.system.files.toml_schema import Table, read_table
+from workbench.system.files.toml_schema import TomlTable, read_table
 
 __all__ = ["bundled_studies", "is_bundled_study", "locate_study", "read_study"]
 
@@ -29,7 +29,7 @@ _OURS = {"json": "results are in the JSON of the study", "store": "the study has
 _FILES = (".fmu", ".toml", ".ssp", ".ssd", ".json")
 
 
-class ApprovalTable(Table):
+class ApprovalTable(TomlTable):
     """Who has to agree with a study; without name and date the report has a line to sign."""
 
     role: str = Field(min_length=1)
@@ -37,7 +37,7 @@ class ApprovalTable(Table):
     date: str = ""
 
 
-class StudyTable(Table):
+class StudyTable(TomlTable):
     """The whole file; what the tables hold is read table by table."""
 
     name: str | None = None
@@ -54,13 +54,13 @@ class StudyTable(Table):
     requirements: list[Any] = Field(default_factory=list)
 
 
-class AnalysisTable(Table):
+class AnalysisTable(TomlTable):
     """The keys of an analysis that are no options of its command."""
 
     command: str
 
 
-class ChangeTable(Table):
+class ChangeTable(TomlTable):
     """What a configuration changes of a model. Times in [s]."""
 
     model: str | None = None
@@ -145,7 +145,7 @@ def _check_references(study: Study) -> None:
         _check_circle(name, study, ())
 
 
-def _check_reference(analysis: Analysis, reference: Reference, study: Study) -> None:
+def _check_reference(analysis: StudyAnalysis, reference: Reference, study: Study) -> None:
     where = f"[analyses.{analysis.name}]"
     known(where, "analysis", reference.analysis, study.analyses)
     source = study.analyses[reference.analysis]
@@ -169,7 +169,7 @@ def _check_circle(name: str, study: Study, before: tuple[str, ...]) -> None:
 def _study(path: Path, data: Mapping[str, Any]) -> Study:
     table = read_table(StudyTable, data, "")
     models = {name: _model(name, given, path.parent) for name, given in table.models.items()}
-    analyses: dict[str, Analysis] = {}
+    analyses: dict[str, StudyAnalysis] = {}
     for name, given in table.analyses.items():
         analyses[name] = _analysis(name, given, models, path.parent)
     if not analyses:
@@ -281,7 +281,7 @@ def _flat(given: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 # -- analyses and requirements -----------------------------------------------------------------
 
 
-def _analysis(name: str, given: object, models: dict[str, Change], folder: Path) -> Analysis:
+def _analysis(name: str, given: object, models: dict[str, Change], folder: Path) -> StudyAnalysis:
     where = f"[analyses.{name}]"
     if not isinstance(given, dict):
         raise InputError(f'{where}: must be a table with a command, as in command = "nfr"')
@@ -297,7 +297,7 @@ def _analysis(name: str, given: object, models: dict[str, Change], folder: Path)
     if facts.on_models and not isinstance(options.get(facts.subject), Reference):
         asked = _asked(where, facts, options.pop(facts.subject, None), models)
     names = tuple(_model_of(where, model, models, folder) for model in asked)
-    return Analysis(name=name, command=facts, models=names, options=options)
+    return StudyAnalysis(name=name, command=facts, models=names, options=options)
 
 
 def _referring(key: str, value: Any) -> Any:  # noqa: ANN401 - what TOML can hold
@@ -340,7 +340,7 @@ def _model_of(where: str, model: object, models: dict[str, Change], folder: Path
 
 def _requirements(
     given: Sequence[object],
-    analyses: Mapping[str, Analysis],
+    analyses: Mapping[str, StudyAnalysis],
     configurations: Mapping[str, object],
     grid: Mapping[str, tuple[Scalar, ...]],
 ) -> tuple[Requirement, ...]:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench.core.records.csv_file import write_csv
 from workbench.study.description import Study
-from workbench.study.plan import Outcome, Run
+from workbench.study.plan import PlannedRun, RunResult
 from workbench.study.requirements.base import Compliance, Requirement
 
 if TYPE_CHECKING:
     from workbench.show.page import Page
 
-__all__ = ["Checked", "StudyResult"]
+__all__ = ["RequirementResult", "StudyResult"]
 
 _MOST = 40  # so many lines are shown
 _NAMED = 4  # so many violated requirements are named in a sentence
@@ -28,7 +28,7 @@ _COLUMNS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Checked:
+class RequirementResult:
     """One requirement at one point.
 
     Attributes:
@@ -40,7 +40,7 @@ class Checked:
 
     requirement: Requirement
     point: str
-    runs: tuple[Run, ...]
+    runs: tuple[PlannedRun, ...]
     finding: Compliance
 
     @property
@@ -84,8 +84,8 @@ class StudyResult:
     """
 
     study: Study
-    runs: Mapping[Run, Outcome]
-    checked: Sequence[Checked]
+    runs: Mapping[PlannedRun, RunResult]
+    checked: Sequence[RequirementResult]
     measured: int
     reused: int
     missing: int
@@ -93,23 +93,23 @@ class StudyResult:
     command: str
 
     @property
-    def violated(self) -> list[Checked]:
+    def violated(self) -> list[RequirementResult]:
         """Requirements that are not met, in the order of the study."""
         return [c for c in self.checked if not c.finding.passed]
 
     @property
-    def shown(self) -> list[Checked]:
+    def shown(self) -> list[RequirementResult]:
         """Violated requirements first; of a long list only the worst of each requirement beside them."""
         ordered = sorted(self.checked, key=lambda c: c.finding.passed)
         if len(ordered) <= _MOST:
             return ordered
-        worst: dict[str, Checked] = {}
+        worst: dict[str, RequirementResult] = {}
         for checked in sorted((c for c in ordered if c.finding.passed), key=_margin):
             worst.setdefault(checked.requirement.name, checked)
         return [*self.violated, *worst.values()]
 
     @property
-    def failed(self) -> list[tuple[Run, Outcome]]:
+    def failed(self) -> list[tuple[PlannedRun, RunResult]]:
         """Analyses without a result, and those of which points failed."""
         return [(run, o) for run, o in self.runs.items() if o.result is None or o.code != 0]
 
@@ -199,11 +199,11 @@ class StudyResult:
         write_report(self.page(), path, origin)
 
 
-def _margin(checked: Checked) -> float:
+def _margin(checked: RequirementResult) -> float:
     return math.inf if checked.finding.margin is None else checked.finding.margin
 
 
-def _run_dict(run: Run, outcome: Outcome) -> dict[str, Any]:
+def _run_dict(run: PlannedRun, outcome: RunResult) -> dict[str, Any]:
     return {
         "name": run.analysis.name,
         "point": run.point.label,
@@ -222,7 +222,7 @@ def _run_dict(run: Run, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _row(checked: Checked) -> list[Any]:
+def _row(checked: RequirementResult) -> list[Any]:
     requirement = checked.requirement
     found = checked.to_dict() | {"requirement": requirement.name, "analysis": requirement.analysis}
     cells = (found.get(name, checked.finding.limit.get(name)) for name in _COLUMNS)

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 from workbench.errors import InputError
 from workbench.jobs.options import Scheduler
-from workbench.study.description import Point, Study
+from workbench.study.description import GridPoint, Study
 from workbench.study.execute import Execution, Progress
 from workbench.study.finished_store import FOLDER, Finished
-from workbench.study.plan import Outcome, Plan, Run, make_plan
+from workbench.study.plan import Plan, PlannedRun, RunResult, make_plan
 from workbench.study.position_in_file import place
 from workbench.study.read import is_bundled_study, read_study
 from workbench.study.requirements.base import Compliance, NotMeasured, Requirement, Result
-from workbench.study.result import Checked, StudyResult
+from workbench.study.result import RequirementResult, StudyResult
 
 if TYPE_CHECKING:
     from workbench.jobs.options import Workers
@@ -61,7 +61,7 @@ class StudyRun:
         """Number of analyses at all points."""
         return len(self.plan.runs)
 
-    def _checked(self, finished: Finished, execution: Execution) -> list[Checked]:
+    def _checked(self, finished: Finished, execution: Execution) -> list[RequirementResult]:
         """Return every requirement, as it came out before where nothing is new."""
         every = _questions(self.study, self.plan)
         if not execution.measured and not execution.missing:
@@ -176,7 +176,7 @@ def run_study(
     return prepared.run(lambda: place)
 
 
-def check_runs(study: Study, runs: Sequence[Run]) -> None:
+def check_runs(study: Study, runs: Sequence[PlannedRun]) -> None:
     """Look for mistakes before anything runs; what is in the store had none.
 
     Args:
@@ -198,26 +198,26 @@ def check_runs(study: Study, runs: Sequence[Run]) -> None:
 # -- requirements ------------------------------------------------------------------------------
 
 
-def _questions(study: Study, plan: Plan) -> list[Checked]:
+def _questions(study: Study, plan: Plan) -> list[RequirementResult]:
     """Return every requirement at every point at which its analyses differ, nothing measured yet.
 
     Args:
         study: what was asked for.
         plan: what is run.
     """
-    found: list[Checked] = []
+    found: list[RequirementResult] = []
     for requirement in study.requirements:
-        seen: set[tuple[Run, ...]] = set()
+        seen: set[tuple[PlannedRun, ...]] = set()
         for k, point in enumerate(plan.points):
             runs = tuple(plan.at[name, k] for name in requirement.analyses)
             if runs not in seen and _applies(requirement, point):
                 seen.add(runs)
                 empty = Compliance(value=None)
-                found.append(Checked(requirement=requirement, point=_label(runs), runs=runs, finding=empty))
+                found.append(RequirementResult(requirement=requirement, point=_label(runs), runs=runs, finding=empty))
     return found
 
 
-def _answer(question: Checked, outcomes: Mapping[Run, Outcome]) -> Checked:
+def _answer(question: RequirementResult, outcomes: Mapping[PlannedRun, RunResult]) -> RequirementResult:
     """Return a requirement with what came out.
 
     Args:
@@ -230,20 +230,20 @@ def _answer(question: Checked, outcomes: Mapping[Run, Outcome]) -> Checked:
     return replace(question, finding=finding_of(question.requirement, [outcomes.get(run) for run in question.runs]))
 
 
-def _applies(requirement: Requirement, point: Point) -> bool:
+def _applies(requirement: Requirement, point: GridPoint) -> bool:
     chosen = requirement.configurations is None or point.configuration in requirement.configurations
     wanted = {name: v if isinstance(v, list) else [v] for name, v in requirement.grid.items()}
     return chosen and all(point.values[name] in values for name, values in wanted.items())
 
 
-def _label(runs: Sequence[Run]) -> str:
+def _label(runs: Sequence[PlannedRun]) -> str:
     """Join what of the point concerns the analyses."""
     configuration = next((r.point.configuration for r in runs if r.point.configuration), None)
     values = {name: value for r in runs for name, value in r.point.values.items()}
-    return Point(configuration=configuration, values=values).label
+    return GridPoint(configuration=configuration, values=values).label
 
 
-def finding_of(requirement: Requirement, outcomes: Sequence[Outcome | None]) -> Compliance:
+def finding_of(requirement: Requirement, outcomes: Sequence[RunResult | None]) -> Compliance:
     """Return how a requirement came out.
 
     Args:

@@ -13,7 +13,7 @@ from scipy import stats
 
 from workbench.errors import InputError
 from workbench.study.requirements.base import Scalar
-from workbench.system.files.toml_schema import Table, read_table
+from workbench.system.files.toml_schema import TomlTable, read_table
 
 __all__ = ["KINDS", "Spread", "read_spread"]
 
@@ -22,7 +22,7 @@ __all__ = ["KINDS", "Spread", "read_spread"]
 _COVERED = 0.998
 
 
-class SpreadTable(Table):
+class SpreadTable(TomlTable):
     """A parameter of the envelope; one of the distributions, and what goes with it."""
 
     range: list[float] | None = None

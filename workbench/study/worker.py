@@ -28,17 +28,17 @@ from workbench.requests.request import Request, function
 from workbench.show.files_written import Written
 from workbench.show.result import page_of, write_report
 from workbench.study.commands import Command, command
-from workbench.study.plan import Outcome
+from workbench.study.plan import RunResult
 from workbench.system.load import open_file
 
-__all__ = ["Job", "perform"]
+__all__ = ["CommandJob", "perform"]
 
 _NOT_WELL = 1  # exit code of a record that says so
 _MOST_OPEN = 4  # models
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class CommandJob:
     """One analysis.
 
     Attributes:
@@ -66,10 +66,10 @@ class Job:
     files: Mapping[str, str] = field(default_factory=dict)
 
 
-def perform(_model: None, job: Job) -> Iterator[Outcome]:
+def perform(_model: None, job: CommandJob) -> Iterator[RunResult]:
     """Do an analysis and yield what it gave, once."""
     if not (job.folder.is_dir() and job.workplace.is_dir()):  # on another machine
-        yield Outcome(
+        yield RunResult(
             reason=f"{job.folder} or {job.workplace} is not on {platform.node()}: on a cluster the folders of a study "
             "and of its store must lie on a file system that all machines share",
             kind=WorkbenchError.kind,
@@ -82,9 +82,9 @@ def perform(_model: None, job: Job) -> Iterator[Outcome]:
         with one_thread():  # others of this study have the other cores
             outcome = _by_request(known, job)
     except WorkbenchError as error:
-        outcome = Outcome(reason=error.args[0], kind=error.kind)
+        outcome = RunResult(reason=error.args[0], kind=error.kind)
     except Exception as error:  # noqa: BLE001 - one analysis must not end the others, whatever is wrong with it
-        outcome = Outcome(reason=_bug(error), kind=WorkbenchError.kind)
+        outcome = RunResult(reason=_bug(error), kind=WorkbenchError.kind)
     files = _tables(job) if job.csv else {}
     yield replace(outcome, seconds=round(time.monotonic() - begin, 3), files=files)
 
@@ -95,7 +95,7 @@ def _bug(error: Exception) -> str:
     return f"{type(error).__name__}: {error} ({place}); this is a bug of the workbench"
 
 
-def _by_request(known: Command, job: Job) -> Outcome:
+def _by_request(known: Command, job: CommandJob) -> RunResult:
     asked, written, loading = known.asked(job.options)
     if job.confine and isinstance(asked, InWorker):
         stored = asked.isolated and getattr(asked, "store", None) is not None
@@ -124,7 +124,7 @@ def _by_request(known: Command, job: Job) -> Outcome:
             origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=seconds)
             known_of = replace(origin, command=job.command, call=job.command_line, notes=notes, data=data)
             write_report(page, written.report, known_of)
-    return Outcome(result=data, code=0 if asked.went_well(record) else _NOT_WELL, notes=notes)
+    return RunResult(result=data, code=0 if asked.went_well(record) else _NOT_WELL, notes=notes)
 
 
 # Models of analyses before, without any values set: what they were opened as. Nothing is ever run on these themselves.
@@ -132,7 +132,12 @@ _open: list[tuple[object, DescribedModel]] = []
 
 
 @contextmanager
-def _opened(asked: Request[Any, Any], given: Any, loading: Loading, job: Job) -> Iterator[tuple[Any, tuple[str, ...]]]:  # noqa: ANN401
+def _opened(
+    asked: Request[Any, Any],
+    given: Any,  # noqa: ANN401 - a path or paths
+    loading: Loading,
+    job: CommandJob,
+) -> Iterator[tuple[Any, tuple[str, ...]]]:
     """Yield as `Request.opened`; where only values of the same model are others, its files stay open and loaded."""
     known = asked.subject.opened and isinstance(given, str) and job.files
     model = _again(given, loading, job) if known else None
@@ -146,7 +151,7 @@ def _opened(asked: Request[Any, Any], given: Any, loading: Loading, job: Job) ->
         model.end_sessions()
 
 
-def _again(given: str, loading: Loading, job: Job) -> DescribedModel | None:
+def _again(given: str, loading: Loading, job: CommandJob) -> DescribedModel | None:
     """Return a model that is open, with the values asked for; None: it is to be opened anew, which tells errors."""
     plain = recast(Loading, loading, start_values={})
     key = (given, job.folder, job.files, values_of(plain))
@@ -168,7 +173,7 @@ def _check_writable(written: Written) -> None:
             file_to_write(path, option=name)
 
 
-def _write(record: Any, written: Written, job: Job) -> list[str]:  # noqa: ANN401 - of any class
+def _write(record: Any, written: Written, job: CommandJob) -> list[str]:  # noqa: ANN401 - of any class
     """Write the files of a record; return those of the CSV."""
     tables = [job.workplace / f"{job.csv}.csv"] if job.csv else []
     tables += [Path(written.csv)] if written.csv is not None else []
@@ -179,7 +184,7 @@ def _write(record: Any, written: Written, job: Job) -> list[str]:  # noqa: ANN40
     return files
 
 
-def _tables(job: Job) -> dict[str, str]:
+def _tables(job: CommandJob) -> dict[str, str]:
     """Return the CSV files by kind: NAME.csv is "csv", NAME_validation.csv is "validation"."""
     first = f"{job.csv}.csv"
     files = {f.name: f.read_text(encoding="utf-8") for f in job.workplace.glob(f"{job.csv}*.csv")}

@@ -19,7 +19,7 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler, exact
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.access import TypeCalls
-from workbench.fmi.description import Capabilities, DefaultExperiment, Description
+from workbench.fmi.description import Capabilities, DefaultExperiment, ModelDescription
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.instance import EventInfo, Instance, StepResult
 from workbench.fmi.instants import Instants
@@ -55,7 +55,7 @@ class BlockInstance(Instance):
     TYPES: ClassVar[Mapping[str, TypeCalls]] = {"Real": TypeCalls("fmi2GetReal", "fmi2SetReal", ctypes.c_double)}
     CALLS: ClassVar[Mapping[str, str]] = Instance2.CALLS
 
-    def __init__(self, component: NativeComponent, description: Description) -> None:
+    def __init__(self, component: NativeComponent, description: ModelDescription) -> None:
         linear = _linear(component)
         self._function = component.function if isinstance(component, FunctionComponent) else None
         self._sampled = linear.dt > 0.0
@@ -285,7 +285,7 @@ def block_ports(component: NativeComponent) -> tuple[tuple[str, ...], tuple[str,
     raise InputError(f"{component.name}: this kind of component is unknown")
 
 
-def block_description(component: NativeComponent) -> Description:
+def block_description(component: NativeComponent) -> ModelDescription:
     """Return what a block says about itself, in an FMU's words."""
     linear = _linear(component)
     units = _units(component, linear)
@@ -302,7 +302,7 @@ def described(  # noqa: PLR0917
     states: tuple[Variable, ...],
     derivatives: tuple[Variable, ...],
     indicators: int = 0,
-) -> Description:
+) -> ModelDescription:
     """Return the description of a component that is not an FMU, in an FMU's words.
 
     Args:
@@ -313,7 +313,7 @@ def described(  # noqa: PLR0917
         derivatives: of the states.
         indicators: number of event indicators.
     """
-    return Description(
+    return ModelDescription(
         fmi_version="2.0",
         major=2,
         model_name=name,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from workbench.core.values.calendar import Sampler, exact
 from workbench.errors import FmuError, InputError
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import Instance
 from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
@@ -29,11 +29,20 @@ from workbench.system.description import (
 )
 from workbench.system.elements import ElementInstance, element_description
 
-__all__ = ["Opened", "Part", "block_part", "circle_notes", "declared_rates", "open_parts", "starts_of", "system_starts"]
+__all__ = [
+    "OpenComponent",
+    "Opened",
+    "block_part",
+    "circle_notes",
+    "declared_rates",
+    "open_parts",
+    "starts_of",
+    "system_starts",
+]
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class OpenComponent:
     """One component, opened.
 
     Attributes:
@@ -47,7 +56,7 @@ class Part:
     """
 
     component: Component
-    description: Description
+    description: ModelDescription
     interface: str
     starts: Mapping[str, Value]
     notes: tuple[str, ...]
@@ -88,7 +97,7 @@ class Opened:
     """
 
     description: SystemDescription
-    parts: tuple[Part, ...]
+    parts: tuple[OpenComponent, ...]
     resolved: Resolved
 
     @property
@@ -104,7 +113,7 @@ class Opened:
                 part.model.close()
 
 
-def declared_rates(parts: Sequence[Part]) -> DeclaredRates:
+def declared_rates(parts: Sequence[OpenComponent]) -> DeclaredRates:
     """Return when components say that they sample; FMUs are those that may do so besides.
 
     Args:
@@ -119,7 +128,7 @@ def declared_rates(parts: Sequence[Part]) -> DeclaredRates:
     )
 
 
-def circle_notes(parts: Sequence[Part], in_circle: Sequence[bool]) -> list[str]:
+def circle_notes(parts: Sequence[OpenComponent], in_circle: Sequence[bool]) -> list[str]:
     """Return a note for each part in an algebraic circle that may sample, and cannot do so again.
 
     Args:
@@ -134,7 +143,7 @@ def circle_notes(parts: Sequence[Part], in_circle: Sequence[bool]) -> list[str]:
     ]
 
 
-def _why_once(part: Part) -> str:
+def _why_once(part: OpenComponent) -> str:
     """Return why what a part samples at an event stays; empty: it does not, or it does not sample."""
     claims, described = part.description.interfaces[part.interface], part.description
     iterates = part.interface == "me" or claims.event_mode
@@ -158,7 +167,7 @@ def open_parts(
     recipes: Mapping[str, FmuRecipe] | None = None,
     *,
     interface: str = "auto",
-) -> tuple[Part, ...]:
+) -> tuple[OpenComponent, ...]:
     """Open every component.
 
     Args:
@@ -182,7 +191,7 @@ def _open(
     known: Mapping[str, FmuRecipe],
     unpacked: dict[str, FmuRecipe],
     interface: str,
-) -> Part:
+) -> OpenComponent:
     if not isinstance(component, FmuComponent):
         return block_part(component)
     if component.interface == "auto":
@@ -209,7 +218,7 @@ def _again(component: FmuComponent, first: FmuRecipe | None) -> FmuRecipe | None
     )
 
 
-def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> Part:
+def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> OpenComponent:
     if recipe is not None:
         model: DescribedModel = recipe.open()
     else:
@@ -218,7 +227,7 @@ def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> Part:
     starts = dict(model.start_values)
     described = _told(model.description, starts, component.units)
     doubted = ("the dependencies that it declares are not believed",) if component.dependencies == "all" else ()
-    return Part(
+    return OpenComponent(
         component=component,
         description=_undeclared(described) if doubted else described,
         interface=model.interface,
@@ -229,7 +238,7 @@ def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> Part:
     )
 
 
-def _told(description: Description, starts: Mapping[str, Value], units: Mapping[str, str]) -> Description:
+def _told(description: ModelDescription, starts: Mapping[str, Value], units: Mapping[str, str]) -> ModelDescription:
     """Return the description with start values and units that the system declares."""
 
     def told(variable: Variable) -> Variable:
@@ -243,7 +252,7 @@ def _told(description: Description, starts: Mapping[str, Value], units: Mapping[
     return dataclasses.replace(description, variables=tuple(told(v) for v in description.variables))
 
 
-def _undeclared(description: Description) -> Description:
+def _undeclared(description: ModelDescription) -> ModelDescription:
     """Return the description without what it says of dependencies: each output and derivative may depend on all."""
     variables, derivatives = (
         tuple(v._replace(dependencies=None) for v in of) for of in (description.variables, description.derivatives)
@@ -251,7 +260,7 @@ def _undeclared(description: Description) -> Description:
     return dataclasses.replace(description, variables=variables, derivatives=derivatives)
 
 
-def block_part(component: NativeComponent) -> Part:
+def block_part(component: NativeComponent) -> OpenComponent:
     """Return a component that is not an FMU, opened.
 
     Args:
@@ -259,7 +268,7 @@ def block_part(component: NativeComponent) -> Part:
     """
     description, make = _native(component)
     note = "a Python function, called at every evaluation: slow, and in this process only"
-    return Part(
+    return OpenComponent(
         component=component,
         description=description,
         interface="me",
@@ -270,7 +279,7 @@ def block_part(component: NativeComponent) -> Part:
     )
 
 
-def _native(component: NativeComponent) -> tuple[Description, Callable[[], Instance]]:
+def _native(component: NativeComponent) -> tuple[ModelDescription, Callable[[], Instance]]:
     """Return what a component that is not an FMU says about itself, and how an instance of it is made."""
     if isinstance(component, BlockComponent) and component.block.number:
         said = element_description(component)
@@ -279,7 +288,7 @@ def _native(component: NativeComponent) -> tuple[Description, Callable[[], Insta
     return description, lambda: BlockInstance(component, description)
 
 
-def system_starts(values: Mapping[str, Value], described: Description) -> dict[str, Value]:
+def system_starts(values: Mapping[str, Value], described: ModelDescription) -> dict[str, Value]:
     """Return start values that a whole system is given, in their variables' types.
 
     Args:
@@ -296,6 +305,6 @@ def system_starts(values: Mapping[str, Value], described: Description) -> dict[s
     return found
 
 
-def starts_of(parts: Sequence[Part]) -> dict[str, Value]:
+def starts_of(parts: Sequence[OpenComponent]) -> dict[str, Value]:
     """Return the start values that the system sets, by full name."""
     return {f"{p.name}.{name}": value for p in parts for name, value in p.starts.items()}

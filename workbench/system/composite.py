@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import gathered
 from workbench.errors import SimulationError, WorkbenchError
-from workbench.fmi.access import Access, TypeCalls
+from workbench.fmi.access import TypeCalls, VariableAccess
 from workbench.fmi.binding import VERSIONS
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult, no_event_time
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Value, Variable
@@ -25,7 +25,7 @@ from workbench.fmi.wiring import Wiring
 from workbench.session.evaluated_point import named_states
 from workbench.session.forcing import convert
 from workbench.system.propagation import Propagation
-from workbench.system.tangent import Tangent
+from workbench.system.tangent import SystemJacobian
 
 __all__ = ["CompositeAccess", "CompositeInstance", "Ports", "next_event"]
 
@@ -49,7 +49,7 @@ def next_event(due: Iterable[float], wiring: Wiring, now: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
+class _CompositeState:
     """A saved state: those of the parts, and what stands on the connections."""
 
     parts: tuple[Any, ...]
@@ -78,7 +78,7 @@ class CompositeInstance(Instance):
     CALLS: ClassVar[Mapping[str, str]] = {}  # its parts have C functions
 
     def __init__(
-        self, parts: Sequence[Instance], wiring: Wiring, description: Description, ports: Ports, *, source: str
+        self, parts: Sequence[Instance], wiring: Wiring, description: ModelDescription, ports: Ports, *, source: str
     ) -> None:
         self._parts = tuple(parts)
         self._wiring = wiring
@@ -130,7 +130,7 @@ class CompositeInstance(Instance):
             self._propagation.run(self.time, events=self._events)
             self._stale = False
 
-    def access(self, variables: Sequence[Variable]) -> Access:
+    def access(self, variables: Sequence[Variable]) -> VariableAccess:
         return CompositeAccess(self, variables)
 
     # -- initialisation ---------------------------------------------------------------------
@@ -312,7 +312,7 @@ class CompositeInstance(Instance):
     def get_state(self) -> Any:
         self.refresh()
         wiring = self._wiring
-        return _State(
+        return _CompositeState(
             parts=tuple(p.get_state() for p in self._parts),
             values=wiring.values.copy(),
             sizes=wiring.sizes.copy(),
@@ -339,7 +339,7 @@ class CompositeInstance(Instance):
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]
     ) -> Floats:
         self.refresh()
-        tangent = Tangent(self._parts, self._wiring)
+        tangent = SystemJacobian(self._parts, self._wiring)
         moved = [(port, s) for v, s in zip(knowns, seed, strict=True) for port in self.ports(v)]
         return tangent.along(moved, [self.ports(v)[0] for v in unknowns])
 
@@ -347,7 +347,7 @@ class CompositeInstance(Instance):
 # -- reading and writing variables of a system: each part reads and writes its own -----------------
 
 
-class CompositeAccess(Access):
+class CompositeAccess(VariableAccess):
     """Variables of several parts in one list; a system's input is written to all that it drives."""
 
     def __init__(self, instance: CompositeInstance, variables: Sequence[Variable]) -> None:
@@ -358,7 +358,7 @@ class CompositeAccess(Access):
         self._readers = self._group([(p[0], i) for i, p in enumerate(ports)])
         self._writers = self._group([(port, i) for i, p in enumerate(ports) for port in p])
 
-    def _group(self, pairs: Sequence[tuple[tuple[int, Variable], int]]) -> list[tuple[Access, list[int]]]:
+    def _group(self, pairs: Sequence[tuple[tuple[int, Variable], int]]) -> list[tuple[VariableAccess, list[int]]]:
         """Return for each part its access, and where its variables stand in the list."""
         found = []
         for part in dict.fromkeys(number for (number, _), _ in pairs):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from workbench.errors import SimulationError
-from workbench.fmi.description import Capabilities, Description
+from workbench.fmi.description import Capabilities, ModelDescription
 from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
@@ -31,7 +31,7 @@ class ElementInstance(Instance2):
         description: its variables, from `element_description`.
     """
 
-    def __init__(self, component: BlockComponent, description: Description) -> None:
+    def __init__(self, component: BlockComponent, description: ModelDescription) -> None:
         block = self._block = component.block
         counts = (len(block.inputs), len(block.states), block.indicators)
         self._native, self.memory, self._kept = new_element(
@@ -72,7 +72,7 @@ class ElementInstance(Instance2):
         super().fail(name, status)
 
 
-def element_description(component: BlockComponent) -> Description:
+def element_description(component: BlockComponent) -> ModelDescription:
     """Return what a block of the kernel says about itself, in an FMU's words."""
     block = component.block
     variables, states, rates = _variables(block, component)

@@ -6,15 +6,15 @@ from collections import ChainMap
 from collections.abc import Mapping, Sequence
 
 from workbench.fmi.variable import Variable
-from workbench.system.components import Part
+from workbench.system.components import OpenComponent
 from workbench.system.description import Resolved
 
-__all__ = ["Reach", "states_of"]
+__all__ = ["SystemDependencies", "states_of"]
 
 Names = dict[str, None]  # a set that keeps its order
 
 
-class Reach:
+class SystemDependencies:
     """Puts together what the components declare of their outputs and derivatives.
 
     What is not declared may depend on every state and input of its own component, as FMI has it. Connections that
@@ -25,7 +25,7 @@ class Reach:
         resolved: their connections, and what the system's inputs drive.
     """
 
-    def __init__(self, parts: Sequence[Part], resolved: Resolved) -> None:
+    def __init__(self, parts: Sequence[OpenComponent], resolved: Resolved) -> None:
         self._parts, self._wires = parts, resolved.wires
         self._states = [{v.name: {f"{p.name}.{v.name}": None} for v in states_of(p)} for p in parts]
         self._driven: list[dict[str, Names]] = [{} for _ in parts]
@@ -83,7 +83,7 @@ def _place(variable: Variable) -> tuple[int, int, str]:
     return variable.value_reference, variable.element, variable.type
 
 
-def states_of(part: Part) -> tuple[Variable, ...]:
+def states_of(part: OpenComponent) -> tuple[Variable, ...]:
     """Return one variable for each state of a component; FMI 1.0 does not name them."""
     known, count = part.description.states, part.description.state_count
     return (*known, *(Variable(f"state[{i + 1}]") for i in range(len(known), count)))

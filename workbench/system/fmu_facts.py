@@ -18,11 +18,11 @@ from workbench.fmi.reading import DESCRIPTION, described_at
 from workbench.fmi.variable import Value, Variable
 from workbench.model.starts import check_starts
 
-__all__ = ["FmuFacts", "fmu_facts", "read_units"]
+__all__ = ["FmuInterface", "fmu_facts", "read_units"]
 
 
 @dataclass(frozen=True)
-class FmuFacts:
+class FmuInterface:
     """What a system file needs to know about an FMU.
 
     Attributes:
@@ -49,7 +49,7 @@ class FmuFacts:
         return check_starts(values, self.variables, types, self.definitions)
 
 
-def fmu_facts(file: str) -> FmuFacts:
+def fmu_facts(file: str) -> FmuInterface:
     """Return the facts about the FMU that `file` names: a path or `fmu:NAME`.
 
     Raises:
@@ -65,10 +65,10 @@ def fmu_facts(file: str) -> FmuFacts:
 
 
 @lru_cache(maxsize=64)
-def _facts(path: Path, _changed: int, _size: int) -> FmuFacts:
+def _facts(path: Path, _changed: int, _size: int) -> FmuInterface:
     description = described_at(path)
     made = {name: unit.unit(name) for name, unit in description.units.items()}
-    return FmuFacts(
+    return FmuInterface(
         variables={v.name: v for v in description.variables},
         units={name: unit for name, unit in made.items() if unit is not None},
         items={

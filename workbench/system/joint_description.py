@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from workbench.fmi.description import Capabilities, DefaultExperiment, Description
+from workbench.fmi.description import Capabilities, DefaultExperiment, ModelDescription
 from workbench.fmi.variable import Variable
-from workbench.system.components import Part
+from workbench.system.components import OpenComponent
 from workbench.system.composite import Ports
 from workbench.system.description import Port, Resolved, SystemDescription
-from workbench.system.feed_through import Reach, states_of
+from workbench.system.feed_through import SystemDependencies, states_of
 
 __all__ = ["joint_description", "joint_ports"]
 
 _OWN = ("input", "output")  # causalities that only the system's own inputs and outputs keep
 
 
-def joint_description(description: SystemDescription, parts: Sequence[Part], resolved: Resolved) -> Description:
+def joint_description(
+    description: SystemDescription, parts: Sequence[OpenComponent], resolved: Resolved
+) -> ModelDescription:
     """Return the system's description."""
-    reach = Reach(parts, resolved)
+    reach = SystemDependencies(parts, resolved)
     own = _own_variables(parts, resolved, reach)
     names = {v.name for v in own}
     numbered = [v._replace(value_reference=i, element=0) for i, v in enumerate(own)]
@@ -29,7 +31,7 @@ def joint_description(description: SystemDescription, parts: Sequence[Part], res
         if f"{p.name}.{v.name}" not in names
     )
     numbered += [v._replace(value_reference=i, element=0) for i, v in enumerate(inner, start=len(own))]
-    return Description(
+    return ModelDescription(
         fmi_version="2.0",
         major=2,
         model_name=description.name,
@@ -52,7 +54,7 @@ def joint_description(description: SystemDescription, parts: Sequence[Part], res
     )
 
 
-def joint_ports(parts: Sequence[Part], resolved: Resolved) -> Ports:
+def joint_ports(parts: Sequence[OpenComponent], resolved: Resolved) -> Ports:
     """Return for each variable of the system the parts' variables that it stands for."""
     ports: dict[str, tuple[tuple[int, Variable], ...]] = {
         f"{part.name}.{v.name}": ((i, v),)
@@ -64,7 +66,7 @@ def joint_ports(parts: Sequence[Part], resolved: Resolved) -> Ports:
     return ports
 
 
-def _own_variables(parts: Sequence[Part], resolved: Resolved, reach: Reach) -> list[Variable]:
+def _own_variables(parts: Sequence[OpenComponent], resolved: Resolved, reach: SystemDependencies) -> list[Variable]:
     inputs = [_own(parts, _strictest(ports), name) for name, ports in resolved.inputs.items()]
     outputs = [
         _own(parts, port, name)._replace(causality="output", dependencies=reach.of(port.component, port.variable))
@@ -73,7 +75,7 @@ def _own_variables(parts: Sequence[Part], resolved: Resolved, reach: Reach) -> l
     return [*inputs, *outputs]
 
 
-def _own(parts: Sequence[Part], port: Port, name: str) -> Variable:
+def _own(parts: Sequence[OpenComponent], port: Port, name: str) -> Variable:
     declared = _type_in(parts[port.component].name, port.variable)
     return port.variable._replace(name=name, declared_type=declared)
 
@@ -100,19 +102,19 @@ def _inner(component: str, variable: Variable, depends: tuple[str, ...] | None =
     )
 
 
-def _declared(reach: Reach, component: int, variable: Variable) -> tuple[str, ...] | None:
+def _declared(reach: SystemDependencies, component: int, variable: Variable) -> tuple[str, ...] | None:
     """Return what a variable depends on, where components declare that of variables of its kind."""
     says = variable.causality in _OWN or variable.derivative_of is not None
     return reach.of(component, variable) if says else None
 
 
-def _derivatives(parts: Sequence[Part], reach: Reach) -> tuple[Variable, ...]:
+def _derivatives(parts: Sequence[OpenComponent], reach: SystemDependencies) -> tuple[Variable, ...]:
     if any(len(p.description.derivatives) != p.description.state_count for p in parts):
         return ()
     return tuple(_inner(p.name, v, reach.of(k, v)) for k, p in enumerate(parts) for v in p.description.derivatives)
 
 
-def _capabilities(parts: Sequence[Part]) -> Capabilities:
+def _capabilities(parts: Sequence[OpenComponent]) -> Capabilities:
     claims = [p.description.interfaces[p.interface] for p in parts]
     return Capabilities(
         identifier="",
@@ -124,7 +126,7 @@ def _capabilities(parts: Sequence[Part]) -> Capabilities:
     )
 
 
-def _experiment(description: SystemDescription, parts: Sequence[Part]) -> DefaultExperiment:
+def _experiment(description: SystemDescription, parts: Sequence[OpenComponent]) -> DefaultExperiment:
     """Return what the file suggests; where it is silent, the longest and finest of the components' experiments."""
     given, inner = description.default_experiment, [p.description.experiment for p in parts]
     stops = [e.stop_time for e in inner if e.stop_time is not None]

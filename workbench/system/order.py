@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.fmi.variable import FLOAT_TYPES, Variable
-from workbench.fmi.wiring import Group, Wire, Wiring, wiring
+from workbench.fmi.wiring import AlgebraicGroup, Wire, Wiring, wiring
 
 __all__ = ["feeds_through", "plan"]
 
@@ -39,7 +39,7 @@ def feeds_through(source: Variable, through: Variable) -> bool:
 
 
 def _sequence(
-    connections: Sequence[Wire], events: Sequence[Group], graph: Graph, parts: int
+    connections: Sequence[Wire], events: Sequence[AlgebraicGroup], graph: Graph, parts: int
 ) -> tuple[tuple[int, ...], tuple[bool, ...]]:
     """Return in which order parts handle an event, and which are in a circle of them.
 
@@ -96,20 +96,20 @@ def _components(graph: Graph) -> NDArray[np.int32]:
     return label
 
 
-def _groups(graph: Graph, numbers: Sequence[int]) -> list[Group]:
+def _groups(graph: Graph, numbers: Sequence[int]) -> list[AlgebraicGroup]:
     """Sort the nodes of `graph`, which are the connections `numbers`, into groups in order of evaluation."""
     label = _components(graph)
     count = int(label.max()) + 1 if len(label) else 0
     members: list[list[int]] = [np.flatnonzero(label == k).tolist() for k in range(count)]
     level = _levels(graph, label, count)
-    groups: list[Group] = []
+    groups: list[AlgebraicGroup] = []
     for height in range(max(level, default=-1) + 1):
         here = [k for k in range(count) if level[k] == height]
         loops = [k for k in here if len(members[k]) > 1 or graph[members[k][0], members[k][0]]]
         plain = sorted(numbers[i] for k in here if k not in loops for i in members[k])
         if plain:
-            groups.append(Group(tuple(plain)))
-        groups += [Group(tuple(numbers[i] for i in members[k]), loop=True) for k in loops]
+            groups.append(AlgebraicGroup(tuple(plain)))
+        groups += [AlgebraicGroup(tuple(numbers[i] for i in members[k]), loop=True) for k in loops]
     return groups
 
 

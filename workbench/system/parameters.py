@@ -10,7 +10,7 @@ from workbench.core.records.option import options_of
 from workbench.core.records.parsing import from_toml
 from workbench.errors import InputError, close_names
 from workbench.fmi.variable import Value, Variable
-from workbench.system.components import Opened, Part, block_part
+from workbench.system.components import OpenComponent, Opened, block_part
 from workbench.system.connection_checks import resolve
 from workbench.system.description import BlockComponent, Component, FmuComponent, GainComponent, SystemDescription
 
@@ -96,7 +96,7 @@ def reparametrised(opened: Opened, values: Mapping[str, Value]) -> tuple[Opened,
     return Opened(system, parts, resolve(system, [p.description.variables for p in parts])), rest
 
 
-def _part(part: Part, component: Component) -> Part:
+def _part(part: OpenComponent, component: Component) -> OpenComponent:
     return part if isinstance(component, FmuComponent) or component is part.component else block_part(component)
 
 

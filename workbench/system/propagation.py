@@ -11,10 +11,10 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.fmi.access import Access
+from workbench.fmi.access import VariableAccess
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
-from workbench.fmi.wiring import Group, Wiring
+from workbench.fmi.wiring import AlgebraicGroup, Wiring
 from workbench.session.algebraic_error import too_early
 from workbench.session.forcing import convert
 from workbench.system.algebraic import AlgebraicLoop, solve_loop
@@ -23,7 +23,7 @@ __all__ = ["Propagation"]
 
 _SAME = 1e-8  # relative: what FMUs that iterate inside may differ by when asked again
 _ENOUGH = 64  # evaluations in continuous time, after which the order of the connections is believed
-_Part = tuple[Access, list[int]]  # of one component, and where its variables stand in the group
+_Part = tuple[VariableAccess, list[int]]  # of one component, and where its variables stand in the group
 
 
 class Propagation:
@@ -70,7 +70,7 @@ class _Bundle:
         old: some source is an FMI 1.0 FMU.
     """
 
-    def __init__(self, parts: Sequence[Instance], wiring: Wiring, group: Group, memory: int) -> None:
+    def __init__(self, parts: Sequence[Instance], wiring: Wiring, group: AlgebraicGroup, memory: int) -> None:
         self._wiring = wiring
         self._members = np.array(group.members, dtype=int)
         connections = [wiring.connections[i] for i in group.members]

@@ -16,7 +16,7 @@ import numpy as np
 from workbench.errors import FmuError, InputError
 from workbench.model.load import FmuRecipe
 from workbench.model.recipe import LoadRecipe
-from workbench.system.components import Opened, Part, open_parts
+from workbench.system.components import OpenComponent, Opened, open_parts
 from workbench.system.connection_checks import resolve
 from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
 from workbench.system.parameters import with_parameters
@@ -85,7 +85,7 @@ class SystemRecipe(LoadRecipe):
             undo.pop_all()
         return model
 
-    def _open_parts(self, undo: ExitStack) -> tuple[Part, ...]:
+    def _open_parts(self, undo: ExitStack) -> tuple[OpenComponent, ...]:
         """Open the components; a message names those of a package by their places in it, not where it is unpacked."""
         try:
             return open_parts(self.system.components, undo, self.parts, interface=self.interface)
@@ -104,7 +104,7 @@ class SystemRecipe(LoadRecipe):
             if opened.interface == "me":
                 raise InputError(f"{self.source}: {name} is for systems with co-simulation components; this has none")
 
-    def with_parts(self, parts: Sequence[Part]) -> Self:
+    def with_parts(self, parts: Sequence[OpenComponent]) -> Self:
         """Return the recipe with the FMUs as they are opened now."""
         found = {p.name: recipe for p in parts if (recipe := p.recipe) is not None}
         # The folder of an .ssp belongs to the model that was loaded first.

@@ -10,15 +10,15 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
-from workbench.fmi.wiring import Group, Wire, Wiring
+from workbench.fmi.wiring import AlgebraicGroup, Wire, Wiring
 from workbench.system.order import feeds_through
 
-__all__ = ["Tangent"]
+__all__ = ["SystemJacobian"]
 
 Port = tuple[int, Variable]
 
 
-class Tangent:
+class SystemJacobian:
     """How derivatives and outputs of a system move when states and inputs move: the chain rule along the connections.
 
     With s the movement of the connected values, s_i = gain_i · Σ ∂source_i/∂(what moves), group by group; in an
@@ -51,7 +51,7 @@ class Tangent:
                 found[i] = seeds[owner][variable.name][1]
         return found
 
-    def _pass_on(self, group: Group, seeds: list[dict[str, tuple[Variable, float]]]) -> None:
+    def _pass_on(self, group: AlgebraicGroup, seeds: list[dict[str, tuple[Variable, float]]]) -> None:
         connections = [self._wiring.connections[i] for i in group.members]
         if group.loop:
             moves = self._loop(connections, seeds)

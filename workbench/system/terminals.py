@@ -8,7 +8,7 @@ from dataclasses import replace
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import Terminal, TerminalMember
 from workbench.fmi.variable import Variable
-from workbench.system.components import Part
+from workbench.system.components import OpenComponent
 from workbench.system.description import Connection, SystemDescription
 from workbench.system.names import NameTable
 
@@ -19,7 +19,7 @@ _KINDS = ("signal", *_FLOWS)
 _RULES = ("plug", "bus", "sequence")
 
 
-def members_connected(description: SystemDescription, parts: Sequence[Part]) -> SystemDescription:
+def members_connected(description: SystemDescription, parts: Sequence[OpenComponent]) -> SystemDescription:
     """Return the system with a connection for each pair of members in place of each between terminals.
 
     Members of a plug are all matched by name, those of a bus where both have one of that name, those of a sequence by
@@ -50,7 +50,7 @@ class _Terminals:
         parts: the components.
     """
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[OpenComponent]) -> None:
         self._names = NameTable([p.name for p in parts], [p.description.variables for p in parts])
         self._terminals = {p.name: {t.name: t for t in p.description.terminals} for p in parts}
         self._variables = {p.name: {v.name: v for v in p.description.variables} for p in parts}

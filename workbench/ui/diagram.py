@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
 from workbench.system.block_table.registry import BLOCKS as KINDS
 from workbench.system.block_table.registry import entry_of
-from workbench.ui.root import NotHereError, Root
+from workbench.ui.root import NotHereError, ServedFolder
 
 __all__ = ["BLOCKS", "EDITS", "PALETTE", "drawn", "edited"]
 
@@ -33,7 +33,7 @@ PALETTE: Mapping[str, list[str]] = {
 _Table = MutableMapping[str, Any]
 
 
-def drawn(text: str, root: Root, name: str) -> dict[str, Any]:
+def drawn(text: str, root: ServedFolder, name: str) -> dict[str, Any]:
     """Return what a system file says, ready for JSON.
 
     `components` have `name`, `label` (what stands in the box), `what` (as it is written), `model` (as the browser
@@ -74,7 +74,7 @@ def _read(text: str) -> dict[str, Any]:
         raise InputError(f"this is not TOML yet: {error}") from None
 
 
-def _component(name: str, given: object, root: Root, folder: Path, wrong: list[str]) -> dict[str, Any]:
+def _component(name: str, given: object, root: ServedFolder, folder: Path, wrong: list[str]) -> dict[str, Any]:
     from workbench.system.blocks import block_ports  # noqa: PLC0415 - as above
     from workbench.system.description import FmuComponent  # noqa: PLC0415
     from workbench.system.files.toml_components import read_component  # noqa: PLC0415

@@ -9,11 +9,11 @@ from contextlib import suppress
 from typing import Any
 
 from workbench.commands import REQUESTS, request_of
-from workbench.core.records.option import Declared, Option
+from workbench.core.records.option import DeclaredOption, Option
 from workbench.errors import InputError
 from workbench.model.loading import Loading
 from workbench.requests.request import Request, asked_options, request_from
-from workbench.ui.root import NotHereError, Root
+from workbench.ui.root import NotHereError, ServedFolder
 
 __all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "request_of_form", "without_flags"]
 
@@ -64,7 +64,7 @@ def form_of(command: str) -> dict[str, Any]:
     }
 
 
-def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[Declared, str]]:
+def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[DeclaredOption, str]]:
     return {
         name: (declared, group)
         for name, (declared, group) in asked_options(request).items()
@@ -77,7 +77,7 @@ def _label(name: str) -> str:
     return name.replace("_", " ").strip().capitalize()
 
 
-def _field(name: str, declared: Declared, group: str, *, needed: bool) -> dict[str, Any]:
+def _field(name: str, declared: DeclaredOption, group: str, *, needed: bool) -> dict[str, Any]:
     option = declared.option
     needed = needed or declared.required
     default = [] if needed or declared.default in (None, (), {}) else declared.write(declared.default)
@@ -96,7 +96,7 @@ def _field(name: str, declared: Declared, group: str, *, needed: bool) -> dict[s
     }
 
 
-def _sample(declared: Declared) -> str:
+def _sample(declared: DeclaredOption) -> str:
     """Return what stands in a field that is empty and has no default."""
     form, own = declared.form, declared.option.metavar
     if form is not None and form.example and (not own or form.metavar.count(":") == own.count(":")):
@@ -116,13 +116,13 @@ def _range(option: Option) -> Iterator[str]:
         yield f"Less than {option.below:g}."
 
 
-def _kind(declared: Declared) -> str:
+def _kind(declared: DeclaredOption) -> str:
     if declared.form is not None:
         return _LIST if declared.form.repeated else _TEXT
     return _CHOICE if declared.option.choices else _TYPES.get(declared.type, _TEXT)
 
 
-def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple[Request[Any, Any], Loading]:
+def request_of_form(command: str, given: Mapping[str, Any], root: ServedFolder) -> tuple[Request[Any, Any], Loading]:
     """Return a request from what was filled in.
 
     Args:
@@ -162,7 +162,7 @@ def request_of_form(command: str, given: Mapping[str, Any], root: Root) -> tuple
     return asked
 
 
-def _check_files(declared: Declared, value: Any, root: Root, *, new: bool) -> None:  # noqa: ANN401 - of a form
+def _check_files(declared: DeclaredOption, value: Any, root: ServedFolder, *, new: bool) -> None:  # noqa: ANN401 - of a form
     """Refuse files that are not in the folder.
 
     Raises:
@@ -174,7 +174,7 @@ def _check_files(declared: Declared, value: Any, root: Root, *, new: bool) -> No
         root.find(file, new=new)
 
 
-def _stand_in(declared: Declared) -> Any:  # noqa: ANN401 - of a form
+def _stand_in(declared: DeclaredOption) -> Any:  # noqa: ANN401 - of a form
     """Return a value that an option can have; None: none is known."""
     for text in ("1", "1:2", "1=1", "1=1:2"):
         with suppress(InputError):
@@ -210,14 +210,14 @@ def without_flags(request: type[Request[Any, Any]], message: str) -> str:
     return message
 
 
-def _spoken(declared: Declared) -> set[str]:
+def _spoken(declared: DeclaredOption) -> set[str]:
     """Return by which names messages speak of an option."""
     words = declared.spoken
     one = re.sub("ies$", "y", words) if words.endswith("ies") else words.removesuffix("s")
     return {declared.flag, declared.flag.removeprefix("--"), words, one}
 
 
-def _given(declared: Declared, value: Any) -> Any:  # noqa: ANN401 - of a form
+def _given(declared: DeclaredOption, value: Any) -> Any:  # noqa: ANN401 - of a form
     """Return what a command line would give for what a form holds; None: nothing."""
     kind = _kind(declared)
     if kind == _SWITCH:
@@ -237,7 +237,7 @@ def _given(declared: Declared, value: Any) -> Any:  # noqa: ANN401 - of a form
         raise InputError(f"{declared.flag}: '{texts[0]}' is not {what}") from None
 
 
-def _named(message: str, options: Mapping[str, tuple[Declared, str]]) -> str:
+def _named(message: str, options: Mapping[str, tuple[DeclaredOption, str]]) -> str:
     """Return the option that a message begins with; empty: none."""
     begun = [
         (len(word), name)

@@ -19,7 +19,7 @@ from workbench.model.loading import Loading
 from workbench.requests.origin import Origin
 from workbench.requests.request import Request, command_line_of, function
 from workbench.ui.forms import OFFERED, in_the_form, request_of_form, without_flags
-from workbench.ui.root import Root
+from workbench.ui.root import ServedFolder
 
 __all__ = ["Desk", "Work"]
 
@@ -196,7 +196,7 @@ class Desk:
         root: the folder from which is opened.
     """
 
-    def __init__(self, root: Root) -> None:
+    def __init__(self, root: ServedFolder) -> None:
         self.root = root
         self.works: dict[int, Work] = {}
         # What a page asks does not wait for what a person measures.

@@ -14,7 +14,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.bundled import is_bundled
 from workbench.jobs.store import FILE_NAME
 
-__all__ = ["NotHereError", "Root"]
+__all__ = ["NotHereError", "ServedFolder"]
 
 _MOST = 2000  # entries that are listed
 _DEEPEST = 6  # folders below folders
@@ -32,7 +32,7 @@ class NotHereError(WorkbenchError):
     """A path that is not in the folder, leads out of it, or does not exist; which of these is not said."""
 
 
-class Root:
+class ServedFolder:
     """A folder from which models, systems, studies and stores are opened.
 
     Args:

@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import quote
 
 from workbench.errors import InputError
-from workbench.ui.root import Root
+from workbench.ui.root import ServedFolder
 
 __all__ = ["serve"]
 
@@ -57,7 +57,7 @@ def serve(folder: Path, *, port: int = 0, browser: bool = True, opened: str = ""
         port = listening.getsockname()[1]
         token = secrets.token_urlsafe(_TOKEN_BYTES)
         os.chdir(folder)  # so that what is shown as a command line holds in this folder
-        desk = Desk(Root(folder))
+        desk = Desk(ServedFolder(folder))
         settings: Any = {"log_level": "warning", "timeout_graceful_shutdown": 1, "lifespan": "off", "ws": "none"}
         server = uvicorn.Server(uvicorn.Config(Guard(app_of(desk), token, port), **settings))
         address = f"http://{_LOOPBACK}:{port}/?token={token}" + (f"#/open/{quote(opened, safe='')}" if opened else "")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from tests.oracle.master.course import Course, Reached
 from workbench.errors import EndedError, SimulationError
-from workbench.fmi.access import Access
+from workbench.fmi.access import VariableAccess
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.session.forcing import convert
@@ -38,7 +38,7 @@ class CsUnit:
         self._outlet = part.access(sources)
         self._as_start = held or hold_inputs
         self._slopes_work = part.capabilities.interpolates_inputs
-        self._accesses: dict[tuple[str, ...], Access] = {}
+        self._accesses: dict[tuple[str, ...], VariableAccess] = {}
 
     @property
     def takes(self) -> str:
@@ -109,7 +109,7 @@ class CsUnit:
             raise EndedError(f"{self.name} ended its run{instance.log.tail()}", time=instance.time)
         instance.enter_step_mode()
 
-    def _access(self, courses: Sequence[Course]) -> Access:
+    def _access(self, courses: Sequence[Course]) -> VariableAccess:
         names = tuple(c.variable.name for c in courses)
         if names not in self._accesses:
             self._accesses[names] = self._part.access([c.variable for c in courses])

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from tests.oracle.master.course import Course, Reached
 from workbench.errors import SimulationError
-from workbench.fmi.access import Access
+from workbench.fmi.access import VariableAccess
 from workbench.fmi.variable import Variable
 from workbench.signals.kinds import Constant, Signal, Table
 from workbench.system.master.group_unit import GroupUnit
@@ -28,7 +28,7 @@ class GroupStepper:
         variables = {v.name: v for v in unit.instance.description.variables}
         self._known: dict[str, Variable] = {n: v for n, v in variables.items() if v.causality == "input"}
         self._outlet = unit.instance.access([variables[name] for name in sources])
-        self._accesses: dict[tuple[str, ...], Access] = {}
+        self._accesses: dict[tuple[str, ...], VariableAccess] = {}
 
     @property
     def takes(self) -> str:
@@ -67,7 +67,7 @@ class GroupStepper:
         if courses:
             self._inlet_of(courses).write([c.end for c in courses])
 
-    def _inlet_of(self, courses: Sequence[Course]) -> Access:
+    def _inlet_of(self, courses: Sequence[Course]) -> VariableAccess:
         names = tuple(f"{self._names[c.component]}.{c.variable.name}" for c in courses)
         if names not in self._accesses:
             self._accesses[names] = self.instance.access([self._known[n] for n in names])

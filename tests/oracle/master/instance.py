@@ -15,7 +15,7 @@ from tests.oracle.master.cs_unit import CsUnit
 from tests.oracle.master.group_unit import GroupStepper
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.fmi.access import Access
+from workbench.fmi.access import VariableAccess
 from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
 from workbench.session.forcing import convert
@@ -45,8 +45,8 @@ class OracleMasterInstance(MasterInstance):
         super().__init__(*args, **names)
         self._known: dict[int, float] = {}
         self._forced: dict[tuple[int, str], _Ramp] = {}
-        self._inlets: dict[tuple[int, str], Access] = {}
-        self._watched: Access | None = None
+        self._inlets: dict[tuple[int, str], VariableAccess] = {}
+        self._watched: VariableAccess | None = None
         self.reached = np.zeros(0)
         self._units = [self._unit(k) for k in range(len(self.decided.units.units))]
 
@@ -74,7 +74,7 @@ class OracleMasterInstance(MasterInstance):
             if ramp.slope and self.time > ramp.time:
                 self._inlet(number, name).write([ramp.at(self.time)])
 
-    def _inlet(self, number: int, name: str) -> Access:
+    def _inlet(self, number: int, name: str) -> VariableAccess:
         if (number, name) not in self._inlets:
             part = self.parts[number]
             self._inlets[number, name] = part.access([v for v in part.description.variables if v.name == name])
@@ -90,7 +90,7 @@ class OracleMasterInstance(MasterInstance):
         outputs = [float(v) for v in self._watched.read()] if self._watched.variables else []
         return np.array([*(self._known[i] for i in sorted(self._known)), *outputs])
 
-    def try_input_slopes(self, access: Access, slopes: Sequence[float]) -> bool:
+    def try_input_slopes(self, access: VariableAccess, slopes: Sequence[float]) -> bool:
         """Note how the system's inputs go on in the next step."""
         if access.variables:
             for variable, value, slope in zip(access.variables, access.read(), slopes, strict=True):

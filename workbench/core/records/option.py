@@ -31,7 +31,7 @@ from workbench.errors import InputError, suggest
 
 __all__ = [
     "EACH",
-    "Declared",
+    "DeclaredOption",
     "Option",
     "Options",
     "asked_in_json",
@@ -104,7 +104,7 @@ class Option:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Declared:
+class DeclaredOption:
     """An option of a request, complete.
 
     Attributes:
@@ -275,7 +275,7 @@ class Options:
             object.__setattr__(self, declared.name, declared.checked(getattr(self, declared.name)))
 
 
-def options_of(request: type[Options]) -> tuple[Declared, ...]:
+def options_of(request: type[Options]) -> tuple[DeclaredOption, ...]:
     """Return the options of a request: those given by position, its own, then those of its parts."""
     return _options_of(cast("Hashable", request))
 
@@ -285,7 +285,7 @@ def values_of(asked: Options) -> dict[str, Any]:
     return {d.name: getattr(asked, d.name) for d in options_of(type(asked))}
 
 
-def parts_of(request: type[Options], group: str = "") -> Iterator[tuple[Declared, str]]:
+def parts_of(request: type[Options], group: str = "") -> Iterator[tuple[DeclaredOption, str]]:
     """Yield each option with its heading as a command line has it: a part of options is taken apart.
 
     Args:
@@ -349,7 +349,7 @@ def asked_in_json(asked: Options) -> dict[str, Any]:
     return found
 
 
-def _part(declared: Declared) -> type[Options] | None:
+def _part(declared: DeclaredOption) -> type[Options] | None:
     """Return the options that stand for one; None: it is an option itself."""
     kind = declared.option.part or declared.type
     return kind if inspect.isclass(kind) and issubclass(kind, Options) else None
@@ -373,11 +373,11 @@ def recast(request: type[_Kind], asked: Options, **others: Any) -> _Kind:  # noq
 
 
 @cache
-def _options_of(request: Any) -> tuple[Declared, ...]:  # noqa: ANN401 - a class; mypy holds it for unhashable
+def _options_of(request: Any) -> tuple[DeclaredOption, ...]:  # noqa: ANN401 - a class; mypy holds it for unhashable
     hints = _hints(request)
     own = vars(request).get("__annotations__", {})
     return tuple(
-        Declared(
+        DeclaredOption(
             name=f.name,
             type=_plain(hints[f.name]),
             form=f.metadata[_DECLARED].form or next(_forms(hints[f.name]), None),

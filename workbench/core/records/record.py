@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 __all__ = [
-    "Part",
     "Record",
+    "RecordPart",
     "brief",
     "complex_of",
     "entry",
@@ -87,7 +87,7 @@ def brief(value: object) -> str:
     return text if len(text) <= _WORDY else f"{text[: _WORDY - 1]}…"
 
 
-class Part:
+class RecordPart:
     """A part of a record that is written to JSON and read back; a frozen dataclass.
 
     The keys are those of the fields, in their order, then those of `derived`.
@@ -99,7 +99,7 @@ class Part:
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         if "__repr__" not in vars(cls):  # a dataclass leaves it as it is then
-            cls.__repr__ = Part.__repr__  # type: ignore[method-assign]
+            cls.__repr__ = RecordPart.__repr__  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
         """Return the fields in a line that a notebook can show: long arrays and tables by their sizes."""
@@ -160,7 +160,7 @@ class Part:
             raise InputError(f"{path}: {error}") from None
 
 
-class Record(Part):
+class Record(RecordPart):
     """A frozen dataclass that is written to JSON and tables, and read back."""
 
     def rows(self) -> Iterable[Sequence[Any]]:
@@ -261,7 +261,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401, PLR0911 - whatever a record holds
         return float(value) if math.isfinite(value) else None
     if isinstance(value, complex):
         return [plain(value.real), plain(value.imag)]
-    if isinstance(value, Part):
+    if isinstance(value, RecordPart):
         return value.to_dict()
     if is_dataclass(value):
         own, inline = _written(value)
@@ -390,7 +390,7 @@ def _read(kind: Any, data: Any, lengths: Mapping[str, int], where: str) -> Any: 
     """Return a dataclass; `lengths` are those of the fields around it, by which empty arrays have their shape."""
     if not isinstance(data, Mapping):
         raise _WrongKeyError(f"{where or 'it'} is not an object with keys")
-    if issubclass(kind, Part):
+    if issubclass(kind, RecordPart):
         try:
             data = kind.restored(data)
         except KeyError as error:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 
 __all__ = ["ClosedLoop", "between"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClosedLoop(Part):
+class ClosedLoop(RecordPart):
     """Components of a system that drive each other, and the signals that have to do with them.
 
     Attributes:

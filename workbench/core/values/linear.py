@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.core.machine.blas import one_thread
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.large import corners_hz, is_large, poles_about
 from workbench.core.values.matrices import balance, held, is_sparse, product, resolvent
@@ -38,7 +38,7 @@ _INFINITE = 1e12  # generalised eigenvalues beyond the largest pole times this a
 
 
 @dataclass(frozen=True, eq=False)
-class Linear(Part):
+class Linear(RecordPart):
     """A linear model: dx/dt = A x + B u, y = C x + D u, or x(k+1) = A x(k) + B u(k) likewise.
 
     Vectors and numbers given for B, C and D become matrices of one column or row.

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.decibels import decibels
 
 __all__ = [
@@ -17,7 +17,7 @@ STABLE, UNSTABLE, BORDER, UNKNOWN = "stable", "unstable", "at the border", "unkn
 
 
 @dataclass(frozen=True)
-class PhaseCrossover(Part):
+class PhaseCrossover(RecordPart):
     """A frequency at which L is real and negative: a factor on the gain alone brings the loop to the border there.
 
     Attributes:
@@ -85,7 +85,7 @@ class DiskMargin:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Margins(Part):
+class Margins(RecordPart):
     """Margins of one loop transfer. Of a closed loop that is not stable they mean nothing: single numbers are NaN then.
 
     The crossovers are facts of L and stand here whether the closed loop is stable or not.

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from workbench.core.records.forms import FILE
 from workbench.core.records.option import Options, option
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.errors import InputError
 
 __all__ = ["At", "AtPoint", "OperatingPoint", "Stands", "point_of_json", "told"]
@@ -24,7 +24,7 @@ _OF_LINEAR = {"x": "x0", "u": "u0", "y": "y0", "dx": "dx0", "discrete": "discret
 
 
 @dataclass(frozen=True, kw_only=True)
-class OperatingPoint(Part):
+class OperatingPoint(RecordPart):
     """States, inputs and outputs of a model at one instant.
 
     Not a full state of a black box: a co-simulation FMU shows no states, so `x` may be empty, and

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 
-__all__ = ["Flat", "flat_extremes"]
+__all__ = ["ClippingLevel", "flat_extremes"]
 
 _STILL = 1e-6  # of the range
 _LONG = 3  # samples in a row
@@ -17,7 +17,7 @@ _FEW = 6  # samples in all
 
 
 @dataclass(frozen=True)
-class Flat:
+class ClippingLevel:
     """A level at which a signal rests, its highest or its lowest.
 
     Attributes:
@@ -43,7 +43,7 @@ class Flat:
         return tuple(k for first, last in self.runs for k in range(first, last))
 
 
-def flat_extremes(x: Floats, *, still: float = _STILL) -> list[Flat]:
+def flat_extremes(x: Floats, *, still: float = _STILL) -> list[ClippingLevel]:
     """Return the highest and the lowest level if the signal rests there.
 
     Noise behind a limit hides it from this test: `still` must then be larger than the noise. A signal with few levels,
@@ -61,8 +61,8 @@ def flat_extremes(x: Floats, *, still: float = _STILL) -> list[Flat]:
     return [f for f in found if len(f.samples) >= _FEW and f.share >= _SHARE]
 
 
-def _at(x: Floats, level: float, tolerance: float, upper: bool) -> Flat:  # noqa: FBT001  one of two sides
+def _at(x: Floats, level: float, tolerance: float, upper: bool) -> ClippingLevel:  # noqa: FBT001  one of two sides
     there = np.abs(x - level) <= tolerance
     edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]])))
     runs = tuple((int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _LONG)
-    return Flat(level, upper, runs, sum(b - a for a, b in runs) / len(x))
+    return ClippingLevel(level, upper, runs, sum(b - a for a, b in runs) / len(x))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from workbench.data.advice.result import Advice
 from workbench.data.experiment.experiment import Experiment
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.result import drawn
 from workbench.show.verdicts import Verdict
 
@@ -30,10 +30,10 @@ def advice_picture(advice: Advice) -> Figure:
     return drawn("workbench.data.advice.picture:plot_advice", None, advice, findings=False)
 
 
-def advice_table(advice: Advice) -> Table:
+def advice_table(advice: Advice) -> PageTable:
     """Return every finding with its evidence."""
     rows = [(f.topic, f.verdict, f.evidence, f.advice) for f in advice.findings]
-    return Table(("question", "verdict", "evidence", "advice"), rows, verdict=1)
+    return PageTable(("question", "verdict", "evidence", "advice"), rows, verdict=1)
 
 
 def advice_page(advice: Advice) -> Page:

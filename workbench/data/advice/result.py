@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError, suggest
 from workbench.show.result import Result
@@ -18,7 +18,7 @@ VERDICTS = ("good", "unknown", "watch", "poor")
 
 
 @dataclass(frozen=True)
-class Finding(Part):
+class Finding(RecordPart):
     """The answer to one question about the data.
 
     Attributes:

@@ -13,7 +13,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.data.advice.delay import delays
-from workbench.data.advice.flat import Flat, flat_extremes
+from workbench.data.advice.flat import ClippingLevel, flat_extremes
 from workbench.data.advice.noise import signal_to_rest_db
 from workbench.data.advice.result import Finding
 from workbench.data.advice.shared_estimates import DataStudy
@@ -39,7 +39,7 @@ class Rest:
     """
 
     column: str
-    flat: Flat
+    flat: ClippingLevel
     moving: float
     known: bool
 
@@ -112,7 +112,7 @@ def _text(study: DataStudy, some: list[Rest]) -> str:
     return f"{name} rests at its {' and its '.join(levels)}"
 
 
-def _share_moving(flat: Flat, u: Floats, delay: int) -> float:
+def _share_moving(flat: ClippingLevel, u: Floats, delay: int) -> float:
     """Return the share of the stretches in which an input moves before the stretch's end can show it."""
     span = np.maximum(np.ptp(u, axis=0), 1e-300)
     moving = 0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.data.excite.design import Design, Sequences, SignalPart
+from workbench.data.excite.design import FilterDesign, Sequences, SignalPart
 from workbench.errors import InputError
 
 __all__ = ["Lines", "RandomPhase", "lines_of"]
@@ -62,7 +62,7 @@ def lines_of(kind: str, first: int, last: int, seed: int) -> Lines:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RandomPhase(Design):
+class RandomPhase(FilterDesign):
     """A multisine of equal amplitudes and random phases.
 
     Attributes:

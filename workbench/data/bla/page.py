@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.data.bla.result import BlaResult
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, number
 from workbench.show.verdicts import Verdict
 
@@ -25,7 +25,7 @@ def bla_page(result: BlaResult) -> Page:
             result.noise_rms, result.left, strict=True,
         )
     ]  # fmt: skip
-    levels = Table(heads, rows, right=tuple(range(8)))
+    levels = PageTable(heads, rows, right=tuple(range(8)))
     figures = [
         (result.plot, "Gain and phase with 95 % errors; below, what noise and distortion make of one realisation.")
     ]

@@ -13,7 +13,7 @@ from workbench.core.records.option import Options, option, options_of, recast
 from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
 from workbench.model.loading import Loading
-from workbench.requests.request import Analysis, Request, Subject, function
+from workbench.requests.request import ModelRequest, Request, Subject, function
 from workbench.response.nfr.frequency_grid import positive_values
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def is_data(given: str | Path) -> bool:
     return path.suffix.lower() not in _NOT_DATA and path.is_file()
 
 
-class _Ends(Options):
+class _InputOutput(Options):
     input: str = option("Input to force. Other inputs keep their value at the operating point.", metavar="U")
     output: str = option("Output to record, or any other variable.", metavar="Y")
     _: KW_ONLY
@@ -119,7 +119,7 @@ class BestLinear(Request["Sequence[Experiment]", "BlaResult"]):
     name: str = option("What the data come from.", default="data")
 
 
-class Bla(_Multisine, AtPoint, _Ends, Analysis["BlaResult"]):
+class Bla(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
     """Measure the best linear approximation, and what it leaves: noise, odd and even distortion.
 
     Random-phase multisines of a chosen power, several realisations of the phases and several periods of each. The
@@ -171,7 +171,7 @@ class Bla(_Multisine, AtPoint, _Ends, Analysis["BlaResult"]):
             raise InputError(f"band must rise from above 0 Hz, not be {low:g}:{high:g}")
 
 
-class BlaCommand(_Multisine, AtPoint, _Ends, Analysis["BlaResult"]):
+class BlaCommand(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
     """Measure the best linear approximation, and what it leaves: noise, odd and even distortion.
 
     Of a model, by multisines of the root mean squares and in the band asked for; or of recorded data, whose input
@@ -187,8 +187,8 @@ class BlaCommand(_Multisine, AtPoint, _Ends, Analysis["BlaResult"]):
         "each are left out. --step is needed where the file has no times."
     )
     subject = replace(
-        Analysis.subject,
-        words=f"{Analysis.subject.words.removesuffix('.')}; or a file of recorded data (CSV, .mat, …).",
+        ModelRequest.subject,
+        words=f"{ModelRequest.subject.words.removesuffix('.')}; or a file of recorded data (CSV, .mat, …).",
     )
     usual_tolerance = Bla.usual_tolerance
     counts = Bla.counts

@@ -14,7 +14,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 
 __all__ = [
-    "Design",
+    "FilterDesign",
     "Sequences",
     "SignalPart",
     "check_amplitude",
@@ -71,7 +71,7 @@ class Sequences:
     notes: tuple[str, ...] = ()
 
 
-class Design(ABC):
+class FilterDesign(ABC):
     """What kind of signal forces the inputs.
 
     Obligations of a subclass:

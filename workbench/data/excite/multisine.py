@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.data.excite.design import Design, Sequences, SignalPart, check_amplitude, check_seed, each
+from workbench.data.excite.design import FilterDesign, Sequences, SignalPart, check_amplitude, check_seed, each
 from workbench.errors import InputError, suggest
 
 __all__ = ["MultisineDesign", "low_crest"]
@@ -22,7 +22,7 @@ _SPACING = {"all": 1, "odd": 2}
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultisineDesign(Design):
+class MultisineDesign(FilterDesign):
     """A periodic sum of sines of equal power within a band, its phases chosen for a low crest factor.
 
     The response is recorded once it is periodic too: one period is run before. Several inputs share

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.data.excite.result import ExciteResult
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 
 __all__ = ["excite_page"]
@@ -44,11 +44,11 @@ def _correlation(result: ExciteResult) -> dict[str, str]:
     return {} if found is None else {"cross-correlation of the inputs": f"at most {found:.3f}"}
 
 
-def _ranges(result: ExciteResult) -> Table:
+def _ranges(result: ExciteResult) -> PageTable:
     data, before = result.identification, {**result.u0, **result.y0}
     columns = [*zip(data.input_names, data.u.T, strict=True), *zip(data.output_names, data.y.T, strict=True)]
     rows = []
     for name, values in columns:
         numbers = (before[name], values.min(), values.max(), values.mean(), values.std())
         rows.append((name, data.units[name] or "", *(f"{x:.6g}" for x in numbers)))
-    return Table(("variable", "unit", "before", "smallest", "largest", "mean", "std"), rows, right=range(2, 7))
+    return PageTable(("variable", "unit", "before", "smallest", "largest", "mean", "std"), rows, right=range(2, 7))

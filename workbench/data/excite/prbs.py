@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.data.excite.design import Design, Sequences, SignalPart, check_amplitude, check_seed, each
+from workbench.data.excite.design import FilterDesign, Sequences, SignalPart, check_amplitude, check_seed, each
 from workbench.errors import InputError
 from workbench.signals.shift_register import TAPS, jump, register_bits
 
@@ -23,7 +23,7 @@ _HALF_POWER = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class PrbsDesign(Design):
+class PrbsDesign(FilterDesign):
     """offset ± amplitude by the bits of a maximum-length shift register.
 
     A new bit comes with the first sample after each 1/rate; the rate need not divide the sampling rate.

@@ -11,10 +11,10 @@ from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
 from workbench.jobs.options import InWhole
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 
 if TYPE_CHECKING:
-    from workbench.data.excite.design import Design
+    from workbench.data.excite.design import FilterDesign
     from workbench.data.excite.multisine import MultisineDesign
     from workbench.data.excite.prbs import PrbsDesign
     from workbench.data.excite.result import ExciteResult  # noqa: F401 - the record's type, below
@@ -32,7 +32,7 @@ def _form(kind: str) -> Form:
     )
 
 
-def _design(kind: str, value: Design | str | Mapping[str, Any]) -> Design:
+def _design(kind: str, value: FilterDesign | str | Mapping[str, Any]) -> FilterDesign:
     """Return the design that a text or a table of TOML describes."""
     from workbench.data.excite.text import parse_design  # noqa: PLC0415  --help needs no numerics
 
@@ -42,7 +42,7 @@ def _design(kind: str, value: Design | str | Mapping[str, Any]) -> Design:
     return parse_design(kind, value) if isinstance(value, str) else value
 
 
-def _written(design: Design) -> str:
+def _written(design: FilterDesign) -> str:
     given = {f.name: getattr(design, f.name) for f in fields(design)}  # type: ignore[arg-type]
     texts = {k: v if isinstance(v, str) else ":".join(map(repr, v if isinstance(v, tuple) else (v,)))
              for k, v in given.items() if v is not None}  # fmt: skip
@@ -57,7 +57,7 @@ else:
     _Multisine = Annotated[object, _form("multisine")]
 
 
-class Excite(AtPoint, InWhole, Analysis["ExciteResult"]):
+class Excite(AtPoint, InWhole, ModelRequest["ExciteResult"]):
     """Record an identification experiment: force inputs by a PRBS or a multisine, from an operating point.
 
     One session starts at the operating point: it settles if requested, then the identification and the
@@ -106,7 +106,7 @@ class Excite(AtPoint, InWhole, Analysis["ExciteResult"]):
         "Outputs to record, or any other variables.", flag="--output", also="--outputs", metavar="Y,.."
     )
     _: KW_ONLY
-    signal: Design | None = option(
+    signal: FilterDesign | None = option(
         "PrbsDesign or MultisineDesign; by default a PRBS of amplitude 1 with one bit per sample.",
         python=True,
         default=None,
@@ -161,12 +161,12 @@ class Excite(AtPoint, InWhole, Analysis["ExciteResult"]):
             raise InputError("validation samples: 1 is too few; take at least 2, or 0 for none")
 
     @property
-    def _designs(self) -> dict[str, Design]:
+    def _designs(self) -> dict[str, FilterDesign]:
         given: dict[str, Any] = {"signal": self.signal, "prbs": self.prbs, "multisine": self.multisine}
         return {name: design for name, design in given.items() if design is not None}
 
     @property
-    def design(self) -> Design:
+    def design(self) -> FilterDesign:
         """What kind of signal forces the inputs."""
         from workbench.data.excite.prbs import PrbsDesign  # noqa: PLC0415  --help needs no numerics
 

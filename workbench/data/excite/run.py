@@ -16,7 +16,7 @@ from workbench.data.excite.request import Excite
 from workbench.data.excite.result import ExciteResult
 from workbench.errors import InputError, SimulationError
 from workbench.jobs import job as telling
-from workbench.jobs.runner import Job, Remark, Reply, perform
+from workbench.jobs.runner import Remark, Reply, WorkItem, perform
 from workbench.jobs.runner_choice import at_work
 from workbench.model import Model
 from workbench.model.operating_point import find_point
@@ -102,7 +102,7 @@ class _Recording:
 
 
 @dataclass(frozen=True, eq=False)
-class _ExciteJob(Job):
+class _ExciteJob(WorkItem):
     """The experiment where a crash of the FMU ends in an error.
 
     Attributes:

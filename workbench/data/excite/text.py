@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Literal
 
-from workbench.data.excite.design import Design
+from workbench.data.excite.design import FilterDesign
 from workbench.data.excite.multisine import MultisineDesign
 from workbench.data.excite.prbs import PrbsDesign
 from workbench.errors import InputError, suggest
@@ -18,7 +18,7 @@ _KEYS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def parse_design(kind: str, text: str) -> Design:
+def parse_design(kind: str, text: str) -> FilterDesign:
     """Return the design that a text like "amplitude=2,rate=50,order=11" describes.
 
     Args:
@@ -33,7 +33,7 @@ def parse_design(kind: str, text: str) -> Design:
     return _MAKERS[kind](_pairs(kind, text))
 
 
-def _prbs(k: Mapping[str, str]) -> Design:
+def _prbs(k: Mapping[str, str]) -> FilterDesign:
     return PrbsDesign(
         amplitude=_one_or_each("prbs", "amplitude", k.get("amplitude", "1")),
         rate=_number("prbs", "rate", k["rate"]) if "rate" in k else None,
@@ -43,7 +43,7 @@ def _prbs(k: Mapping[str, str]) -> Design:
     )
 
 
-def _multisine(k: Mapping[str, str]) -> Design:
+def _multisine(k: Mapping[str, str]) -> FilterDesign:
     if "band" not in k:
         raise InputError("multisine: band is missing; write band=LOW:HIGH in Hz")
     band = _numbers("multisine", "band", k["band"])
@@ -59,7 +59,7 @@ def _multisine(k: Mapping[str, str]) -> Design:
     )
 
 
-_MAKERS: Mapping[str, Callable[[Mapping[str, str]], Design]] = {"prbs": _prbs, "multisine": _multisine}
+_MAKERS: Mapping[str, Callable[[Mapping[str, str]], FilterDesign]] = {"prbs": _prbs, "multisine": _multisine}
 
 
 def _pairs(kind: str, text: str) -> dict[str, str]:

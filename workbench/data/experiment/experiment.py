@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.core.records.csv_file import write_csv
 from workbench.core.records.parsing import from_json
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.closed_loop import ClosedLoop
 from workbench.core.values.conversion import known_unit, named_conversion
@@ -43,7 +43,7 @@ _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60
 
 
 @dataclass(frozen=True, eq=False)
-class Experiment(Part):
+class Experiment(RecordPart):
     """Equidistant samples of inputs and outputs.
 
     u[k] is held over [time[k], time[k+1]); y[k] is the output at time[k], right after u[k] took

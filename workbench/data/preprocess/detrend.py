@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.data.preprocess.prepared import Prepared, all_columns, check_columns
+from workbench.data.preprocess.prepared import PreprocessingStep, all_columns, check_columns
 from workbench.errors import InputError, suggest
 
 __all__ = ["KINDS", "Detrended", "detrend", "remove_offset"]
@@ -18,11 +18,11 @@ KINDS: Mapping[str, int] = {"constant": 0, "linear": 1}
 
 
 @dataclass(frozen=True, eq=False)
-class Detrended(Prepared):
+class Detrended(PreprocessingStep):
     """Data without offsets.
 
     Attributes:
-        experiment, what: as in `Prepared`.
+        experiment, what: as in `PreprocessingStep`.
         offsets: column → value taken out at the middle of the record, [its unit]; 0 for columns left alone.
         slopes: column → trend taken out, [its unit/s].
     """

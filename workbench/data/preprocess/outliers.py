@@ -12,7 +12,7 @@ from scipy import linalg, ndimage
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import lagged
-from workbench.data.preprocess.prepared import Prepared, check_columns
+from workbench.data.preprocess.prepared import PreprocessingStep, check_columns
 from workbench.errors import InputError
 
 __all__ = ["OutliersRemoved", "remove_outliers"]
@@ -27,11 +27,11 @@ _SPREAD = 1.4826  # median absolute deviation → standard deviation, normal dis
 
 
 @dataclass(frozen=True, eq=False)
-class OutliersRemoved(Prepared):
+class OutliersRemoved(PreprocessingStep):
     """Data with outliers replaced.
 
     Attributes:
-        experiment, what: as in `Prepared`.
+        experiment, what: as in `PreprocessingStep`.
         samples: column → samples that were replaced.
     """
 

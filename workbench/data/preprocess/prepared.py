@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError, suggest
 
-__all__ = ["Prepared", "all_columns", "check_columns"]
+__all__ = ["PreprocessingStep", "all_columns", "check_columns"]
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class PreprocessingStep:
     """Data after a step of pre-processing.
 
     Attributes:

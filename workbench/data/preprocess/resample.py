@@ -10,7 +10,7 @@ from scipy import signal
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.data.preprocess.prepared import Prepared
+from workbench.data.preprocess.prepared import PreprocessingStep
 from workbench.errors import InputError
 
 __all__ = ["Resampled", "resample"]
@@ -20,11 +20,11 @@ _FEWEST = 20  # samples left
 
 
 @dataclass(frozen=True, eq=False)
-class Resampled(Prepared):
+class Resampled(PreprocessingStep):
     """Data on another interval.
 
     Attributes:
-        experiment, what: as in `Prepared`.
+        experiment, what: as in `PreprocessingStep`.
         ratio: new interval over the old one.
         filtered: frequencies above the new Nyquist frequency were taken out before.
     """

@@ -9,10 +9,10 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.data.preprocess.prepared import Prepared, all_columns, check_columns
+from workbench.data.preprocess.prepared import PreprocessingStep, all_columns, check_columns
 from workbench.errors import InputError, suggest
 
-__all__ = ["MEASURES", "Scaled", "scale"]
+__all__ = ["MEASURES", "ScaledColumns", "scale"]
 
 MEASURES: Mapping[str, Callable[[Floats], Floats]] = {
     "deviation": lambda x: np.asarray(np.std(x, axis=0)),
@@ -22,11 +22,11 @@ MEASURES: Mapping[str, Callable[[Floats], Floats]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Scaled(Prepared):
+class ScaledColumns(PreprocessingStep):
     """Data divided by a factor for each column.
 
     Attributes:
-        experiment, what: as in `Prepared`.
+        experiment, what: as in `PreprocessingStep`.
         factors: column → what it was divided by, [its unit].
     """
 
@@ -45,7 +45,7 @@ class Scaled(Prepared):
         return B / u, C * y[:, None], D * y[:, None] / u
 
 
-def scale(experiment: Experiment, *, by: str | Mapping[str, float] = "deviation") -> Scaled:
+def scale(experiment: Experiment, *, by: str | Mapping[str, float] = "deviation") -> ScaledColumns:
     """Divide each column by its magnitude; constant columns stay as they are.
 
     Args:
@@ -75,4 +75,4 @@ def scale(experiment: Experiment, *, by: str | Mapping[str, float] = "deviation"
             raise InputError(f"factor of {name} must be positive, not {factor:g}")
     what = f"scaled by {by if isinstance(by, str) else 'given factors'}"
     new = experiment.with_data(u=experiment.u / factors[:m], y=experiment.y / factors[m:], note=what)
-    return Scaled(new, what, dict(zip(names, factors.tolist(), strict=True)))
+    return ScaledColumns(new, what, dict(zip(names, factors.tolist(), strict=True)))

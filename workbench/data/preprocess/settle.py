@@ -9,7 +9,7 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import fit_long_arx
-from workbench.data.preprocess.prepared import Prepared
+from workbench.data.preprocess.prepared import PreprocessingStep
 from workbench.errors import InputError
 
 __all__ = ["WithoutStart", "cut_settling", "settling_samples"]
@@ -22,11 +22,11 @@ _LEFT = 0.3  # of the record, at least, is kept
 
 
 @dataclass(frozen=True, eq=False)
-class WithoutStart(Prepared):
+class WithoutStart(PreprocessingStep):
     """Data without their beginning.
 
     Attributes:
-        experiment, what: as in `Prepared`.
+        experiment, what: as in `PreprocessingStep`.
         samples: so many were cut off.
     """
 

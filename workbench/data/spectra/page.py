@@ -5,7 +5,7 @@ from __future__ import annotations
 from workbench.data.spectra.coherence import Coherence
 from workbench.data.spectra.density import SpectralDensity
 from workbench.data.spectra.window import WindowSettings
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted
 
 __all__ = ["coherence_page", "density_page"]
@@ -23,7 +23,7 @@ def density_page(result: SpectralDensity) -> Page:
         facts=_settings(result.settings),
         sections=[
             Section("Densities", figures=[(result.plot, "Density over frequency with its 95 % band.")]),
-            Section("Bands", tables=[Table(("column", "within 3 dB of its peak up to [Hz]"), rows)]),
+            Section("Bands", tables=[PageTable(("column", "within 3 dB of its peak up to [Hz]"), rows)]),
         ],
         kind="sdf",
     )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import signal, stats
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, suggest
 
@@ -22,7 +22,7 @@ _SHORTEST = 8
 
 
 @dataclass(frozen=True)
-class WindowSettings(Part):
+class WindowSettings(RecordPart):
     """The segments of an averaged spectrum (Welch's method) and the error they leave.
 
     Attributes:

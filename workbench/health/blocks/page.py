@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.health.blocks.result import BlockKind, BlocksResult
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 
 __all__ = ["blocks_page"]
@@ -26,7 +26,7 @@ def blocks_page(result: BlocksResult) -> Page:
 def _listed(group: str, blocks: list[BlockKind]) -> Section:
     rows = [(b.kind, ", ".join(b.inputs), ", ".join(p.name for p in b.parameters), b.summary) for b in blocks]
     headings = ("block", "inputs", "parameters", "what it does")
-    return Section(group.capitalize(), tables=[Table(headings, rows, right=())])
+    return Section(group.capitalize(), tables=[PageTable(headings, rows, right=())])
 
 
 def _detail(b: BlockKind) -> Section:
@@ -53,5 +53,5 @@ def _detail(b: BlockKind) -> Section:
         b.kind,
         paragraphs=[b.summary, *b.details],
         items=facts,
-        tables=[Table(headings, rows, right=(), title=counted(len(rows), "parameter"))] if rows else [],
+        tables=[PageTable(headings, rows, right=(), title=counted(len(rows), "parameter"))] if rows else [],
     )

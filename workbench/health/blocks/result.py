@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.show.result import Result
 
 __all__ = ["BlockKind", "BlockParameter", "BlocksResult"]
 
 
 @dataclass(frozen=True)
-class BlockParameter(Part):
+class BlockParameter(RecordPart):
     """One parameter of a block.
 
     Attributes:
@@ -34,7 +34,7 @@ class BlockParameter(Part):
 
 
 @dataclass(frozen=True)
-class BlockKind(Part):
+class BlockKind(RecordPart):
     """One kind of block.
 
     Attributes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Sequence
 
-from workbench.core.records.option import Declared, options_of
+from workbench.core.records.option import DeclaredOption, options_of
 from workbench.core.records.parsing import toml_value
 from workbench.errors import InputError, suggest
 from workbench.health.blocks.request import Blocks
@@ -59,7 +59,7 @@ def _kind(cls: type[Block]) -> BlockKind:
     )
 
 
-def _parameter(declared: Declared) -> BlockParameter:
+def _parameter(declared: DeclaredOption) -> BlockParameter:
     default = declared.default
     return BlockParameter(
         name=declared.name,
@@ -71,7 +71,7 @@ def _parameter(declared: Declared) -> BlockParameter:
     )
 
 
-def _type(declared: Declared) -> str:
+def _type(declared: DeclaredOption) -> str:
     if declared.form is not None:
         return "rows of numbers" if declared.form.metavar.startswith("[[") else "list of numbers"
     return {bool: "true or false", int: "whole number"}.get(declared.type, "number")

@@ -41,7 +41,7 @@ def dependencies(subject: CheckedFmu) -> Answer:
     return _judge(answers, strength)
 
 
-class _Answers:
+class _OutputChanges:
     """Which rows answered to which columns, anywhere."""
 
     def __init__(self, place: EvaluationPoint, variables: Mapping[str, Variable]) -> None:
@@ -61,14 +61,14 @@ def _declares(row: Variable, column: Variable, variables: Mapping[str, Variable]
     return (column.value_reference, column.type) in same
 
 
-def _measure(subject: CheckedFmu) -> tuple[_Answers | None, Floats | None]:
+def _measure(subject: CheckedFmu) -> tuple[_OutputChanges | None, Floats | None]:
     variables = {v.name: v for v in subject.model.description.variables}
-    answers: _Answers | None = None
+    answers: _OutputChanges | None = None
     strength: Floats | None = None
     for place in places(subject):
         if not place.rows or not place.columns:
             return None, None
-        answers = answers or _Answers(place, variables)
+        answers = answers or _OutputChanges(place, variables)
         found = _moves(place)
         strength = found if strength is None else np.maximum(strength, found)
         answers.moved |= found > _NOTHING
@@ -91,7 +91,7 @@ def _moves(place: EvaluationPoint) -> Floats:
     return result
 
 
-def _judge(answers: _Answers, strength: Floats) -> Answer:
+def _judge(answers: _OutputChanges, strength: Floats) -> Answer:
     hidden = answers.moved & ~answers.declared
     listed = np.array([r.dependencies is not None for r in answers.rows], dtype=bool)
     idle = int((answers.declared & ~answers.moved)[listed].sum())

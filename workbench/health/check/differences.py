@@ -11,7 +11,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.variable import Variable
 from workbench.health.check.subject import CheckedFmu
-from workbench.session.point import Point
+from workbench.session.point import ModelPoint
 
 __all__ = ["MOST_COLUMNS", "EvaluationPoint", "places"]
 
@@ -33,7 +33,7 @@ class EvaluationPoint:
         sizes: of the columns: the larger of nominal value, magnitude and what was seen in the test run, shape (k,).
     """
 
-    point: Point
+    point: ModelPoint
     time: float
     rows: tuple[Variable, ...]
     columns: tuple[Variable, ...]
@@ -99,11 +99,11 @@ def _visited(subject: CheckedFmu) -> list[tuple[Floats, dict[str, float]]]:
     return found
 
 
-def _fast(point: Point) -> tuple[int, ...]:
+def _fast(point: ModelPoint) -> tuple[int, ...]:
     return tuple(i for i, v in enumerate(point.inputs) if v.is_continuous_input)
 
 
-def _state_sizes(point: Point, seen: Floats) -> Floats:
+def _state_sizes(point: ModelPoint, seen: Floats) -> Floats:
     """A nominal value of 1 that the file does not declare says nothing."""
     declared = np.array([v.nominal is not None for v in point.states], dtype=bool) | (point.nominal != 1.0)
     nominal = np.where(declared, point.nominal, 0.0)
@@ -111,6 +111,6 @@ def _state_sizes(point: Point, seen: Floats) -> Floats:
     return np.where(sizes > 0.0, sizes, _UNDECLARED)
 
 
-def _input_sizes(subject: CheckedFmu, point: Point) -> Floats:
+def _input_sizes(subject: CheckedFmu, point: ModelPoint) -> Floats:
     sizes = [subject.inputs[point.inputs[i].name] for i in _fast(point)]
     return np.array([max(abs(middle), amplitude) or _UNDECLARED for middle, amplitude in sizes])

@@ -37,7 +37,7 @@ class _Tally:
 
 
 @dataclass(frozen=True)
-class _Column:
+class _DerivativeColumn:
     """One column: what the FMU says, the differences (NaN where nothing can be told), and their rounding."""
 
     exact: Floats
@@ -85,7 +85,7 @@ def _compare(place: EvaluationPoint, exact: Floats, tally: _Tally) -> None:
         noise = _ROUNDING * reach / width
         slope = _slope(place, j, width, base, noise)
         if slope is not None:
-            _count(place, j, _Column(exact[:, j], slope, noise), tally)
+            _count(place, j, _DerivativeColumn(exact[:, j], slope, noise), tally)
 
 
 def _slope(place: EvaluationPoint, j: int, width: float, base: Floats, noise: Floats) -> Floats | None:
@@ -105,7 +105,7 @@ def _slope(place: EvaluationPoint, j: int, width: float, base: Floats, noise: Fl
     return result
 
 
-def _count(place: EvaluationPoint, j: int, column: _Column, tally: _Tally) -> None:
+def _count(place: EvaluationPoint, j: int, column: _DerivativeColumn, tally: _Tally) -> None:
     exact, slope, noise = column.exact, column.slope, column.noise
     judged = np.isfinite(slope)
     tally.judged += int(judged.sum())

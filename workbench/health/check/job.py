@@ -11,11 +11,11 @@ from workbench.fmi.instance import end_now
 from workbench.health.check.registry import CHECKS
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu
-from workbench.jobs.runner import Job
+from workbench.jobs.runner import WorkItem
 from workbench.model import Model
 from workbench.model.described_model import DescribedModel
 
-__all__ = ["CheckJob", "Done", "adapted"]
+__all__ = ["CheckJob", "CheckReply", "adapted"]
 
 _SHORTER = 0.1  # of a test run, for the checks after a run that failed on its way
 _LONG = 3.0  # [s] that a run may take; others make a dozen of them, and shorter ones where it takes longer
@@ -23,7 +23,7 @@ _PATIENCE = 3  # crashes of one interface, after which its other checks are give
 
 
 @dataclass(frozen=True)
-class Done:
+class CheckReply:
     """One finished check.
 
     Attributes:
@@ -38,7 +38,7 @@ class Done:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckJob(Job):
+class CheckJob(WorkItem):
     """Checks of one interface, one after the other.
 
     Attributes:
@@ -53,19 +53,21 @@ class CheckJob(Job):
     shorten: float = 1.0
     crashes: int = 0
 
-    def run(self, model: Model) -> Iterator[Done]:
+    def run(self, model: Model) -> Iterator[CheckReply]:
         if not isinstance(model, DescribedModel):
             return
         solver = model.recipe.solver if self.interface == "me" else "auto"
         try:
             opened = replace(model.recipe, interface=self.interface, solver=solver).open()
         except WorkbenchError as error:
-            yield from (Done(name, Answer("broken", f"the FMU cannot be opened: {error}"), 0.0) for name in self.names)
+            yield from (
+                CheckReply(name, Answer("broken", f"the FMU cannot be opened: {error}"), 0.0) for name in self.names
+            )
             return
         with opened:
             yield from self._all(CheckedFmu(opened, self.shorten))
 
-    def _all(self, subject: CheckedFmu) -> Iterator[Done]:
+    def _all(self, subject: CheckedFmu) -> Iterator[CheckReply]:
         for name in self.names:
             done = _one(name, subject)
             subject = adapted(subject, done)
@@ -91,7 +93,7 @@ class CheckJob(Job):
         return self.crashes >= _PATIENCE
 
 
-def adapted(subject: CheckedFmu, done: Done) -> CheckedFmu:
+def adapted(subject: CheckedFmu, done: CheckReply) -> CheckedFmu:
     """Return what the checks after this one look at: less of a run that fails or takes long, a step that converges.
 
     Args:
@@ -107,7 +109,7 @@ def adapted(subject: CheckedFmu, done: Done) -> CheckedFmu:
     return subject
 
 
-def _one(name: str, subject: CheckedFmu) -> Done:
+def _one(name: str, subject: CheckedFmu) -> CheckReply:
     begin = time.monotonic()
     check = CHECKS[name].run
     try:
@@ -115,4 +117,4 @@ def _one(name: str, subject: CheckedFmu) -> Done:
     except WorkbenchError as error:
         # What the FMU promised and did not keep is told by the check itself; the rest may be the model's nature.
         finding = Answer("watch", f"it fails: {error}", "analyses that need this fail in the same way")
-    return Done(name, finding, time.monotonic() - begin)
+    return CheckReply(name, finding, time.monotonic() - begin)

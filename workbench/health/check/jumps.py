@@ -24,7 +24,7 @@ _SHARES = (1.0, 20.0)  # of the usual amplitude: a twentieth of an input's size,
 
 
 @dataclass(frozen=True, eq=False)
-class _Answers:
+class _JumpResponses:
     """Answers to the same jump at neighbouring communication points, beside the run without it.
 
     Attributes:
@@ -88,7 +88,7 @@ def jumps(subject: CheckedFmu) -> Answer:
     return _verdict(subject, found)
 
 
-def _verdict(subject: CheckedFmu, found: _Answers) -> Answer:
+def _verdict(subject: CheckedFmu, found: _JumpResponses) -> Answer:
     worst = int(found.gap.argmax())
     gap, name = float(found.gap[worst]), subject.names[worst]
     late = found.late(worst)
@@ -120,7 +120,7 @@ def _is_sampled(variable: Variable) -> bool:
     return own and variable.type in FLOAT_TYPES and variable.variability == "discrete"
 
 
-def _answers(subject: CheckedFmu, share: float) -> _Answers:
+def _answers(subject: CheckedFmu, share: float) -> _JumpResponses:
     first = max(1, (subject.steps - _PLACES - _WINDOW) // 2)
     points = subject.start + subject.step * np.arange(first, first + _PLACES + _WINDOW + 1, dtype=np.float64)
 
@@ -137,4 +137,4 @@ def _answers(subject: CheckedFmu, share: float) -> _Answers:
     base = [alone[k : k + _WINDOW + 1] for k in range(_PLACES)]
     rising = np.array([answer(k, 1.0) - base[k] for k in range(_PLACES)])
     falling = answer(0, -1.0) - base[0]
-    return _Answers(rising, np.abs(rising[0] + falling).max(axis=0))
+    return _JumpResponses(rising, np.abs(rising[0] + falling).max(axis=0))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from workbench.health.check.registry import CHECKS
 from workbench.health.check.result import HealthCard, HealthLine
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.verdicts import Verdict
 
 __all__ = ["check_page"]
@@ -54,7 +54,7 @@ def _tables(card: HealthCard) -> Iterator[Section]:
         lines = [c for c in card.checks if (c.component, c.interface) == (component, interface)]
         rows = [(c.name, c.verdict, c.evidence, c.consequence) for c in lines]
         title = ": ".join(filter(None, (component, _INTERFACES[interface])))
-        yield Section(title, tables=[Table(headings, rows, verdict=1, right=())])
+        yield Section(title, tables=[PageTable(headings, rows, verdict=1, right=())])
 
 
 def _pictures(card: HealthCard) -> Sequence[Section]:
@@ -66,4 +66,4 @@ def _pictures(card: HealthCard) -> Sequence[Section]:
 
 def _questions() -> Section:
     rows = [(name, check.question) for name, check in CHECKS.items()]
-    return Section("What the checks test", tables=[Table(("check", "question"), rows)], folded=True, explains=True)
+    return Section("What the checks test", tables=[PageTable(("check", "question"), rows)], folded=True, explains=True)

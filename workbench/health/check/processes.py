@@ -13,8 +13,8 @@ from workbench.health.check.subject import CheckedFmu, Trajectory, same_bits
 from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
 from workbench.jobs.pool import Pool
-from workbench.jobs.runner import Job as Work
 from workbench.jobs.runner import Lost, perform
+from workbench.jobs.runner import WorkItem as Work
 from workbench.model import Model
 from workbench.model.described_model import DescribedModel
 
@@ -39,7 +39,7 @@ class _Seen:
 
 
 @dataclass(frozen=True)
-class _Runs(Work):
+class _ProcessRuns(Work):
     """The test run of an interface, in the first instance of a process and in another."""
 
     interface: str
@@ -85,7 +85,7 @@ def processes(subject: CheckedFmu, interface: str, where: Workers, job: Job) -> 
 
 
 def _in_a_new_process(subject: CheckedFmu, interface: str, where: Workers, job: Job) -> _Seen | Answer:
-    runs = deque([_Runs(interface, subject.shorten, subject.refine)])
+    runs = deque([_ProcessRuns(interface, subject.shorten, subject.refine)])
     fails = "analyses that need this fail in the same way"
     with Pool(subject.model.recipe, jobs=1, limits=where.limits, fresh=True) as pool, job.ended_by(pool.stop):
         try:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.errors import InputError, suggest
 from workbench.show.result import Result
 
@@ -37,7 +37,7 @@ class Answer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HealthLine(Part):
+class HealthLine(RecordPart):
     """One check of one interface of one FMU.
 
     Attributes:

@@ -12,9 +12,9 @@ from typing import TypeVar
 
 from workbench.core.records.option import options_of
 from workbench.errors import FmuError, InputError, TimedOutError, WorkbenchError
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.platforms import binary_path
-from workbench.health.check.job import CheckJob, Done, adapted
+from workbench.health.check.job import CheckJob, CheckReply, adapted
 from workbench.health.check.processes import processes
 from workbench.health.check.registry import CHECKS, FILE, PROCESSES, VALIDATION, choose
 from workbench.health.check.request import Check
@@ -42,7 +42,7 @@ _CRASH = "it ends its process: keep the worker processes (never --in-process); s
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Part:
+class _CheckedInterface:
     """One FMU to be checked, and how it is loaded."""
 
     component: str
@@ -55,7 +55,11 @@ def run(path: str | Path, asked: Check, job: Job) -> HealthCard:
     names = choose(asked.only, asked.skip)
     given = Loading(**{d.name: getattr(asked, d.name) for d in options_of(Loading)})
     system = read_system(path) if is_system_file(path) else None  # an .ssp stays unpacked as long as this lives
-    parts = [_Part(component="", file=str(path), loading=given)] if system is None else _parts_of(system, path, given)
+    parts = (
+        [_CheckedInterface(component="", file=str(path), loading=given)]
+        if system is None
+        else _parts_of(system, path, given)
+    )
     cards: list[HealthCard] = []
     for number, part in enumerate(parts, 1):
         job.stage(number, len(parts))
@@ -64,13 +68,13 @@ def run(path: str | Path, asked: Check, job: Job) -> HealthCard:
     return _joined(str(path), tuple(cards[:-1]), cards[-1])
 
 
-def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> list[_Part]:
+def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> list[_CheckedInterface]:
     """Return each FMU of a system; the interface that the system names, unless the user names one."""
     found = [c for c in system.components if isinstance(c, FmuComponent)]
     if not found:
         raise InputError(f"{path}: the system contains no FMU to check")
     return [
-        _Part(
+        _CheckedInterface(
             component=c.name,
             file=c.file,
             loading=replace(
@@ -95,7 +99,11 @@ def _own(component: str, values: Mapping[str, _V]) -> dict[str, _V]:
 
 
 def _card(
-    part: _Part, names: tuple[str, ...], where: Workers, job: Job, joined: Callable[[HealthCard], HealthCard]
+    part: _CheckedInterface,
+    names: tuple[str, ...],
+    where: Workers,
+    job: Job,
+    joined: Callable[[HealthCard], HealthCard],
 ) -> HealthCard:
     with load_fmu(part.file, part.loading) as model:
         interfaces = _interfaces(model, part.loading.interface)
@@ -147,7 +155,7 @@ def _runs_here(model: FmuModel, identifier: str) -> bool:
     return True
 
 
-def _notes(about: Description, interfaces: list[str]) -> tuple[str, ...]:
+def _notes(about: ModelDescription, interfaces: list[str]) -> tuple[str, ...]:
     missing = [i for i in about.interfaces if i not in interfaces]
     return tuple(f"interface {i} is available but was not checked" for i in missing)
 
@@ -155,10 +163,10 @@ def _notes(about: Description, interfaces: list[str]) -> tuple[str, ...]:
 def _validated(model: FmuModel) -> HealthLine:
     begin = time.monotonic()
     finding = validation(model.description)
-    return _line(FILE, Done(VALIDATION, finding, time.monotonic() - begin))
+    return _line(FILE, CheckReply(VALIDATION, finding, time.monotonic() - begin))
 
 
-def _line(interface: str, done: Done) -> HealthLine:
+def _line(interface: str, done: CheckReply) -> HealthLine:
     return HealthLine(interface=interface, name=done.name, seconds=round(done.seconds, 3), **vars(done.finding))
 
 
@@ -171,7 +179,7 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
         try:
             for event in runner.run(perform, jobs):
                 of = event.job
-                if isinstance(event, Reply) and isinstance(event.value, Done):
+                if isinstance(event, Reply) and isinstance(event.value, CheckReply):
                     open_names[of.interface].remove(event.value.name)
                     subjects[of.interface] = adapted(subjects[of.interface], event.value)
                     yield _line(of.interface, event.value)
@@ -181,20 +189,21 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
         except WorkbenchError as error:
             for interface, names in open_names.items():
                 yield from (
-                    _line(interface, Done(n, Answer("broken", str(error), _CRASH, finished=False), 0.0)) for n in names
+                    _line(interface, CheckReply(n, Answer("broken", str(error), _CRASH, finished=False), 0.0))
+                    for n in names
                 )
     for interface, subject in subjects.items():
         if PROCESSES in wanted[interface]:
             begin = time.monotonic()
             answer = _UNKNOWN if interface in lost else processes(subject, interface, where, job)
-            yield _line(interface, Done(PROCESSES, answer, time.monotonic() - begin))
+            yield _line(interface, CheckReply(PROCESSES, answer, time.monotonic() - begin))
 
 
 def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[HealthLine]:
     """Yield the line of the check in which a worker was lost; queue the others."""
     job: CheckJob = event.job
     lost = names.pop(0)
-    yield _line(job.interface, Done(lost, _loss(lost, event), 0.0))
+    yield _line(job.interface, CheckReply(lost, _loss(lost, event), 0.0))
     again = job.after_loss(lost)
     if again is None:
         return
@@ -203,7 +212,7 @@ def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[Heal
         return
     reason = f"stopped after {again.crashes} crashes or hangs"
     while names:
-        yield _line(job.interface, Done(names.pop(0), Answer("not applicable", reason, finished=False), 0.0))
+        yield _line(job.interface, CheckReply(names.pop(0), Answer("not applicable", reason, finished=False), 0.0))
 
 
 def _loss(name: str, lost: Lost) -> Answer:
@@ -238,7 +247,7 @@ def _joined(source: str, before: tuple[HealthCard, ...], last: HealthCard) -> He
 # -- the description ---------------------------------------------------------------------------
 
 
-def validation(description: Description) -> Answer:
+def validation(description: ModelDescription) -> Answer:
     """Compare modelDescription.xml with the standard: schema, names, start values, causalities, units, model structure.
 
     Watch: rules are bent; the workbench reads the file nevertheless, and `consequence` says what it made of it. A file

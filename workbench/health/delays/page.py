@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.health.delays.result import ConnectionDelay, DelayReport, NoDelays
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, number
 from workbench.show.verdicts import Verdict
 
@@ -57,7 +57,7 @@ def _connections(result: DelayReport) -> Section:
         "oldest [ms]",
         f"phase lost{at} [deg]",
     )
-    return Section("Connections", tables=[Table(headings, rows, right=(2, 3, 4))])
+    return Section("Connections", tables=[PageTable(headings, rows, right=(2, 3, 4))])
 
 
 def _loops(result: DelayReport) -> list[Section]:
@@ -71,7 +71,7 @@ def _loops(result: DelayReport) -> list[Section]:
         for p in result.loops
     ]
     headings = ("loop", "delay around the loop [ms]", "crossover [Hz]", "phase lost [deg]")
-    return [Section("Loops", tables=[Table(headings, rows, right=(1, 2, 3))])] if rows else []
+    return [Section("Loops", tables=[PageTable(headings, rows, right=(1, 2, 3))])] if rows else []
 
 
 def _outputs(result: DelayReport) -> list[Section]:
@@ -91,4 +91,4 @@ def _outputs(result: DelayReport) -> list[Section]:
         "From runs with the step, half and a quarter of it. The order says how fast the error falls with the step; "
         "without one it falls unevenly, and the error is an estimate."
     )
-    return [Section("Error at this step", paragraphs=[words], tables=[Table(headings, rows)])] if rows else []
+    return [Section("Error at this step", paragraphs=[words], tables=[PageTable(headings, rows)])] if rows else []

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["Delays", "delays"]
 
 
-class Delays(AtPoint, Analysis["DelayReport | NoDelays"]):
+class Delays(AtPoint, ModelRequest["DelayReport | NoDelays"]):
     """Report which connections of a system carry a delay, the phase lost there, and the error of the response.
 
     For systems with co-simulation parts. The system runs three times, with the step, half of it and a quarter. A value

@@ -7,7 +7,7 @@ from typing import overload
 
 from workbench.fmi.description import DefaultExperiment, DisplayUnit, Terminal, TerminalMember
 from workbench.health.info.result import ClockFacts, FmuInfo, InterfaceFacts, SystemInfo, VariableFacts, WireFacts
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 from workbench.show.verdicts import Verdict
 
@@ -93,7 +93,7 @@ def _capabilities(capabilities: Mapping[str, InterfaceFacts]) -> list[Section]:
         return []
     names = [key for key in _ABILITIES if key not in _SELDOM or any(getattr(c, key) for c in claims)]
     rows = [(_ABILITIES[key], *("yes" if getattr(c, key) else "–" for c in claims)) for key in names]
-    return [Section("Declared capabilities", tables=[Table(("", *capabilities), rows)])]
+    return [Section("Declared capabilities", tables=[PageTable(("", *capabilities), rows)])]
 
 
 def _variables(record: FmuInfo | SystemInfo) -> list[Section]:
@@ -103,7 +103,7 @@ def _variables(record: FmuInfo | SystemInfo) -> list[Section]:
         variables: tuple[VariableFacts, ...] = getattr(record, group, ())
         if variables:
             rows = _Rows(variables, items)
-            table = Table(("name", "type", "unit", "start", "description"), rows, right=(3,))
+            table = PageTable(("name", "type", "unit", "start", "description"), rows, right=(3,))
             found.append(Section(f"{title} ({len(rows)})", tables=[table], folded=len(rows) > _MANY))
     return found
 
@@ -149,7 +149,7 @@ def _clocks(clocks: Sequence[ClockFacts]) -> list[Section]:
         )
         for c in clocks
     ]
-    table = Table(("name", "causality", "kind", "every", "after", "ticks", "what changes"), rows, right=(3, 4))
+    table = PageTable(("name", "causality", "kind", "every", "after", "ticks", "what changes"), rows, right=(3, 4))
     return [Section(f"Clocks ({len(rows)})", tables=[table], folded=len(rows) > _MANY)] if rows else []
 
 
@@ -163,7 +163,7 @@ def _ticks(clock: ClockFacts) -> str:
 
 def _terminals(terminals: Sequence[Terminal]) -> list[Section]:
     rows = [(t.name, t.rule, t.kind or "", _members(t.members), t.description or "") for t in terminals]
-    table = Table(("name", "matching", "kind", "members", "description"), rows)
+    table = PageTable(("name", "matching", "kind", "members", "description"), rows)
     return [Section(f"Terminals ({len(rows)})", tables=[table], folded=len(rows) > _MANY)] if rows else []
 
 
@@ -173,7 +173,7 @@ def _members(members: Sequence[TerminalMember]) -> str:
 
 def _enumerations(known: Mapping[str, Mapping[str, int]]) -> list[Section]:
     rows = [(name, ", ".join(f"{item} ({value})" for item, value in items.items())) for name, items in known.items()]
-    table = Table(("variable", "items"), rows)
+    table = PageTable(("variable", "items"), rows)
     return [Section("Enumerations", tables=[table], folded=len(rows) > _MANY)] if rows else []
 
 
@@ -182,7 +182,7 @@ def _display_units(record: FmuInfo) -> list[Section]:
     variables = (*record.inputs, *record.outputs, *record.states, *record.parameters)
     used = {(v.unit or "", record.display_units[v.name]) for v in variables if v.name in record.display_units}
     rows = [(unit, d.name, _conversion(unit, d)) for unit, d in sorted(used, key=lambda pair: (pair[0], pair[1].name))]
-    return [Section("Display units", tables=[Table(("unit", "shown in", "conversion"), rows)])] if rows else []
+    return [Section("Display units", tables=[PageTable(("unit", "shown in", "conversion"), rows)])] if rows else []
 
 
 def _conversion(unit: str, display: DisplayUnit) -> str:
@@ -199,7 +199,9 @@ def system_page(record: SystemInfo) -> Page:
         lead=f"{counted(len(parts), 'component')}, {counted(len(wires), 'connection')}.",
         facts={},
         sections=[
-            Section("Components and connections", tables=[Table(("name", "what"), [(c.name, c.what) for c in parts])]),
+            Section(
+                "Components and connections", tables=[PageTable(("name", "what"), [(c.name, c.what) for c in parts])]
+            ),
             Section("Connections", tables=[_connections(wires)], folded=len(wires) > _MANY),
             *_variables(record),
         ],
@@ -208,9 +210,9 @@ def system_page(record: SystemInfo) -> Page:
     )
 
 
-def _connections(wires: Sequence[WireFacts]) -> Table:
+def _connections(wires: Sequence[WireFacts]) -> PageTable:
     rows = [(w.source, w.destination, _how(w)) for w in wires]
-    return Table(("from", "to", "by"), rows)
+    return PageTable(("from", "to", "by"), rows)
 
 
 def _how(wire: WireFacts) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from workbench.core.machine.cycles import undisturbed
 from workbench.errors import FmuError
 from workbench.fmi.archive import Unpacked, locate, unpack
-from workbench.fmi.description import Description, DisplayUnit
+from workbench.fmi.description import DisplayUnit, ModelDescription
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.reading import read_description
 from workbench.fmi.structure import STRUCTURAL
@@ -98,13 +98,13 @@ def _facts(variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
     return tuple(VariableFacts(v.name, v.type, v.unit, v.start, v.description) for v in variables)
 
 
-def _display_units(variables: Iterable[Variable], described: Description) -> dict[str, DisplayUnit]:
+def _display_units(variables: Iterable[Variable], described: ModelDescription) -> dict[str, DisplayUnit]:
     """Return variable → the unit in which it is to be shown."""
     shown = ((v, described.units.get(v.unit or "")) for v in variables if v.display_unit)
     return {v.name: d for v, unit in shown if unit is not None for d in unit.display if d.name == v.display_unit}
 
 
-def _clocks(described: Description) -> tuple[ClockFacts, ...]:
+def _clocks(described: ModelDescription) -> tuple[ClockFacts, ...]:
     """Return the clocks; they tick in event mode, so not in every interface."""
     here = any(name == "me" or claims.event_mode for name, claims in described.interfaces.items())
     driven = time_based(described.clocks)
@@ -132,7 +132,7 @@ def _why_not(folder: Path, identifier: str, source: Path) -> str:
 
 
 def _snapshots(
-    unpacked: Unpacked, description: Description, interfaces: Sequence[str], job: Job
+    unpacked: Unpacked, description: ModelDescription, interfaces: Sequence[str], job: Job
 ) -> dict[str, Snapshots]:
     """Return how snapshots are taken with each interface that runs here."""
     recipe = FmuRecipe(

@@ -11,7 +11,7 @@ from workbench.fmi.description import Capabilities
 from workbench.jobs import job as telling
 from workbench.jobs.options import Limits
 from workbench.jobs.pool import Pool
-from workbench.jobs.runner import Job, Lost, Reply, perform
+from workbench.jobs.runner import Lost, Reply, WorkItem, perform
 from workbench.model import DescribedModel, Model
 from workbench.model.load import FmuRecipe
 
@@ -35,7 +35,7 @@ class Snapshots:
 
 
 @dataclass(frozen=True)
-class _Probe(Job):
+class _Probe(WorkItem):
     interface: str
 
     def run(self, model: Model) -> Iterator[Snapshots]:

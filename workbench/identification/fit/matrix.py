@@ -23,7 +23,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Complex, Floats
-from workbench.identification.fit.rational import Channel, common_poles, paired, pole_spread
+from workbench.identification.fit.rational import ResponseChannel, common_poles, paired, pole_spread
 
 __all__ = ["Points", "StateSpaceFit", "fitted_matrix"]
 
@@ -169,7 +169,7 @@ def _covariance(jacobian: Floats, freedom: int) -> Floats:
 
 def _least(points: Points, start: Floats, wish: _Wish, *, most: int) -> tuple[Floats, Floats, float]:
     """Return theta, the Jacobian there, and the sum of the squares."""
-    sides = _Sides(points, wish)
+    sides = _StateSpaceSides(points, wish)
     if not len(start):
         return start, np.zeros((2 * len(points.s), 0)), float(np.sum(sides.misfit(start) ** 2))
     low = np.full(len(start), -np.inf)
@@ -183,7 +183,7 @@ def _least(points: Points, start: Floats, wish: _Wish, *, most: int) -> tuple[Fl
     return np.asarray(found.x), np.asarray(found.jac), float(2.0 * found.cost)
 
 
-class _Sides:
+class _StateSpaceSides:
     """Misfits and their exact derivatives by theta."""
 
     def __init__(self, points: Points, wish: _Wish) -> None:
@@ -285,7 +285,7 @@ def _start(points: Points, count: int, wish: _Wish) -> Floats:
     """Return theta from so many common poles, of which each gives as many states as its residues are worth."""
     p, m = points.shape
     channels = [
-        Channel(points.s[at], points.value[at], 1.0 / points.sigma[at])
+        ResponseChannel(points.s[at], points.value[at], 1.0 / points.sigma[at])
         for at in ((points.row == i) & (points.column == j) for i in range(p) for j in range(m))
     ]
     poles = common_poles(channels, count, direct=wish.direct, stable=wish.stable)
@@ -306,7 +306,7 @@ def _start(points: Points, count: int, wish: _Wish) -> Floats:
 
 
 def _modes(
-    channels: list[Channel], poles: Complex, shape: tuple[int, int], order: int, *, direct: bool
+    channels: list[ResponseChannel], poles: Complex, shape: tuple[int, int], order: int, *, direct: bool
 ) -> list[tuple[complex, Complex]]:
     """Return poles and their directions at the inputs, shape (m,), the strongest ones, `order` with conjugates.
 

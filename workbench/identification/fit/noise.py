@@ -22,7 +22,7 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.identification.fit.matrix import Points, StateSpaceFit
 from workbench.identification.fit.rational import Rational
 
-__all__ = ["Noise", "course", "judged"]
+__all__ = ["ResponseNoise", "course", "judged"]
 
 
 _BESIDE = 2  # neighbours on either side, through which a cubic predicts a value
@@ -30,7 +30,7 @@ _FLOORS = 10.0 ** np.arange(-8.0, 2.0, 0.5)  # squares of noise that stays, over
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class ResponseNoise:
     """What several orders say of the noise.
 
     Attributes:
@@ -44,7 +44,7 @@ class Noise:
     free: Floats
 
 
-def judged(tried: Sequence[Rational | StateSpaceFit], points: Points, floor: Floats) -> Noise:
+def judged(tried: Sequence[Rational | StateSpaceFit], points: Points, floor: Floats) -> ResponseNoise:
     """Return the criterion of each order, the size of the noise being unknown.
 
     Args:
@@ -61,7 +61,7 @@ def judged(tried: Sequence[Rational | StateSpaceFit], points: Points, floor: Flo
     penalty = np.where(spare > 0.0, fitted * np.log(count) * count / np.maximum(spare, 1.0), np.inf)
     criterion = count * np.log(size) + 2.0 * np.sum(np.log(points.sigma**2)) + squares / size + penalty
     scale = np.sqrt(np.maximum(squares / np.maximum(count - fitted, 1.0), least))
-    return Noise(criterion, scale, count - fitted)
+    return ResponseNoise(criterion, scale, count - fitted)
 
 
 def course(frequency_hz: Floats, value: Complex) -> Floats | None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Complex, Floats
 
-__all__ = ["Channel", "Rational", "common_poles", "fitted", "paired", "pole_spread"]
+__all__ = ["Rational", "ResponseChannel", "common_poles", "fitted", "paired", "pole_spread"]
 
 
 _ROUNDS = 20  # of vector fitting
@@ -109,7 +109,7 @@ def fitted(
     scale = float(np.sqrt(np.abs(s).min() * np.abs(s).max()))
     z, weight = s / scale, 1.0 / sigma
     poles = (
-        common_poles([Channel(z, value, weight)], order, direct=direct, stable=stable)
+        common_poles([ResponseChannel(z, value, weight)], order, direct=direct, stable=stable)
         if start is None
         else start / scale
     )
@@ -211,7 +211,7 @@ def paired(poles: Complex) -> tuple[list[tuple[float, float]], float | None]:
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class ResponseChannel:
     """Values of one input and output.
 
     Attributes:
@@ -264,7 +264,7 @@ class Channel:
         return R[:, :-1], R[:, -1]
 
 
-def common_poles(channels: Sequence[Channel], order: int, *, direct: bool, stable: bool) -> Complex:
+def common_poles(channels: Sequence[ResponseChannel], order: int, *, direct: bool, stable: bool) -> Complex:
     """Return poles near those of rational functions with one denominator through the values: vector fitting.
 
     The zeros of the bracket in Σ r/(z − p) + d = (1 + Σ c/(z − p)) value are better poles.

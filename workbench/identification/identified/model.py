@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
 from workbench.core.values.matrices import unheld
@@ -23,7 +23,7 @@ __all__ = ["IdentifiedModel", "NoiseModel", "NumDen", "numden"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NoiseModel(Part):
+class NoiseModel(RecordPart):
     """A disturbance v with poles of its own: z(k + 1) = A z(k) + K e(k), v(k) = C z(k) + e(k).
 
     Attributes:

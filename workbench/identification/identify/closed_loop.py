@@ -20,7 +20,7 @@ from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import LongArx, fit_long_arx
 from workbench.errors import InputError
 from workbench.identification.identified.model import NoiseModel
-from workbench.identification.identify.preparation import Prepared, chosen, prepare
+from workbench.identification.identify.preparation import PreparedData, chosen, prepare
 from workbench.identification.identify.refinement import wished
 from workbench.identification.identify.request import Identify
 from workbench.identification.identify.several import gathered
@@ -59,7 +59,7 @@ def with_reference(data: Experiment | str | Path, asked: Identify) -> tuple[tupl
     return (whole.select(driving, whole.output_names),), whole.select([str(name)], [*driving, *whole.output_names])
 
 
-def driven_by(reference: Experiment, prepared: Prepared, asked: Identify) -> Prepared:
+def driven_by(reference: Experiment, prepared: PreparedData, asked: Identify) -> PreparedData:
     """Return the data with that part of the inputs which the reference makes.
 
     Args:
@@ -102,7 +102,7 @@ def _long_enough(r: Floats, u: Floats) -> LongArx:
 
 
 def with_disturbance(
-    found: SubspaceEstimate, prepared: Prepared, driving: Prepared, asked: Identify
+    found: SubspaceEstimate, prepared: PreparedData, driving: PreparedData, asked: Identify
 ) -> SubspaceEstimate:
     """Return the estimate with a model of what its plant leaves of the output under the inputs as they were.
 

@@ -12,7 +12,7 @@ from workbench.data.spectra.density import sdf
 from workbench.identification.identify.result import IdentifyResult
 from workbench.identification.subspace.page import estimate_facts, matrices_section, order_table, pole_tables
 from workbench.identification.validate.page import overlay_section, validation_section
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def _of_refinement(result: IdentifyResult) -> list[Section]:
     if not told.tried:
         return []
     head = ("order", "disturbance", "numbers fitted", "criterion above the best")
-    tables = [Table(head, [tuple(row) for row in told.table()], right=(0, 2, 3))]
+    tables = [PageTable(head, [tuple(row) for row in told.table()], right=(0, 2, 3))]
     known = result.uncertainty if told.taken else None
     figures = [] if known is None else [(known.plot, "Frequency response with its 95 % regions.")]
     items = () if known is None else known.words

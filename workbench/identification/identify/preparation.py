@@ -14,11 +14,11 @@ from workbench.data.preprocess.detrend import Detrended, detrend, remove_offset
 from workbench.data.preprocess.settle import cut_settling
 from workbench.errors import InputError
 
-__all__ = ["Prepared", "chosen", "cut", "prepare"]
+__all__ = ["PreparedData", "chosen", "cut", "prepare"]
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class PreparedData:
     """Data ready for the estimator.
 
     Attributes:
@@ -68,7 +68,7 @@ def chosen(
     return data.select(inputs or data.input_names, outputs or data.output_names)
 
 
-def prepare(data: Experiment, *, how: str, settle: float) -> Prepared:
+def prepare(data: Experiment, *, how: str, settle: float) -> PreparedData:
     """Cut the settling part off and take the operating point away.
 
     Args:
@@ -82,7 +82,7 @@ def prepare(data: Experiment, *, how: str, settle: float) -> Prepared:
     kept = cut(data, settle)
     _check_moving(kept)
     level = _DETRENDS[how](kept)
-    return Prepared(kept, level.experiment.u, level.experiment.y, level.u0, level.y0)
+    return PreparedData(kept, level.experiment.u, level.experiment.y, level.u0, level.y0)
 
 
 def _check_moving(data: Experiment) -> None:

@@ -11,11 +11,11 @@ from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError, suggest
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.identify.preparation import Prepared
+from workbench.identification.identify.preparation import PreparedData
 from workbench.identification.identify.request import Identify
 from workbench.identification.identify.several import without_joints
 from workbench.identification.prediction.model import RefinedModel, refined_model, refining
-from workbench.identification.prediction.model_selection import Wish
+from workbench.identification.prediction.model_selection import SelectionOptions
 from workbench.identification.prediction.result import NOT_REFINED, Refinement
 from workbench.identification.subspace.final_model import cost
 from workbench.identification.subspace.result import SubspaceEstimate
@@ -33,7 +33,7 @@ _WORSE = {"other": 0.02, "own": 0.1}
 
 
 def refined(
-    found: SubspaceEstimate, prepared: Prepared, other: Experiment | None, asked: Identify
+    found: SubspaceEstimate, prepared: PreparedData, other: Experiment | None, asked: Identify
 ) -> tuple[SubspaceEstimate, Refinement, Estimator, IdentifiedModel | None]:
     """Return the better estimate, how it was refined, what finds poles in other records in the same way, and a rival.
 
@@ -73,7 +73,7 @@ def refined(
     return _in_place(found, best), words, refining(best, prepared.u, prepared.y), best.above
 
 
-def wished(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> Wish:
+def wished(found: SubspaceEstimate, prepared: PreparedData, asked: Identify) -> SelectionOptions:
     """Return what the refined model is to be.
 
     Args:
@@ -84,7 +84,7 @@ def wished(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> Wish
     Raises:
         InputError: a gain between channels that the data do not have.
     """
-    return Wish(
+    return SelectionOptions(
         order=found.order if asked.order != "auto" or asked.biased else None,
         noise=None if asked.noise == "auto" else asked.noise,
         most=asked.max_order,
@@ -95,7 +95,7 @@ def wished(found: SubspaceEstimate, prepared: Prepared, asked: Identify) -> Wish
     )
 
 
-def _gains(asked: Identify, prepared: Prepared) -> Floats | None:
+def _gains(asked: Identify, prepared: PreparedData) -> Floats | None:
     """Return the gains that are held, shape (p, m) with the inputs that join experiments; None: there are none."""
     if not asked.gains:
         return None
@@ -124,13 +124,13 @@ def _agreement(best: RefinedModel, asked: Identify) -> str:
     return f"; steady gain held: {_told(asked)}, {words}"
 
 
-def _noise_free(model: IdentifiedModel, prepared: Prepared) -> bool:
+def _noise_free(model: IdentifiedModel, prepared: PreparedData) -> bool:
     left = np.sqrt(np.maximum(np.diag(model.covariance), 0.0))
     return bool(np.all(left <= _NOTHING_LEFT * np.sqrt(np.mean(prepared.y**2, axis=0))))
 
 
 def _judged(
-    before: IdentifiedModel, best: RefinedModel, prepared: Prepared, other: Experiment | None, *, closed: bool
+    before: IdentifiedModel, best: RefinedModel, prepared: PreparedData, other: Experiment | None, *, closed: bool
 ) -> tuple[bool, str]:
     """Return whether the refined model is taken, and why."""
     after = best.model
@@ -177,7 +177,7 @@ def _at(model: IdentifiedModel, u0: Floats, y0: Floats) -> IdentifiedModel:
     return replace(model, u0=u0, y0=model.y0 + y0)
 
 
-def _channels(model: IdentifiedModel, prepared: Prepared, other: Experiment) -> tuple[Floats, Floats]:
+def _channels(model: IdentifiedModel, prepared: PreparedData, other: Experiment) -> tuple[Floats, Floats]:
     named = model.named(input_names=prepared.data.input_names, output_names=prepared.data.output_names)
     given = suited(named, other)
     return given.u, given.y

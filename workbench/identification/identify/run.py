@@ -11,7 +11,7 @@ from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.identify.closed_loop import driven_by, with_disturbance, with_reference
-from workbench.identification.identify.preparation import Prepared, chosen, cut
+from workbench.identification.identify.preparation import PreparedData, chosen, cut
 from workbench.identification.identify.refinement import refined
 from workbench.identification.identify.request import Identify
 from workbench.identification.identify.result import IdentifyResult
@@ -116,7 +116,7 @@ def delays_told(advice: Advice, delays: Sequence[int]) -> str:
     return f"delay, by the data ({evidence}), samples taken out of the fit: {', '.join(named) or 'none'}"
 
 
-def _named(found: SubspaceEstimate, prepared: Prepared) -> IdentifiedModel:
+def _named(found: SubspaceEstimate, prepared: PreparedData) -> IdentifiedModel:
     data = prepared.data
     return found.model.named(
         input_names=data.input_names,
@@ -138,7 +138,9 @@ def _other(asked: Identify, data: Experiment) -> Experiment | None:
     return cut(other, asked.settle)
 
 
-def _regions(model: IdentifiedModel, prepared: Prepared, asked: Identify, estimator: Estimator) -> PoleBootstrap | None:
+def _regions(
+    model: IdentifiedModel, prepared: PreparedData, asked: Identify, estimator: Estimator
+) -> PoleBootstrap | None:
     if not asked.bootstrap:
         return None
     return bootstrap_poles(

@@ -19,7 +19,7 @@ from workbench.data.experiment.experiment import Experiment, read_pieces
 from workbench.data.preprocess.outliers import remove_outliers
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.identify.preparation import Prepared, chosen, prepare
+from workbench.identification.identify.preparation import PreparedData, chosen, prepare
 from workbench.identification.identify.request import Identify
 
 __all__ = ["gathered", "joined", "prepared_all", "without_joints"]
@@ -60,7 +60,7 @@ def _alike(first: Experiment, other: Experiment) -> Experiment:
     return other.in_units(first.units)
 
 
-def joined(pieces: Sequence[Prepared]) -> Prepared:
+def joined(pieces: Sequence[PreparedData]) -> PreparedData:
     """Return all experiments as one record, with a pulse as input for each joint.
 
     Args:
@@ -76,7 +76,7 @@ def joined(pieces: Sequence[Prepared]) -> Prepared:
     return replace(first, u=u, y=np.vstack([piece.y for piece in pieces]))
 
 
-def prepared_all(experiments: Sequence[Experiment], asked: Identify) -> list[Prepared]:
+def prepared_all(experiments: Sequence[Experiment], asked: Identify) -> list[PreparedData]:
     """Return each experiment with its own operating point taken off.
 
     Args:

@@ -14,7 +14,7 @@ from workbench.identification.identified.model import IdentifiedModel, NoiseMode
 from workbench.identification.prediction.gradient import normal_equations
 from workbench.identification.prediction.innovations import Innovations
 from workbench.identification.prediction.instrumental_variable import instrumented
-from workbench.identification.prediction.model_selection import Chosen, Wish, choose
+from workbench.identification.prediction.model_selection import Chosen, SelectionOptions, choose
 from workbench.identification.prediction.refine import Refined, refine
 from workbench.identification.prediction.start import started, with_own
 from workbench.identification.subspace.data import ScaledData, prepare
@@ -44,7 +44,7 @@ class RefinedModel:
     above: IdentifiedModel | None = None
 
 
-def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: Wish) -> RefinedModel | None:
+def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: SelectionOptions) -> RefinedModel | None:
     """Return the model of the least prediction error; None where nothing can be refined.
 
     Args:
@@ -67,7 +67,7 @@ def refined_model(start: IdentifiedModel, u: Floats, y: Floats, wish: Wish) -> R
 
 
 def instrumented_model(
-    start: IdentifiedModel, u: Floats, driven: Floats, y: Floats, wish: Wish
+    start: IdentifiedModel, u: Floats, driven: Floats, y: Floats, wish: SelectionOptions
 ) -> IdentifiedModel | None:
     """Return the model whose errors know nothing of a reference; None where there is none near, or it is open.
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.special
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.prediction.gradient import errors_of
@@ -35,7 +35,7 @@ from workbench.identification.prediction.start import (
 from workbench.identification.subspace.estimate import estimate
 from workbench.identification.subspace.final_model import cost
 
-__all__ = ["Candidate", "Chosen", "Wish", "choose", "noise_alone"]
+__all__ = ["Candidate", "Chosen", "SelectionOptions", "choose", "noise_alone"]
 
 Record = tuple[Floats, Floats]
 _MOST_NOISE = 4  # states of the disturbance that auto tries for one output
@@ -46,7 +46,7 @@ _PAIR, _SIGNIFICANT = 2, 0.05  # orders above the chosen one that may change its
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate(Part):
+class Candidate(RecordPart):
     """One structure that was tried.
 
     Attributes:
@@ -89,7 +89,7 @@ class Chosen:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Wish:
+class SelectionOptions:
     """What is asked for.
 
     Attributes:
@@ -111,7 +111,7 @@ class Wish:
     gains: Floats | None = None
 
 
-def choose(record: Record, plants: Sequence[Plant], wish: Wish) -> Chosen | None:
+def choose(record: Record, plants: Sequence[Plant], wish: SelectionOptions) -> Chosen | None:
     """Return the best model of all structures that the wish allows.
 
     Args:
@@ -124,7 +124,7 @@ def choose(record: Record, plants: Sequence[Plant], wish: Wish) -> Chosen | None
     """
     u, y = record
     short = (u[:_LONG], y[:_LONG])
-    search = _Search(short, tuple(plants), wish)
+    search = _ModelSearch(short, tuple(plants), wish)
     best = search.run()
     if best is None:
         return None
@@ -140,13 +140,13 @@ def choose(record: Record, plants: Sequence[Plant], wish: Wish) -> Chosen | None
     return Chosen(final, tuple(search.tried.values()), agree, above)
 
 
-def _agreement(found: Refined, record: Record, search: _Search) -> float | None:
+def _agreement(found: Refined, record: Record, search: _ModelSearch) -> float | None:
     """Return the probability of the likelihood ratio; the free model is searched for anew: steps may not lead there."""
     model, wish = found.model, search.wish
     structure = replace(
         wish, gains=None, order=model.plant, noise="shared" if model.shared else model.disturbance
     )  # fmt: skip
-    anew = _Search(search.record, search.plants, structure).run()
+    anew = _ModelSearch(search.record, search.plants, structure).run()
     starts = [replace(model, gains=None), *(() if anew is None else (anew.model,))]
     free = [refine(start, record, stable=wish.stable) for start in starts]
     costs = [one.cost for one in free if one is not None]
@@ -156,10 +156,10 @@ def _agreement(found: Refined, record: Record, search: _Search) -> float | None:
     return float(scipy.special.chdtrc(count, max(found.samples * (found.cost - min(costs)), 0.0)))
 
 
-class _Search:
+class _ModelSearch:
     """Tries structures, and remembers what it tried."""
 
-    def __init__(self, record: Record, plants: tuple[Plant, ...], wish: Wish) -> None:
+    def __init__(self, record: Record, plants: tuple[Plant, ...], wish: SelectionOptions) -> None:
         self.record, self.plants, self.wish = record, plants, wish
         self.white = whitened(*record)
         self.tried: dict[tuple[int, int, bool], Candidate] = {}

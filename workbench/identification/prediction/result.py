@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.identification.prediction.model_selection import Candidate
 
 __all__ = ["NOT_REFINED", "Refinement"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Refinement(Part):
+class Refinement(RecordPart):
     """How a model was refined.
 
     Attributes:

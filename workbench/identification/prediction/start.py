@@ -137,7 +137,7 @@ def disturbance(v: Floats, order: int) -> Noise | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class InitialPlant:
     """A plant with the offset and the initial state that suit it, and what it leaves of the output.
 
     Attributes:
@@ -153,7 +153,7 @@ class Start:
     left: Floats
 
 
-def started(record: tuple[Floats, Floats], plant: Plant) -> Start:
+def started(record: tuple[Floats, Floats], plant: Plant) -> InitialPlant:
     """Return a start with a stable plant.
 
     Args:
@@ -167,7 +167,7 @@ def started(record: tuple[Floats, Floats], plant: Plant) -> Start:
     rest = y - _response(driven, u)
     fit = fit_inputs(u[:, :0], rest, A, C, feedthrough=False)
     left = residual(u[:, :0], rest, A, C, fit)
-    return Start((A, B, C, D), fit.offset, fit.x0, left)
+    return InitialPlant((A, B, C, D), fit.offset, fit.x0, left)
 
 
 def _given(A: Floats, B: Floats, C: Floats, D: Floats) -> Innovations:
@@ -181,7 +181,7 @@ def _response(model: Innovations, u: Floats) -> Floats:
     return -errors_of(model, (u, np.zeros((len(u), len(model.C)))))
 
 
-def with_own(start: Start, noise: Noise, *, feedthrough: bool) -> Innovations:
+def with_own(start: InitialPlant, noise: Noise, *, feedthrough: bool) -> Innovations:
     """Return a start whose disturbance has poles of its own, or is white.
 
     Args:

@@ -6,7 +6,7 @@ from workbench.data.advice.page import data_facts
 from workbench.identification.structures.result import StructureResult
 from workbench.identification.structures.table import StaticTable
 from workbench.identification.validate.spread import model_spread
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, number, pole_table
 from workbench.show.verdicts import Verdict
 
@@ -41,7 +41,7 @@ def structure_page(result: StructureResult) -> Page:
                 items=regions,
                 tables=[pole_table(result.linear.poles.tolist(), result.linear.dt, "Poles")],
             ),
-            Section("Orders and numbers of knots", tables=[Table(("order", "knots", "Bayesian criterion"), tried)]),
+            Section("Orders and numbers of knots", tables=[PageTable(("order", "knots", "Bayesian criterion"), tried)]),
         ],
         summary=[
             *(Verdict("failed", why) for why in result.failed.values()),
@@ -62,10 +62,10 @@ def _verdict(result: StructureResult) -> Verdict:
     return Verdict("watch", "the data show no static block of this kind")
 
 
-def _values(table: StaticTable, name: str, unit: str | None) -> Table:
+def _values(table: StaticTable, name: str, unit: str | None) -> PageTable:
     head = bracketed(name, unit)
     rows = [
         (number(x), number(y), number(error, ".2g"))
         for x, y, error in zip(table.x.tolist(), table.y.tolist(), table.error.tolist(), strict=True)
     ]
-    return Table((f"into the block: {head}", "out of it", "95 % error ±"), rows, right=range(3))
+    return PageTable((f"into the block: {head}", "out of it", "95 % error ±"), rows, right=range(3))

@@ -26,7 +26,7 @@ from workbench.identification.prediction.innovations import Entries, Innovations
 from workbench.identification.structures.table import places, weights
 from workbench.identification.subspace.matrices import radius
 
-__all__ = ["Chain", "Fitted", "Table", "fitted", "line_of"]
+__all__ = ["Fitted", "PiecewiseLinearBlock", "WienerHammersteinModel", "fitted", "line_of"]
 
 _MOST = 60  # steps
 _STEADY = 0.99999  # largest pole
@@ -37,7 +37,7 @@ _ROUNDS = 3  # of the noise's colour
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class PiecewiseLinearBlock:
     """A static block that is fitted.
 
     Attributes:
@@ -70,7 +70,7 @@ class Table:
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class WienerHammersteinModel:
     """The blocks.
 
     Attributes:
@@ -79,9 +79,9 @@ class Chain:
         behind: g; None: y = w.
     """
 
-    before: Table | None
+    before: PiecewiseLinearBlock | None
     linear: Innovations
-    behind: Table | None
+    behind: PiecewiseLinearBlock | None
 
     def inner(self, u: Floats) -> tuple[Floats, Floats]:
         """Return what goes into the linear block and what comes out, shape (N,) each.
@@ -135,7 +135,7 @@ class Fitted:
         settled: a further step would change nothing.
     """
 
-    chain: Chain
+    chain: WienerHammersteinModel
     colour: Floats
     variance: float
     covariance: Floats
@@ -150,7 +150,7 @@ class Fitted:
         return self.samples * math.log(max(self.variance, 1e-300)) + count * math.log(self.samples)
 
 
-def fitted(start: Chain, u: Floats, y: Floats, *, stable: bool = True) -> Fitted | None:
+def fitted(start: WienerHammersteinModel, u: Floats, y: Floats, *, stable: bool = True) -> Fitted | None:
     """Return the chain with the least prediction error near a start; None: it has no finite output.
 
     Args:
@@ -178,7 +178,9 @@ def fitted(start: Chain, u: Floats, y: Floats, *, stable: bool = True) -> Fitted
     return Fitted(chain, colour, variance, variance * root @ root.T, coordinates, len(y), settled and bool(good.all()))
 
 
-def _steps(chain: Chain, u: Floats, y: Floats, colour: Floats, *, stable: bool) -> tuple[Chain, bool] | None:
+def _steps(
+    chain: WienerHammersteinModel, u: Floats, y: Floats, colour: Floats, *, stable: bool
+) -> tuple[WienerHammersteinModel, bool] | None:
     """Return a chain from which no step leads further, and whether that was reached."""
     damping, e = 1e-3, _white(y - chain.output(u), colour)
     cost = float(e @ e)
@@ -207,11 +209,11 @@ def _steps(chain: Chain, u: Floats, y: Floats, colour: Floats, *, stable: bool) 
     return chain, False
 
 
-def _fine(chain: Chain, *, stable: bool) -> bool:
+def _fine(chain: WienerHammersteinModel, *, stable: bool) -> bool:
     return radius(chain.linear.A) < (_STEADY if stable else 1.0 + 1e-9)
 
 
-def _moved(chain: Chain, coordinates: Floats, step: Floats) -> Chain:
+def _moved(chain: WienerHammersteinModel, coordinates: Floats, step: Floats) -> WienerHammersteinModel:
     """Return the chain with a change of its parameters."""
     before, behind = chain.before, chain.behind
     first = 0 if before is None else before.free.shape[1]
@@ -220,10 +222,10 @@ def _moved(chain: Chain, coordinates: Floats, step: Floats) -> Chain:
         before = replace(before, values=before.values + before.free @ step[:first])
     if behind is not None:
         behind = replace(behind, values=behind.values + behind.free @ step[last:])
-    return Chain(before, chain.linear.moved(chain.entries(), coordinates @ step[first:last]), behind)
+    return WienerHammersteinModel(before, chain.linear.moved(chain.entries(), coordinates @ step[first:last]), behind)
 
 
-def _slopes(chain: Chain, u: Floats) -> tuple[Floats, Floats]:
+def _slopes(chain: WienerHammersteinModel, u: Floats) -> tuple[Floats, Floats]:
     """Return the derivatives of the output by the parameters, shape (N, f), and the local coordinates."""
     v, w = chain.inner(u)
     entries = chain.entries()

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.structures.table import StaticTable
-from workbench.identification.validate.fit import Fit, fit_of
+from workbench.identification.validate.fit import OutputFit, fit_of
 from workbench.show.result import Result
 from workbench.system.description import (
     BlockComponent,
@@ -31,7 +31,7 @@ _STEPS = 10  # of the search for an initial state
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tried(Part):
+class Tried(RecordPart):
     """One order and number of knots that were tried.
 
     Attributes:
@@ -104,7 +104,7 @@ class StructureResult(Result):
         return self.data if self.other is None else self.other
 
     @property
-    def fit(self) -> Fit:
+    def fit(self) -> OutputFit:
         """Fit of the simulation."""
         return fit_of(self.data.output_names[0], self.judged.y[:, 0], self.simulated)
 

@@ -20,7 +20,7 @@ from workbench.identification.identify.request import Identify
 from workbench.identification.identify.result import IdentifyResult
 from workbench.identification.identify.run import run as identify_linear
 from workbench.identification.prediction.innovations import Innovations
-from workbench.identification.structures.refine import Chain, Fitted, Table, fitted
+from workbench.identification.structures.refine import Fitted, PiecewiseLinearBlock, WienerHammersteinModel, fitted
 from workbench.identification.structures.request import IdentifyCommand, IdentifyStructure
 from workbench.identification.structures.result import StructureResult, Tried
 from workbench.identification.structures.start import (
@@ -57,7 +57,7 @@ def run(data: Experiment | str | Path, asked: IdentifyStructure, job: Job) -> St
     scaled = _Scaled.of(record, asked.delay)
     counts = _KNOTS if asked.knots == "auto" else (int(asked.knots),)
     many = max((n for n in counts if n * _EACH <= len(scaled.u)), default=counts[0])
-    search = _Search(scaled, linear.model, asked)
+    search = _StructureSearch(scaled, linear.model, asked)
     orders = range(1, min(search.order + _IN_A_ROW, asked.max_order) + 1) if asked.order == "auto" else ()
     steps = 1 + len(orders) + len(counts)
     job.done("linear model", 1, steps)
@@ -82,11 +82,11 @@ def run(data: Experiment | str | Path, asked: IdentifyStructure, job: Job) -> St
 
 def _of_orders(
     orders: Iterable[int], scaled: _Scaled, record: Experiment, asked: IdentifyStructure
-) -> Iterator[_Search | None]:
+) -> Iterator[_StructureSearch | None]:
     """Yield a search for each order; None: the input does not excite enough for a linear model of this order."""
     for n in orders:
         try:
-            yield _Search(scaled, _linear(record, asked, n).model, asked)
+            yield _StructureSearch(scaled, _linear(record, asked, n).model, asked)
         except InputError:
             yield None
 
@@ -151,7 +151,7 @@ class _Trial:
         fit: the best one.
     """
 
-    search: _Search
+    search: _StructureSearch
     knots: int
     fit: Fitted
 
@@ -180,7 +180,7 @@ def _searched(trials: Iterable[_Trial | None], worth: float = 0.0) -> tuple[list
     return made, best
 
 
-class _Search:
+class _StructureSearch:
     """Fits of one structure with a linear block of one order."""
 
     def __init__(self, scaled: _Scaled, model: IdentifiedModel, asked: IdentifyStructure) -> None:
@@ -195,7 +195,7 @@ class _Search:
 
     def alone(self) -> float:
         """Return the criterion of the linear block alone."""
-        found = fitted(Chain(None, self.linear, None), self.u, self.y)
+        found = fitted(WienerHammersteinModel(None, self.linear, None), self.u, self.y)
         return float("inf") if found is None else found.criterion
 
     def trial(self, count: int, job: Job, done: int, steps: int) -> _Trial | None:
@@ -242,10 +242,10 @@ class _Search:
 
 
 _ENOUGH = f"a further state would explain less than {_WORTH:.0%} of what the blocks leave"
-_FITS: Mapping[str, Callable[[_Search, int], Iterator[Fitted | None]]] = {
-    "hammerstein": _Search.hammerstein,
-    "wiener": _Search.wiener,
-    "hammerstein-wiener": _Search.both,
+_FITS: Mapping[str, Callable[[_StructureSearch, int], Iterator[Fitted | None]]] = {
+    "hammerstein": _StructureSearch.hammerstein,
+    "wiener": _StructureSearch.wiener,
+    "hammerstein-wiener": _StructureSearch.both,
 }
 
 
@@ -282,7 +282,7 @@ def _result(
     return replace(found, notes=(*found.notes, *_notes(found, tried, linear)))
 
 
-def _table(table: Table | None, root: Floats, mean: float, size: float) -> StaticTable | None:
+def _table(table: PiecewiseLinearBlock | None, root: Floats, mean: float, size: float) -> StaticTable | None:
     if table is None:
         return None
     spread = np.linalg.norm(table.free @ root, axis=1)

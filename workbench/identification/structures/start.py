@@ -10,7 +10,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.prediction.gradient import errors_of
 from workbench.identification.prediction.innovations import Innovations
-from workbench.identification.structures.refine import Chain, Table, line_of
+from workbench.identification.structures.refine import PiecewiseLinearBlock, WienerHammersteinModel, line_of
 from workbench.identification.structures.table import free_directions, knots_for, weights
 from workbench.identification.subspace.estimate import estimate
 
@@ -20,7 +20,7 @@ _POWERS = 3  # of the input, whose linear models start f
 _EVEN = 0.05  # correlation of a block's output with its input below which it counts as even
 
 
-def straight(signal: Floats, count: int) -> Table:
+def straight(signal: Floats, count: int) -> PiecewiseLinearBlock:
     """Return a table before the linear block that does nothing yet.
 
     Args:
@@ -28,10 +28,10 @@ def straight(signal: Floats, count: int) -> Table:
         count: of knots.
     """
     knots = knots_for(signal, count)
-    return Table(knots, knots.copy(), free_directions(*line_of(signal, knots)))
+    return PiecewiseLinearBlock(knots, knots.copy(), free_directions(*line_of(signal, knots)))
 
 
-def with_before(linear: Innovations, u: Floats, y: Floats, count: int) -> Chain:
+def with_before(linear: Innovations, u: Floats, y: Floats, count: int) -> WienerHammersteinModel:
     """Return a chain with a static block before the linear one, its values by least squares.
 
     Args:
@@ -49,7 +49,7 @@ def with_before(linear: Innovations, u: Floats, y: Floats, count: int) -> Chain:
     left = y - through @ table.values
     change: Floats = np.asarray(np.linalg.lstsq(columns, left, rcond=1e-10)[0], dtype=np.float64)
     values = table.values + table.free @ change[:-1]
-    return Chain(replace(table, values=values), replace(linear, offset=change[-1:]), None)
+    return WienerHammersteinModel(replace(table, values=values), replace(linear, offset=change[-1:]), None)
 
 
 def starts_before(order: int, u: Floats, y: Floats, *, feedthrough: bool) -> Innovations | None:
@@ -90,7 +90,7 @@ def block_of(A: Floats, B: Floats, C: Floats, D: Floats, *, feedthrough: bool) -
     )  # fmt: skip
 
 
-def placed(chain: Chain, u: Floats, y: Floats, count: int) -> Chain:
+def placed(chain: WienerHammersteinModel, u: Floats, y: Floats, count: int) -> WienerHammersteinModel:
     """Return the chain with the knots of its last block where its input is now, its values by least squares.
 
     Args:
@@ -102,10 +102,10 @@ def placed(chain: Chain, u: Floats, y: Floats, count: int) -> Chain:
     _, w = chain.inner(u)
     knots = knots_for(w, count)
     values = np.asarray(np.linalg.lstsq(weights(w, knots), y, rcond=1e-10)[0], dtype=np.float64)
-    return rescaled(replace(chain, behind=Table(knots, values, np.eye(count)[:, 1:])), u)
+    return rescaled(replace(chain, behind=PiecewiseLinearBlock(knots, values, np.eye(count)[:, 1:])), u)
 
 
-def rescaled(chain: Chain, u: Floats) -> Chain:
+def rescaled(chain: WienerHammersteinModel, u: Floats) -> WienerHammersteinModel:
     """Return the same chain, scaled so that the slope of the regression of its last block is 1; that is then held.
 
     A block that is even has no such slope; its scale stays as it is, and what is held is its regression on what it is
@@ -129,10 +129,10 @@ def rescaled(chain: Chain, u: Floats) -> Chain:
     turned = slice(None, None, -1 if gain < 0.0 else 1)
     knots, values = (gain * knots)[turned], values[turned]
     held = line_of(gain * w, knots)[1] if odd else (told - told.mean()) @ hats
-    return Chain(chain.before, scaled, Table(knots, values, free_directions(held)))
+    return WienerHammersteinModel(chain.before, scaled, PiecewiseLinearBlock(knots, values, free_directions(held)))
 
 
-def with_behind(linear: Innovations, u: Floats, y: Floats, count: int) -> Chain:
+def with_behind(linear: Innovations, u: Floats, y: Floats, count: int) -> WienerHammersteinModel:
     """Return a chain with a static block behind the linear one.
 
     Args:
@@ -141,4 +141,4 @@ def with_behind(linear: Innovations, u: Floats, y: Floats, count: int) -> Chain:
         y: shape (N,).
         count: of knots.
     """
-    return placed(Chain(None, linear, None), u, y, count)
+    return placed(WienerHammersteinModel(None, linear, None), u, y, count)

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 
 __all__ = ["StaticTable", "free_directions", "knots_for", "places", "weights"]
@@ -18,7 +18,7 @@ Places = tuple[NDArray[np.intp], Floats]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class StaticTable(Part):
+class StaticTable(RecordPart):
     """A static block.
 
     Attributes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.identification.subspace.result import SubspaceEstimate
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import matrices, pole_table
 
 __all__ = ["estimate_facts", "estimate_page", "matrices_section", "order_table", "pole_tables"]
@@ -19,7 +19,7 @@ def estimate_facts(found: SubspaceEstimate) -> dict[str, str]:
     }
 
 
-def order_table(found: SubspaceEstimate) -> Table:
+def order_table(found: SubspaceEstimate) -> PageTable:
     """Return the first singular values with bars, which are full up to the order that was chosen."""
     values = found.singular_values[: max(2 * found.order, found.order + 4)].tolist()
     largest = values[0] or 1.0
@@ -29,10 +29,10 @@ def order_table(found: SubspaceEstimate) -> Table:
         ("█" if k < found.order else "░") * max(1, round(_BAR * value / largest))
         for k, value in enumerate(values[: len(rows)])
     ]
-    return Table(("state", "singular value", "principal angle [deg]"), rows, bars=bars)
+    return PageTable(("state", "singular value", "principal angle [deg]"), rows, bars=bars)
 
 
-def pole_tables(estimate: SubspaceEstimate) -> list[Table]:
+def pole_tables(estimate: SubspaceEstimate) -> list[PageTable]:
     """Return the table of the poles; none where there is no state."""
     model = estimate.model
     return [pole_table(model.poles.tolist(), model.dt, "Poles")] if model.order else []

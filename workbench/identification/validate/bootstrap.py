@@ -176,13 +176,13 @@ def bootstrap_poles(
         True
     """
     _check(model, data, replicates, block, confidence)
-    drawn = _Drawn(replicates, block or max(1, round(data.n_samples ** (1.0 / 3.0))), seed)
+    drawn = _ReplicateDrawing(replicates, block or max(1, round(data.n_samples ** (1.0 / 3.0))), seed)
     found = _again(model, data, estimator, drawn, workers or Workers(in_process=True))
     return _gathered(model, found, drawn, confidence=confidence, joint=joint)
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class _ReplicateDrawing:
     """How records are put together: how many, of blocks of which length [samples], by which seed."""
 
     replicates: int
@@ -191,7 +191,7 @@ class _Drawn:
 
 
 def _again(
-    model: IdentifiedModel, data: Experiment, estimator: Estimator, drawn: _Drawn, workers: Workers
+    model: IdentifiedModel, data: Experiment, estimator: Estimator, drawn: _ReplicateDrawing, workers: Workers
 ) -> list[Complex]:
     """Return the poles that are identified from each record that has a model of the same order."""
     delays = sum(model.delay)
@@ -205,7 +205,7 @@ def _again(
 
 
 def _gathered(
-    model: IdentifiedModel, found: list[Complex], drawn: _Drawn, *, confidence: float, joint: bool
+    model: IdentifiedModel, found: list[Complex], drawn: _ReplicateDrawing, *, confidence: float, joint: bool
 ) -> PoleBootstrap:
     """Return the regions that the poles found make about those of the model."""
     poles = _without_delays(model.poles, sum(model.delay))

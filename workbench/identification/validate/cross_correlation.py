@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtrc, ndtr, ndtri
 
-from workbench.core.records.record import Part, entry, numbers
+from workbench.core.records.record import RecordPart, entry, numbers
 from workbench.core.values.arrays import Floats
 from workbench.identification.validate.whiteness import LEVEL, covariances
 
@@ -17,7 +17,7 @@ __all__ = ["CrossCorrelation", "cross_correlation"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CrossCorrelation(Part):
+class CrossCorrelation(RecordPart):
     """Correlation of residual e(t) with input u(t − lag), and what it says.
 
     Attributes:

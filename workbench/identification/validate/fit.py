@@ -10,11 +10,11 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 
-__all__ = ["ERROR_FIGURES", "Fit", "error_figure", "fit_of"]
+__all__ = ["ERROR_FIGURES", "OutputFit", "error_figure", "fit_of"]
 
 
 @dataclass(frozen=True)
-class Fit:
+class OutputFit:
     """One output, measured y against computed ŷ; ȳ is the mean of y.
 
     Attributes:
@@ -52,7 +52,7 @@ class Fit:
         return f"{self.output}: fit {self.fit_percent:.4g} %, error {self.error_percent:.4g} %"
 
 
-def fit_of(output: str, measured: Floats, computed: Floats) -> Fit:
+def fit_of(output: str, measured: Floats, computed: Floats) -> OutputFit:
     """Return the figures of one output; NaN where the computed output is not finite or the measured one never moves.
 
     Args:
@@ -64,7 +64,7 @@ def fit_of(output: str, measured: Floats, computed: Floats) -> Fit:
     with np.errstate(all="ignore"):  # an unstable model overflows
         rms, offset = float(np.sqrt(np.mean(error**2))), float(np.mean(error))
     fit = 100.0 - error_figure(measured, computed, "fit")
-    return Fit(output, fit, error_figure(measured, computed, "detrended"), rms, offset)
+    return OutputFit(output, fit, error_figure(measured, computed, "detrended"), rms, offset)
 
 
 def error_figure(measured: Floats, computed: Floats, definition: str = "detrended") -> float:

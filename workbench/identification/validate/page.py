@@ -11,7 +11,7 @@ from workbench.identification.validate.bootstrap import PoleBootstrap
 from workbench.identification.validate.overlay import Overlay
 from workbench.identification.validate.result import Validation
 from workbench.identification.validate.spread import ModelSpread
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, number
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def bootstrap_page(result: PoleBootstrap) -> Page:
 def overlay_page(result: Overlay) -> Page:
     """Return the page of frequency responses laid over each other."""
     rows = [(d.curve, *(number(x, ".3g") for x in d.worst())) for d in result.differences]
-    table = Table(("curve", "largest difference of gain [dB]", "of phase [deg]"), rows)
+    table = PageTable(("curve", "largest difference of gain [dB]", "of phase [deg]"), rows)
     return Page(
         title=f"Frequency responses of {result.name}: {result.input} → {result.output}",
         lead=f"Compared with {result.reference}.",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Complex
 from workbench.identification.identified.model import IdentifiedModel
 
@@ -18,7 +18,7 @@ NEAR = 0.25
 
 
 @dataclass(frozen=True)
-class NearCancellation(Part):
+class NearCancellation(RecordPart):
     """A pole and the zero beside it.
 
     Attributes:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 
 __all__ = ["PoleRegion", "pole_regions"]
@@ -21,7 +21,7 @@ TINY = 1e-12  # least variance: of poles that never move, as those of noise-free
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PoleRegion(Part):
+class PoleRegion(RecordPart):
     """Where a pole may be.
 
     Attributes:

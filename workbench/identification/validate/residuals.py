@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.identification.validate.cross_correlation import CrossCorrelation, cross_correlation
-from workbench.identification.validate.fit import Fit, fit_of
+from workbench.identification.validate.fit import OutputFit, fit_of
 from workbench.identification.validate.whiteness import Autocorrelation, autocorrelation
 
 __all__ = ["Residuals", "residuals_of"]
@@ -20,7 +20,7 @@ ROUNDING = 1e-9  # residuals below this part of the output's size are rounding
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Residuals(Part):
+class Residuals(RecordPart):
     """Computed outputs, what is left, and what that says.
 
     Attributes:
@@ -36,7 +36,7 @@ class Residuals(Part):
     kind: str
     computed: Floats = field(metadata=entry(dims=("sample", "output")))
     residual: Floats = field(metadata=entry(dims=("sample", "output")))
-    fits: tuple[Fit, ...]
+    fits: tuple[OutputFit, ...]
     autocorrelation: Autocorrelation | None
     cross: CrossCorrelation | None = field(metadata=entry(key="cross_correlation"))
     remark: str = ""

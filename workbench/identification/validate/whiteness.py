@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtrc, ndtri
 
-from workbench.core.records.record import Part, entry, numbers
+from workbench.core.records.record import RecordPart, entry, numbers
 from workbench.core.values.arrays import Floats
 
 __all__ = ["LEVEL", "Autocorrelation", "autocorrelation", "covariances"]
@@ -18,7 +18,7 @@ LEVEL = 0.05  # false-alarm rate of every test
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Autocorrelation(Part):
+class Autocorrelation(RecordPart):
     """Autocorrelation of residuals and what it says.
 
     Attributes:

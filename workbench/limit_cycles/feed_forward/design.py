@@ -7,7 +7,7 @@ import numpy as np
 from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import natural_frequency_hz
-from workbench.limit_cycles.feed_forward.design_step import FilterStep, Judge
+from workbench.limit_cycles.feed_forward.design_step import FilterComparison, FilterStep
 from workbench.limit_cycles.feed_forward.request import FeedForward
 from workbench.limit_cycles.feed_forward.result import Design
 from workbench.point.reduction.balanced import BalancedReduction, balanced_reduction
@@ -21,7 +21,7 @@ __all__ = ["design"]
 _AXIS = 1e-6
 
 
-def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: Judge) -> Design:
+def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: FilterComparison) -> Design:
     """Return the filter F ≈ H/G that is stable and small.
 
     Args:
@@ -70,7 +70,7 @@ def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: Judge) -> De
     )
 
 
-def _reduced(g: BalancedReduction, h: BalancedReduction, judge: Judge) -> FilterStep:
+def _reduced(g: BalancedReduction, h: BalancedReduction, judge: FilterComparison) -> FilterStep:
     with np.errstate(all="ignore"):
         response = h.part.response(judge.frequency) / g.part.response(judge.frequency)
     remark = f"G {g.full_order} → {g.order}, H {h.full_order} → {h.order}"

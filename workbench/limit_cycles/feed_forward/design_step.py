@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import difference
 
-__all__ = ["FilterStep", "Judge"]
+__all__ = ["FilterComparison", "FilterStep"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FilterStep(Part):
+class FilterStep(RecordPart):
     """The filter after one step.
 
     Attributes:
@@ -43,7 +43,7 @@ class FilterStep(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Judge:
+class FilterComparison:
     """Holds filters against H/G.
 
     Attributes:

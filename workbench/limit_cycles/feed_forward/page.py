@@ -6,7 +6,7 @@ from functools import partial
 
 from workbench.limit_cycles.feed_forward.result import FeedForwardResult
 from workbench.limit_cycles.feed_forward.trial import Trial
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import number, pole_table
 from workbench.show.verdicts import Verdict
 
@@ -72,7 +72,7 @@ def _steps(result: FeedForwardResult) -> Section:
     )  # fmt: skip
     low, high = result.band
     words = f"Errors compared with H/G from {low:g} to {high:g} Hz; residual: largest |G·F − H| over the largest |H|."
-    return Section("Steps", paragraphs=[words], tables=[Table(headings, rows, right=range(1, 8))])
+    return Section("Steps", paragraphs=[words], tables=[PageTable(headings, rows, right=range(1, 8))])
 
 
 def _verdict(trial: Trial) -> Verdict:
@@ -110,7 +110,7 @@ def _trials(result: FeedForwardResult) -> list[Section]:
             "Simulations",
             paragraphs=[words],
             figures=[(partial(result.plot, figure="simulated"), "Time histories.")],
-            tables=[Table(headings, rows, right=range(2, len(headings)))],
+            tables=[PageTable(headings, rows, right=range(2, len(headings)))],
         )
     ]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import WorkbenchError
@@ -25,7 +25,7 @@ _ROUNDING = 1e-6  # of H: what a filter that compensates exactly leaves
 
 
 @dataclass(frozen=True, kw_only=True)
-class Remaining(Part):
+class Remaining(RecordPart):
     """Limit cycles by the describing function, without limits of an actuator.
 
     Attributes:

@@ -12,7 +12,7 @@ from workbench.core.records.option import option
 from workbench.core.records.quantity import number
 from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ else:
     _Orders = Annotated[object, _ORDERS]
 
 
-class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
+class FeedForward(AtPoint, ModelRequest["FeedForwardResult"]):
     """Design a filter F ≈ H/G from a block's output to a control input, and try it.
 
     With v the block's input, w its output and u the control, the linear part is v = G u − H w. Fed with u = F w,
@@ -106,7 +106,7 @@ class FeedForward(AtPoint, Analysis["FeedForwardResult"]):
         "aircraft.outer_aileron_position:-1 --orders 36,29 --cancel 3e-3 --input pulse=pulse:value=0.8,duration=0.1 "
         "--closes-at 140 --actuator fmu:LimitedActuator --plot filter.png"
     )
-    subject = replace(Analysis.subject, help="A system; it stays open.")
+    subject = replace(ModelRequest.subject, help="A system; it stays open.")
     counts = "simulations"
 
     _: KW_ONLY

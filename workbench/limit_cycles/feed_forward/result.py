@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
@@ -164,7 +164,7 @@ class FeedForwardResult(Result):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Design(Part):
+class Design(RecordPart):
     """The filter and how it came about.
 
     Attributes:

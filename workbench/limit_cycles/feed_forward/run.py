@@ -14,12 +14,12 @@ from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
 from workbench.jobs.job import Job
 from workbench.limit_cycles.feed_forward.design import design
-from workbench.limit_cycles.feed_forward.design_step import Judge
+from workbench.limit_cycles.feed_forward.design_step import FilterComparison
 from workbench.limit_cycles.feed_forward.plant import Plant, linear_plant
 from workbench.limit_cycles.feed_forward.remaining_cycles import Remaining, remaining
 from workbench.limit_cycles.feed_forward.request import FeedForward
 from workbench.limit_cycles.feed_forward.result import Design, FeedForwardResult
-from workbench.limit_cycles.feed_forward.trial import Run, Trial, run_trial
+from workbench.limit_cycles.feed_forward.trial import Trial, TrialSettings, run_trial
 from workbench.limit_cycles.feed_forward.weighting import Weighting
 from workbench.limit_cycles.feed_forward.wiring import Loops, variable_of
 from workbench.limit_cycles.feedback.actuator import ends_of
@@ -72,7 +72,7 @@ def _designed(model: DescribedModel, asked: FeedForward, loops: Loops, remarks: 
     with one_thread():
         plant = linear_plant(model, loops, at=point, time=time, band=band, weighting=asked.weighting)
         frequency = dense_grid(plant.G, plant.H, band[0], _WIDER * band[1])
-        judge = Judge(frequency, band, plant.G.response(frequency), plant.H.response(frequency))
+        judge = FilterComparison(frequency, band, plant.G.response(frequency), plant.H.response(frequency))
         made = design(plant.G, plant.H, asked, judge)
         looked_at = (0.1 * band[0], _WIDER * band[1])
         left = remaining(model, asked.block, plant, made.part, band=looked_at, at=point, time=time)
@@ -113,7 +113,7 @@ def _loops(model: DescribedModel, asked: FeedForward) -> Loops:
     )
 
 
-def _run(model: DescribedModel, asked: FeedForward) -> Run | None:
+def _run(model: DescribedModel, asked: FeedForward) -> TrialSettings | None:
     if asked.inputs is None:
         return None
     end = asked.stop if asked.stop is not None else model.description.experiment.stop_time
@@ -126,7 +126,7 @@ def _run(model: DescribedModel, asked: FeedForward) -> Run | None:
     inputs = forced_inputs(model, asked.inputs)
     for name in asked.outputs:
         variable_of(model, name, "output")
-    return Run(inputs=inputs, outputs=tuple(asked.outputs), stop=end, closes_at=asked.closes_at)
+    return TrialSettings(inputs=inputs, outputs=tuple(asked.outputs), stop=end, closes_at=asked.closes_at)
 
 
 def _controls(result: FeedForwardResult, loops: Loops, *, crude: bool) -> list[tuple[str, Loops, LinearPart | None]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import SimulationError
@@ -18,7 +18,7 @@ from workbench.response.simulate.request import simulate
 from workbench.response.simulate.result import SimulationResult
 from workbench.signals.kinds import Signal
 
-__all__ = ["THRESHOLDS", "Run", "Trial", "run_trial", "settling"]
+__all__ = ["THRESHOLDS", "Trial", "TrialSettings", "run_trial", "settling"]
 
 THRESHOLDS = (0.5, 0.1, 0.05, 0.01)
 _WINDOW = 0.1  # of the time before closing, in which the amplitude is measured
@@ -29,7 +29,7 @@ _BEFORE = (1e-4, 1e-2, 0.1, 0.5)  # of the time after closing: how long before a
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Trial(Part):
+class Trial(RecordPart):
     """One simulation.
 
     Attributes:
@@ -65,7 +65,7 @@ class Trial(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class TrialSettings:
     """What all trials share.
 
     Attributes:
@@ -81,7 +81,7 @@ class Run:
     closes_at: float
 
 
-def run_trial(model: DescribedModel, loops: Loops, part: LinearPart | None, run: Run, *, name: str) -> Trial:
+def run_trial(model: DescribedModel, loops: Loops, part: LinearPart | None, run: TrialSettings, *, name: str) -> Trial:
     """Simulate a system with a control that is connected at `run.closes_at`.
 
     Args:
@@ -111,7 +111,11 @@ def run_trial(model: DescribedModel, loops: Loops, part: LinearPart | None, run:
 
 
 def _shorter(
-    system: DescribedModel, error: SimulationError, inputs: Mapping[str, Signal], names: Sequence[str], run: Run
+    system: DescribedModel,
+    error: SimulationError,
+    inputs: Mapping[str, Signal],
+    names: Sequence[str],
+    run: TrialSettings,
 ) -> SimulationResult:
     """Run again up to just before the failure, which need not come at the same time again."""
     if error.time is None or not error.time > 0.0:
@@ -128,7 +132,7 @@ def _shorter(
 
 
 def _trial(  # noqa: PLR0917 - one row of facts
-    record: SimulationResult, loops: Loops, run: Run, name: str, found: Divergence | None, failure: str
+    record: SimulationResult, loops: Loops, run: TrialSettings, name: str, found: Divergence | None, failure: str
 ) -> Trial:
     time, v, u = record.time, record.signals[loops.ports.v], record.signals[loops.target]
     after, begin = time >= run.closes_at, run.closes_at * (1.0 - _WINDOW)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 
@@ -16,7 +16,7 @@ WEIGHTINGS = ("absolute", "relative")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weighting(Part):
+class Weighting(RecordPart):
     """How two control inputs share the filter's output.
 
     Attributes:

@@ -106,7 +106,7 @@ def closed(model: DescribedModel, loops: Loops, part: LinearPart | None) -> Syst
     """
     system = _all_freed(model, loops)
     units = {v.name: v.unit for v in model.description.variables}
-    unit, ends = units.get(loops.target), _Ends(loops.closes_at)
+    unit, ends = units.get(loops.target), _Connections(loops.closes_at)
     made: list[Component] = []
     if loops.source is not None:
         named = _units(u=units.get(loops.source), y=unit)
@@ -153,7 +153,7 @@ def _kept(point: OperatingPoint, components: Collection[str], inputs: Collection
     return OperatingPoint(x=x, u={n: u for n, u in point.u.items() if n in inputs}, discrete=discrete)
 
 
-class _Ends:
+class _Connections:
     """Connections to be made; those that carry the control close late."""
 
     def __init__(self, closes_at: float | None) -> None:
@@ -166,7 +166,7 @@ class _Ends:
         self.all.append(Connection(source=source, destination=destination, closes_at=when))
 
 
-def _drive(loops: Loops, made: list[Component], ends: _Ends) -> None:
+def _drive(loops: Loops, made: list[Component], ends: _Connections) -> None:
     """Connect the command to the target, through the actuator if there is one."""
     if loops.actuator is None:
         ends.join("command.y", loops.target, late=True)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Value
 from workbench.system.description import FmuComponent
@@ -21,7 +21,7 @@ _FREE = 100.0  # [s]: how long the rate limit may last where no deflection limit
 
 
 @dataclass(frozen=True)
-class Actuator(Part):
+class Actuator(RecordPart):
     """An FMU between gain and target.
 
     Attributes:

@@ -23,7 +23,7 @@ from workbench.limit_cycles.feedback.actuator import Actuator, limited, wrapped
 from workbench.limit_cycles.feedback.block import TwoPorts, cut_at, find_block
 from workbench.limit_cycles.feedback.closed_system import SEEN, FeedbackPath, find_place
 from workbench.limit_cycles.feedback.gains import Interval, count_poles, crossings, fixed_modes, intervals, stable_gains
-from workbench.limit_cycles.feedback.initial_motion import Start, from_cycle, from_signals
+from workbench.limit_cycles.feedback.initial_motion import InitialMotion, from_cycle, from_signals
 from workbench.limit_cycles.feedback.locus import fastest
 from workbench.limit_cycles.feedback.plant import Standing, linear, standing
 from workbench.limit_cycles.feedback.request import Feedback, Range
@@ -58,7 +58,7 @@ def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
         between = _actuator(system, asked)
         found = linear(place, where, time=time, actuator=between, method=asked.method)
         seen = found.operating_point.y.get(SEEN, 0.0)
-        work = _Work(place, where, seen, between, time, settings, asked, keep)
+        work = _FeedbackRun(place, where, seen, between, time, settings, asked, keep)
         result = work.linear_result(found)
         job.partial = lambda: result  # what is known, should a run of the study fail or somebody end it
         chosen = work.study_gains(result) if asked.settle else ()
@@ -106,7 +106,7 @@ def _size(option: str, size: float | str | None, target: str, own: str | None, *
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
+class _FeedbackRun:
     """One analysis under way."""
 
     place: FeedbackPath
@@ -187,7 +187,7 @@ class _Work:
         nearest = min(result.stable_gains, key=lambda p: 0.0 if p[0] <= 0.0 <= p[1] else min(abs(p[0]), abs(p[1])))
         return _spread(_finite(nearest), self.asked.count)
 
-    def start(self, two: TwoPorts | None, watch: str) -> Start:
+    def start(self, two: TwoPorts | None, watch: str) -> InitialMotion:
         tolerance, centre = self.settings.tolerance, self._centre(watch)
         if self.asked.start_after is not None:
             return from_signals(
@@ -214,7 +214,7 @@ class _Work:
             return session.values([watch])[watch]
 
     def with_study(
-        self, result: FeedbackResult, start: Start, gains: Sequence[float], watch: str, job: Job
+        self, result: FeedbackResult, start: InitialMotion, gains: Sequence[float], watch: str, job: Job
     ) -> FeedbackResult:
         if not gains:
             return result
@@ -227,7 +227,7 @@ class _Work:
             result = _noted(result, note)
         return result
 
-    def with_run(self, result: FeedbackResult, start: Start, watch: str) -> FeedbackResult:
+    def with_run(self, result: FeedbackResult, start: InitialMotion, watch: str) -> FeedbackResult:
         if self.asked.gain is None:
             return result
         run: FeedbackRun = feedback_run(

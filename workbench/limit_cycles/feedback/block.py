@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError, WorkbenchError
@@ -30,7 +30,7 @@ _INJECTED, _RETURNED = "feedback.block_output", "feedback.block_input"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CyclesLeft(Part):
+class CyclesLeft(RecordPart):
     """The limit cycles of the closed loop for one gain, by the describing function.
 
     Attributes:

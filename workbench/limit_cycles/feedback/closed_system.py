@@ -26,7 +26,7 @@ from workbench.system.description import (
 )
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["DRIVE", "SEEN", "FeedbackPath", "Wish", "find_place", "free_name"]
+__all__ = ["DRIVE", "SEEN", "FeedbackPath", "FeedbackSpec", "find_place", "free_name"]
 
 DRIVE = "feedback.drive"  # input of the opened system
 SEEN = "feedback.seen"  # its output
@@ -36,7 +36,7 @@ _PLANT = "model"  # the component's name where the model is one FMU
 
 
 @dataclass(frozen=True, eq=False)
-class Wish:
+class FeedbackSpec:
     """A feedback that is to be inserted.
 
     Attributes:
@@ -151,7 +151,7 @@ class FeedbackPath:
         )
         return self._acting(base, f"{name}.y", actuator)
 
-    def closed(self, wish: Wish) -> SystemDescription:
+    def closed(self, wish: FeedbackSpec) -> SystemDescription:
         """Return the system with the feedback in it.
 
         Args:
@@ -166,7 +166,7 @@ class FeedbackPath:
         base = replace(base, components=(*base.components, law), connections=(*base.connections, lead))
         return self._acting(base, f"{name}.y", wish.actuator)
 
-    def command(self, wish: Wish) -> tuple[str, str, float]:
+    def command(self, wish: FeedbackSpec) -> tuple[str, str, float]:
         """Return the names of what the gain commands and of what is handed to the target, and the scale of the latter.
 
         Args:

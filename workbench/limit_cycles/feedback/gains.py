@@ -9,14 +9,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.modal import poles_of
 from workbench.core.values.poles import growth_rates, sides
 from workbench.loops.nyquist.level_crossings import real_crossings
 
-__all__ = ["Crossing", "Interval", "count_poles", "crossings", "fixed_modes", "intervals", "stable_gains"]
+__all__ = ["CriticalGain", "Interval", "count_poles", "crossings", "fixed_modes", "intervals", "stable_gains"]
 
 _ON_BORDER = 1e-8  # a pole so near the border, relative to its size (to 1 where sampled), counts as on it
 _SAME = 1e-9  # relative difference of two gains that are one
@@ -30,7 +30,7 @@ _OUTSIDE = (1.05, 2.0, 30.0)  # times the last crossing, where it is open on one
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crossing(Part):
+class CriticalGain(RecordPart):
     """A gain at which a pole of the closed loop stands on the border of stability: 1 = g·G(jω).
 
     Attributes:
@@ -81,7 +81,7 @@ class _Candidate:
     real: float
 
 
-def crossings(plant: LinearPart) -> tuple[Crossing, ...]:
+def crossings(plant: LinearPart) -> tuple[CriticalGain, ...]:
     """Return all gains at which a pole of A + B g (1 − gD)⁻¹ C reaches the border of stability, rising.
 
     A pole stands at jω where 1 = g·G(jω), so where G is real. These ω come from the eigenvalues of a pencil, the zeros
@@ -107,7 +107,7 @@ def crossings(plant: LinearPart) -> tuple[Crossing, ...]:
         if place.gain != 0.0 and below.border and (below.unstable, below.border) == (above.unstable, above.border):
             continue  # undamped, poles stand on the border for each gain, and no gain is their crossing
         found.append(
-            Crossing(
+            CriticalGain(
                 gain=place.gain,
                 frequency_hz=place.frequency,
                 real=place.real,

@@ -17,7 +17,7 @@ from workbench.limit_cycles.limit_cycle.harmonic_balance import balance, states_
 from workbench.response.simulate.zero_crossings import pass_rate, rising_passes
 from workbench.signals.kinds import Signal
 
-__all__ = ["PER_CYCLE", "Start", "from_cycle", "from_signals", "mean_magnitude"]
+__all__ = ["PER_CYCLE", "InitialMotion", "from_cycle", "from_signals", "mean_magnitude"]
 
 PER_CYCLE = 64  # recorded points
 _PERIODS = 40  # that a predicted cycle is simulated for, so that what the prediction left out has settled
@@ -27,7 +27,7 @@ _NOTHING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class InitialMotion:
     """What the runs of a settling study begin with.
 
     Attributes:
@@ -58,7 +58,7 @@ class Start:
 
 def from_cycle(
     place: FeedbackPath, where: Standing, two: TwoPorts, watch: str, *, centre: float, time: float, tolerance: float
-) -> Start:
+) -> InitialMotion:
     """Return the largest stable limit cycle of the system without feedback, by harmonic balance and then simulated.
 
     Args:
@@ -118,7 +118,7 @@ def from_signals(
     time: float,
     start_after: float,
     tolerance: float,
-) -> Start:
+) -> InitialMotion:
     """Return the motion after some time under signals from rest.
 
     Args:
@@ -155,7 +155,7 @@ def _simulated(
     closes: float,
     guess: float | None,
     tolerance: float,
-) -> Start:
+) -> InitialMotion:
     """Run the system without feedback; where its states are all there is to know, the runs may begin at the end."""
     model = place.model
     interval = (closes - begin) / 20_000 if guess is None else 1.0 / (guess * PER_CYCLE)
@@ -179,7 +179,7 @@ def _simulated(
         raise InputError(
             f"{model.name}: {watch} is at rest when the feedback closes at {closes:g} s; excite it (pulse)"
         )
-    return Start(
+    return InitialMotion(
         opens=begin if where.hidden else closes,
         closes=closes,
         values=dict(values) if where.hidden else end,

@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment, minimize_scalar
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import continuous, damped_frequency_hz
-from workbench.limit_cycles.feedback.gains import Crossing
+from workbench.limit_cycles.feedback.gains import CriticalGain
 
 __all__ = ["Fastest", "Locus", "fastest", "locus", "shown_gains"]
 
@@ -55,7 +55,7 @@ class Fastest:
 
 
 def shown_gains(
-    stable: Sequence[tuple[float, float]], crossings: Sequence[Crossing], limits: tuple[float, float]
+    stable: Sequence[tuple[float, float]], crossings: Sequence[CriticalGain], limits: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the range of gains worth a picture: limits where they are finite, else 0 and what lies around it.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 
 if TYPE_CHECKING:
     from workbench.limit_cycles.feedback.result import GainRun
@@ -20,7 +20,7 @@ _NOTHING = 1e-11  # of the largest coefficient
 
 
 @dataclass(frozen=True, kw_only=True)
-class Optimum(Part):
+class Optimum(RecordPart):
     """The best gain for one threshold.
 
     Attributes:

@@ -7,7 +7,7 @@ from itertools import groupby
 
 from workbench.limit_cycles.feedback.result import CONVENTION, FeedbackResult, GainRun, SettlingStudy, interval_words
 from workbench.limit_cycles.feedback.run import HANDED, FeedbackRun
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, number
 from workbench.show.verdicts import Verdict
 
@@ -79,7 +79,7 @@ def _stability(result: FeedbackResult) -> Section:
     return Section(
         "Gains at the border of stability",
         items=fastest,
-        tables=[Table(headings, rows, right=range(5))],
+        tables=[PageTable(headings, rows, right=range(5))],
         folded=len(rows) > _MANY,
     )
 
@@ -98,7 +98,7 @@ def _cycles(result: FeedbackResult) -> list[Section]:
         Section(
             f"Limit cycles that {result.block} leaves",
             figures=[(result.plot_cycles, "Nyquist curves seen by the nonlinear block.")] if drawable else [],
-            tables=[Table(headings, rows, right=(0, 1, 2))],
+            tables=[PageTable(headings, rows, right=(0, 1, 2))],
         )
     ]
 
@@ -133,7 +133,7 @@ def _settling(study: SettlingStudy) -> Section:
         ],
         figures=[(study.plot, "Settling times over the gain.")],
         tables=[
-            Table(
+            PageTable(
                 (
                     "settled to [%]",
                     "best gain",
@@ -146,7 +146,7 @@ def _settling(study: SettlingStudy) -> Section:
                 title="Optima",
                 right=range(6),
             ),
-            Table(headings, [_gain(r, levels) for r in study.runs], title="Runs", right=range(len(headings))),
+            PageTable(headings, [_gain(r, levels) for r in study.runs], title="Runs", right=range(len(headings))),
         ],
     )
 

@@ -14,7 +14,7 @@ from workbench.show.figure import COLOURS, LEGEND, panels
 from workbench.show.labels import name_points
 
 if TYPE_CHECKING:
-    from workbench.limit_cycles.feedback.gains import Crossing
+    from workbench.limit_cycles.feedback.gains import CriticalGain
     from workbench.limit_cycles.feedback.result import FeedbackResult
     from workbench.loops.nyquist.result import NyquistResult
 
@@ -96,7 +96,7 @@ def _bands(result: FeedbackResult) -> list[tuple[float, float]]:
     return bands
 
 
-def _nearest(result: FeedbackResult) -> list[Crossing]:
+def _nearest(result: FeedbackResult) -> list[CriticalGain]:
     return sorted(result.crossings, key=lambda c: abs(c.gain))[:3]
 
 
@@ -130,7 +130,7 @@ def _mixed(result: FeedbackResult) -> bool:
     return bool(result.source_unit and result.target_unit) and result.source_unit != result.target_unit
 
 
-def _bounds(result: FeedbackResult, c: Crossing) -> bool:
+def _bounds(result: FeedbackResult, c: CriticalGain) -> bool:
     return any(c.gain in pair for pair in result.stable_gains) or not result.stable_gains
 
 
@@ -144,7 +144,7 @@ def _stable_axis(ax: Axes, result: FeedbackResult) -> None:
         ax.legend(**{**LEGEND, "loc": "best"})
 
 
-def _marks(ax: Axes, result: FeedbackResult, shown: list[Crossing], marks: str) -> None:
+def _marks(ax: Axes, result: FeedbackResult, shown: list[CriticalGain], marks: str) -> None:
     """Mark the crossings that are seen, and name those that are asked for, the ends of the stable gains first."""
     left, right = ax.get_xlim()
     inside = sorted((c for c in shown if left < c.real < right), key=lambda c: (not _bounds(result, c), -abs(c.real)))
@@ -159,7 +159,7 @@ def _marks(ax: Axes, result: FeedbackResult, shown: list[Crossing], marks: str) 
     name_points(ax, [(c.real, 0.0) for c in named], [f"{c.real:.4g}\n{c.frequency_hz:.4g} Hz" for c in named])
 
 
-def _frame(ax: Axes, result: FeedbackResult, shown: list[Crossing], value: Any, marks: str) -> None:  # noqa: ANN401
+def _frame(ax: Axes, result: FeedbackResult, shown: list[CriticalGain], value: Any, marks: str) -> None:  # noqa: ANN401
     """Choose what part of the plane is seen."""
     chosen = [abs(c.real) for c in shown if marks == "all" or _bounds(result, c)]
     if not marks or not chosen:

@@ -14,7 +14,7 @@ from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
 from workbench.jobs.options import InParts
 from workbench.point.lin.request import METHOD_NAMES
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ else:
     _Size = Annotated[object, _SIZE]
 
 
-class Feedback(AtPoint, InParts, Analysis["FeedbackResult"]):
+class Feedback(AtPoint, InParts, ModelRequest["FeedbackResult"]):
     """Feed an output back to an input, u = g·y: stabilising gains, their effect on a limit cycle, settling times.
 
     The system is linearised at rest from the target to the source, a nonlinear block by its slope there.
@@ -108,7 +108,9 @@ class Feedback(AtPoint, InParts, Analysis["FeedbackResult"]):
         "workbench feedback system:failed_aileron --from aircraft.outer_aileron_position --to aircraft.inner_aileron "
         "--settle --plot feedback.png"
     )
-    subject = replace(Analysis.subject, name="system", argument="model", help="A system, or one FMU; it stays open.")
+    subject = replace(
+        ModelRequest.subject, name="system", argument="model", help="A system, or one FMU; it stays open."
+    )
     counts = "gains"
     parts = ("settling", "run")
 

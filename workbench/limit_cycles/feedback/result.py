@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench.core.records.record import Part, complex_of, entry
+from workbench.core.records.record import RecordPart, complex_of, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
@@ -17,8 +17,8 @@ from workbench.core.values.poles import damped_frequency_hz
 from workbench.errors import InputError, suggest
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.block import CyclesLeft
-from workbench.limit_cycles.feedback.gains import Crossing
-from workbench.limit_cycles.feedback.initial_motion import Start
+from workbench.limit_cycles.feedback.gains import CriticalGain
+from workbench.limit_cycles.feedback.initial_motion import InitialMotion
 from workbench.limit_cycles.feedback.locus import Fastest, Locus, locus, shown_gains
 from workbench.limit_cycles.feedback.optimum import Optimum
 from workbench.limit_cycles.feedback.request import THRESHOLDS
@@ -77,7 +77,7 @@ class FeedbackResult(Result):
     plant: LinearPart
     lin_method: str
     stable_gains: tuple[tuple[float, float], ...]
-    crossings: tuple[Crossing, ...]
+    crossings: tuple[CriticalGain, ...]
     unstable_open: int
     fixed: tuple[complex, ...] = field(metadata=entry(key="fixed_poles"))
     fastest: tuple[Fastest | None, ...] = field(metadata=entry(key="fastest_decay"))
@@ -191,7 +191,7 @@ class FeedbackResult(Result):
             return self.settling.rows()
         if self.run is not None:
             return self.run.rows()
-        names = tuple(Crossing.__dataclass_fields__)
+        names = tuple(CriticalGain.__dataclass_fields__)
         return [names, *([getattr(c, n) for n in names] for c in self.crossings)]
 
 
@@ -229,7 +229,7 @@ def within(limits: tuple[float, float]) -> str:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class GainRun(Part):
+class GainRun(RecordPart):
     """The motion after the feedback closed with one gain.
 
     Attributes:
@@ -299,7 +299,7 @@ class SettlingStudy(Result):
     target: str
     target_unit: str | None
     settings: SettlingSettings
-    start: Start = field(metadata=entry(key="beginning"))
+    start: InitialMotion = field(metadata=entry(key="beginning"))
     actuator: Actuator | None
     runs: tuple[GainRun, ...]
     optima: tuple[Optimum, ...] = field(metadata=entry(key="thresholds"))

@@ -12,8 +12,8 @@ from workbench.core.records.record import entry
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.limit_cycles.feedback.actuator import Actuator
-from workbench.limit_cycles.feedback.closed_system import FeedbackPath, Wish
-from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, Start, mean_magnitude
+from workbench.limit_cycles.feedback.closed_system import FeedbackPath, FeedbackSpec
+from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, InitialMotion, mean_magnitude
 from workbench.show.result import Result
 
 __all__ = ["HANDED", "FeedbackRun", "feedback_run"]
@@ -96,7 +96,7 @@ class FeedbackRun(Result):
 
 def feedback_run(
     place: FeedbackPath,
-    start: Start,
+    start: InitialMotion,
     gain: float,
     *,
     begin: float,
@@ -127,7 +127,7 @@ def feedback_run(
     stop = closes + _AFTER / start.frequency if stop is None else stop
     if not stop > closes:
         raise InputError(f"stop: {stop:g} s is not after the feedback closes at {closes:g} s")
-    wish = Wish(gain, y0, actuator, closes)
+    wish = FeedbackSpec(gain, y0, actuator, closes)
     command, handed, scale = place.command(wish)
     shown = {n: place.inner(n) for n in dict.fromkeys([place.shown[0], watch, *outputs])}
     count = min(_MOST, round((stop - opens) * start.frequency * PER_CYCLE))
@@ -159,7 +159,7 @@ def feedback_run(
     )
 
 
-def _times(start: Start, begin: float) -> tuple[float, float, Mapping[str, float]]:
+def _times(start: InitialMotion, begin: float) -> tuple[float, float, Mapping[str, float]]:
     """Return when the run opens and when the feedback closes [s], and the values that it opens with."""
     if start.signals or start.opens < start.closes:
         return begin, start.closes, start.first

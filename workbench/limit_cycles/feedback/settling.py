@@ -16,8 +16,8 @@ from workbench.jobs.options import Workers
 from workbench.jobs.runner import Lost
 from workbench.jobs.runner_choice import at_work
 from workbench.limit_cycles.feedback.actuator import Actuator
-from workbench.limit_cycles.feedback.closed_system import FeedbackPath, Wish, find_place
-from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, Start, mean_magnitude
+from workbench.limit_cycles.feedback.closed_system import FeedbackPath, FeedbackSpec, find_place
+from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, InitialMotion, mean_magnitude
 from workbench.limit_cycles.feedback.optimum import optimum_of
 from workbench.limit_cycles.feedback.result import GainRun, SettlingSettings, SettlingStudy
 from workbench.model.described_model import DescribedModel
@@ -35,7 +35,7 @@ _DRAWN = 400  # points kept of each run
 
 def settling_study(
     place: FeedbackPath,
-    start: Start,
+    start: InitialMotion,
     gains: Sequence[float],
     *,
     watch: str,
@@ -62,7 +62,7 @@ def settling_study(
         InputError, FmuError: the system with feedback cannot be opened.
     """
     closes = start.closes if start.opens < start.closes else None
-    wishes = [Wish(gain, y0, actuator, closes) for gain in gains]
+    wishes = [FeedbackSpec(gain, y0, actuator, closes) for gain in gains]
     jobs = [_Closing(path=place.shown, start=start, wish=wish, watch=watch, settings=settings) for wish in wishes]
     found: dict[float, GainRun] = {}
     with at_work(place.model, workers, job) as runner:
@@ -92,8 +92,8 @@ class _Closing:
     """A run of the study, for a worker."""
 
     path: tuple[str, str]
-    start: Start
-    wish: Wish
+    start: InitialMotion
+    wish: FeedbackSpec
     watch: str
     settings: SettlingSettings
 
@@ -106,7 +106,12 @@ def _closed(model: DescribedModel, job: _Closing) -> Iterator[GainRun]:
 
 
 def _run(  # noqa: PLR0917 - one run of the study
-    model: DescribedModel, place: FeedbackPath, start: Start, wish: Wish, watch: str, settings: SettlingSettings
+    model: DescribedModel,
+    place: FeedbackPath,
+    start: InitialMotion,
+    wish: FeedbackSpec,
+    watch: str,
+    settings: SettlingSettings,
 ) -> GainRun:
     command, handed, scale = place.command(wish)
     names = list(dict.fromkeys([place.full(watch), command, handed]))
@@ -140,7 +145,11 @@ def _run(  # noqa: PLR0917 - one run of the study
 
 
 def _watched(
-    session: Session, start: Start, names: Sequence[str], signals: Mapping[str, Signal], settings: SettlingSettings
+    session: Session,
+    start: InitialMotion,
+    names: Sequence[str],
+    signals: Mapping[str, Signal],
+    settings: SettlingSettings,
 ) -> tuple[Floats, dict[str, Floats], str]:
     """Advance until the smallest threshold is passed, the motion grows, or patience ends; times from closing on."""
     period = 1.0 / start.frequency

@@ -21,7 +21,7 @@ from workbench.loops.describing.static import StaticBlock, pointwise
 from workbench.loops.opened_system import Ports, find_ports, linear_between, recipe_of, without_block
 from workbench.model.described_model import DescribedModel
 from workbench.point.lin.result import LinResult
-from workbench.session.point import Point
+from workbench.session.point import ModelPoint
 from workbench.signals.kinds import Table
 from workbench.system.description import (
     BlockComponent,
@@ -371,7 +371,7 @@ def _remembers(function: Callable[[Floats], Floats]) -> bool:
     return bool((np.abs(rising - falling) > _SAME * float(np.abs(found).max(initial=0.0))).any())
 
 
-def _sees_states(point: Point) -> bool:
+def _sees_states(point: ModelPoint) -> bool:
     """Whether the output depends on the block's states; those of a block without memory lead nowhere."""
     if not point.states:
         return False

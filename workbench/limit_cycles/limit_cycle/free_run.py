@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.model.described_model import DescribedModel
@@ -18,7 +18,7 @@ from workbench.response.simulate.zero_crossings import rising_passes
 from workbench.show.result import Result
 from workbench.signals.kinds import Signal
 
-__all__ = ["FreeRun", "Span", "free_run", "oscillation_history"]
+__all__ = ["FreeRun", "OscillationInterval", "free_run", "oscillation_history"]
 
 _PER_PERIOD = 40  # rows in the shortest period expected
 _MOST_POINTS = 2_000_000
@@ -28,7 +28,7 @@ _SMALL = 1e-9  # of the largest value: an oscillation smaller than that is round
 
 
 @dataclass(frozen=True, kw_only=True)
-class Span(Part):
+class OscillationInterval(RecordPart):
     """The oscillation over a part of a run.
 
     Attributes:
@@ -72,7 +72,7 @@ class FreeRun(Result):
     period_time: Floats = field(metadata=entry(key="time"))
     frequency_hz: Floats
     amplitude: Floats
-    spans: tuple[Span, ...]
+    spans: tuple[OscillationInterval, ...]
 
     def words(self) -> str:
         """Return the history in one line: the frequency first and last, and when it changed over."""
@@ -154,7 +154,7 @@ def oscillation_history(
     """Return frequency and amplitude of an oscillating record, period by period.
 
     A period lasts from one rising pass of the centre to the next. Two oscillations of like size beat:
-    then neither is read off single periods, and `Span.scatter` is large.
+    then neither is read off single periods, and `OscillationInterval.scatter` is large.
 
     Args:
         signal: name.
@@ -185,22 +185,22 @@ def _rows(time: Floats, passes: Floats) -> tuple[list[int], list[int]]:
     return [max(i - 1, 0) for i in at[:-1]], [i + 1 for i in at[1:]]
 
 
-def _spans(time: Floats, passes: Floats, amplitude: Floats) -> tuple[Span, ...]:
+def _spans(time: Floats, passes: Floats, amplitude: Floats) -> tuple[OscillationInterval, ...]:
     count = int(np.clip(len(amplitude) // _PERIODS, 1, _SPANS))
     edges = np.linspace(time[0], time[-1], count + 1).tolist()
     return tuple(_span(a, b, passes, amplitude) for a, b in pairwise(edges))
 
 
-def _span(begin: float, end: float, passes: Floats, amplitude: Floats) -> Span:
+def _span(begin: float, end: float, passes: Floats, amplitude: Floats) -> OscillationInterval:
     inside = np.flatnonzero((passes >= begin) & (passes <= end))
     if len(inside) < 3:
-        return Span(begin=begin, end=end, frequency_hz=None, scatter=0.0, amplitude=0.0, growth=0.0)
+        return OscillationInterval(begin=begin, end=end, frequency_hz=None, scatter=0.0, amplitude=0.0, growth=0.0)
     at = passes[inside]
     size = amplitude[inside[:-1]]
     mean = float(at[-1] - at[0]) / (len(at) - 1)
     middle = 0.5 * (at[1:] + at[:-1])
     growth = np.polyfit(middle - middle[0], np.log(size), 1)[0] if len(size) > 2 and (size > 0.0).all() else 0.0
-    return Span(
+    return OscillationInterval(
         begin=begin,
         end=end,
         frequency_hz=1.0 / mean,

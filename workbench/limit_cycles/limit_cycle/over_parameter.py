@@ -127,7 +127,7 @@ def follow_cycles(
             except SimulationError as error:
                 notes.append(f"{over.name}: the cycle of {cycle.frequency_hz:.4g} Hz cannot be followed: {error}")
                 continue
-            progress = _Progress(over, number, len(cycles), told)
+            progress = _ParameterProgress(over, number, len(cycles), told)
             branches.append(
                 follow_orbits(
                     family,
@@ -146,7 +146,7 @@ def follow_cycles(
 
 
 @dataclass
-class _Progress:
+class _ParameterProgress:
     """How much of the range a branch has seen: up first, then down."""
 
     over: Range

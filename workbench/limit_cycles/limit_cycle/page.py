@@ -6,7 +6,7 @@ from workbench.limit_cycles.limit_cycle.branch import Branch, BranchPoint
 from workbench.limit_cycles.limit_cycle.free_run import FreeRun
 from workbench.limit_cycles.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.loops.nyquist.page import STABLE, absolute_section, crossings_section
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number, sampled_rows, sentence
 from workbench.show.verdicts import Verdict
 
@@ -107,7 +107,7 @@ def _cycles(result: LimitCycleResult) -> Section:
             for row, c in zip(rows, result.limit_cycles, strict=True)
         ]
     right = (0, *range(2, 8), *range(9, len(headings)))
-    return Section("Limit cycles by method", paragraphs=[words], tables=[Table(headings, rows, right=right)])
+    return Section("Limit cycles by method", paragraphs=[words], tables=[PageTable(headings, rows, right=right)])
 
 
 def _simulated(cycle: SimulatedCycle) -> Section:
@@ -127,7 +127,7 @@ def _simulated(cycle: SimulatedCycle) -> Section:
         f"From {origin} ({began}) over {counted(cycle.periods, 'period')}: it ends at "
         f"{cycle.frequency_hz:.6g} Hz{'' if cycle.steady else ', not steady yet'}."
     )
-    table = Table(("variable", "unit", "amplitude", "fundamental", "mean"), rows, right=(2, 3, 4))
+    table = PageTable(("variable", "unit", "amplitude", "fundamental", "mean"), rows, right=(2, 3, 4))
     return Section("Simulation", paragraphs=[words], tables=[table], folded=len(rows) > _MOST_ROWS)
 
 
@@ -145,7 +145,7 @@ def _free_run(run: FreeRun) -> Section:
         "from [s]", "to [s]", "frequency [Hz]", "scatter of the periods [%]",
         bracketed("largest amplitude", run.unit), "growth [1/s]",
     )  # fmt: skip
-    return Section("Run from rest", paragraphs=[f"{run.signal}: {run.words()}."], tables=[Table(headings, rows)])
+    return Section("Run from rest", paragraphs=[f"{run.signal}: {run.words()}."], tables=[PageTable(headings, rows)])
 
 
 def free_run_page(run: FreeRun) -> Page:
@@ -195,11 +195,11 @@ def _branch(branch: Branch, unit: str | None = None, input_unit: str | None = No
         figures=[(branch.plot, "Amplitude and frequency; unstable parts dashed; where something begins is marked.")],
         items=[f"begins: {branch.ends[0]}", f"ends: {branch.ends[1]}"],
         tables=[
-            Table((*headings[:-1], "what begins")[: len(table[0])], table, title=title, right=range(5))
+            PageTable((*headings[:-1], "what begins")[: len(table[0])], table, title=title, right=range(5))
             for title, table in (("Folds", folds), ("Hopf points: the cycle is gone", hopf), ("Bifurcations", others))
             if table
         ],
-        parts=[Section("Points", paragraphs=[shown], tables=[Table(headings, rows, right=range(5))], folded=True)],
+        parts=[Section("Points", paragraphs=[shown], tables=[PageTable(headings, rows, right=range(5))], folded=True)],
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.model.described_model import DescribedModel
@@ -24,7 +24,7 @@ _PERIODS = 6  # in half a stretch, at least
 
 
 @dataclass(frozen=True, kw_only=True)
-class Observation(Part):
+class Observation(RecordPart):
     """A free run from a disturbed operating point.
 
     Attributes:

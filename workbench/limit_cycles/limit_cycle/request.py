@@ -10,7 +10,7 @@ from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError, suggest
 from workbench.jobs.options import InWorkers
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ DESCRIBING_FUNCTION, HARMONIC_BALANCE, SHOOTING, SIMULATION = (
 METHODS = (DESCRIBING_FUNCTION, HARMONIC_BALANCE, SHOOTING, SIMULATION)
 
 
-class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
+class LimitCycles(AtPoint, InWorkers, ModelRequest["LimitCycleResult"]):
     """Predict limit cycles from the crossings of L(jω) with −1/N(A), refine them, and confirm them by simulation.
 
     The system is cut at the block. The part from the block's output to its input is linearised (`workbench.lin`);
@@ -71,7 +71,7 @@ class LimitCycles(AtPoint, InWorkers, Analysis["LimitCycleResult"]):
     counts = "steps"
     withheld = ("periods",)
     subject = replace(
-        Analysis.subject,
+        ModelRequest.subject,
         name="system",
         argument="model",
         type="DescribedModel",

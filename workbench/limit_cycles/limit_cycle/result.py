@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.limit_cycles.limit_cycle.branch import Branch
@@ -20,7 +20,7 @@ __all__ = ["LimitCycle", "LimitCycleResult", "SimulatedCycle"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LimitCycle(Part):
+class LimitCycle(RecordPart):
     """One limit cycle by one method.
 
     Attributes:
@@ -57,7 +57,7 @@ class LimitCycle(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SimulatedCycle(Part):
+class SimulatedCycle(RecordPart):
     """The limit cycle that a simulation ends in.
 
     Attributes:

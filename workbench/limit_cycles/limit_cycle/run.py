@@ -71,7 +71,7 @@ def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult
     with ExitStack() as keep, one_thread():
         loop = cut(system, *asked.block, at=system.at, time=time, keep=keep)
         predicted = predict(system, loop, asked)
-        work = _Work(system, loop, predicted, names, asked, time, keep, job)
+        work = _LimitCycleRun(system, loop, predicted, names, asked, time, keep, job)
         work.notes += remarks
         job.partial, work.stage = work.result, (_PARTS, _PARTS * steps)
         job.done("crossings", *work.stage)
@@ -93,7 +93,7 @@ def _outputs(system: DescribedModel, outputs: Sequence[str] | None) -> tuple[str
 
 
 @dataclass
-class _Work:
+class _LimitCycleRun:
     """One analysis under way."""
 
     system: DescribedModel

@@ -12,9 +12,9 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, SimulationError
 from workbench.limit_cycles.limit_cycle.branch import Bifurcation, Branch, BranchPoint
 from workbench.model.described_model import DescribedModel
-from workbench.response.periodic.continuation import Manner, Track, both_ways
+from workbench.response.periodic.continuation import ContinuedBranch, Manner, both_ways
 from workbench.response.periodic.fourier import fundamental
-from workbench.response.periodic.monodromy import Tangent
+from workbench.response.periodic.monodromy import VariationalEquation
 from workbench.response.periodic.period_map import Lap, PeriodMap, differences
 from workbench.response.periodic.place import Family, Place, arrive
 from workbench.response.periodic.stability import is_stable
@@ -190,7 +190,9 @@ class Orbits(Family):
         others, doubt = _across(Phi * lap.unit / lap.unit[:, None], flow / lap.unit)
         extended = np.block([[Phi, (flow * period)[:, None]], [-across[None, :], np.ones((1, 1))]])
         n = len(x)
-        tangent = Tangent(extended, np.column_stack([rows, np.zeros(3)]), np.zeros(n + 1), others=others, off=doubt)
+        tangent = VariationalEquation(
+            extended, np.column_stack([rows, np.zeros(3)]), np.zeros(n + 1), others=others, off=doubt
+        )
         return replace(whole, tangent=tangent)
 
     def _period(self, model: DescribedModel, x: Floats, period: float, intervals: int) -> Lap:
@@ -307,7 +309,7 @@ def follow_orbits(
 
     begin = point(first)
 
-    def branch(track: Track) -> Branch:
+    def branch(track: ContinuedBranch) -> Branch:
         points = tuple(map(point, track.places))
         outwards = [points[::step] for why, step in zip(track.ends, (1, -1), strict=True) if why == VANISHES]
         return Branch(

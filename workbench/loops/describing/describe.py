@@ -16,8 +16,8 @@ from workbench.jobs.options import Workers
 from workbench.loops.describing.base import HARMONICS, Block
 from workbench.loops.describing.formulas import cubic, dead_band, preload, quadratic, quantiser, relay, saturation
 from workbench.loops.describing.measured import MeasuredBlock
-from workbench.loops.describing.memory import Backlash, RelayWithHysteresis
-from workbench.loops.describing.rate_limiter import RateLimiter
+from workbench.loops.describing.memory import BacklashDescribingFunction, RelayWithHysteresis
+from workbench.loops.describing.rate_limiter import RateLimiterDescribingFunction
 from workbench.loops.describing.static import StaticBlock
 from workbench.model import Model
 from workbench.requests.decorator import with_origin
@@ -34,11 +34,11 @@ STANDARD: Mapping[str, Callable[..., Block]] = {
     "quantiser": quantiser,
     "relay": relay,
     "relay_with_hysteresis": RelayWithHysteresis,
-    "backlash": Backlash,
+    "backlash": BacklashDescribingFunction,
     "preload": preload,
     "quadratic": quadratic,
     "cubic": cubic,
-    "rate_limiter": RateLimiter,
+    "rate_limiter": RateLimiterDescribingFunction,
 }
 
 

@@ -13,7 +13,7 @@ from workbench.errors import InputError
 from workbench.loops.describing.base import Block
 from workbench.loops.describing.fourier import series
 
-__all__ = ["Backlash", "RelayWithHysteresis", "sampled_coefficients"]
+__all__ = ["BacklashDescribingFunction", "RelayWithHysteresis", "sampled_coefficients"]
 
 _SAMPLES = 4096
 
@@ -83,7 +83,7 @@ def _alternating(up: list[float], down: list[float]) -> list[tuple[float, float]
     return [*kept, (kept[0][0] + 2.0 * math.pi, kept[0][1])] if kept else []
 
 
-class Backlash(Block):
+class BacklashDescribingFunction(Block):
     """Play: the output, slope · position, moves only when the input has taken up the gap of ±half_width.
 
     N in closed form [Slotine & Li, 5.2.1]; a sine smaller than the gap moves nothing.

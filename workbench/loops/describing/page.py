@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.core.values.decibels import degrees
 from workbench.loops.describing.describe import DescribingFunction
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, number, sampled_rows
 
 __all__ = ["describing_page"]
@@ -43,5 +43,5 @@ def _describing_values(result: DescribingFunction) -> Section:
     wanted = [i for i in range(len(headings)) if i != 1 or result.frequency_dependent]
     shown = [[row[i] for i in wanted] for row in sampled_rows(rows, _MOST_ROWS)]
     return Section(
-        "Values", tables=[Table([headings[i] for i in wanted], shown, right=range(len(wanted)))], folded=True
+        "Values", tables=[PageTable([headings[i] for i in wanted], shown, right=range(len(wanted)))], folded=True
     )

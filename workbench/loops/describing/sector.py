@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.loops.describing.base import Block
 
@@ -23,7 +23,7 @@ _SHRINKS = 0.5  # steps that shrink at least so fast have an end; those of a slo
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sector(Part):
+class Sector(RecordPart):
     """Lines through the operating point that enclose a characteristic: low·v² ≤ v·f(v) ≤ high·v².
 
     Attributes:

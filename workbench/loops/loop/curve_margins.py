@@ -7,13 +7,13 @@ from dataclasses import replace
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.margins import BORDER, STABLE, UNKNOWN, UNSTABLE, Margins, PhaseCrossover
 from workbench.core.values.response import Response
-from workbench.loops.loop.stability import Stability
+from workbench.loops.loop.stability import ClosedLoopStability
 
 __all__ = ["curve_margins"]
 
 
 def curve_margins(
-    frequency_hz: Floats, value: Complex, *, linear: Margins | None = None, stability: Stability | None = None
+    frequency_hz: Floats, value: Complex, *, linear: Margins | None = None, stability: ClosedLoopStability | None = None
 ) -> Margins:
     """Return the margins of a measured loop transfer, interpolated in log gain and phase over log frequency.
 
@@ -34,7 +34,10 @@ def curve_margins(
 
 
 def _verdict(
-    phase: tuple[PhaseCrossover, ...], frequency_hz: Floats, linear: Margins | None, stability: Stability | None
+    phase: tuple[PhaseCrossover, ...],
+    frequency_hz: Floats,
+    linear: Margins | None,
+    stability: ClosedLoopStability | None,
 ) -> tuple[str, str]:
     why = _why_unknown(frequency_hz, linear, stability)
     count = (
@@ -51,7 +54,7 @@ def _verdict(
     return STABLE, "the quasi-linear loop is stable, by Nyquist's criterion from the linear one"
 
 
-def _why_unknown(frequency_hz: Floats, linear: Margins | None, stability: Stability | None) -> str:
+def _why_unknown(frequency_hz: Floats, linear: Margins | None, stability: ClosedLoopStability | None) -> str:
     """Return why poles cannot be counted; empty if they can."""
     if len(frequency_hz) < 2:
         return "fewer than two points have a value"

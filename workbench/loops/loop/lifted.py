@@ -22,7 +22,7 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.margins import GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.core.values.matrices import resolvent
-from workbench.loops.loop.stability import Stability
+from workbench.loops.loop.stability import ClosedLoopStability
 from workbench.point.lin.kalman_bertram import period_map
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import LinTask
@@ -119,7 +119,7 @@ def _shortest(whole: Lifted) -> Lifted:
 # -- margins of a factor on the signal ---------------------------------------------------------------------------------
 
 
-def margins_of_lifted(loop: Lifted, stability: Stability) -> Margins:
+def margins_of_lifted(loop: Lifted, stability: ClosedLoopStability) -> Margins:
     """Return the margins of a factor on a signal that acts several times in a basic period.
 
     The gain margin is the real factor that brings a pole of the closed loop to the unit circle, the phase margin the

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.margins import BORDER, GainCrossover, Margins, PhaseCrossover, disk_of
-from workbench.loops.loop.stability import Stability, stability_of
+from workbench.loops.loop.stability import ClosedLoopStability, stability_of
 from workbench.loops.nyquist.level_crossings import gain_crossings, real_crossings, scan
 
 __all__ = ["margins_of", "peak", "withheld"]
@@ -48,7 +48,7 @@ def margins_of(loop: LinearPart) -> Margins:
     )
 
 
-def withheld(stability: Stability) -> Margins:
+def withheld(stability: ClosedLoopStability) -> Margins:
     """Return margins that are not known, of a closed loop of which perhaps is known whether it is stable."""
     return Margins(
         verdict=stability.verdict, words=stability.words, phase_crossovers=(), gain_crossovers=(), disk=None,

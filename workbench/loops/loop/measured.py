@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import degrees
 from workbench.core.values.margins import Margins
@@ -16,7 +16,7 @@ __all__ = ["LoopCurve", "LoopPoint"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoopPoint(Part):
+class LoopPoint(RecordPart):
     """L at one frequency and one amplitude.
 
     Attributes:
@@ -65,7 +65,7 @@ class LoopPoint(Part):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LoopCurve(Part):
+class LoopCurve(RecordPart):
     """L over frequency at one amplitude.
 
     Attributes:

@@ -9,7 +9,7 @@ from workbench.core.values.margins import Margins
 from workbench.loops.loop.measured import LoopCurve, LoopPoint
 from workbench.loops.loop.result import LoopResult
 from workbench.loops.nyquist.absolute import AbsoluteStability
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, number, pole_table
 from workbench.show.verdicts import Verdict
 
@@ -87,12 +87,12 @@ def _linear(result: LoopResult) -> list[Section]:
     ]
 
 
-def _sectors(found: AbsoluteStability | None) -> list[Table]:
+def _sectors(found: AbsoluteStability | None) -> list[PageTable]:
     """Return what may stand in the connection in place of the gain 1."""
     if found is None:
         return []
     if found.refused:
-        return [Table(("proven with a characteristic in the connection", ""), [("nothing", found.refused)])]
+        return [PageTable(("proven with a characteristic in the connection", ""), [("nothing", found.refused)])]
 
     def row(name: str, k: float | None) -> tuple[str, str]:
         return name, "any" if k is None else f"0 … {k:.6g}"
@@ -102,11 +102,11 @@ def _sectors(found: AbsoluteStability | None) -> list[Table]:
         row("circle criterion: any, also one that changes with time", found.circle),
         row("Popov's criterion: any that does not", found.popov),
     ]
-    return [Table(("stable with, in the connection,", "slopes"), rows)]
+    return [PageTable(("stable with, in the connection,", "slopes"), rows)]
 
 
 def _curve(curve: LoopCurve, unit: str) -> Section:
-    points = Table(_HEADINGS, [_point(p) for p in curve.points], verdict=9, right=range(9))
+    points = PageTable(_HEADINGS, [_point(p) for p in curve.points], verdict=9, right=range(9))
     return Section(
         f"Measured ({curve.how}), amplitude {curve.amplitude:g}{unit}",
         items=curve.notes,
@@ -115,7 +115,7 @@ def _curve(curve: LoopCurve, unit: str) -> Section:
     )
 
 
-def _margins(m: Margins) -> list[Table]:
+def _margins(m: Margins) -> list[PageTable]:
     rows = [
         ("gain margin", _db(m.gain_margin), _hz(m.phase_crossover_hz)),
         ("gain may fall to", _db(m.gain_reduction), ""),
@@ -130,16 +130,16 @@ def _margins(m: Margins) -> list[Table]:
     rows.append(("largest |S|", f"{m.peak_sensitivity:.5g}", _hz(m.peak_sensitivity_hz)))
     rows.append(("largest |T|", f"{m.peak_complementary:.5g}", _hz(m.peak_complementary_hz)))
     known = m.meaningful and not math.isnan(m.peak_sensitivity)
-    single = [Table(("margin", "value", "at [Hz]"), rows, right=(2,))] if known else []
+    single = [PageTable(("margin", "value", "at [Hz]"), rows, right=(2,))] if known else []
     return [*single, *_crossovers(m)]
 
 
-def _crossovers(m: Margins) -> list[Table]:
+def _crossovers(m: Margins) -> list[PageTable]:
     rows = [
         ("gain crossover", _hz(c.frequency_hz), f"phase margin {c.phase_margin_deg:.4g}°") for c in m.gain_crossovers
     ]
     rows += [("phase crossover", _hz(c.frequency_hz), f"{c.db:.4g} dB") for c in m.phase_crossovers]
-    return [Table(("crossover", "at [Hz]", "value"), rows, right=(1,))] if rows else []
+    return [PageTable(("crossover", "at [Hz]", "value"), rows, right=(1,))] if rows else []
 
 
 def _db(factor: float) -> str:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from workbench.core.records.forms import FILE, Amounts, Band, Form, Numbers, several
 from workbench.core.records.named import named
-from workbench.core.records.option import Declared, option
+from workbench.core.records.option import DeclaredOption, option
 from workbench.core.values.operating_point import At
 from workbench.errors import InputError
 from workbench.jobs.options import InWorkers
 from workbench.point.lin.request import METHOD_NAMES
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 from workbench.response.nfr.frequency_grid import frequency_grid, positive_values
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ _CONNECTION = Form(
 Open = str | tuple[str, str]
 
 
-class Loop(InWorkers, Analysis["LoopResult"]):
+class Loop(InWorkers, ModelRequest["LoopResult"]):
     """Open a system's loop at a connection: gain, phase, delay and disk margins, stability, crossovers.
 
     Convention: negative feedback. The connection is cut; z is passed on instead of the source, y returns at the
@@ -86,7 +86,7 @@ class Loop(InWorkers, Analysis["LoopResult"]):
     algorithm = "workbench.loops.loop.run:run"
     example = "workbench loop system:rudder_loop --open plant.del --amplitude 1,4 --band 4:15 --plot loop.png"
     subject = replace(
-        Analysis.subject, name="system", argument="model", help="What `connect` or `load` gave; it stays open."
+        ModelRequest.subject, name="system", argument="model", help="What `connect` or `load` gave; it stays open."
     )
     needs = ("open",)
     # Tighter than for a time history, as for a frequency response.
@@ -206,7 +206,7 @@ class Loop(InWorkers, Analysis["LoopResult"]):
             raise InputError("--at and --point: only one of them")
         return opened, self.point if at is None else at, tuple(notes)
 
-    def variable_of(self, declared: Declared, subject: Model) -> str:
+    def variable_of(self, declared: DeclaredOption, subject: Model) -> str:
         """Return the name of the source of the connection that is opened.
 
         Args:

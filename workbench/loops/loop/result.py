@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import decibels, degrees, unwrapped
 from workbench.core.values.linear import LinearPart
@@ -18,7 +18,7 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import natural_frequency_hz
 from workbench.errors import InputError
 from workbench.loops.loop.measured import LoopCurve
-from workbench.loops.loop.stability import Stability, same_poles
+from workbench.loops.loop.stability import ClosedLoopStability, same_poles
 from workbench.loops.nyquist.absolute import AbsoluteStability
 from workbench.point.lin.result import LinResult
 from workbench.show.result import Result
@@ -160,7 +160,7 @@ def _numbers(value: complex | None) -> list[Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearLoop(Part):
+class LinearLoop(RecordPart):
     """A loop at an operating point.
 
     Attributes:
@@ -175,7 +175,7 @@ class LinearLoop(Part):
 
     lin: LinResult
     transfer: LinearPart = field(metadata=entry(inline=True))
-    stability: Stability
+    stability: ClosedLoopStability
     margins: Margins
     notes: tuple[str, ...]
     absolute: AbsoluteStability | None = None

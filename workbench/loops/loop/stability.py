@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.margins import BORDER, STABLE, UNKNOWN, UNSTABLE
 from workbench.core.values.poles import sides
 
-__all__ = ["Stability", "judged", "same_poles", "stability_of", "unknown"]
+__all__ = ["ClosedLoopStability", "judged", "same_poles", "stability_of", "unknown"]
 
 _RELATIVE = 1e-7  # of a pole's size (of 1 for sampled ones): what its distance from the border is known to
 _KNOWN = 1e-5  # relative: what differences of runs know a characteristic polynomial to
@@ -21,7 +21,7 @@ _SAME = 1e-6  # an open and a closed pole as near as this, relative, are one
 
 
 @dataclass(frozen=True, eq=False)
-class Stability(Part):
+class ClosedLoopStability(RecordPart):
     """A loop's poles, closed and open.
 
     Attributes:
@@ -44,7 +44,7 @@ class Stability(Part):
         return self.verdict == STABLE
 
 
-def stability_of(loop: LinearPart) -> Stability:
+def stability_of(loop: LinearPart) -> ClosedLoopStability:
     """Return whether 1/(1 + L) is stable, all states of the realisation counted, hidden ones too.
 
     Args:
@@ -56,7 +56,7 @@ def stability_of(loop: LinearPart) -> Stability:
     return judged(loop.sensitivity(), loop)
 
 
-def judged(closed: Linear, loop: Linear) -> Stability:
+def judged(closed: Linear, loop: Linear) -> ClosedLoopStability:
     """Return whether a closed loop is stable.
 
     Args:
@@ -69,7 +69,7 @@ def judged(closed: Linear, loop: Linear) -> Stability:
     verdict = UNSTABLE if outside.any() else BORDER if border.any() else STABLE
     bad = poles[outside] if outside.any() else poles[border]
     words = _words(verdict, poles, bad, before, loop.dt)
-    return Stability(verdict, poles, int(beyond.sum()), int(outside.sum()), words)
+    return ClosedLoopStability(verdict, poles, int(beyond.sum()), int(outside.sum()), words)
 
 
 def same_poles(one: Complex, other: Complex) -> bool:
@@ -88,7 +88,7 @@ def same_poles(one: Complex, other: Complex) -> bool:
     return bool(np.abs(a - b).max() <= _KNOWN * np.abs(a).max())
 
 
-def unknown(found: Stability, why: str) -> Stability:
+def unknown(found: ClosedLoopStability, why: str) -> ClosedLoopStability:
     """Return that nothing is known of the stability of the closed loop.
 
     Args:

@@ -80,7 +80,7 @@ def nyquist(
 def _nyquist(part: LinearPart, block: Block | None, band: tuple[float, float], a: Floats, name: str) -> NyquistResult:
     f, value = adaptive_grid(part, band)
     real_axis = axis_crossings(part, f, value)
-    sides = _Sides(part, real_axis)
+    sides = _LoopParts(part, real_axis)
     if block is None:
         found, gains = [sides.plain(c) for c in real_axis if c.gain >= 0.0], np.ones(0, dtype=np.complex128)
     elif block.real and not block.frequency_dependent:
@@ -122,7 +122,7 @@ def _grid(amplitudes: tuple[float, float] | Sequence[float] | Floats) -> Floats:
     return np.asarray(np.geomspace(a[0], a[1], max(count, 10)), dtype=np.float64)
 
 
-class _Sides:
+class _LoopParts:
     """Counts poles on both sides of a crossing's gain, close enough that no other crossing lies between."""
 
     def __init__(self, part: LinearPart, crossings: Sequence[AxisCrossing]) -> None:
@@ -144,7 +144,7 @@ class _Sides:
         )  # fmt: skip
 
 
-def _with_amplitudes(axis: AxisCrossing, block: Block, a: Floats, gains: Floats, sides: _Sides) -> list[Crossing]:
+def _with_amplitudes(axis: AxisCrossing, block: Block, a: Floats, gains: Floats, sides: _LoopParts) -> list[Crossing]:
     """Return a crossing of the real axis once for each amplitude at which N is its gain."""
     bare = sides.plain(axis)
     roots = _amplitudes(axis.gain, block, a, gains)

@@ -6,7 +6,7 @@ import math
 
 from workbench.loops.nyquist.absolute import AbsoluteStability
 from workbench.loops.nyquist.result import Crossing, NyquistResult
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, number, sentence
 
 __all__ = ["STABLE", "absolute_page", "absolute_section", "crossings_section", "nyquist_page"]
@@ -21,7 +21,7 @@ def crossings_section(result: NyquistResult) -> Section:
         "cycle",
     )  # fmt: skip
     rows = [_crossing(i, c) for i, c in enumerate(result.crossings, 1)]
-    table = Table(headings, rows, right=range(8))
+    table = PageTable(headings, rows, right=range(8))
     return Section("Crossings", paragraphs=[sentence(result.criterion)], tables=[table])
 
 
@@ -83,7 +83,7 @@ def absolute_section(result: AbsoluteStability) -> Section:
         end = "∞" if math.isinf(high) else f"{high:.6g}"
         rows.append(("the block itself", f"{result.sector.low:.5g}", end, "", reach))
     headings = ("criterion", "slopes from", "to", "times the block", "")
-    return Section("Absolute stability", paragraphs=[_proven(result)], tables=[Table(headings, rows)])
+    return Section("Absolute stability", paragraphs=[_proven(result)], tables=[PageTable(headings, rows)])
 
 
 def nyquist_page(result: NyquistResult) -> Page:

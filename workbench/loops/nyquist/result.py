@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.records.record import Part, complex_of, entry
+from workbench.core.records.record import RecordPart, complex_of, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.show.result import Result
 
@@ -21,7 +21,7 @@ CRITERION = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crossing(Part):
+class Crossing(RecordPart):
     """Where L(jω) meets −1/N(A), or the negative real axis without an amplitude that belongs to it.
 
     Attributes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.loops.onset.result import OnsetPoint, OnsetResult
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number
 from workbench.show.verdicts import Verdict
 
@@ -81,7 +81,7 @@ def _points(result: OnsetResult) -> Section:
         if p.jumps_told
     ]
     caption = "Open loop in the Nichols chart with the onset points and the boundary; the rate that is asked for."
-    return Section("Onset points", tables=[Table(headings, rows)], items=items, figures=[(result.plot, caption)])
+    return Section("Onset points", tables=[PageTable(headings, rows)], items=items, figures=[(result.plot, caption)])
 
 
 def _attitude(result: OnsetResult) -> list[Section]:
@@ -94,5 +94,5 @@ def _attitude(result: OnsetResult) -> list[Section]:
         ("bandwidth, the lower of both", number(told.bandwidth_hz), "Hz"),
         ("phase delay", number(told.phase_delay_s), "s"),
     ]
-    table = Table(("of the response to the input", "value", "unit"), rows, right=(1,))
+    table = PageTable(("of the response to the input", "value", "unit"), rows, right=(1,))
     return [Section(f"Attitude {told.output}", tables=[table])]

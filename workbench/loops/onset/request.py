@@ -10,7 +10,7 @@ from workbench.core.records.forms import Amounts, Band
 from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 
 if TYPE_CHECKING:
     from workbench.loops.onset.result import OnsetResult  # noqa: F401 - the record's type, below
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["RateOnset", "onset"]
 
 
-class RateOnset(AtPoint, Analysis["OnsetResult"]):
+class RateOnset(AtPoint, ModelRequest["OnsetResult"]):
     """Find where a rate limiter in a loop begins to act, and whether the loop then jumps (open-loop onset point, OLOP).
 
     A sine of amplitude A at the input moves the limiter's output at the rate 2πf·A·|F(f)|, with F the linear closed
@@ -75,7 +75,7 @@ class RateOnset(AtPoint, Analysis["OnsetResult"]):
     algorithm = "workbench.loops.onset.run:run"
     example = "workbench onset system:pitch_rate_limit --input stick --limiter limiter --amplitude 0.5,1.1 --plot o.png"
     subject = replace(
-        Analysis.subject, name="system", argument="model", type="DescribedModel",
+        ModelRequest.subject, name="system", argument="model", type="DescribedModel",
         help="What `connect` or `load` gave; it stays open.",
     )  # fmt: skip
 

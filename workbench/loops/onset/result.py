@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.show.result import Result
@@ -15,7 +15,7 @@ __all__ = ["Attitude", "Jump", "OnsetPoint", "OnsetResult"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Jump(Part):
+class Jump(RecordPart):
     """A fold of the periodic responses.
 
     Attributes:
@@ -30,7 +30,7 @@ class Jump(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OnsetPoint(Part):
+class OnsetPoint(RecordPart):
     """One amplitude.
 
     Attributes:
@@ -83,7 +83,7 @@ class OnsetPoint(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Attitude(Part):
+class Attitude(RecordPart):
     """Bandwidth and phase delay of an attitude's response to the input.
 
     Attributes:

@@ -9,12 +9,12 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.model.names import declared_units
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import LinTask
-from workbench.session.point import Evaluation, Point
+from workbench.session.point import Evaluation, ModelPoint
 
 __all__ = ["continuous_result", "operating_point", "output_rows"]
 
 
-def operating_point(task: LinTask, point: Point, base: Evaluation) -> OperatingPoint:
+def operating_point(task: LinTask, point: ModelPoint, base: Evaluation) -> OperatingPoint:
     """Return the point that was linearised."""
     states = [v.name for v in point.states]
     outputs = {v.name: float(y) for v, y in zip(point.outputs, base.y, strict=True)}
@@ -31,7 +31,7 @@ def operating_point(task: LinTask, point: Point, base: Evaluation) -> OperatingP
     )
 
 
-def output_rows(task: LinTask, point: Point) -> list[int]:
+def output_rows(task: LinTask, point: ModelPoint) -> list[int]:
     """Return where the chosen outputs stand among the outputs; −1 − i for state i."""
     outputs = [v.name for v in point.outputs]
     states = [v.name for v in point.states]
@@ -45,7 +45,7 @@ def _unit(place: int, size: int) -> Floats:
 
 
 def continuous_result(
-    task: LinTask, point: Point, jacobian: Floats, where: OperatingPoint, *, method: str
+    task: LinTask, point: ModelPoint, jacobian: Floats, where: OperatingPoint, *, method: str
 ) -> LinResult:
     """Return the result of a matrix ∂(dx, y)/∂(x, u), shape (n + q, n + m)."""
     n = len(point.states)

@@ -13,9 +13,9 @@ from workbench.errors import InputError
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
 from workbench.model.operating_point import named
-from workbench.point.lin.result import Delayed, LinResult
+from workbench.point.lin.result import DelayFreePart, LinResult
 from workbench.point.lin.task import LinTask
-from workbench.system.block_table.linear import Delayed as DelayedBlock
+from workbench.system.block_table.linear import DelayBlock as DelayedBlock
 from workbench.system.block_table.linear import VariableDelay
 from workbench.system.description import BlockComponent, LinearComponent, SystemDescription
 from workbench.system.recipe import SystemRecipe
@@ -166,7 +166,7 @@ def _closed(task: LinTask, found: LinResult, cuts: Sequence[_Cut]) -> LinResult:
     wx, wz, wu = (np.linalg.solve(loop, right) for right in (d @ C2, c, d @ D21))
     vx, vz, vu = C2 + D22 @ wx, D22 @ wz, D21 + D22 @ wu
     names = [f"{cut.component.name}.pade{k + 1}" for cut, p in zip(cuts, parts, strict=True) for k in range(len(p[0]))]
-    delayed = Delayed(found.A, found.B, found.C, found.D, np.array([cut.time for cut in cuts]))
+    delayed = DelayFreePart(found.A, found.B, found.C, found.D, np.array([cut.time for cut in cuts]))
     where = found.operating_point
     opened = replace(
         where,

@@ -17,10 +17,10 @@ from workbench.model import DescribedModel
 from workbench.point.lin.assemble import continuous_result, operating_point
 from workbench.point.lin.result import Doubt, LinResult
 from workbench.point.lin.task import LinTask, columns_of, moving_note, open_base, sampled_note, width_for
-from workbench.point.lin.zero_entries import DECLARED, ELSEWHERE, NOT_CONNECTED, Reach, zeros_of
+from workbench.point.lin.zero_entries import DECLARED, ELSEWHERE, NOT_CONNECTED, LargePerturbation, zeros_of
 from workbench.point.scales import straight_over
 from workbench.session.forcing import convert
-from workbench.session.point import Evaluation, Point
+from workbench.session.point import Evaluation, ModelPoint
 
 __all__ = ["Columns", "difference", "size_of"]
 
@@ -83,14 +83,14 @@ def difference(task: LinTask) -> LinResult:
         return _with(result, doubts + columns.flat(jacobian, reach), reach)
 
 
-def _with(result: LinResult, doubts: list[Doubt], reach: Reach) -> LinResult:
+def _with(result: LinResult, doubts: list[Doubt], reach: LargePerturbation) -> LinResult:
     known = set(result.state_names) | set(result.output_names)
     kept = tuple(d for d in doubts if d.row in known)
     return replace(result, doubts=kept, zeros=zeros_of(result, reach))
 
 
 @dataclass(frozen=True)
-class _Pair:
+class _PerturbationPair:
     """Both sides of a perturbation; shape (n + q,) each."""
 
     above: Floats
@@ -120,7 +120,7 @@ class Columns:
         narrow: columns that nothing is declared of → the scale that the model showed.
     """
 
-    def __init__(self, task: LinTask, point: Point) -> None:
+    def __init__(self, task: LinTask, point: ModelPoint) -> None:
         self.task, self.point = task, point
         inputs = columns_of(task, point)
         n = len(point.states)
@@ -141,7 +141,7 @@ class Columns:
         self.narrow: dict[int, float] = {}
         silent = np.array([v.nominal is None and v.type in FLOAT_TYPES for v in self.variables], dtype=bool)
         self._unscaled = self.chosen & silent & (self.scales == UNDECLARED)
-        self._pairs: dict[int, _Pair] = {}
+        self._pairs: dict[int, _PerturbationPair] = {}
         self._light: tuple[Floats, Any] | None = None
 
     def _default(self) -> Floats:
@@ -163,11 +163,11 @@ class Columns:
         shift[column] = length
         return shift
 
-    def pair(self, column: int, width: float) -> _Pair:
+    def pair(self, column: int, width: float) -> _PerturbationPair:
         """Return both sides of one column at a total width."""
         sides = [self._at(self._unit(column, sign * width / 2.0)) for sign in (1.0, -1.0)]
         above, below = (np.concatenate([s.dx, s.y]) for s in sides)
-        return _Pair(above, below, self._span(column, width), any(s.latched for s in sides))
+        return _PerturbationPair(above, below, self._span(column, width), any(s.latched for s in sides))
 
     def _span(self, column: int, width: float) -> float:
         """Return the width that the model really saw: rounded where the variable is not real."""
@@ -360,7 +360,7 @@ class Columns:
         self._pairs[j] = self.pair(j, float(self.widths[j]))
         return True
 
-    def put_back(self, j: int, pair: _Pair) -> None:
+    def put_back(self, j: int, pair: _PerturbationPair) -> None:
         """Undo `rescale`.
 
         Args:
@@ -371,7 +371,7 @@ class Columns:
         self._set_scale(j, UNDECLARED)
         self._pairs[j] = pair
 
-    def column(self, j: int) -> _Pair:
+    def column(self, j: int) -> _PerturbationPair:
         """Return both sides of a column, after `central`."""
         return self._pairs[j]
 
@@ -394,12 +394,12 @@ class Columns:
 
     # -- zeros ----------------------------------------------------------------------------
 
-    def reach(self, jacobian: Floats) -> Reach:
+    def reach(self, jacobian: Floats) -> LargePerturbation:
         """Return which zero entries move when their variables move far, shape (n + q, k) for each direction."""
         if not self.task.explained:
-            return Reach.none(self.rows, self.names)
+            return LargePerturbation.none(self.rows, self.names)
         dead = {self.names[j]: self._why_dead(int(j)) for j in np.flatnonzero(~jacobian.any(axis=0))}
-        reach = replace(Reach.none(self.rows, self.names), dead=dead)
+        reach = replace(LargePerturbation.none(self.rows, self.names), dead=dead)
         suspects = [j for j in range(len(self.names)) if self.chosen[j] and not jacobian[:, j].all()]
         left = self._curved(jacobian, suspects)
         for members, rows, by in (self._groups or self._alone(left)) if left else ():
@@ -476,7 +476,7 @@ class Columns:
             return np.zeros(len(self.rows), dtype=bool)
         return np.abs(moved) > ROUNDING * np.abs(self._base_values())
 
-    def flat(self, jacobian: Floats, reach: Reach) -> list[Doubt]:
+    def flat(self, jacobian: Floats, reach: LargePerturbation) -> list[Doubt]:
         """Return the entries that are 0 here but not when their variable moves far."""
         found = list[Doubt]()
         if not (reach.above.any() or reach.below.any()):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.point.lin.result import LinResult
 from workbench.show.result import Result, drawn
 
@@ -18,7 +18,7 @@ __all__ = ["LinGrid", "LinPoint"]
 
 
 @dataclass(frozen=True, eq=False)
-class LinPoint(Part):
+class LinPoint(RecordPart):
     """One member of an array of linear models.
 
     Attributes:

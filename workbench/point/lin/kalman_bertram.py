@@ -13,10 +13,10 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.model.names import declared_units
 from workbench.model.sample_rates import NoRatesError, Rates, rates_of
-from workbench.point.lin.period_map import PeriodMap
+from workbench.point.lin.period_map import SampledPeriodMap
 from workbench.point.lin.result import Doubt, Intersample, LinResult
 from workbench.point.lin.task import LinTask, moving_note, no_equations, open_base
-from workbench.point.lin.zero_entries import Reach, zeros_of
+from workbench.point.lin.zero_entries import LargePerturbation, zeros_of
 
 __all__ = ["kalman_bertram", "period_map"]
 
@@ -63,7 +63,7 @@ def kalman_bertram(task: LinTask) -> LinResult:
     return _linearise(setting, rates)
 
 
-def period_map(task: LinTask) -> tuple[PeriodMap, Rates]:
+def period_map(task: LinTask) -> tuple[SampledPeriodMap, Rates]:
     """Return the map over one basic period of a task's model, and its rates.
 
     Raises:
@@ -77,7 +77,7 @@ def period_map(task: LinTask) -> tuple[PeriodMap, Rates]:
     if not rates.periods:
         raise InputError("method kalman-bertram: the model asks for no time events; use difference, or give periods")
     with open_base(task) as point:
-        return PeriodMap.of(task, point, rates.start(task.time), rates.period, rates.ticks), rates
+        return SampledPeriodMap.of(task, point, rates.start(task.time), rates.period, rates.ticks), rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class _Slopes:
         return np.concatenate([self.x, self.y[0, 0]])
 
 
-def _slopes(setting: PeriodMap) -> _Slopes:
+def _slopes(setting: SampledPeriodMap) -> _Slopes:
     count = len(setting.names)
     x, y = setting.run(np.zeros(count))
     slopes_x, slopes_y = [], []
@@ -118,7 +118,7 @@ def _slopes(setting: PeriodMap) -> _Slopes:
     return _Slopes(x, y, np.array(slopes_x).T.reshape(len(x), count), np.moveaxis(np.array(slopes_y), 0, -1))
 
 
-def _linearise(setting: PeriodMap, rates: Rates) -> LinResult:
+def _linearise(setting: SampledPeriodMap, rates: Rates) -> LinResult:
     n = len(setting.states)
     slopes = _slopes(setting)
     keep = _influential(slopes.dx[:, :n], slopes.dy[..., :n], setting.continuous)
@@ -133,7 +133,7 @@ def _linearise(setting: PeriodMap, rates: Rates) -> LinResult:
     )
 
 
-def _notes(setting: PeriodMap, slopes: _Slopes, keep: Flags, rates: Rates) -> tuple[str, ...]:
+def _notes(setting: SampledPeriodMap, slopes: _Slopes, keep: Flags, rates: Rates) -> tuple[str, ...]:
     listed = ", ".join(f"{p:.12g}" for p in rates.periods)
     notes = [f"basic time period {setting.period:.9g} s out of sample periods {listed} s", *rates.notes]
     left_out = [v.name for v, k in zip(setting.states, keep, strict=True) if not k]
@@ -155,7 +155,7 @@ def _influential(phi: Floats, outer: Floats, continuous: int) -> Flags:
     return keep
 
 
-def _point(setting: PeriodMap, slopes: _Slopes) -> OperatingPoint:
+def _point(setting: SampledPeriodMap, slopes: _Slopes) -> OperatingPoint:
     task, n, c = setting.task, len(setting.states), setting.continuous
     names = [v.name for v in setting.states]
     values = setting.values.tolist()
@@ -170,7 +170,7 @@ def _point(setting: PeriodMap, slopes: _Slopes) -> OperatingPoint:
     )
 
 
-def _result(setting: PeriodMap, slopes: _Slopes, keep: Flags) -> LinResult:
+def _result(setting: SampledPeriodMap, slopes: _Slopes, keep: Flags) -> LinResult:
     task, n = setting.task, len(setting.states)
     between = _between(setting, keep)
     C, D = slopes.dy[..., :n][..., keep], slopes.dy[..., n:]
@@ -195,7 +195,7 @@ def _result(setting: PeriodMap, slopes: _Slopes, keep: Flags) -> LinResult:
     )
 
 
-def _between(setting: PeriodMap, keep: Flags) -> dict[str, Any]:
+def _between(setting: SampledPeriodMap, keep: Flags) -> dict[str, Any]:
     """Return what inputs do between samples; nothing where they act at samples only."""
     if setting.acts_at_samples() or not all(v.is_continuous_input for v in setting.inputs_chosen):
         return {"sampled": True}
@@ -207,10 +207,10 @@ def _between(setting: PeriodMap, keep: Flags) -> dict[str, Any]:
     return {"sampled": False, "nodes": nodes, "B_nodes": B, "D_nodes": D}
 
 
-def _reach(setting: PeriodMap, slopes: _Slopes) -> Reach:
+def _reach(setting: SampledPeriodMap, slopes: _Slopes) -> LargePerturbation:
     """Return which zero entries of inputs move when the input moves far."""
     rows = [*(v.name for v in setting.states), *setting.task.outputs]
-    reach = Reach.none(rows, list(setting.names))
+    reach = LargePerturbation.none(rows, list(setting.names))
     for j in range(len(setting.states), len(setting.names)):
         zero = slopes.all[:, j] == 0.0
         for sign, moved in ((1.0, reach.above), (-1.0, reach.below)) if zero.any() else ():
@@ -223,7 +223,7 @@ def _reach(setting: PeriodMap, slopes: _Slopes) -> Reach:
     return reach
 
 
-def _flat(setting: PeriodMap, reach: Reach) -> list[Doubt]:
+def _flat(setting: SampledPeriodMap, reach: LargePerturbation) -> list[Doubt]:
     found = []
     for i, j in np.argwhere(reach.above | reach.below):
         far = FAR[-1] * setting.sizes[j]
@@ -232,7 +232,7 @@ def _flat(setting: PeriodMap, reach: Reach) -> list[Doubt]:
     return found
 
 
-def _check(setting: PeriodMap, slopes: _Slopes) -> tuple[Doubt, ...]:
+def _check(setting: SampledPeriodMap, slopes: _Slopes) -> tuple[Doubt, ...]:
     """Compare the linear map with the FMU where everything is perturbed at once."""
     random = np.random.default_rng(3)
     shift = 0.5 * setting.widths * random.choice([-1.0, 1.0], len(setting.names))

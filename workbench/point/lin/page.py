@@ -11,7 +11,7 @@ from workbench.core.values.poles import continuous, damping_ratio, natural_frequ
 from workbench.point.lin.grid import LinGrid, LinPoint
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.step_check import StepCheck
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, matrices, pole_table
 from workbench.show.verdicts import Verdict
 
@@ -97,7 +97,7 @@ def _parts(result: LinResult) -> list[Section]:
     return [s for s in sections if s is not None]
 
 
-def _poles(result: LinResult) -> Table:
+def _poles(result: LinResult) -> PageTable:
     if result.shows_all_poles:
         return pole_table(result.poles.tolist(), result.dt)
     shown = result.shown_poles
@@ -112,7 +112,7 @@ def _point(result: LinResult) -> Section:
         for kind, values in groups
         for name, value in values.items()
     ]
-    table = Table(("variable", "kind", "value", "unit"), rows, right=(2,))
+    table = PageTable(("variable", "kind", "value", "unit"), rows, right=(2,))
     return Section("Operating point", paragraphs=[f"At {point.time:g} s."], tables=[table], folded=True)
 
 

@@ -14,10 +14,10 @@ from workbench.model.repetition import BEFORE
 from workbench.point.lin.difference import size_of
 from workbench.point.lin.task import LinTask, columns_of, width_for
 from workbench.session.base import Recorded
-from workbench.session.point import Point
+from workbench.session.point import ModelPoint
 from workbench.signals.kinds import Signal, Table
 
-__all__ = ["NotSettableError", "PeriodMap"]
+__all__ = ["NotSettableError", "SampledPeriodMap"]
 
 SAME = 1e-9  # of the period: two times as near are one
 LEAD = 1e-7  # of the period: by how much an input moves before a sample; shorter, solvers give up in between
@@ -33,7 +33,7 @@ class NotSettableError(InputError):
 
 
 @dataclass(frozen=True)
-class PeriodMap:
+class SampledPeriodMap:
     """States just before a sample and held inputs → states one period later, and the outputs on the way.
 
     Attributes:
@@ -68,7 +68,7 @@ class PeriodMap:
     sizes: Floats
 
     @classmethod
-    def of(cls, task: LinTask, point: Point, start: float, period: float, ticks: Floats) -> PeriodMap:
+    def of(cls, task: LinTask, point: ModelPoint, start: float, period: float, ticks: Floats) -> SampledPeriodMap:
         """Collect them at a point."""
         states = (*point.states, *point.memory)
         for state in point.states:

@@ -12,7 +12,7 @@ from workbench.core.values.operating_point import AtPoint
 from workbench.jobs.job import Job
 from workbench.jobs.options import InParts
 from workbench.requests.decorator import with_origin
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
@@ -69,14 +69,14 @@ class Perturbed(Options):
     )
 
 
-class Sampled(Options):
+class SampledOptions(Options):
     group = HOW
 
     _: KW_ONLY
     btptol: float = option("Relative tolerance within which sample periods have a common multiple.", default=TOGETHER)
 
 
-class _Chosen(Options):
+class _ChosenVariables(Options):
     _: KW_ONLY
     inputs: Names | None = option(
         "Inputs of the linear model, in this order; by default all real inputs.",
@@ -93,7 +93,7 @@ class _Chosen(Options):
     )
 
 
-class OnePoint(PointOptions, Perturbed, Sampled, _Chosen):
+class OnePoint(PointOptions, Perturbed, SampledOptions, _ChosenVariables):
     group = HOW
 
     _: KW_ONLY
@@ -118,7 +118,7 @@ class OnePoint(PointOptions, Perturbed, Sampled, _Chosen):
 # -- requests ----------------------------------------------------------------------------------
 
 
-class Lin(OnePoint, Analysis["LinResult"]):
+class Lin(OnePoint, ModelRequest["LinResult"]):
     """Linearise a model at an operating point.
 
     A linear model says nothing about large motions: see `workbench.nfr` for gain and phase over the amplitude. The
@@ -148,7 +148,7 @@ class Lin(OnePoint, Analysis["LinResult"]):
     example = "workbench lin fmu:Rudder --at trim.json --inputs delC --plot bode.png --json lin.json"
 
 
-class LinOver(PointOptions, Perturbed, _Chosen, InParts, Analysis["LinGrid"]):
+class LinOver(PointOptions, Perturbed, _ChosenVariables, InParts, ModelRequest["LinGrid"]):
     """Linearise at every combination of parameters, inputs or states.
 
     The point is not trimmed again: if the equilibrium moves with what is varied, trim first and
@@ -179,7 +179,7 @@ class LinOver(PointOptions, Perturbed, _Chosen, InParts, Analysis["LinGrid"]):
     )
 
 
-class LinAlong(Perturbed, _Chosen, Analysis["LinGrid"]):
+class LinAlong(Perturbed, _ChosenVariables, ModelRequest["LinGrid"]):
     """Linearise along a simulation: at each time about the states and inputs the model has then.
 
     The models describe small deviations from the path, not from an equilibrium. Integer and Boolean modes of

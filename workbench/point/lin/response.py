@@ -23,7 +23,7 @@ from workbench.point.lin.realisation import Realisation, realise
 from workbench.point.lin.result import Doubt, Intersample, LinResult, Zero
 from workbench.point.lin.task import LinTask, moving_note, width_for
 from workbench.point.lin.validation_run import DOUBT, MoveTrial, accepted, smallest, trial_levels
-from workbench.point.lin.zero_entries import Reach, zeros_of
+from workbench.point.lin.zero_entries import LargePerturbation, zeros_of
 from workbench.session.base import Recorded, Session, Snapshot
 from workbench.session.settle import STEP
 from workbench.signals.kinds import Constant, Signal
@@ -94,7 +94,7 @@ def response(task: LinTask) -> LinResult:
     if task.points < 8:
         raise InputError(f"points: {task.points} are too few for a realisation; at least 8 are needed")
     recipe = _tighter(task)
-    runs = _Runs(task.job, 1 if recipe is None else 2)
+    runs = _PulseRuns(task.job, 1 if recipe is None else 2)
     first = _tried(task, runs)
     if first.error <= DOUBT or recipe is None:
         return first.given()
@@ -114,7 +114,7 @@ def response(task: LinTask) -> LinResult:
 
 
 @dataclass
-class _Runs:
+class _PulseRuns:
     """Tells of the runs of a linearisation, and what they cost.
 
     Attributes:
@@ -178,14 +178,14 @@ def _tighter(task: LinTask) -> LoadRecipe | None:
     return replace(recipe, tolerance=TOLERANCE)
 
 
-def _tried(task: LinTask, runs: _Runs) -> _Tried:
+def _tried(task: LinTask, runs: _PulseRuns) -> _Tried:
     try:
         return _identified(task, _period(task), runs)
     except SimulationError as error:
         return _Tried(None, np.inf, error)
 
 
-def _identified(task: LinTask, period: float, told: _Runs) -> _Tried:
+def _identified(task: LinTask, period: float, told: _PulseRuns) -> _Tried:
     """Return the linear model, and how well it predicts runs that it was not made from."""
     with _open(task, period, told) as session:
         setting = _Setting.of(task, session, period, told)
@@ -275,7 +275,7 @@ def _declared_step(model: Model) -> float | None:
     return model.recipe.step or model.description.experiment.step
 
 
-def _open(task: LinTask, period: float, told: _Runs) -> Session:
+def _open(task: LinTask, period: float, told: _PulseRuns) -> Session:
     """Return a session that stands one period after the task's time, all inputs at their values.
 
     There it has not yet handled what happens at that very instant: a sampler that samples then will see the pulse.
@@ -353,7 +353,7 @@ class _Pulses:
 
 
 @dataclass(frozen=True, eq=False)
-class _Column:
+class _PulseColumn:
     """Answers of all outputs to a pulse at one input.
 
     Attributes:
@@ -382,7 +382,7 @@ class _Column:
         usable = self.size > 0.0
         return float((self.noise[usable] / self.size[usable]).max(initial=0.0))
 
-    def better_than(self, other: _Column) -> bool:
+    def better_than(self, other: _PulseColumn) -> bool:
         """Whether this has less noise than the answers to a narrower pulse and is the same within their noise."""
         same = np.abs(self.found - other.found).max(axis=0) <= 3.0 * other.noise
         return self.worst < 0.5 * other.worst and bool(same.all())
@@ -411,10 +411,10 @@ class _Setting:
     u0: Mapping[str, float]
     widths: Floats
     lead: float
-    told: _Runs
+    told: _PulseRuns
 
     @classmethod
-    def of(cls, task: LinTask, session: Session, period: float, told: _Runs) -> _Setting:
+    def of(cls, task: LinTask, session: Session, period: float, told: _PulseRuns) -> _Setting:
         """Collect them."""
         u0 = session.values([v.name for v in task.model.inputs if v.is_number])
         variables = {v.name: v for v in task.model.inputs}
@@ -426,7 +426,7 @@ class _Setting:
 
     def measure(self) -> _Pulses:
         """Return the answers to one pulse at each input."""
-        point, base, columns = self.point(), self._run({}), list[_Column]()
+        point, base, columns = self.point(), self._run({}), list[_PulseColumn]()
         for name, width in zip(self.task.inputs, self.widths.tolist(), strict=True):
             columns.append(self._column(name, width, base))
             self.task.job.partial = partial(self._so_far, point, self._pulses(base, columns), len(columns))
@@ -441,7 +441,7 @@ class _Setting:
         left = dict.fromkeys(self.task.inputs[count:], "the end came before it was moved")
         return replace(result, why="ended before it was tested", doubts=tuple(doubts), refused=left)
 
-    def _pulses(self, base: Floats, columns: Sequence[_Column]) -> _Pulses:
+    def _pulses(self, base: Floats, columns: Sequence[_PulseColumn]) -> _Pulses:
         """Return what the pulses at the first inputs gave."""
         inputs = self.task.inputs[: len(columns)]
         widths = {n: c.width for n, c in zip(inputs, columns, strict=True)}
@@ -455,7 +455,7 @@ class _Setting:
             runs=1 + sum(c.runs for c in columns),
         )
 
-    def _column(self, name: str, width: float, base: Floats) -> _Column:
+    def _column(self, name: str, width: float, base: Floats) -> _PulseColumn:
         """Return the answers to a pulse as wide as it takes to rise above the noise."""
         best = self._pair(name, width, base, runs=0)
         runs = best.runs
@@ -478,15 +478,15 @@ class _Setting:
         inside = low <= self.u0[name] - 0.5 * width and self.u0[name] + 0.5 * width <= high
         return variable.type in FLOAT_TYPES and inside and width <= 1.001 * WIDEST * usual
 
-    def _pair(self, name: str, width: float, base: Floats, *, runs: int) -> _Column:
+    def _pair(self, name: str, width: float, base: Floats, *, runs: int) -> _PulseColumn:
         pulse = np.zeros(len(base))
         pulse[0] = 0.5 * width
         above, below = self._run({name: pulse}), self._run({name: -pulse})
         bend: Floats = np.abs(above - 2.0 * base + below).max(axis=0) / width
         rounding = _ROUNDING * np.abs(base).max(axis=0) / width
-        return _Column(width, (above - below) / width, bend, np.maximum(bend, rounding), runs + 2)
+        return _PulseColumn(width, (above - below) / width, bend, np.maximum(bend, rounding), runs + 2)
 
-    def _doubts(self, name: str, column: _Column) -> list[Doubt]:
+    def _doubts(self, name: str, column: _PulseColumn) -> list[Doubt]:
         found, bend, size, half = [], column.bend, column.size, column.width / 2.0
         for i in np.flatnonzero(bend > NONLINEAR * size):
             why = f"not linear or noisy: {name} rising and falling by {half:.3g} differ by {2.0 * bend[i]:.3g}"
@@ -666,4 +666,4 @@ def _result(task: LinTask, found: Realisation, point: OperatingPoint, period: fl
         intersample=between,
     )
     rows = [*names, *task.outputs]
-    return replace(result, zeros=zeros_of(result, Reach.none(rows, [*names, *task.inputs], looked=False)))
+    return replace(result, zeros=zeros_of(result, LargePerturbation.none(rows, [*names, *task.inputs], looked=False)))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.core.records.named import named
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.large import is_large, poles_about
 from workbench.core.values.linear import Linear
@@ -23,7 +23,7 @@ from workbench.show.result import Result
 if TYPE_CHECKING:
     from workbench.point.lin.state_space import LinearModel
 
-__all__ = ["Delayed", "Doubt", "Intersample", "LinResult", "Zero"]
+__all__ = ["DelayFreePart", "Doubt", "Intersample", "LinResult", "Zero"]
 
 # Between samples: an interval's begin and end, by the names of the linear model around it.
 _OUTPUTS_OF_STATES = entry(dims=("intervals", 2, "output_names", "state_names"))
@@ -31,7 +31,7 @@ _OUTPUTS_OF_INPUTS = entry(dims=("intervals", 2, "output_names", "input_names"))
 
 
 @dataclass(frozen=True)
-class Doubt(Part):
+class Doubt(RecordPart):
     """An entry that should not be trusted blindly.
 
     Attributes:
@@ -52,7 +52,7 @@ class Doubt(Part):
 
 
 @dataclass(frozen=True)
-class Zero(Part):
+class Zero(RecordPart):
     """A row or column that is zero, and why.
 
     Attributes:
@@ -67,7 +67,7 @@ class Zero(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Intersample(Part):
+class Intersample(RecordPart):
     """Outputs within one period of a discrete model, and what inputs do within it.
 
     Attributes:
@@ -96,7 +96,7 @@ class Intersample(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Delayed(Part):
+class DelayFreePart(RecordPart):
     """A linear model without its transport delays: their outputs are its last inputs, their inputs its last outputs.
 
     Attributes:
@@ -126,7 +126,7 @@ class Delayed(Part):
         closed = found[:, :-k, :-k] + found[:, :-k, -k:] @ np.linalg.solve(inside, turned * found[:, -k:, :-k])
         return np.asarray(closed, dtype=np.complex128)
 
-    def negated(self) -> Delayed:
+    def negated(self) -> DelayFreePart:
         """Return the model with its inputs turned over, those from the delays as they are."""
         turned = np.ones(self.D.shape[1])
         turned[: -len(self.times)] = -1.0
@@ -175,7 +175,7 @@ class LinResult(Linear, Result):
     refused: Mapping[str, str] = field(default_factory=dict)
     holds_to_hz: float | None = None
     about_hz: float = 0.0
-    delayed: Delayed | None = None
+    delayed: DelayFreePart | None = None
 
     _WHAT, _COMMAND = "a linear model", "lin"
 

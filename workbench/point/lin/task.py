@@ -20,7 +20,7 @@ from workbench.model import Model, Variable
 from workbench.model.names import Kind, check_variables, found_variables
 from workbench.model.operating_point import find_point
 from workbench.point.lin.request import Lin, PointOptions
-from workbench.session.point import Point
+from workbench.session.point import ModelPoint
 
 __all__ = [
     "NOT_AT_REST",
@@ -132,7 +132,7 @@ def _chosen(model: Model, wanted: Sequence[str] | None, usual: Iterable[Variable
     return tuple(found_variables(model, wanted, *kinds, what=f"{kinds[0]}s"))
 
 
-def open_base(task: LinTask) -> Point:
+def open_base(task: LinTask) -> ModelPoint:
     """Return the point of the task; states that the FMU does not let one start elsewhere are moved there.
 
     Raises:
@@ -160,7 +160,7 @@ def no_equations(task: LinTask) -> InputError:
     return InputError(f"co-simulation shows neither states nor derivatives; {way}")
 
 
-def sampled_note(point: Point) -> tuple[str, ...]:
+def sampled_note(point: ModelPoint) -> tuple[str, ...]:
     """Return a remark where derivatives are half the truth: the model has samplers, which hold."""
     if not (len(point.ticks(1, np.inf)) and point.memory):
         return ()
@@ -188,7 +188,7 @@ def moving_note(moves: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def pass_states(point: Point, jacobian: Floats) -> None:
+def pass_states(point: ModelPoint, jacobian: Floats) -> None:
     """Write the rows of outputs that are states, of ∂(dx, y)/∂(x, …), in place: what an FMU says of them is of no use.
 
     FMUs that derive equations only, as the Reference FMUs, answer 0 there.
@@ -204,7 +204,7 @@ def pass_states(point: Point, jacobian: Floats) -> None:
             jacobian[n + i, states[output.name]] = 1.0
 
 
-def columns_of(task: LinTask, point: Point) -> list[int]:
+def columns_of(task: LinTask, point: ModelPoint) -> list[int]:
     """Return where the task's inputs stand among the point's."""
     names = [v.name for v in point.inputs]
     return [names.index(n) for n in task.inputs]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.point.lin.result import LinResult, Zero
 
-__all__ = ["DECLARED", "ELSEWHERE", "NOT_CONNECTED", "Reach", "zeros_of"]
+__all__ = ["DECLARED", "ELSEWHERE", "NOT_CONNECTED", "LargePerturbation", "zeros_of"]
 
 Flags = NDArray[np.bool_]
 NOWHERE = "nothing depends on it at this point"
@@ -20,7 +20,7 @@ NOT_CONNECTED = "not connected: by what is declared, nothing depends on it"
 
 
 @dataclass(frozen=True)
-class Reach:
+class LargePerturbation:
     """Which entries are zero here but not when their variable moves as far as its own scale.
 
     Attributes:
@@ -39,7 +39,7 @@ class Reach:
     dead: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def none(cls, rows: Sequence[str], columns: Sequence[str], *, looked: bool = True) -> Reach:
+    def none(cls, rows: Sequence[str], columns: Sequence[str], *, looked: bool = True) -> LargePerturbation:
         """Return a table in which nothing moves."""
         shape = (len(rows), len(columns))
         return cls(rows, columns, np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool), looked)
@@ -57,7 +57,7 @@ class Reach:
         return bool(above), bool(below)
 
 
-def zeros_of(result: LinResult, reach: Reach) -> tuple[Zero, ...]:
+def zeros_of(result: LinResult, reach: LargePerturbation) -> tuple[Zero, ...]:
     """Return every zero row and column of a linear model with its reason."""
     A, B, C, D = result.A != 0.0, result.B != 0.0, result.C != 0.0, result.D != 0.0
     frozen = "no state or chosen input moves it: frozen"
@@ -76,7 +76,7 @@ def zeros_of(result: LinResult, reach: Reach) -> tuple[Zero, ...]:
     return tuple(found)
 
 
-def _reason(reach: Reach, name: str, *, row: bool, none: str) -> str:
+def _reason(reach: LargePerturbation, name: str, *, row: bool, none: str) -> str:
     if not reach.looked:
         return none
     above, below = reach.of(name, row=row)

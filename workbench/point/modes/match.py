@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.modal import Poles
 
-__all__ = ["Group", "Match", "closeness", "coincide", "match", "passing", "turning"]
+__all__ = ["Match", "ModeCluster", "closeness", "coincide", "match", "passing", "turning"]
 
 _RELATED = 0.25  # closeness that makes two modes candidates for each other
 _CLEAR = 0.75  # closeness at which a mode is the same mode
@@ -24,7 +24,7 @@ _MARGIN = 0.02  # of a step: what lies nearer to its ends is not put in between
 
 
 @dataclass(frozen=True)
-class Group:
+class ModeCluster:
     """Modes before and after a step that the vectors do not tell apart.
 
     Attributes:
@@ -49,7 +49,7 @@ class Match:
     """
 
     pairs: tuple[tuple[int, int], ...]
-    groups: tuple[Group, ...]
+    groups: tuple[ModeCluster, ...]
 
     @property
     def clear(self) -> bool:
@@ -88,7 +88,7 @@ def match(before: Poles, after: Poles) -> Match:
     for left, right in _related(close, pairs):
         if len(left) == len(right) == 1 and close[left[0], right[0]] >= _CLEAR:
             continue
-        groups.append(Group(left, right, _kind(before, after, left, right)))
+        groups.append(ModeCluster(left, right, _kind(before, after, left, right)))
     return Match(tuple(pairs), tuple(groups))
 
 

@@ -24,9 +24,9 @@ from workbench.point.modes.match import match
 from workbench.point.modes.request import Modes
 from workbench.point.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
 from workbench.point.modes.source import ModelSource, check_parameter
-from workbench.point.modes.track import Frame, Track, track
+from workbench.point.modes.track import Frame, ModeTracks, track
 
-__all__ = ["Root", "critical_values", "find_root", "run", "sign_of"]
+__all__ = ["StabilityCrossing", "critical_values", "find_root", "run", "sign_of"]
 
 _TOLERANCE = 1e-6  # of the range
 _NAMED = 3  # states
@@ -152,7 +152,7 @@ def _one_set(source: ModelSource, grid: list[float], label: str, settings: Setti
     )
 
 
-def _states(found: Track, branch: int, names: Sequence[str]) -> tuple[str, ...]:
+def _states(found: ModeTracks, branch: int, names: Sequence[str]) -> tuple[str, ...]:
     """Return the states that take most part in a mode where it first exists."""
     for frame in found.frames:
         place = frame.place(branch)
@@ -163,7 +163,7 @@ def _states(found: Track, branch: int, names: Sequence[str]) -> tuple[str, ...]:
     return ()
 
 
-def critical_values(source: ModelSource, found: Track, line: Mode, tolerance: float) -> list[Critical]:
+def critical_values(source: ModelSource, found: ModeTracks, line: Mode, tolerance: float) -> list[Critical]:
     """Return where a mode's real part changes its sign, each refined between two frames; not where it only touches 0.
 
     Args:
@@ -197,7 +197,7 @@ def critical_values(source: ModelSource, found: Track, line: Mode, tolerance: fl
     return criticals
 
 
-def _on_real_axis(source: ModelSource, found: Track, step: int, number: int, tolerance: float) -> list[Critical]:
+def _on_real_axis(source: ModelSource, found: ModeTracks, step: int, number: int, tolerance: float) -> list[Critical]:
     """Return where a real pole changes its stability within the step in which its pair has split (or the reverse).
 
     Half of a pair has no pole of its own on the other side of the step: the number of unstable poles is followed, as
@@ -223,7 +223,7 @@ def _on_real_axis(source: ModelSource, found: Track, step: int, number: int, tol
     return [Critical(mode=number, value=value, frequency_hz=0.0, becomes=becomes, real=0.0)]
 
 
-def _accounted_for(found: Track, step: int) -> int:
+def _accounted_for(found: ModeTracks, step: int) -> int:
     """Return by how many unstable poles a step changes through modes that exist on both sides and change their sign."""
     poles, uncertain = (x[step : step + 2] for x in found.table())
     both = ~np.isnan(poles).any(axis=0)
@@ -318,7 +318,7 @@ _MOST = 80
 
 
 @dataclass(frozen=True)
-class Root:
+class StabilityCrossing:
     """A value of the parameter at which a mode leaves or enters stability.
 
     Attributes:
@@ -342,7 +342,7 @@ def sign_of(pole: complex, uncertain: float) -> int:
     return 0 if abs(pole.real) <= uncertain else 1 if pole.real > 0.0 else -1
 
 
-def find_root(pole: Pole, low: float, high: float, *, tolerance: float) -> Root:
+def find_root(pole: Pole, low: float, high: float, *, tolerance: float) -> StabilityCrossing:
     """Return the value between two at which the mode's real part passes zero, or leaves it.
 
     Brent's method where the real part has both signs. A mode that is neutral on one side, such as those of an undamped
@@ -366,7 +366,7 @@ def find_root(pole: Pole, low: float, high: float, *, tolerance: float) -> Root:
     ends = [sign_of(*pole(v)) for v in (low, high)]
     if ends[0] * ends[1] < 0:
         value = float(brentq(real, low, high, xtol=tolerance, rtol=1e-15, maxiter=_MOST, disp=False))
-        return Root(value, pole(value)[0], count)
+        return StabilityCrossing(value, pole(value)[0], count)
     neutral, moving = (low, high) if ends[0] == 0 else (high, low)
     while abs(moving - neutral) > tolerance and count < _MOST:
         middle = 0.5 * (neutral + moving)
@@ -378,4 +378,4 @@ def find_root(pole: Pole, low: float, high: float, *, tolerance: float) -> Root:
     beyond = pole(moving)[
         0
     ]  # real: an undamped pair that slows down to a standstill and parts diverges, without flutter
-    return Root(0.5 * (neutral + moving), beyond if beyond.imag == 0.0 else pole(neutral)[0], count)
+    return StabilityCrossing(0.5 * (neutral + moving), beyond if beyond.imag == 0.0 else pole(neutral)[0], count)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from workbench.point.modes.result import Critical, Mode, ModeSet, ModesResult
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number, sentence
 from workbench.show.verdicts import Verdict
 
@@ -77,7 +77,7 @@ def _verdicts(result: ModesResult, modes: ModeSet) -> list[Verdict]:
 def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Section:
     rows = [(str(c.mode), f"{c.value:.8g}", number(c.frequency_hz), c.kind, c.becomes) for c in modes.critical]
     headings = ("mode", f"critical {parameter}", "frequency [Hz]", "kind", "becomes")
-    tables = [Table(headings, rows, verdict=4)] if rows else []
+    tables = [PageTable(headings, rows, verdict=4)] if rows else []
     meetings = [
         f"modes {' and '.join(map(str, m.modes))} {_KINDS.get(m.kind, m.kind)} near {result.parameter} = {m.value:.6g}"
         for m in modes.meetings
@@ -94,7 +94,7 @@ def _modes(modes: ModeSet, parameter: str, *, every: bool) -> Section:
     )  # fmt: skip
     rows = [_mode(m, modes) for m in modes.modes]
     title = f"{'All' if every else 'The'} {counted(len(rows), 'mode')} with {_name(modes)}"
-    return Section(title, tables=[Table(headings, rows, right=range(7))], folded=len(rows) > 12)
+    return Section(title, tables=[PageTable(headings, rows, right=range(7))], folded=len(rows) > 12)
 
 
 def _mode(mode: Mode, modes: ModeSet) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from workbench.core.records.forms import VARIED, Band, Configurations, Numbers, 
 from workbench.core.records.option import option
 from workbench.jobs.options import InParts
 from workbench.point.lin.request import METHOD_NAMES, PointOptions
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 
 if TYPE_CHECKING:
     from workbench.point.modes.result import ModesResult
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Modes", "modes"]
 
 
-class Modes(PointOptions, InParts, Analysis["ModesResult"]):
+class Modes(PointOptions, InParts, ModelRequest["ModesResult"]):
     """Follow every mode over a parameter, through crossings, and find where modes become unstable: a flutter diagram.
 
     The model is linearised at each value. Modes are matched from value to value by the biorthogonality of their left

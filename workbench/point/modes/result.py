@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Part, complex_of, entry
+from workbench.core.records.record import RecordPart, complex_of, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import damped_frequency_hz, damping_ratio, natural_frequency_hz
@@ -69,7 +69,7 @@ class Mode:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Critical(Part):
+class Critical(RecordPart):
     """A value of the parameter at which a mode becomes unstable or stable.
 
     Attributes:
@@ -115,7 +115,7 @@ class ModesMeeting:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ModeSet(Part):
+class ModeSet(RecordPart):
     """The modes of one configuration.
 
     Attributes:

@@ -49,7 +49,7 @@ def check_parameter(model: Model, name: str) -> None:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Single:
+class _ModelFamily:
     """A value at which is linearised what `lin_over` does not: about an equilibrium of its own."""
 
     vary: str
@@ -58,7 +58,7 @@ class _Single:
     trimmed: bool
 
 
-def _linearised(model: Model, job: _Single) -> Iterator[LinPoint]:
+def _linearised(model: Model, job: _ModelFamily) -> Iterator[LinPoint]:
     """Linearise at one value; what a worker process runs."""
     varied = {job.vary: job.value}
     try:
@@ -71,12 +71,12 @@ def _linearised(model: Model, job: _Single) -> Iterator[LinPoint]:
         yield LinPoint(varied, None, str(error), error.kind)
 
 
-def _set(model: Model, job: _Single) -> AbstractContextManager[Model]:
+def _set(model: Model, job: _ModelFamily) -> AbstractContextManager[Model]:
     varied = {job.vary: job.value} if job.vary in {v.name for v in model.parameters} else {}
     return nullcontext(with_parameters(model, varied))
 
 
-def _trimmed(model: Model, job: _Single) -> OperatingPoint:
+def _trimmed(model: Model, job: _ModelFamily) -> OperatingPoint:
     x0, u0, states = job.lin.x0 or {}, job.lin.u0 or {}, {v.name for v in model.states}
     fixed = {job.vary: job.value} if job.vary in states else {}
     forced = {job.vary: job.value} if job.vary in {v.name for v in model.inputs} else {}
@@ -176,7 +176,7 @@ class ModelSource:
             over = recast(LinOver, self._lin, over={self._vary: values})
             yield from points_over(self._model, over, workers, job, explained=False)
             return
-        jobs = deque(_Single(vary=self._vary, value=v, lin=self._lin, trimmed=self._trimmed) for v in values)
+        jobs = deque(_ModelFamily(vary=self._vary, value=v, lin=self._lin, trimmed=self._trimmed) for v in values)
         with at_work(self._model, workers, job, numbers=matrices_of) as runner:
             for event in runner.run(_linearised, jobs):
                 yield (

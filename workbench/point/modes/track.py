@@ -10,9 +10,9 @@ import numpy as np
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.modal import Poles
 from workbench.errors import InputError
-from workbench.point.modes.match import Group, Match, closeness, coincide, match, passing, turning
+from workbench.point.modes.match import Match, ModeCluster, closeness, coincide, match, passing, turning
 
-__all__ = ["Frame", "Meeting", "Track", "track"]
+__all__ = ["Frame", "Meeting", "ModeTracks", "track"]
 
 Family = Callable[[float], Poles | None]
 
@@ -28,7 +28,7 @@ class Meeting:
     Attributes:
         value: of the parameter, in the middle of the smallest step that was tried.
         width: of that step, or of several in a row.
-        modes: positions in `Track.poles`.
+        modes: positions in `ModeTracks.poles`.
         kind: "real axis" (a pair becomes two real poles, or the reverse: nothing is uncertain but which of the two goes
             on under the number of the pair) or "unclear" (they coalesce, or pass too close for this step).
     """
@@ -63,7 +63,7 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class ModeTracks:
     """All modes over the parameter.
 
     Attributes:
@@ -91,7 +91,7 @@ class Track:
         return poles, uncertain
 
 
-def track(family: Family, values: Sequence[float], *, count: int | None = None, about: float = 0.0) -> Track:
+def track(family: Family, values: Sequence[float], *, count: int | None = None, about: float = 0.0) -> ModeTracks:
     """Follow all modes through a list of values; where the vectors leave a doubt, models are put in between.
 
     Modes that cross without coupling keep their vectors and cross; those that couple and veer exchange them gradually
@@ -119,7 +119,7 @@ class _Tracking:
         self._smallest = (values[-1] - values[0]) / max(len(values) - 1, 1) / 2.0**_DEEPEST
         self._partner: dict[int, int] = {}
 
-    def run(self) -> Track:
+    def run(self) -> ModeTracks:
         while self._pending:
             value = self._pending[-1]
             self._made += 1
@@ -132,7 +132,7 @@ class _Tracking:
                 self._step(self._frames[-1], value, poles)
         if len(self._frames) < 2:
             raise InputError("modes: there is a linear model at fewer than two values; modes cannot be followed")
-        return Track(tuple(self._frames), tuple(self._meetings), self._count)
+        return ModeTracks(tuple(self._frames), tuple(self._meetings), self._count)
 
     def _begin(self, value: float, poles: Poles) -> None:
         self._pending.pop()
@@ -184,7 +184,7 @@ class _Tracking:
                 return
         self._meetings.append(new)
 
-    def _settle(self, here: Frame, group: Group, branch: dict[int, int]) -> None:
+    def _settle(self, here: Frame, group: ModeCluster, branch: dict[int, int]) -> None:
         """Number what splits and what joins: the lower number is that of the pair."""
         before = [here.branch[i] for i in group.before]
         if len(group.before) == 2 and len(group.after) == 1:
@@ -202,7 +202,7 @@ class _Tracking:
         return self._count - 1
 
 
-def _aligned(before: Poles, after: Poles, group: Group, pairs: Sequence[tuple[int, int]]) -> Poles:
+def _aligned(before: Poles, after: Poles, group: ModeCluster, pairs: Sequence[tuple[int, int]]) -> Poles:
     """Give poles that coincide the vectors that continue those before: their projections on the common subspace."""
     inside = [(i, j) for i, j in pairs if i in group.before and j in group.after]
     places = list(group.after)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
@@ -18,7 +18,7 @@ _AROUND = np.array([-3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0])  # half widths of a r
 
 
 @dataclass(frozen=True, kw_only=True)
-class BandError(Part):
+class BandError(RecordPart):
     """Largest differences in a band.
 
     Attributes:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import natural_frequency_hz
@@ -21,7 +21,7 @@ _PLACES = 9  # where the gain is measured
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Factored(Part):
+class Factored(RecordPart):
     """F(s) = gain · Π (s − zeros) / Π (s − poles).
 
     Attributes:

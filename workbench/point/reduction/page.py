@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.point.reduction.balanced import BalancedReduction
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, pole_table
 
 __all__ = ["reduction_page"]
@@ -26,7 +26,7 @@ def reduction_page(result: BalancedReduction) -> Page:
         lead=f"No gain of the difference exceeds {result.bound:.4g} at any frequency.",
         facts={"method": result.method, "unstable poles": f"{counted(result.unstable, 'pole')}, all kept"},
         sections=[
-            Section("Singular values", tables=[Table(headings, rows)]),
+            Section("Singular values", tables=[PageTable(headings, rows)]),
             Section("Poles", tables=[pole_table(result.part.poles.tolist(), 0.0)]),
         ],
         kind="balanced-reduction",

@@ -13,7 +13,7 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.units import rate_unit
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
-from workbench.session.point import Point
+from workbench.session.point import ModelPoint
 
 __all__ = ["Balance", "ContinuousBalance", "Slot", "by_name", "slot_of"]
 
@@ -133,7 +133,7 @@ class ContinuousBalance(Balance):
     rates = True
     precision = 1e-15
 
-    def __init__(self, point: Point) -> None:
+    def __init__(self, point: ModelPoint) -> None:
         self._point = point
         self.states = tuple(
             slot_of(v, x, nominal=n)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
 from workbench.point.trim.null_space import RANK, null_space, readable
-from workbench.point.trim.scaled import Scaled
+from workbench.point.trim.scaled import ScaledEquations
 
-__all__ = ["Judge", "Verdict"]
+__all__ = ["EquilibriumTest", "SearchResult"]
 
 # Over the differences' own width curvature is as small as rounding; ten times as far it shows, 100 times as large.
 _WIDER = 10.0  # than the differences of the Jacobian: how far around a point the equations are looked at
@@ -38,7 +38,7 @@ _FELL = 0.1  # of the residual at the start: a search that went away while this 
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Verdict:
+class SearchResult:
     """What is to be said of the end of a search.
 
     Attributes:
@@ -58,7 +58,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, eq=False)
-class _Around:
+class _Neighbourhood:
     """The equations at a point and around it.
 
     Attributes:
@@ -110,7 +110,7 @@ class _Look:
     faded: NDArray[np.bool_]
 
 
-class Judge:
+class EquilibriumTest:
     """Tells an equilibrium from a point where the equations are merely small.
 
     A residual is small against the change that the equation makes around the point, over a finite distance: 1e-4 of
@@ -128,25 +128,25 @@ class Judge:
         tolerance: of a residual over the change around the point.
     """
 
-    def __init__(self, scaled: Scaled, home: Floats, tolerance: float) -> None:
+    def __init__(self, scaled: ScaledEquations, home: Floats, tolerance: float) -> None:
         self._scaled, self._home, self._tolerance = scaled, home, tolerance
         self._width = _WIDER * scaled.problem.balance.precision ** (1.0 / 3.0)
         self._hard = scaled.hard
-        self._kept: dict[bytes, Verdict] = {}
-        self._seen: dict[bytes, _Around] = {}
+        self._kept: dict[bytes, SearchResult] = {}
+        self._seen: dict[bytes, _Neighbourhood] = {}
 
-    def __call__(self, w: Floats) -> Verdict:
+    def __call__(self, w: Floats) -> SearchResult:
         """Return what is to be said of a point, shape (k,)."""
         key = w.tobytes()
         if key not in self._kept:
             self._kept[key] = self._judge(w)
         return self._kept[key]
 
-    def _judge(self, w: Floats) -> Verdict:
+    def _judge(self, w: Floats) -> SearchResult:
         here = self._scaled.residuals(w)
         if not np.isfinite(here[: self._hard]).all():
             bad = ~np.isfinite(here[: self._hard])
-            return Verdict(at_rest=False, bad=bad, scales=self._scaled.nominals)
+            return SearchResult(at_rest=False, bad=bad, scales=self._scaled.nominals)
         around = self._around(w)
         every = np.eye(len(here))
         change = around.change(every)
@@ -161,7 +161,7 @@ class Judge:
                 share = np.abs(combined[:, : self._hard]) * scales[: self._hard]
                 most = share.max(axis=1, initial=0.0, keepdims=True)
                 bad |= (share >= 0.5 * most)[~looks[-1].holds].any(axis=0)
-        return Verdict(
+        return SearchResult(
             at_rest=not bad.any(),
             bad=bad,
             scales=scales,
@@ -169,7 +169,9 @@ class Judge:
             faded=any(x.faded.any() for x in looks),
         )
 
-    def _look(self, w: Floats, around: _Around, weights: Floats, come_from: Callable[[], _Around]) -> _Look:
+    def _look(
+        self, w: Floats, around: _Neighbourhood, weights: Floats, come_from: Callable[[], _Neighbourhood]
+    ) -> _Look:
         """Return what is to be said of combinations of equations; `come_from`: where they are looked at from."""
         left = np.abs(weights @ around.here)
         noise, flat, change = around.noise(weights), around.flat(weights), around.change(weights)
@@ -201,7 +203,7 @@ class Judge:
         """Return how far a point is from where one came from, in reaches."""
         return float((np.abs(w - begin) / np.maximum(1.0, np.abs(begin))).max(initial=0.0))
 
-    def _contracts(self, w: Floats, scales: Floats, around: _Around) -> bool:
+    def _contracts(self, w: Floats, scales: Floats, around: _Neighbourhood) -> bool:
         """Whether Newton's method goes on to come nearer where its step is not small yet: to a root without slope.
 
         It does not where there is none, but almost (x² + 1e-9), nor where the root is as far as before (e^-x).
@@ -253,16 +255,16 @@ class Judge:
 
     # -- around a point -------------------------------------------------------------------------
 
-    def _begin(self) -> _Around:
+    def _begin(self) -> _Neighbourhood:
         return self._around(self._home)
 
-    def _around(self, w: Floats) -> _Around:
+    def _around(self, w: Floats) -> _Neighbourhood:
         key = w.tobytes()
         if key not in self._seen:
             self._seen[key] = self._look_around(w)
         return self._seen[key]
 
-    def _look_around(self, w: Floats) -> _Around:
+    def _look_around(self, w: Floats) -> _Neighbourhood:
         here = np.nan_to_num(self._scaled.residuals(w), nan=_LARGE, posinf=_LARGE, neginf=-_LARGE)
         reach = np.maximum(1.0, np.abs(w))
         sides = [(j, s, r) for j in range(len(w)) for s in (1.0, -1.0) if (r := self._beside(w, j, s * reach[j]))]
@@ -271,7 +273,7 @@ class Judge:
         signs = np.random.default_rng(2).choice([-1.0, 1.0], size=(len(_SCATTER), len(w)))
         ulps = np.array(_SCATTER)[:, None] * np.spacing(np.abs(w)) * signs
         scatter = [self._scaled.residuals(self._scaled.inside(w + u)) - here for u in ulps] if len(w) else []
-        return _Around(
+        return _Neighbourhood(
             w,
             here,
             moved,
@@ -293,7 +295,7 @@ class Judge:
                 return abs(float(moved[j] - w[j])), found
         return None
 
-    def _combined(self, w: Floats, scales: Floats) -> list[tuple[Floats, Callable[[], _Around]]]:
+    def _combined(self, w: Floats, scales: Floats) -> list[tuple[Floats, Callable[[], _Neighbourhood]]]:
         """Return combinations of required equations, (r, e), and where to come from to see them change.
 
         They are those of the singular values: first those that change, seen from the start, then those that do not.

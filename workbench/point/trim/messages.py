@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.core.values.arrays import Floats
-from workbench.point.trim.problem import Problem, Unknown
+from workbench.point.trim.problem import TrimProblem, TrimUnknown
 from workbench.point.trim.result import NullDirection, Residual
 from workbench.point.trim.solve import Solution
 
@@ -17,7 +17,7 @@ _SHOWN = 4
 _ALSO_FAR = 0.1  # of the farthest way
 
 
-def residual_table(problem: Problem, solution: Solution) -> tuple[Residual, ...]:
+def residual_table(problem: TrimProblem, solution: Solution) -> tuple[Residual, ...]:
     """Return one residual for each equation, required ones first."""
     equations = (*problem.equations, *problem.floating)
     idle = [not row.any() for row in solution.jacobian]
@@ -28,17 +28,17 @@ def residual_table(problem: Problem, solution: Solution) -> tuple[Residual, ...]
     )
 
 
-def directions(problem: Problem, solution: Solution) -> tuple[NullDirection, ...]:
+def directions(problem: TrimProblem, solution: Solution) -> tuple[NullDirection, ...]:
     """Return the directions along which there are other solutions, in units."""
     return tuple(_direction(problem, solution, column) for column in solution.open.T)
 
 
-def _direction(problem: Problem, solution: Solution, column: Floats) -> NullDirection:
+def _direction(problem: TrimProblem, solution: Solution, column: Floats) -> NullDirection:
     pairs = zip(problem.unknowns, (column * solution.nominal).tolist(), strict=True)
     return NullDirection(components={k.slot.name: c for k, c in pairs if c})
 
 
-def degenerate(problem: Problem, solution: Solution) -> str:
+def degenerate(problem: TrimProblem, solution: Solution) -> str:
     """Return a remark on directions in which the slopes vanish, but not along a family; "": there are none."""
     if not solution.flat.shape[1]:
         return ""
@@ -47,7 +47,7 @@ def degenerate(problem: Problem, solution: Solution) -> str:
 
 
 def in_words(
-    problem: Problem,
+    problem: TrimProblem,
     solution: Solution,
     residuals: Sequence[Residual],
     nulls: Sequence[NullDirection],
@@ -82,7 +82,7 @@ def in_words(
     return f"no equilibrium found: {_what_is_left(bad)}"
 
 
-def _way(problem: Problem, solution: Solution) -> str:
+def _way(problem: TrimProblem, solution: Solution) -> str:
     """Return where the unknowns went that moved farthest."""
     start = np.array([k.start for k in problem.unknowns])
     moved = np.abs(solution.values - start) / np.maximum(solution.nominal, np.abs(start))
@@ -119,7 +119,7 @@ _MOVES = (0.37, -1.3, 3.1)  # sizes of a state by which it is moved to see wheth
 _SAME = 1e-9  # of the change that an equation makes around the point
 
 
-def without_influence(problem: Problem, solution: Solution) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def without_influence(problem: TrimProblem, solution: Solution) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the states that do not rest where the search ended and on which no rate depends, their own neither.
 
     First those on which no output depends either, then the others.
@@ -150,7 +150,7 @@ _STEP = 1e-4  # of the size of a state
 _RANK = 1e-9
 
 
-def carried_along(problem: Problem, solution: Solution) -> str:
+def carried_along(problem: TrimProblem, solution: Solution) -> str:
     """Return which states cannot rest while floating ones move; "": they can, or very nearly.
 
     While the floating states f move, the others q follow: dq/dt = g(q, f) = 0 holds along q₀(f), which moves at
@@ -179,7 +179,7 @@ def carried_along(problem: Problem, solution: Solution) -> str:
     return _carried(problem, rest, behind, floating, here) if np.isfinite(behind).all() else ""
 
 
-def _carried(problem: Problem, rest: list[Unknown], behind: Floats, floating: list[int], here: Floats) -> str:
+def _carried(problem: TrimProblem, rest: list[TrimUnknown], behind: Floats, floating: list[int], here: Floats) -> str:
     far = [i for i in np.argsort(-np.abs(behind)).tolist() if abs(behind[i]) > 1.0][:_SHOWN]
     if not far:
         return ""
@@ -195,7 +195,7 @@ def _reach(value: float, nominal: float) -> float:
     return max(abs(value), nominal)
 
 
-def _slope(problem: Problem, x: Floats, u: Floats, column: int, size: float) -> Floats:
+def _slope(problem: TrimProblem, x: Floats, u: Floats, column: int, size: float) -> Floats:
     ends = []
     for side in (1.0, -1.0):
         moved = x.copy()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from workbench.core.values.operating_point import told
 from workbench.point.trim.result import Residual, TrimResult
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, number
 from workbench.show.verdicts import Verdict
 
@@ -49,14 +49,14 @@ def _point(result: TrimResult) -> Section:
         for name, value in values.items()
     ]
     headings = ("variable", "kind", "value", "unit", "derivative [unit/s]", "remark")
-    return Section("Values", tables=[Table(headings, rows, right=(2, 4))])
+    return Section("Values", tables=[PageTable(headings, rows, right=(2, 4))])
 
 
 def _residuals(result: TrimResult) -> Section:
     rows = [
         (r.name, f"{told(r.value):.4g}", r.unit or "", f"{told(r.scaled):.2g}", _remark(r)) for r in result.residuals
     ]
-    table = Table(("equation", "left over", "unit", "scaled", "remark"), rows, right=(1, 3))
+    table = PageTable(("equation", "left over", "unit", "scaled", "remark"), rows, right=(1, 3))
     words = "Residual of each equation, relative to the change made by one nominal change of the unknowns."
     figures = [(result.plot, words)] if result.residuals else []
     return Section("Residuals", figures=figures, tables=[table])

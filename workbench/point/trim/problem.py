@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.point.trim.balance import Balance, Slot
 
-__all__ = ["Equation", "Problem", "TrimSets", "Unknown", "pose"]
+__all__ = ["Equation", "TrimProblem", "TrimSets", "TrimUnknown", "pose"]
 
 _NAMES_SHOWN = 8
 
@@ -38,7 +38,7 @@ class TrimSets:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unknown:
+class TrimUnknown:
     """One number to find.
 
     Attributes:
@@ -82,7 +82,7 @@ class Equation:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Problem:
+class TrimProblem:
     """Find the unknowns such that every required equation holds.
 
     Attributes:
@@ -94,7 +94,7 @@ class Problem:
     """
 
     balance: Balance
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[TrimUnknown, ...]
     equations: tuple[Equation, ...]
     floating: tuple[Equation, ...]
     base: Floats
@@ -137,7 +137,7 @@ class Problem:
         )
 
 
-def pose(balance: Balance, sets: TrimSets) -> Problem:
+def pose(balance: Balance, sets: TrimSets) -> TrimProblem:
     """Return the problem that `sets` pose for a model.
 
     Unless told otherwise every state is unknown, every derivative must vanish and every input is held.
@@ -155,7 +155,7 @@ def pose(balance: Balance, sets: TrimSets) -> Problem:
     rates = [_rate(balance, s, i, sets) for i, s in enumerate(balance.states)]
     told = {*sets.fix, *sets.bound} - {s.name for s in slots}  # an output may be a state under the same name
     outputs = [_output(s, n + i, sets) for i, s in enumerate(balance.outputs) if s.name in told]
-    return Problem(
+    return TrimProblem(
         balance=balance,
         unknowns=unknowns,
         equations=(*(r for r in rates if r.required), *outputs),
@@ -164,10 +164,10 @@ def pose(balance: Balance, sets: TrimSets) -> Problem:
     )
 
 
-def _unknown(slot: Slot, column: int, sets: TrimSets) -> Unknown:
+def _unknown(slot: Slot, column: int, sets: TrimSets) -> TrimUnknown:
     low, high = sets.bound.get(slot.name, (-math.inf, math.inf))
     start = min(max(sets.guess.get(slot.name, slot.start), low), high)
-    return Unknown(slot=slot, column=column, start=start, low=low, high=high)
+    return TrimUnknown(slot=slot, column=column, start=start, low=low, high=high)
 
 
 def _rate(balance: Balance, state: Slot, row: int, sets: TrimSets) -> Equation:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from workbench.core.records.forms import Limits, Names, Values
 from workbench.core.records.option import EACH, option
 from workbench.core.values.operating_point import AtPoint
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 
 if TYPE_CHECKING:
     from workbench.point.trim.result import TrimResult
@@ -18,7 +18,7 @@ __all__ = ["Trim", "trim"]
 _HOW = "How it searches"
 
 
-class Trim(AtPoint, Analysis["TrimResult"]):
+class Trim(AtPoint, ModelRequest["TrimResult"]):
     """Find an operating point: states, inputs and outputs at which nothing moves.
 
     By default every state is unknown, every derivative must vanish, every input is held at its start value and outputs

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.units import rate_unit
 from workbench.show.result import Result
@@ -15,7 +15,7 @@ __all__ = ["NullDirection", "Residual", "TrimResult"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Residual(Part):
+class Residual(RecordPart):
     """What is left of one equation at the point.
 
     Attributes:
@@ -37,7 +37,7 @@ class Residual(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class NullDirection(Part):
+class NullDirection(RecordPart):
     """A direction in which the unknowns may change together and every equation still holds, at least at first.
 
     Attributes:

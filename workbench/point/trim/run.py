@@ -26,14 +26,14 @@ from workbench.point.trim.messages import (
     residual_table,
     without_influence,
 )
-from workbench.point.trim.problem import Problem, TrimSets, pose
+from workbench.point.trim.problem import TrimProblem, TrimSets, pose
 from workbench.point.trim.request import Trim
 from workbench.point.trim.result import Residual, TrimResult
 from workbench.point.trim.running import RunBalance
 from workbench.point.trim.scales import sized
 from workbench.point.trim.search import exact_agrees, search
 from workbench.point.trim.solve import Solution
-from workbench.session.point import Point
+from workbench.session.point import ModelPoint
 from workbench.session.settle import STEP, STEP_PARTS, Settled
 
 __all__ = ["run"]
@@ -140,7 +140,7 @@ class _Trim:
         self.notes += found.notes
         return found
 
-    def _equations(self, point: Point) -> TrimResult:
+    def _equations(self, point: ModelPoint) -> TrimResult:
         balance = ContinuousBalance(point)
         problem = sized(pose(balance, self.sets))
         exact = not balance.why_not_exact and self._probe(problem)
@@ -152,8 +152,8 @@ class _Trim:
         return self._result("equations", problem, solution, [note, restless])
 
     def _floated(
-        self, problem: Problem, found: tuple[Solution, str], *, tolerance: float, exact: bool
-    ) -> tuple[Problem, Solution, str]:
+        self, problem: TrimProblem, found: tuple[Solution, str], *, tolerance: float, exact: bool
+    ) -> tuple[TrimProblem, Solution, str]:
         """Let states move that nothing depends on, as the angle of a shaft that turns, where the others rest."""
         solution, note = found
         if solution.converged or self.sets.floating:
@@ -175,7 +175,7 @@ class _Trim:
         self.notes.append(f"{', '.join(names)} {verb}, as {asked} asks for")
         return freer, resting, remark
 
-    def _probe(self, problem: Problem) -> bool:
+    def _probe(self, problem: TrimProblem) -> bool:
         if not problem.unknowns or exact_agrees(problem):
             return True
         self.notes.append(
@@ -209,7 +209,7 @@ class _Trim:
             solution = replace(solution, converged=False)
         return self._result(method, problem, solution, [note, restless])
 
-    def _restless(self, balance: MapBalance, problem: Problem, solution: Solution) -> str:
+    def _restless(self, balance: MapBalance, problem: TrimProblem, solution: Solution) -> str:
         """Return what moves in the periods after the first although the states came back; "": nothing does."""
         floating = set(self.sets.floating)
         try:
@@ -292,7 +292,7 @@ class _Trim:
 
     # -- on the way -----------------------------------------------------------------------
 
-    def _search(self, method: str, problem: Problem, *, tolerance: float, exact: bool) -> tuple[Solution, str]:
+    def _search(self, method: str, problem: TrimProblem, *, tolerance: float, exact: bool) -> tuple[Solution, str]:
         """Search, and tell after each step where that is."""
         balance, begun = problem.balance, time.monotonic()
 
@@ -352,7 +352,7 @@ class _Trim:
 
     # -- end ------------------------------------------------------------------------------
 
-    def _result(self, method: str, problem: Problem, solution: Solution, notes: Sequence[str]) -> TrimResult:
+    def _result(self, method: str, problem: TrimProblem, solution: Solution, notes: Sequence[str]) -> TrimResult:
         residuals = residual_table(problem, solution)
         nulls = directions(problem, solution)
         chosen = self._chosen(problem, solution)
@@ -378,7 +378,7 @@ class _Trim:
             notes=tuple(n for n in (*self.notes, problem.degrees(), degenerate(problem, solution), *notes) if n),
         )
 
-    def _chosen(self, problem: Problem, solution: Solution) -> str:
+    def _chosen(self, problem: TrimProblem, solution: Solution) -> str:
         if not solution.chosen:
             return "is the one that the search found"
         slow = self.slowest and problem.floating
@@ -396,7 +396,7 @@ def _own_step(model: Model) -> float:
     return STEP
 
 
-def _sizes(balance: MapBalance, problem: Problem, solution: Solution) -> dict[str, float]:
+def _sizes(balance: MapBalance, problem: TrimProblem, solution: Solution) -> dict[str, float]:
     """Return the sizes of states and outputs by which a movement is measured, of those whose sizes are known.
 
     An undeclared size of a state is what the search took for it, or by how much the state changes when the unknowns do.

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.point.trim.problem import Problem
+from workbench.point.trim.problem import TrimProblem
 
-__all__ = ["Scaled"]
+__all__ = ["ScaledEquations"]
 
 HELD = 1e-3  # of what is held: by so much it is moved to see whether an equation reacts to it
 _BENT = 0.01  # second difference over first: over the usual width it is 1e-5 of what bends over one nominal value
@@ -18,7 +18,7 @@ _NARROWINGS = 12  # of ten each: from the usual width, 1e-5, to rounding
 _KEPT = 4  # Jacobians: a search asks for that of a point again when it steps from there, and when it judges it
 
 
-class Scaled:
+class ScaledEquations:
     """Residuals and Jacobian by w = unknowns / nominal values; required equations come first.
 
     Args:
@@ -31,7 +31,7 @@ class Scaled:
         nominals: shape (e,), nominal value of each residual, per second for a derivative.
     """
 
-    def __init__(self, problem: Problem, *, exact: bool) -> None:
+    def __init__(self, problem: TrimProblem, *, exact: bool) -> None:
         self.problem = problem
         self.nominal = np.array([k.slot.nominal for k in problem.unknowns], dtype=np.float64)
         self.low = np.array([k.low for k in problem.unknowns]) / self.nominal

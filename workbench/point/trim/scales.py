@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
 from workbench.point.scales import straight_over
-from workbench.point.trim.problem import Problem
+from workbench.point.trim.problem import TrimProblem
 
 __all__ = ["resized", "sized", "told"]
 
@@ -22,7 +22,7 @@ _CLEARLY = 16.0  # times a rounding error
 _EPS = float(np.finfo(np.float64).eps)
 
 
-def sized(problem: Problem) -> Problem:
+def sized(problem: TrimProblem) -> TrimProblem:
     """Return the problem with a nominal value from the model for each unknown that has none.
 
     It is the largest width, from 1 downwards, over which the equations are straight: their slope over it is that over
@@ -45,7 +45,7 @@ def sized(problem: Problem) -> Problem:
     return resized(problem, {**far, **sizes})
 
 
-def resized(problem: Problem, sizes: dict[int, float]) -> Problem:
+def resized(problem: TrimProblem, sizes: dict[int, float]) -> TrimProblem:
     """Return the problem with other nominal values of unknowns, and of the rates of these.
 
     Args:
@@ -67,13 +67,13 @@ def resized(problem: Problem, sizes: dict[int, float]) -> Problem:
     return replace(problem, unknowns=unknowns, equations=rates[0], floating=rates[1])
 
 
-def _values(problem: Problem, moved: Floats) -> Floats:
+def _values(problem: TrimProblem, moved: Floats) -> Floats:
     start = np.array([k.start for k in problem.unknowns])
     found = problem.evaluate(start + moved)
     return np.array([e.residual(found[e.row]) for e in problem.equations])
 
 
-def _slope(problem: Problem, here: Floats, i: int, width: float) -> Floats:
+def _slope(problem: TrimProblem, here: Floats, i: int, width: float) -> Floats:
     """Return the slope of the equations over a width, to the side that the bounds allow."""
     moved = np.zeros(len(problem.unknowns))
     k = problem.unknowns[i]
@@ -81,7 +81,7 @@ def _slope(problem: Problem, here: Floats, i: int, width: float) -> Floats:
     return np.asarray((_values(problem, moved) - here) / moved[i], dtype=np.float64)
 
 
-def _first_step(problem: Problem, here: Floats, silent: list[int], widths: Floats) -> dict[int, float]:
+def _first_step(problem: TrimProblem, here: Floats, silent: list[int], widths: Floats) -> dict[int, float]:
     """Return the size of the first Gauss-Newton step of the unknowns without a size."""
     straight = [i for i in silent if widths[i] >= _NARROW]
     if not straight or not here.any():
@@ -96,7 +96,7 @@ def _first_step(problem: Problem, here: Floats, silent: list[int], widths: Float
     return {i: float(abs(step[i]) * nominal[i]) for i in straight if abs(step[i]) > error[i]}
 
 
-def _left_open(problem: Problem, here: Floats, jacobian: Floats, step: Floats, nominal: Floats) -> Floats:
+def _left_open(problem: TrimProblem, here: Floats, jacobian: Floats, step: Floats, nominal: Floats) -> Floats:
     """Return what rounding leaves of the equations after a step, shape (e,): a size is not to be read off that.
 
     The terms of an equation are known as well as it is computed, its slopes as their differences allow.

@@ -11,8 +11,8 @@ from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.point.trim.balance import by_name
 from workbench.point.trim.map import MapBalance
-from workbench.point.trim.problem import Problem
-from workbench.point.trim.scaled import Scaled
+from workbench.point.trim.problem import TrimProblem
+from workbench.point.trim.scaled import ScaledEquations
 from workbench.point.trim.scales import resized, told
 from workbench.point.trim.solve import Solution, Told, nobody, solve
 
@@ -25,7 +25,7 @@ SMALL = 1e-3  # of the size that was assumed
 
 
 def search(
-    model: Model, problem: Problem, *, tolerance: float, slowest: bool, exact: bool, told: Told = nobody
+    model: Model, problem: TrimProblem, *, tolerance: float, slowest: bool, exact: bool, told: Told = nobody
 ) -> tuple[Solution, str]:
     """Return the solution, and a note where it was found from the end of a run; else the best that was found.
 
@@ -47,7 +47,7 @@ def search(
     return best, ""
 
 
-def _closer(problem: Problem, found: Solution, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
+def _closer(problem: TrimProblem, found: Solution, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
     """Return the solution with the unknowns that came out far below their assumed sizes measured by what they are."""
     clear = told(found.jacobian[: len(problem.equations)], found.values / found.nominal, problem.balance.precision)
     sizes = {
@@ -66,7 +66,7 @@ def _left(solution: Solution) -> float:
     return worst if worst == worst else np.inf  # noqa: PLR0124 - NaN
 
 
-def _elsewhere(model: Model, problem: Problem) -> Iterator[tuple[Floats, str]]:
+def _elsewhere(model: Model, problem: TrimProblem) -> Iterator[tuple[Floats, str]]:
     """Yield the unknowns after runs of growing length, and how long those were."""
     columns = [k.column for k in problem.unknowns]
     low, high = (np.array([getattr(k, name) for k in problem.unknowns]) for name in ("low", "high"))
@@ -79,7 +79,7 @@ def _elsewhere(model: Model, problem: Problem) -> Iterator[tuple[Floats, str]]:
         return
 
 
-def _runs(model: Model, problem: Problem) -> Iterator[tuple[Floats, str]]:
+def _runs(model: Model, problem: TrimProblem) -> Iterator[tuple[Floats, str]]:
     balance, n = problem.balance, len(problem.balance.states)
     states, inputs = problem.base[:n], problem.base[n:]
     if isinstance(balance, MapBalance):
@@ -96,9 +96,9 @@ def _runs(model: Model, problem: Problem) -> Iterator[tuple[Floats, str]]:
             yield np.array([found[name] for name in names]), f"{seconds:g} s"
 
 
-def exact_agrees(problem: Problem) -> bool:
+def exact_agrees(problem: TrimProblem) -> bool:
     """Whether the balance's Jacobian agrees with differences at the start, in one direction of all unknowns."""
-    scaled = Scaled(problem, exact=True)
+    scaled = ScaledEquations(problem, exact=True)
     w = problem.base[[k.column for k in problem.unknowns]] / scaled.nominal
     direction = np.random.default_rng(1).choice([-1.0, 1.0], size=len(w))
     width = 1e-5 * np.maximum(1.0, np.abs(w))

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.point.trim.convergence import Judge
+from workbench.point.trim.convergence import EquilibriumTest
 from workbench.point.trim.null_space import staged_step
-from workbench.point.trim.problem import Problem
-from workbench.point.trim.scaled import Scaled
+from workbench.point.trim.problem import TrimProblem
+from workbench.point.trim.scaled import ScaledEquations
 
 __all__ = ["Solution", "Told", "nobody", "solve"]
 
@@ -45,7 +45,7 @@ class Solution:
         scales: shape (e,), what each is measured by, see `Verdict.scales`.
         jacobian: shape (e, k), of residuals over scales by the unknowns in nominal values.
         nominal: shape (k,), the nominal values of the unknowns that the search worked with.
-        converged: whether it is an equilibrium, see `Judge`.
+        converged: whether it is an equilibrium, see `EquilibriumTest`.
         bad: shape (h,), required equations that do not hold.
         ran_away: whether residuals fell only because the unknowns went ever further away.
         faded: whether an equation faded into rounding, so that a root and a run-away look alike.
@@ -71,14 +71,14 @@ class Solution:
 
 
 def solve(
-    problem: Problem, start: Floats, *, tolerance: float, slowest: bool, exact: bool, told: Told = nobody
+    problem: TrimProblem, start: Floats, *, tolerance: float, slowest: bool, exact: bool, told: Told = nobody
 ) -> Solution:
     """Return the solution of F(z) = 0 that belongs to `start`.
 
     Unknowns are scaled by their nominal values, equations by the change that one nominal value of each unknown
     makes. Phase one takes Gauss-Newton steps of least norm from the start, extrapolated where they shrink by one
     ratio (a root without slope); where these get stuck it minimises ‖F‖² within the bounds (trust region
-    reflective) and takes them from there. `Judge` decides whether its end is an equilibrium.
+    reflective) and takes them from there. `EquilibriumTest` decides whether its end is an equilibrium.
     Phase two, in a family of solutions, moves along it: to the least floating derivatives (`slowest`), then to the
     solution nearest to `start`, in nominal values.
 
@@ -95,17 +95,17 @@ def solve(
 
     Source: Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999) 1-23 for phase one.
     """
-    search = _Search(Scaled(problem, exact=exact), tolerance, start, told)
+    search = _FamilySearch(ScaledEquations(problem, exact=exact), tolerance, start, told)
     return search.run(slowest=slowest)
 
 
-class _Search:
-    def __init__(self, scaled: Scaled, tolerance: float, start: Floats, told: Told = nobody) -> None:
+class _FamilySearch:
+    def __init__(self, scaled: ScaledEquations, tolerance: float, start: Floats, told: Told = nobody) -> None:
         self.scaled, self.tolerance, self.told = scaled, tolerance, told
         self.home = np.clip(start / scaled.nominal, scaled.low, scaled.high)
         self.hard = scaled.hard
         begin = np.array([k.start for k in scaled.problem.unknowns], dtype=np.float64)
-        self.judge = Judge(scaled, scaled.inside(begin / scaled.nominal), tolerance)
+        self.judge = EquilibriumTest(scaled, scaled.inside(begin / scaled.nominal), tolerance)
         self.iterations = 0
         self.soft = scaled.scales(scaled.jacobian(self.home))[self.hard :]
 

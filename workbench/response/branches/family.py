@@ -20,14 +20,14 @@ from workbench.response.periodic.place import Family
 from workbench.response.periodic.timed import changes_with_time
 from workbench.session.compiled import CompiledMeSession
 
-__all__ = ["Forced", "near"]
+__all__ = ["ForcedPeriodMaps", "near"]
 
 # Of the varied quantity, for its derivative by the difference of two periods.
 _NUDGE = 1e-4
 
 
 @dataclass
-class Forced(Family):
+class ForcedPeriodMaps(Family):
     """Period maps of a forced model.
 
     Attributes:
@@ -73,7 +73,7 @@ class Forced(Family):
         amplitude: float | None = None,
         low: float | None = None,
         high: float | None = None,
-    ) -> Forced:
+    ) -> ForcedPeriodMaps:
         """Return the same family with another order, amplitude or band; None: the same."""
         return replace(
             self,

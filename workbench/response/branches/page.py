@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.core.values.decibels import decibels
 from workbench.response.branches.result import BranchesResult, Fold, ResponseBranch
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, sampled_rows
 from workbench.show.verdicts import Verdict
 
@@ -77,7 +77,7 @@ def jumping(values: Sequence[float], unit: str | None) -> Verdict:
     return Verdict("watch", f"the response jumps: {where}{behind(unit)}")
 
 
-def _listed(result: BranchesResult) -> Table:
+def _listed(result: BranchesResult) -> PageTable:
     rows = [
         (
             f"{r.frequency_hz:g}", f"{r.amplitude:g}", f"{r.gain:.5g}", f"{decibels(np.array([r.gain + 0j]))[0]:.3f}",
@@ -90,10 +90,10 @@ def _listed(result: BranchesResult) -> Table:
         "frequency [Hz]", bracketed("amplitude", result.input_unit), "gain", "gain [dB]", "phase [deg]", "stability",
         "repeats after [periods]", "branch",
     )  # fmt: skip
-    return Table(headings, rows, right=(0, 1, 2, 3, 4, 6, 7))
+    return PageTable(headings, rows, right=(0, 1, 2, 3, 4, 6, 7))
 
 
-def branches_table(branches: Sequence[ResponseBranch], vary: str, unit: str | None) -> Table:
+def branches_table(branches: Sequence[ResponseBranch], vary: str, unit: str | None) -> PageTable:
     """Return a table with a row for each branch.
 
     Args:
@@ -115,7 +115,7 @@ def branches_table(branches: Sequence[ResponseBranch], vary: str, unit: str | No
             )
         )
     headings = ("branch", "amplitude", "repeats after [periods]", bracketed(vary, unit), "gain", "stability", "ends")
-    return Table(headings, rows, right=(0, 1, 2))
+    return PageTable(headings, rows, right=(0, 1, 2))
 
 
 def _stability(branch: ResponseBranch) -> str:
@@ -124,13 +124,13 @@ def _stability(branch: ResponseBranch) -> str:
     return "partly" if branch.stable.any() else "unstable"
 
 
-def folds_table(folds: Sequence[Fold]) -> Table:
+def folds_table(folds: Sequence[Fold]) -> PageTable:
     """Return a table of folds and bifurcations."""
     rows = [
         (f.kind, f"{f.frequency_hz:.7g}", f"{f.amplitude:.7g}", f"{f.varied:.7g}", f"{f.gain:.5g}", f"{f.branch + 1}")
         for f in folds
     ]
-    return Table(("kind", "frequency [Hz]", "amplitude", "varied", "gain", "branch"), rows, right=(1, 2, 3, 4, 5))
+    return PageTable(("kind", "frequency [Hz]", "amplitude", "varied", "gain", "branch"), rows, right=(1, 2, 3, 4, 5))
 
 
 def _onset(result: BranchesResult) -> list[Section]:
@@ -141,10 +141,10 @@ def _onset(result: BranchesResult) -> list[Section]:
         for a, (low, high) in zip(result.onset.curve_amplitude, result.onset.curve_hz, strict=True)
     ]
     headings = (bracketed("amplitude", result.input_unit), "lower fold [Hz]", "upper fold [Hz]")
-    return [Section("Where it begins to jump", tables=[Table(headings, rows)])]
+    return [Section("Where it begins to jump", tables=[PageTable(headings, rows)])]
 
 
-def _values(result: BranchesResult, number: int) -> Table:
+def _values(result: BranchesResult, number: int) -> PageTable:
     b = result.branches[number]
     db = decibels(b.gain.astype(np.complex128))
     amplitude = b.varied if b.amplitude is None else np.full(len(b.varied), b.amplitude)
@@ -158,4 +158,4 @@ def _values(result: BranchesResult, number: int) -> Table:
         bracketed(result.vary, result.vary_unit), "gain [dB]", "phase [deg]", "offset", "stability",
         "largest multiplier",
     )  # fmt: skip
-    return Table(headings, sampled_rows(rows, _MOST_ROWS), verdict=4, title=f"Branch {number + 1}")
+    return PageTable(headings, sampled_rows(rows, _MOST_ROWS), verdict=4, title=f"Branch {number + 1}")

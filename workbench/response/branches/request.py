@@ -10,7 +10,7 @@ from workbench.core.records.forms import Amounts, Band, Numbers, Ranges, several
 from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 
 if TYPE_CHECKING:
     from workbench.response.branches.result import BranchesResult  # noqa: F401 - the record's type, below
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["Branches", "branches"]
 
 
-class Branches(AtPoint, Analysis["BranchesResult"]):
+class Branches(AtPoint, ModelRequest["BranchesResult"]):
     """Follow all periodic responses to a sine, stable or not, around their folds.
 
     A periodic response is a fixed point of the period map φ(x), which takes the states at the begin of a period to

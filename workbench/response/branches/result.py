@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.show.result import Result
@@ -19,7 +19,7 @@ __all__ = ["BranchesResult", "Fold", "Onset", "ResponseAt", "ResponseBranch"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ResponseBranch(Part):
+class ResponseBranch(RecordPart):
     """A family of periodic responses, in the order of the branch.
 
     Attributes:
@@ -58,7 +58,7 @@ class ResponseBranch(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResponseAt(Part):
+class ResponseAt(RecordPart):
     """One of the responses at a frequency that was asked for.
 
     Attributes:
@@ -81,7 +81,7 @@ class ResponseAt(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fold(Part):
+class Fold(RecordPart):
     """Where a branch folds back, or loses its stability in another way.
 
     Attributes:
@@ -104,7 +104,7 @@ class Fold(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Onset(Part):
+class Onset(RecordPart):
     """From where on the response jumps: where two folds meet (a cusp).
 
     Attributes:

@@ -18,10 +18,10 @@ from workbench.model.names import check_variables
 from workbench.model.operating_point import standing, start_at
 from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe
 from workbench.model.sample_rates import sampled
-from workbench.response.branches.family import Forced, near
+from workbench.response.branches.family import ForcedPeriodMaps, near
 from workbench.response.branches.request import Branches
 from workbench.response.branches.result import BranchesResult, Fold, Onset, ResponseBranch
-from workbench.response.periodic.continuation import Manner, Track, both_ways, follow
+from workbench.response.periodic.continuation import ContinuedBranch, Manner, both_ways, follow
 from workbench.response.periodic.fourier import fundamental
 from workbench.response.periodic.place import Place, arrive, depart
 from workbench.response.periodic.special import Special
@@ -55,7 +55,7 @@ _COARSE = 2e-8
 
 
 @dataclass
-class _Search:
+class _BranchSearch:
     """The branches of one family.
 
     Attributes:
@@ -68,13 +68,13 @@ class _Search:
         families: all of them, to be closed.
     """
 
-    family: Forced
+    family: ForcedPeriodMaps
     told: Callable[[Place], None]
     most: int
     marks: Sequence[float] = ()
-    tracks: list[tuple[Forced, Track]] = field(default_factory=list)
-    unfinished: tuple[Forced, Callable[[], Track]] | None = None
-    families: list[Forced] = field(default_factory=list)
+    tracks: list[tuple[ForcedPeriodMaps, ContinuedBranch]] = field(default_factory=list)
+    unfinished: tuple[ForcedPeriodMaps, Callable[[], ContinuedBranch]] | None = None
+    families: list[ForcedPeriodMaps] = field(default_factory=list)
     _left: int = 0
 
     def from_starts(self) -> None:
@@ -134,12 +134,12 @@ class _Search:
                 elif special.kind == "period doubling" and 2 * family.order <= order:
                     self._leave(self._again(family, 2 * family.order), special.place, -1.0, _ASIDE)
 
-    def _again(self, family: Forced, order: int) -> Forced:
+    def _again(self, family: ForcedPeriodMaps, order: int) -> ForcedPeriodMaps:
         """Return the family of another order."""
         self.families.append(family.again(order=order))
         return self.families[-1]
 
-    def _leave(self, family: Forced, crossing: Place, multiplier: float, aside: float) -> None:
+    def _leave(self, family: ForcedPeriodMaps, crossing: Place, multiplier: float, aside: float) -> None:
         """Follow what leaves a branch, away from it."""
         try:
             place = depart(family, crossing, multiplier, aside)
@@ -152,7 +152,7 @@ class _Search:
             if not self._is_known(family, track.places[len(track.places) // 2]):
                 self.tracks.append((family, track))
 
-    def _reach(self, family: Forced, x: Floats | None, p: float) -> Place:
+    def _reach(self, family: ForcedPeriodMaps, x: Floats | None, p: float) -> Place:
         """Return a periodic response that a few periods and Newton's method lead to."""
         lap = family.run(family.start(p) if x is None else x, p)
         for _ in range(_WARM - 1):
@@ -170,7 +170,7 @@ class _Search:
             family.by_differences = False
             raise
 
-    def _is_known(self, family: Forced, place: Place) -> bool:
+    def _is_known(self, family: ForcedPeriodMaps, place: Place) -> bool:
         """Whether a branch that was found passes here; a subharmonic counts from each of its periods."""
         x, seen = place.x, [place.x]
         for _ in range(1, family.order):
@@ -178,7 +178,7 @@ class _Search:
             seen.append(x)
         return any(self._passes(family, place, x) for x in seen)
 
-    def _passes(self, family: Forced, place: Place, x: Floats) -> bool:
+    def _passes(self, family: ForcedPeriodMaps, place: Place, x: Floats) -> bool:
         unit = place.lap.unit
         for other, track in self.tracks:
             if other.order != family.order:
@@ -194,7 +194,7 @@ class _Search:
                         return True
         return False
 
-    def _follow(self, family: Forced, place: Place) -> None:
+    def _follow(self, family: ForcedPeriodMaps, place: Place) -> None:
         if self._is_known(family, place):
             return
         track = both_ways(family, place, self._manner(family))
@@ -203,15 +203,15 @@ class _Search:
         own = [s for s in track.special if family.order == 1 or not self._repeats_earlier(s.place, family.order)]
         self.tracks.append((family, replace(track, special=own)))
 
-    def _manner(self, family: Forced) -> Manner:
+    def _manner(self, family: ForcedPeriodMaps) -> Manner:
         """Return how a branch is followed, so that what is there is kept if it is stopped."""
 
-        def begun(so_far: Callable[[], Track]) -> None:
+        def begun(so_far: Callable[[], ContinuedBranch]) -> None:
             self.unfinished = family, so_far
 
         return Manner(told=self.told, begun=begun, most=self.most, marks=self.marks)
 
-    def so_far(self) -> list[tuple[Forced, Track]]:
+    def so_far(self) -> list[tuple[ForcedPeriodMaps, ContinuedBranch]]:
         """Return the branches that were followed, the last one as far as it goes."""
         if self.unfinished is None:
             return self.tracks
@@ -220,11 +220,11 @@ class _Search:
 
 
 def explore(
-    family: Forced,
+    family: ForcedPeriodMaps,
     asked: Branches,
     told: Callable[[Place], None] = lambda _: None,
-    begun: Callable[[_Search], None] = lambda _: None,
-) -> list[tuple[Forced, Track]]:
+    begun: Callable[[_BranchSearch], None] = lambda _: None,
+) -> list[tuple[ForcedPeriodMaps, ContinuedBranch]]:
     """Return all branches of a family that can be found.
 
     Args:
@@ -237,7 +237,7 @@ def explore(
         SimulationError: no periodic response was found.
     """
     marks = [] if asked.vary else [family.parameter(f) for f in several(asked.frequencies or ())]
-    search = _Search(family, told, asked.places, marks)
+    search = _BranchSearch(family, told, asked.places, marks)
     begun(search)
     try:
         search.from_starts()
@@ -266,13 +266,13 @@ def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
     centre = 0.0 if model.at is None else model.at.u.get(asked.input, 0.0)
     with model.open_session() as session:
         point = standing(model, session)
-    found: list[tuple[float | None, Forced, Track]] = []
+    found: list[tuple[float | None, ForcedPeriodMaps, ContinuedBranch]] = []
     notes = [*remarks, *about]
     if model.rtol > _COARSE:
         notes.append(f"a tolerance of {model.rtol:g} is coarse for following branches; load with tolerance=1e-9")
     onset: Onset | None = None
     amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
-    progress, at_work = _Progress(job, len(amplitudes)), list[_Search]()
+    progress, at_work = _BranchProgress(job, len(amplitudes)), list[_BranchSearch]()
     units = {v.name: v.unit for v in (*model.parameters, *model.inputs, *model.outputs, *model.states)}
 
     def result() -> BranchesResult:
@@ -303,7 +303,7 @@ def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
     frequency = several(asked.frequencies or (1.0,))[0]
     with job.ended_by(lambda: None):  # it ends before the next period
         for amplitude in amplitudes:
-            family = Forced(
+            family = ForcedPeriodMaps(
                 model, asked.input, asked.output, vary, low, high, frequency, amplitude, centre,
                 stopped=lambda: job.stopped,
             )  # fmt: skip
@@ -322,7 +322,7 @@ def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
 
 
 @dataclass
-class _Progress:
+class _BranchProgress:
     """How far the branches have come: the part of the bounds that was seen, for each amplitude."""
 
     job: Job
@@ -377,7 +377,7 @@ def _cut_short(branches: tuple[ResponseBranch, ...]) -> Iterator[str]:
                 yield f"branch {number} ends at {branch.varied[place]:.6g}: {why}"
 
 
-def _not_located(every: Sequence[tuple[float | None, Forced, Track]]) -> Iterator[str]:
+def _not_located(every: Sequence[tuple[float | None, ForcedPeriodMaps, ContinuedBranch]]) -> Iterator[str]:
     """Return a line for each fold that was passed and not found."""
     for number, (_, family, track) in enumerate(every, 1):
         for missed in track.missed:
@@ -391,7 +391,7 @@ def _response(place: Place) -> complex:
     return fundamental(period.harmonics) / period.drive if period.drive else 0.0j
 
 
-def _branch(family: Forced, track: Track, amplitude: float | None) -> ResponseBranch:
+def _branch(family: ForcedPeriodMaps, track: ContinuedBranch, amplitude: float | None) -> ResponseBranch:
     response = np.array([_response(p) for p in track.places])
     return ResponseBranch(
         amplitude=amplitude,
@@ -408,7 +408,7 @@ def _branch(family: Forced, track: Track, amplitude: float | None) -> ResponseBr
     )
 
 
-def _fold(family: Forced, special: Special, number: int) -> Fold:
+def _fold(family: ForcedPeriodMaps, special: Special, number: int) -> Fold:
     frequency, amplitude = family.forcing(special.place.p)
     response = _response(special.place)
     return Fold(
@@ -425,7 +425,7 @@ def _fold(family: Forced, special: Special, number: int) -> Fold:
 # -- where it begins to jump ------------------------------------------------------------------------------------------
 
 
-def _onset(tracks: list[tuple[Forced, Track]], told: Callable[[Place], None]) -> Onset | None:
+def _onset(tracks: list[tuple[ForcedPeriodMaps, ContinuedBranch]], told: Callable[[Place], None]) -> Onset | None:
     """Return the amplitude at which two folds meet, by following them to ever smaller amplitudes.
 
     Near the cusp the distance of the folds goes with (a − a₀)^(3/2).
@@ -461,13 +461,13 @@ def _onset(tracks: list[tuple[Forced, Track]], told: Callable[[Place], None]) ->
     return Onset(amplitude=onset, frequency_hz=middle, curve_amplitude=ordered[:, 0], curve_hz=ordered[:, 1:])
 
 
-def _two_folds(family: Forced, track: Track) -> tuple[float, float] | None:
+def _two_folds(family: ForcedPeriodMaps, track: ContinuedBranch) -> tuple[float, float] | None:
     folds = sorted(family.value(s.place.p) for s in track.special if s.kind == "fold")
     return (folds[0], folds[-1]) if len(folds) >= 2 else None
 
 
-def _folds_in(family: Forced, told: Callable[[Place], None]) -> tuple[float, float] | None:
-    search = _Search(family, told, 600)
+def _folds_in(family: ForcedPeriodMaps, told: Callable[[Place], None]) -> tuple[float, float] | None:
+    search = _BranchSearch(family, told, 600)
     try:
         search.from_starts()
     except SimulationError:

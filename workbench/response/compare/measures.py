@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.response.simulate.zero_crossings import highest
 
@@ -14,7 +14,7 @@ __all__ = ["Measure", "measure"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measure(Part):
+class Measure(RecordPart):
     """What a signal does in a window.
 
     Attributes:

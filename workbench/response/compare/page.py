@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.response.compare.result import MotionComparison
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number
 from workbench.show.verdicts import Verdict
 
@@ -58,4 +58,6 @@ def _signal(result: MotionComparison, signal: str) -> Section:
                 number(ratio, ".4g"),
             )
         )
-    return Section(signal, tables=[Table(headings, sorted(rows, key=lambda r: r[0]), right=range(2, len(headings)))])
+    return Section(
+        signal, tables=[PageTable(headings, sorted(rows, key=lambda r: r[0]), right=range(2, len(headings)))]
+    )

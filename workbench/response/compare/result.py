@@ -10,7 +10,7 @@ from workbench.core.records.record import entry, plain
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.response.compare.measures import Measure
-from workbench.response.compare.units import Shown
+from workbench.response.compare.units import DisplayedUnit
 from workbench.show.result import Result
 
 __all__ = ["Motion", "MotionComparison", "MotionFailed", "MotionHistory"]
@@ -93,7 +93,7 @@ class MotionComparison(Result):
     signals: tuple[str, ...]
     windows: tuple[tuple[float, float], ...]
     units: Mapping[str, str | None]
-    shown: Mapping[str, Shown]
+    shown: Mapping[str, DisplayedUnit]
     motions: tuple[Motion, ...] = field(metadata=entry(kept=False))
     histories: tuple[MotionHistory, ...] = field(default=(), metadata=entry(kept=False))
     failed: tuple[MotionFailed, ...]

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 from workbench.core.values.conversion import named_conversion
 
-__all__ = ["Shown", "shown_unit"]
+__all__ = ["DisplayedUnit", "shown_unit"]
 
 STANDARD_GRAVITY = 9.80665  # [m/s2], by definition
 
 
 @dataclass(frozen=True)
-class Shown:
+class DisplayedUnit:
     """A unit for tables and pictures.
 
     Attributes:
@@ -24,7 +24,7 @@ class Shown:
     factor: float = 1.0
 
 
-def shown_unit(own: str | None, wanted: str | None) -> Shown:
+def shown_unit(own: str | None, wanted: str | None) -> DisplayedUnit:
     """Return the unit in which a variable is shown: the wanted one where it measures the same, else its own.
 
     Args:
@@ -32,10 +32,10 @@ def shown_unit(own: str | None, wanted: str | None) -> Shown:
         wanted: "g" (standard gravity), or a unit by its symbol; None: the variable's own.
     """
     if own is None or wanted is None:
-        return Shown(own)
+        return DisplayedUnit(own)
     # g is never grams, but the standard gravity.
     target, share = ("m/s2", 1.0 / STANDARD_GRAVITY) if wanted == "g" else (wanted, 1.0)
     found = named_conversion(own, target)
     if found is None or found[1]:
-        return Shown(own)
-    return Shown(wanted, found[0] * share)
+        return DisplayedUnit(own)
+    return DisplayedUnit(wanted, found[0] * share)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.point.lin.result import LinResult
 
@@ -31,7 +31,7 @@ VANISHED = 1e-3  # discrete poles smaller than this are over within a period
 
 
 @dataclass(frozen=True)
-class InterfaceDifference(Part):
+class InterfaceDifference(RecordPart):
     """A co-simulation against the equations of the same FMU.
 
     Attributes:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from workbench.response.compare_linear.result import LinComparison
 from workbench.response.compare_linear.result import Verdict as Agreement
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, number
 from workbench.show.verdicts import Verdict
 
@@ -55,7 +55,7 @@ def _agreement(method: str, counts: Mapping[tuple[str, bool | None], int], words
 
 def _verdict_table(result: LinComparison) -> Section:
     headings = ("method", "frequency [Hz]", "gain less measured [dB]", "phase less measured [deg]", "verdict")
-    table = Table(headings, [_row(v) for v in result.verdicts], verdict=4, right=(1, 2, 3))
+    table = PageTable(headings, [_row(v) for v in result.verdicts], verdict=4, right=(1, 2, 3))
     return Section("At each frequency", tables=[table], folded=len(result.verdicts) > 30)
 
 

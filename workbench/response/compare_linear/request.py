@@ -19,9 +19,9 @@ from workbench.point.lin.request import (
     OnePoint,
     Perturbed,
     PointOptions,
-    Sampled,
+    SampledOptions,
 )
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["Compare", "LinCommand", "compare"]
 
 
-class Compare(PointOptions, Perturbed, Sampled, Analysis["LinComparison"]):
+class Compare(PointOptions, Perturbed, SampledOptions, ModelRequest["LinComparison"]):
     """Linearise by every method that applies, on each interface of the FMU, and compare with a measured response.
 
     The measurement drives the input with a small sine around the point (`workbench.nfr`). Discrete models are compared
@@ -80,7 +80,7 @@ class Compare(PointOptions, Perturbed, Sampled, Analysis["LinComparison"]):
     measure: bool = option("Measure the response, in addition to comparing the methods.", default=True)
 
 
-class LinCommand(OnePoint, InParts, Analysis["LinResult | LinGrid | LinComparison"]):
+class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinComparison"]):
     """Linearise at an operating point: A, B, C, D with names, doubtful entries, reasons for zero rows and columns.
 
     If requested, over a grid of values, along a simulation, or by all methods with a measurement for comparison.
@@ -150,7 +150,7 @@ class LinCommand(OnePoint, InParts, Analysis["LinResult | LinGrid | LinCompariso
             subject: the model; it stays open.
             job: is told what is finished.
         """
-        asked: Analysis[Any]
+        asked: ModelRequest[Any]
         if self.over:
             asked = recast(LinOver, self)
         elif self.snapshot is not None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.core.records.record import Part, entry
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.point.lin.result import LinResult
 from workbench.response.compare_linear.interfaces import InterfaceDifference
@@ -18,7 +18,7 @@ __all__ = ["LinComparison", "Verdict"]
 
 
 @dataclass(frozen=True)
-class Verdict(Part):
+class Verdict(RecordPart):
     """One linear model against the measured response at one frequency.
 
     Attributes:

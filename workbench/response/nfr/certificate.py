@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.response.nfr.settling import PointResponse, Settling
 from workbench.response.periodic.fourier import distortion
 
@@ -13,7 +13,7 @@ __all__ = ["Certificate", "certify"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Certificate(Part):
+class Certificate(RecordPart):
     """The evidence behind one point of a frequency response. None: not known, or not applicable.
 
     Attributes:

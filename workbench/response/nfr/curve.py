@@ -9,7 +9,7 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
 
-__all__ = ["DROP_DB", "Fall", "Peak", "fall_of", "peak_of"]
+__all__ = ["DROP_DB", "Fall", "ResonancePeak", "fall_of", "peak_of"]
 
 DROP_DB = 3.0
 
@@ -36,7 +36,7 @@ class Fall:
 
 
 @dataclass(frozen=True)
-class Peak:
+class ResonancePeak:
     """The highest point.
 
     Attributes:
@@ -86,7 +86,7 @@ def _is_cliff(f: Floats, gain_db: Floats, first: int, last: int) -> bool:
     return bool(falls > _CLIFF_DB and slopes and falls / (f[last] - f[first]) > _STEEPER * max(slopes))
 
 
-def peak_of(frequency: Floats, gain_db: Floats) -> Peak | None:
+def peak_of(frequency: Floats, gain_db: Floats) -> ResonancePeak | None:
     """Return the highest point; None where it is the first or last one.
 
     Where a peak lies between points, the lines through the two on its left and on its right meet above the highest
@@ -105,7 +105,7 @@ def peak_of(frequency: Floats, gain_db: Floats) -> Peak | None:
     at = max(hidden, key=lambda one: one[1])[0] if hidden else None
     ends = (k - 1, k + 1) if sharp and at is None else None if at is None else (at, at + 1)
     between = None if ends is None else (float(frequency[ends[0]]), float(frequency[ends[1]]))
-    return Peak(float(frequency[k]), float(gain_db[k]), float(gain_db[k] - gain_db[0]), between)
+    return ResonancePeak(float(frequency[k]), float(gain_db[k]), float(gain_db[k] - gain_db[0]), between)
 
 
 def _meeting(f: Floats, gain_db: Floats, a: int) -> float:

@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.jobs import job as telling
-from workbench.jobs.runner import Job, Remark
+from workbench.jobs.runner import Remark, WorkItem
 from workbench.model import Model
 from workbench.model.operating_point import standing
 from workbench.response.branches.request import Branches
@@ -52,7 +52,7 @@ _TIGHTER = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class StartJob(Job):
+class StartJob(WorkItem):
     """Look where the model stands, watch it while the input is held, and how its own solver shows.
 
     Attributes:
@@ -75,7 +75,7 @@ class StartJob(Job):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SurroundingsJob(Job):
+class SurroundingsJob(WorkItem):
     """Find out what is known where the runs start.
 
     Attributes:
@@ -90,7 +90,7 @@ class SurroundingsJob(Job):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointsJob(Job):
+class PointsJob(WorkItem):
     """Measure one point afresh, or several in one session.
 
     Attributes:
@@ -319,7 +319,7 @@ def _factor(task: PointTask) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BranchesJob(Job):
+class BranchesJob(WorkItem):
     """Follow all periodic responses of one amplitude.
 
     Attributes:

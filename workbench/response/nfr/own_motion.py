@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.core.values.arrays import Floats
-from workbench.response.nfr.settling import Outcome, PointResponse, Settling
+from workbench.response.nfr.settling import PointResponse, Settling, SettlingOutcome
 from workbench.response.periodic.fourier import Period, distortion, fundamental
 
 __all__ = ["OWN", "Apart"]
@@ -72,7 +72,7 @@ class Apart(Settling):
         offset = found.offset + float(self._newest(self._alone)[:, 0].mean()) if whole is None else whole.offset
         found = replace(found, offset=offset, error=found.error + self._mixed(found))
         if _settled(found) and found.error > self.errcrit / 10.0:
-            return replace(found, outcome=Outcome.AVERAGED, why=OWN)
+            return replace(found, outcome=SettlingOutcome.AVERAGED, why=OWN)
         return found
 
     def _mixed(self, found: PointResponse) -> float:
@@ -98,7 +98,7 @@ class Apart(Settling):
 
 
 def _settled(found: PointResponse) -> bool:
-    return found.outcome in (Outcome.RESOLVED, Outcome.SETTLED)
+    return found.outcome in (SettlingOutcome.RESOLVED, SettlingOutcome.SETTLED)
 
 
 def _scatter(harmonics: Floats) -> float:

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 
 from workbench.response.branches.page import branches_table, folds_table, jumping
-from workbench.response.nfr.curve import DROP_DB, Peak, fall_of, peak_of
+from workbench.response.nfr.curve import DROP_DB, ResonancePeak, fall_of, peak_of
 from workbench.response.nfr.result import MISSING, NfrResult, percent
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number, sentence
 from workbench.show.verdicts import Verdict
 
@@ -124,7 +124,7 @@ def _curves(result: NfrResult) -> list[str]:
     return [sentence(f"at {_listed(a)}{unit} {words}" if several else words) for words, a in told.items()]
 
 
-def _peak(peak: Peak) -> str:
+def _peak(peak: ResonancePeak) -> str:
     words = f"the highest gain measured is {peak.gain_db:.2f} dB at {peak.frequency:.5g} Hz"
     if peak.between is None:
         return words
@@ -185,7 +185,7 @@ def _values(result: NfrResult, i: int) -> Section:
         for j, f in enumerate(result.frequency_hz.tolist())
         if not _is_missing(result, i, j)
     ]
-    table = Table((*headings, "periods", "status"), rows, verdict=8, right=range(8))
+    table = PageTable((*headings, "periods", "status"), rows, verdict=8, right=range(8))
     return Section(f"Amplitude {result.amplitude[i]:g}{behind(unit)}", tables=[table])
 
 

@@ -26,7 +26,7 @@ from workbench.response.nfr.error import (
 )
 from workbench.response.nfr.point import NfrPoint, PointTask
 from workbench.response.periodic.fourier import distortion, fundamental
-from workbench.response.periodic.monodromy import Tangent
+from workbench.response.periodic.monodromy import VariationalEquation
 from workbench.response.periodic.period_map import FEW_STATES, Lap, PeriodMap, correction, resolvent_rows
 from workbench.response.periodic.stability import is_stable
 from workbench.response.periodic.timed import changes_with_time
@@ -114,7 +114,7 @@ class Solved:
     """
 
     lap: Lap
-    at: Tangent
+    at: VariationalEquation
     harmonics: Floats
     error: float
     periods: int
@@ -283,7 +283,7 @@ class Search:
         # With events the next period shows whether the discrete states repeat, too.
         self._before, self._x = (lap, distance), None if good and lap.events else lap.x0 + e
 
-    def _check(self, found: Solved, finer: Tangent) -> None:
+    def _check(self, found: Solved, finer: VariationalEquation) -> None:
         """Judge the stability of what was found by the derivative from more instants.
 
         What does for Newton's method may be wrong in the multipliers: two sets of instants tell by how much.
@@ -301,11 +301,11 @@ class Search:
         self._level += more
         return more
 
-    def _linear_tangent(self) -> Tangent | None:
+    def _linear_tangent(self) -> VariationalEquation | None:
         twin = self._evidence.twin
         if twin is None:
             return None
-        return Tangent(twin.forced.phi, twin.forced.rows, np.zeros(len(twin.forced.phi)))
+        return VariationalEquation(twin.forced.phi, twin.forced.rows, np.zeros(len(twin.forced.phi)))
 
     def _start(self) -> Floats | None:
         """Return the periodic motion of the linear model; None: begin where the session stands."""
@@ -333,14 +333,14 @@ class Search:
         motion = self._task.amplitude * np.abs(twin.forced.states)
         return replace(lap, unit=np.maximum(motion, 1e-9 * np.maximum(np.abs(lap.x0), 1e-300)))
 
-    def _derivative(self, lap: Lap) -> Tangent:
+    def _derivative(self, lap: Lap) -> VariationalEquation:
         if self._differ:
             self._count += len(lap.x0)
             found = self.periods.by_differences(lap, self._task.frequency, self._task.amplitude).tangent
         else:
             found = self._linear if self._level < 0 else lap.tangent
         if len(lap.x0) == 0:
-            return Tangent(np.empty((0, 0)), np.empty((3, 0)), np.empty(0))
+            return VariationalEquation(np.empty((0, 0)), np.empty((3, 0)), np.empty(0))
         if found is None:
             raise NotSolvedError("the model cannot be linearised along its motion")
         return found
@@ -371,7 +371,7 @@ class Search:
         """Whether what is left of the defect hardly moves the states in a period."""
         return float(np.max(np.abs(lap.defect / lap.unit), initial=0.0)) <= 1e-2 * self._tolerance
 
-    def _solved(self, lap: Lap, at: Tangent, e: Floats) -> Solved:
+    def _solved(self, lap: Lap, at: VariationalEquation, e: Floats) -> Solved:
         harmonics = lap.period.harmonics.copy()
         step = at.rows @ e
         harmonics[:3] += step
@@ -384,7 +384,7 @@ class Search:
         stable = is_stable(at.multipliers, at.doubt)
         return Solved(lap, at, harmonics, error, self._count, stable, lap.x0 + e, coarse)
 
-    def _integration(self, lap: Lap, at: Tangent, harmonics: Floats) -> float:
+    def _integration(self, lap: Lap, at: VariationalEquation, harmonics: Floats) -> float:
         """Return what the integration gets wrong, relative to the response."""
         rtol, size = self._evidence.rtol, abs(fundamental(harmonics))
         twin = self._evidence.twin
@@ -402,5 +402,5 @@ class Search:
         return min(found, float((np.abs(resolvent_rows(lap, at)) + at.through) @ slip) / size)
 
 
-def _largest(at: Tangent) -> float:
+def _largest(at: VariationalEquation) -> float:
     return float(np.max(np.abs(at.multipliers), initial=0.0))

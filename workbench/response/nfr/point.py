@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.response.nfr.beats import Beat
@@ -17,9 +17,9 @@ from workbench.response.nfr.certificate import Certificate, certify, finite
 from workbench.response.nfr.error import Evidence
 from workbench.response.nfr.own_motion import Apart
 from workbench.response.nfr.prior_knowledge import LinearStart
-from workbench.response.nfr.settling import Outcome, PointResponse, Settling
+from workbench.response.nfr.settling import PointResponse, Settling, SettlingOutcome
 from workbench.response.periodic.fourier import ORDERS, Period, measure_period
-from workbench.response.periodic.period_map import ROWS, Span, period_of
+from workbench.response.periodic.period_map import ROWS, PeriodRange, period_of
 from workbench.session import Session
 from workbench.session.compiled import CompiledMeSession, CompiledSession
 from workbench.signals.kinds import Sine
@@ -27,11 +27,11 @@ from workbench.signals.kinds import Sine
 __all__ = ["ROWS", "ArrivedError", "NfrPoint", "PointTask", "Watch", "change", "failed_point", "run_point"]
 
 _REASONS = {
-    Outcome.DIVERGED: (
+    SettlingOutcome.DIVERGED: (
         "grows from period to period: the model is unstable under this input, or on the way to another motion (look "
         "longer: --max-periods)"
     ),
-    Outcome.SCATTERED: (
+    SettlingOutcome.SCATTERED: (
         "does not follow the input: its periods differ by more than their mean. Probably a light or slow mode, or an "
         "integrator, still moves: wait longer (--max-periods), or begin at rest (--at); or it moves by itself"
     ),
@@ -101,9 +101,9 @@ class PointTask:
         """Communication step to ask the session for [s]; None leaves it to the model."""
         return 1.0 / (self.frequency * self.rows) if self.fixed_step else None
 
-    def span(self, sine: Sine, k: int) -> Span:
+    def span(self, sine: Sine, k: int) -> PeriodRange:
         """Return period number k of a sine."""
-        return Span(sine.start, self.frequency, self.rows, k)
+        return PeriodRange(sine.start, self.frequency, self.rows, k)
 
     def sine(self, start: float = 0.0) -> Sine:
         """Return what forces the input; at `start` [s] it is where the operating point has it."""
@@ -111,7 +111,7 @@ class PointTask:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NfrPoint(Part):
+class NfrPoint(RecordPart):
     """The response at one frequency and one amplitude.
 
     Attributes:
@@ -274,8 +274,8 @@ def _recorded(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Pe
 def _point(task: PointTask, response: PointResponse, periods: int) -> NfrPoint:
     if response.outcome in _REASONS:
         failed = _failed(task, periods, SimulationError(f"{task.output} {_REASONS[response.outcome]}"))
-        return replace(failed, stable=False if response.outcome is Outcome.DIVERGED else None)
-    averaged = response.outcome is Outcome.AVERAGED
+        return replace(failed, stable=False if response.outcome is SettlingOutcome.DIVERGED else None)
+    averaged = response.outcome is SettlingOutcome.AVERAGED
     return NfrPoint(
         frequency=task.frequency,
         amplitude=task.amplitude,
@@ -285,7 +285,7 @@ def _point(task: PointTask, response: PointResponse, periods: int) -> NfrPoint:
         averaged=averaged,
         error=finite(response.error),
         stable=None if averaged else True,
-        resolved=response.outcome is Outcome.RESOLVED,
+        resolved=response.outcome is SettlingOutcome.RESOLVED,
     )
 
 

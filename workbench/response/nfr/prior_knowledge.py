@@ -20,10 +20,10 @@ from workbench.model.sample_rates import sampled
 from workbench.point.lin.linearise import plain
 from workbench.point.lin.request import Lin
 from workbench.point.lin.task import make_task
-from workbench.session.point import Point
+from workbench.session.point import ModelPoint
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Forced", "LinearStart", "Surroundings", "Twin", "surroundings"]
+__all__ = ["LinearSineResponse", "LinearStart", "Surroundings", "Twin", "surroundings"]
 
 # With more states the matrix exponentials of each point would cost more than its periods do; those by eigenvectors,
 # found once a sweep, cost a few products of matrices.
@@ -49,7 +49,7 @@ class LinearStart:
     part: LinearPart
     dx0: Floats
     smallest: Floats
-    _forced: dict[float, Forced] = field(default_factory=dict, init=False, repr=False)
+    _forced: dict[float, LinearSineResponse] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def modes(self) -> tuple[Complex, Complex, Complex] | None:
@@ -84,7 +84,7 @@ class LinearStart:
         integral = np.where(still, period, np.expm1(poles * period) / np.where(still, 1.0, poles))
         return ((vectors * np.exp(poles * period)) @ inverse).real, ((vectors * integral) @ inverse).real
 
-    def forced(self, frequency: float) -> Forced | None:
+    def forced(self, frequency: float) -> LinearSineResponse | None:
         """Return the linear model under a sine of 1; None where it has a pole at that very frequency.
 
         It is found once for the sweep's amplitudes, and for both the tolerance and the error of a point.
@@ -95,7 +95,7 @@ class LinearStart:
         if frequency not in self._forced:
             try:
                 with np.errstate(all="ignore"), one_thread():
-                    found = Forced.of(self, frequency)
+                    found = LinearSineResponse.of(self, frequency)
             except (np.linalg.LinAlgError, ValueError, OverflowError):
                 return None
             if not (np.isfinite(found.response) and np.isfinite(found.terms)):
@@ -120,7 +120,7 @@ class LinearStart:
 
 
 @dataclass(frozen=True, eq=False)
-class Forced:
+class LinearSineResponse:
     """The linear model under sin ωt.
 
     Attributes:
@@ -147,7 +147,7 @@ class Forced:
     smallest: float
 
     @classmethod
-    def of(cls, start: LinearStart, frequency: float) -> Forced:
+    def of(cls, start: LinearStart, frequency: float) -> LinearSineResponse:
         """Return that of a frequency [Hz]."""
         part, period = start.part, 1.0 / frequency
         n, at = len(part.A), part.at_frequency(frequency)
@@ -180,7 +180,7 @@ class Twin:
         forced: its response to the sine.
     """
 
-    forced: Forced
+    forced: LinearSineResponse
     _rows: Floats
     _x: Floats
     _steady: Floats
@@ -266,7 +266,7 @@ def _middle(model: Model, input: str) -> dict[str, float]:
     return {input: model.recipe.bias.get(input, 0.0) if isinstance(model.recipe, LoadRecipe | SystemRecipe) else 0.0}
 
 
-def _exact(point: Point, input: str, output: str) -> LinearPart | None:
+def _exact(point: ModelPoint, input: str, output: str) -> LinearPart | None:
     """Return the linear model from the FMU's directional derivatives; None where they fail, or miss input or output.
 
     They are not verified: the linear model counts only as far as it goes through the measured periods.

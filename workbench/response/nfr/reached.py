@@ -12,7 +12,7 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import WorkbenchError
 from workbench.response.nfr.period_solver import Solved
 from workbench.response.nfr.point import NfrPoint, PointTask
-from workbench.response.nfr.prior_knowledge import Forced, LinearStart
+from workbench.response.nfr.prior_knowledge import LinearSineResponse, LinearStart
 from workbench.response.periodic.fourier import Period, fundamental
 from workbench.response.periodic.stability import NEUTRAL
 from workbench.session.compiled import CompiledMeSession
@@ -72,7 +72,7 @@ def contracts(session: CompiledMeSession, task: PointTask, found: Solved, origin
     return bool((shift + away <= _FOLLOWS * np.maximum(np.abs(moves).max(axis=1), linear.smallest)).all())
 
 
-def _linear_run(task: PointTask, linear: LinearStart, forced: Forced) -> tuple[Floats, Floats]:
+def _linear_run(task: PointTask, linear: LinearStart, forced: LinearSineResponse) -> tuple[Floats, Floats]:
     """Return times [s], shape (k,), and the linear model's states there, from the operating point, shape (n, k)."""
     poles, vectors, inverse = linear.modes or (np.zeros(0),) * 3
     last, omega = task.max_periods / task.frequency, 2.0 * np.pi * task.frequency

@@ -10,7 +10,7 @@ from workbench.core.records.forms import Amounts, Band, File, Names, Numbers
 from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
 from workbench.jobs.options import InWorkers
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 from workbench.response.nfr.frequency_grid import frequency_grid, positive_values
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Nfr", "nfr"]
 
 
-class Nfr(AtPoint, InWorkers, Analysis["NfrResult"]):
+class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
     """Measure gain, phase and offset over frequency and amplitude (nonlinear frequency response).
 
     At each amplitude m and frequency f the input is m·sin(2πft) and the model is run one period at

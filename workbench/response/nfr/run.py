@@ -22,7 +22,7 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.jobs import job as telling
 from workbench.jobs.options import Workers
-from workbench.jobs.runner import InProcess, Job, Lost, Remark, Reply, Runner, perform
+from workbench.jobs.runner import InProcess, Lost, Remark, Reply, Runner, WorkItem, perform
 from workbench.jobs.runner_choice import choose
 from workbench.model import Model
 from workbench.model.names import check_variables
@@ -194,7 +194,7 @@ class Sweep:
             if self._stopped:
                 runner.stop()
             self._look(runner)
-            jobs: deque[Job] = deque(self._jobs())
+            jobs: deque[WorkItem] = deque(self._jobs())
             if isinstance(runner, InProcess):
                 jobs = deque(map(self._stoppable, jobs))
             points = chain.from_iterable(map(partial(self._take, jobs), runner.run(perform, jobs)))
@@ -230,7 +230,7 @@ class Sweep:
         jobs = [self._points_job([self._task(f, a)]) for a in amplitudes for f in peaks]
         return [e.value for e in self._run(runner, jobs) if not isinstance(e, Lost) and isinstance(e.value, NfrPoint)]
 
-    def _run(self, runner: Runner, jobs: Iterable[Job]) -> Iterator[Reply | Lost]:
+    def _run(self, runner: Runner, jobs: Iterable[WorkItem]) -> Iterator[Reply | Lost]:
         """Run jobs; those in this process can be stopped."""
         return runner.run(perform, deque(map(self._stoppable, jobs) if isinstance(runner, InProcess) else jobs))
 
@@ -272,7 +272,7 @@ class Sweep:
 
     def _look(self, runner: Runner) -> None:
         """Find out what the model shows of itself, and does by itself, before anything is measured."""
-        jobs: list[Job] = [SurroundingsJob(task=self._task(max(self._frequencies), self._amplitudes[0]))]
+        jobs: list[WorkItem] = [SurroundingsJob(task=self._task(max(self._frequencies), self._amplitudes[0]))]
         watched = self._asked.drift_check and self._zero_input is None
         if watched or self._standing is None:
             jobs.append(StartJob(task=self._task(min(self._frequencies), self._amplitudes[0]), watched=watched))
@@ -292,7 +292,7 @@ class Sweep:
         if self._runner is not None:
             self._runner.stop()
 
-    def _jobs(self) -> Iterator[Job]:
+    def _jobs(self) -> Iterator[WorkItem]:
         for amplitude in self._amplitudes:
             tasks = [self._task(f, amplitude) for f in self._frequencies if (amplitude, f) not in self._points]
             if self._asked.carry and tasks:
@@ -322,7 +322,7 @@ class Sweep:
             own_step=self._surroundings.own_step,
         )
 
-    def _stoppable(self, job: Job) -> Job:
+    def _stoppable(self, job: WorkItem) -> WorkItem:
         """Let a job that runs in this process ask between periods whether to stop."""
         if isinstance(job, BranchesJob):
             return replace(job, told=self._told)
@@ -330,7 +330,7 @@ class Sweep:
             return replace(job, tasks=tuple(replace(t, stopped=lambda: self._stopped) for t in job.tasks))
         return job
 
-    def _take(self, jobs: deque[Job], event: Reply | Lost) -> Iterator[NfrPoint]:
+    def _take(self, jobs: deque[WorkItem], event: Reply | Lost) -> Iterator[NfrPoint]:
         if isinstance(event, Lost):
             yield from self._lost(event, jobs)
         elif isinstance(event.value, OperatingPoint):
@@ -358,7 +358,7 @@ class Sweep:
         if self._store is not None and found.reason is None:
             self._store.save_zero_input(found)
 
-    def _lost(self, event: Lost, jobs: deque[Job]) -> Iterator[NfrPoint]:
+    def _lost(self, event: Lost, jobs: deque[WorkItem]) -> Iterator[NfrPoint]:
         """The point at work fails; those after it go on in another process."""
         if isinstance(event.job, StartJob):
             if event.job.watched:

@@ -27,7 +27,7 @@ from workbench.response.nfr.error import (
 from workbench.response.nfr.transient import Limit, directions, remove_transient
 from workbench.response.periodic.fourier import COMPARED, Period, fundamental
 
-__all__ = ["NO_EFFECT", "Outcome", "PointResponse", "Settling"]
+__all__ = ["NO_EFFECT", "PointResponse", "Settling", "SettlingOutcome"]
 
 # A defect (see `transient`) below this is the solver's noise; asking for less would never end.
 _NOISE = 1e-4
@@ -79,7 +79,7 @@ _DWINDLES, _BY_ACCIDENT = 0.95, 0.4
 _RUNAWAY_FACTOR, _RUNAWAY_PERIODS = 10.0, 6
 
 
-class Outcome(Enum):
+class SettlingOutcome(Enum):
     """How a point ended."""
 
     RESOLVED = "settled, its transient removed"
@@ -107,7 +107,7 @@ class PointResponse:
 
     value: complex
     offset: float
-    outcome: Outcome
+    outcome: SettlingOutcome
     harmonics: Floats
     defect: float
     error: float = math.inf
@@ -170,11 +170,11 @@ class Settling:
         self.periods.append(period)
         count = len(self.periods)
         if self._runs_away():
-            return self._response(period.harmonics, Outcome.DIVERGED, math.inf)
+            return self._response(period.harmonics, SettlingOutcome.DIVERGED, math.inf)
         if count >= 2 and period.responds(self._floor()):
             limit = self._limit()
             if limit.defect <= self._allowed():
-                found = self._of_limit(limit, Outcome.RESOLVED)
+                found = self._of_limit(limit, SettlingOutcome.RESOLVED)
                 if self._is_good(found) and self._is_calm(limit):
                     return found
             if self.evidence.beat is not None:
@@ -182,8 +182,8 @@ class Settling:
                 if self._is_good(found):
                     return found
             if 2 * count > self.most and self._repeats() and not self._grows():
-                of_limit = self._of_limit(limit, Outcome.SETTLED)
-                of_mean = self._of_mean(limit, of_limit, Outcome.SETTLED)
+                of_limit = self._of_limit(limit, SettlingOutcome.SETTLED)
+                of_mean = self._of_mean(limit, of_limit, SettlingOutcome.SETTLED)
                 found = min([of_mean, of_limit] if self._is_calm(limit) else [of_mean], key=_error)
                 if self._is_good(found):
                     return found
@@ -232,10 +232,10 @@ class Settling:
     def _of_beats(self, limit: Limit) -> PointResponse:
         """Return the mean over the beats of a sampled model."""
         if self.evidence.beat is None:
-            return self._response(limit.harmonics, Outcome.SETTLED, math.inf)
+            return self._response(limit.harmonics, SettlingOutcome.SETTLED, math.inf)
         mean, error = mean_over_beats(limit.periods, self.evidence.beat)
         error = relative_to_true(error + quadrature(mean, self.evidence.rows))
-        fitted = self._response(mean, Outcome.SETTLED, limit.defect, error)
+        fitted = self._response(mean, SettlingOutcome.SETTLED, limit.defect, error)
         return min(fitted, self._of_common(limit) or fitted, key=_error)
 
     def _of_common(self, limit: Limit) -> PointResponse | None:
@@ -255,37 +255,37 @@ class Settling:
         error = error_of_limit(tends, abs(last.drive), last.size, alone)
         if error > BELIEVED:
             return None
-        return self._response(tends.harmonics, Outcome.SETTLED, tends.defect, error, beyond(tends))
+        return self._response(tends.harmonics, SettlingOutcome.SETTLED, tends.defect, error, beyond(tends))
 
     def _limit(self) -> Limit:
         return remove_transient(np.array([p.harmonics for p in self.periods]), compared=1 + 2 * COMPARED)
 
-    def _of_limit(self, limit: Limit, outcome: Outcome) -> PointResponse:
+    def _of_limit(self, limit: Limit, outcome: SettlingOutcome) -> PointResponse:
         last = self.periods[-1]
         error = error_of_limit(limit, abs(last.drive), last.size, self.evidence)
         return self._response(limit.harmonics, outcome, limit.defect, error, beyond(limit))
 
-    def _of_mean(self, limit: Limit, of_limit: PointResponse, outcome: Outcome) -> PointResponse:
+    def _of_mean(self, limit: Limit, of_limit: PointResponse, outcome: SettlingOutcome) -> PointResponse:
         half = limit.periods[len(limit.periods) // 2 :]
         mean = np.mean(half, axis=0)
         scatter = math.sqrt(float(np.mean(np.sum((half - mean)[:, 1:3] ** 2, axis=1))))
         size = abs(fundamental(mean))
         spread = scatter / size if size > 0.0 else math.inf
         error = error_of_mean(limit, abs(self.periods[-1].drive), of_limit.error, self.evidence)
-        if outcome is Outcome.SETTLED and not self.evidence.sampled and spread > self._at_rest():
+        if outcome is SettlingOutcome.SETTLED and not self.evidence.sampled and spread > self._at_rest():
             error = math.inf
-        return self._response(mean, Outcome.SCATTERED if spread > 1.0 else outcome, spread, error)
+        return self._response(mean, SettlingOutcome.SCATTERED if spread > 1.0 else outcome, spread, error)
 
     def _last_resort(self) -> PointResponse:
         last = self.periods[-1].harmonics
         if self._grows():
-            return self._response(last, Outcome.DIVERGED, math.inf)
+            return self._response(last, SettlingOutcome.DIVERGED, math.inf)
         if not any(period.responds(self._floor()) for period in self._latest()):
             return self._of_nothing()
         limit = self._limit()
-        of_limit = self._of_limit(limit, Outcome.AVERAGED)
-        of_mean = replace(self._of_mean(limit, of_limit, Outcome.AVERAGED), beyond=of_limit.beyond)
-        of_beats = replace(self._of_beats(limit), outcome=Outcome.AVERAGED)
+        of_limit = self._of_limit(limit, SettlingOutcome.AVERAGED)
+        of_mean = replace(self._of_mean(limit, of_limit, SettlingOutcome.AVERAGED), beyond=of_limit.beyond)
+        of_beats = replace(self._of_beats(limit), outcome=SettlingOutcome.AVERAGED)
         better = 2.0 * of_limit.error < of_mean.error and of_limit.beyond <= _MOST_BEYOND
         if self.evidence.twin is None and of_limit.error > BELIEVED:
             of_limit = replace(of_limit, error=math.inf)
@@ -311,7 +311,7 @@ class Settling:
         """Return the response 0; harmonics that are more than rounding are told."""
         dead = max(float(np.max(np.abs(p.harmonics[1:]))) for p in self._latest()) <= self._floor()
         mean = np.mean([p.harmonics for p in self.periods[len(self.periods) // 2 :]], axis=0)
-        nothing = self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), Outcome.AVERAGED, math.inf)
+        nothing = self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), SettlingOutcome.AVERAGED, math.inf)
         return replace(nothing, why=NO_EFFECT if dead else _ELSEWHERE)
 
     def _of_subharmonic(self, limit: Limit, every: int) -> PointResponse:
@@ -321,7 +321,7 @@ class Settling:
         size = abs(fundamental(last))
         change = abs(fundamental(last - before)) / size if size > 0.0 else math.inf
         error = relative_to_true(_OF_CHANGE * change + quadrature(last, self.evidence.rows))
-        found = self._response(last, Outcome.AVERAGED, limit.defect, error)
+        found = self._response(last, SettlingOutcome.AVERAGED, limit.defect, error)
         return replace(
             found, why=f"a subharmonic of order {every}: it repeats only every {every} periods of the forcing"
         )
@@ -347,7 +347,7 @@ class Settling:
         return self.evidence.beat.words(spread, len(self.periods), known=math.isfinite(found.error))
 
     def _response(
-        self, harmonics: Floats, outcome: Outcome, defect: float, error: float = math.inf, beyond: float = 1.0
+        self, harmonics: Floats, outcome: SettlingOutcome, defect: float, error: float = math.inf, beyond: float = 1.0
     ) -> PointResponse:
         value = fundamental(harmonics) / self.periods[-1].drive
         return PointResponse(value, float(harmonics[0]), outcome, harmonics, defect, error, beyond)

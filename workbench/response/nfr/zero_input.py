@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.errors import SimulationError
 from workbench.response.nfr.point import NfrPoint, PointTask
-from workbench.response.periodic.period_map import Span
+from workbench.response.periodic.period_map import PeriodRange
 from workbench.session import Recorded, Session
 from workbench.session.compiled import CompiledMeSession
 
@@ -30,7 +30,7 @@ _NOTHING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class ZeroInput(Part):
+class ZeroInput(RecordPart):
     """How an output moves under zero input (and bias), in the last of eight periods of the lowest frequency.
 
     Attributes:
@@ -85,7 +85,7 @@ def watch(session: Session, task: PointTask) -> ZeroInput:
     try:
         for k in range(_PERIODS):
             before = _events(session)
-            points = Span(begin, task.frequency, task.rows, k).points
+            points = PeriodRange(begin, task.frequency, task.rows, k).points
             end = float(points[-1])
             record = session.advance(end, signals={task.input: zero}, record=(task.output,), points=points)
             seen.append(_movement(record, task.output))

@@ -13,7 +13,7 @@ from workbench.errors import SimulationError
 from workbench.response.periodic.place import ROUNDS, Family, Place, arrive, correct, stride_from, turned
 from workbench.response.periodic.special import Missed, Special, between
 
-__all__ = ["Manner", "Track", "both_ways", "follow"]
+__all__ = ["ContinuedBranch", "Manner", "both_ways", "follow"]
 
 # So few steps of Newton's method let the next stride be longer.
 _EASY = 3
@@ -37,7 +37,7 @@ _MOST_PLACES = 600
 
 
 @dataclass(eq=False)
-class Track:
+class ContinuedBranch:
     """A branch.
 
     Attributes:
@@ -83,12 +83,12 @@ class Manner:
 
     stopped: Callable[[], bool] = lambda: False
     told: Callable[[Place], None] = lambda _: None
-    begun: Callable[[Callable[[], Track]], None] = lambda _: None
+    begun: Callable[[Callable[[], ContinuedBranch]], None] = lambda _: None
     most: int = _MOST_PLACES
     marks: Sequence[float] = ()
 
 
-def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) -> Track:
+def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) -> ContinuedBranch:
     """Follow a branch from a place until the parameter leaves its bounds, or the branch closes.
 
     A stride is made along the direction of the branch, and Newton's method leads back to it in the plane across; so it
@@ -107,7 +107,7 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
     Bifurcation Theory, 10.
     """
     here = first if way == 0.0 or first.direction[-1] * way > 0.0 else turned(first)
-    track, stride = Track([here]), _FIRST
+    track, stride = ContinuedBranch([here]), _FIRST
     manner.begun(lambda: track)
     family.moved_on(here)  # a walk the other way may have been elsewhere before
     while True:
@@ -147,7 +147,7 @@ def _marked(family: Family, here: Place, there: Place, marks: Sequence[float]) -
     return [place for place in found if place is not None]
 
 
-def _ended(track: Track, why: str) -> Track:
+def _ended(track: ContinuedBranch, why: str) -> ContinuedBranch:
     track.ends = (why if track.closed else track.ends[0], why)
     return track
 
@@ -222,7 +222,7 @@ def _passes(here: Place, there: Place, first: Place) -> bool:
     return near and float(_rescaled(there, first) @ first.direction) > 0.0
 
 
-def both_ways(family: Family, first: Place, manner: Manner) -> Track:
+def both_ways(family: Family, first: Place, manner: Manner) -> ContinuedBranch:
     """Follow a branch from a place to both of its ends.
 
     Args:
@@ -237,8 +237,10 @@ def both_ways(family: Family, first: Place, manner: Manner) -> Track:
     return _joined(follow(family, first, whole, way=-1.0), up)
 
 
-def _joined(down: Track, up: Track) -> Track:
+def _joined(down: ContinuedBranch, up: ContinuedBranch) -> ContinuedBranch:
     """Return the branch that two tracks from one place are, from the end of the first to that of the second."""
     before = [turned(p) for p in reversed(down.places)]
     special = [*reversed(down.special), *up.special]
-    return Track(before[:-1] + up.places, special, [*down.missed, *up.missed], ends=(down.ends[1], up.ends[1]))
+    return ContinuedBranch(
+        before[:-1] + up.places, special, [*down.missed, *up.missed], ends=(down.ends[1], up.ends[1])
+    )

@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.matrices import exponentials
 from workbench.kernel.native_slopes import NativeSlopes
 
-__all__ = ["Tangent", "instants", "tangent"]
+__all__ = ["VariationalEquation", "instants", "tangent"]
 
 # Abscissae of Gauss's rule with two points in an interval of length 1.
 _FIRST, _SECOND = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
@@ -24,7 +24,7 @@ _ALPHA, _BETA = 0.25 + math.sqrt(3.0) / 6.0, 0.25 - math.sqrt(3.0) / 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class Tangent:
+class VariationalEquation:
     """What a small change at the begin of a period does.
 
     Attributes:
@@ -78,7 +78,9 @@ def instants(begin: float, period: float, intervals: int) -> Floats:
     return times
 
 
-def tangent(slopes: NativeSlopes, period: float, unit: Floats, order: int = 1, *, rows: bool = True) -> Tangent | None:
+def tangent(
+    slopes: NativeSlopes, period: float, unit: Floats, order: int = 1, *, rows: bool = True
+) -> VariationalEquation | None:
     """Return the derivative of the period map; None where it is too large for numbers.
 
     Over an interval h with the slopes A₁, A₂ at its two Gauss points the flow is e^(h(αA₂ + βA₁))·e^(h(αA₁ + βA₂))
@@ -120,14 +122,14 @@ def tangent(slopes: NativeSlopes, period: float, unit: Floats, order: int = 1, *
         Phi, stretch = whole[:n, :n] * unit[:, None] / unit, whole[:n, n] * unit
         through = np.max(np.abs(slopes.C[:, 0]), axis=0)
         if not rows:
-            return Tangent(Phi, np.zeros((3, n)), stretch, through)
+            return VariationalEquation(Phi, np.zeros((3, n)), stretch, through)
         coarse = np.eye(n + 1)
         for part in held:
             coarse = part @ coarse
         found = _rows(A[:, :n, :n], slopes.C[1:, 0] * unit, (held[:, :n, :n], starts), period, order)
         if not (np.isfinite(coarse).all() and np.isfinite(found).all()):
             return None
-    return Tangent(Phi, found / unit, stretch, through, coarse=coarse[:n, :n] * unit[:, None] / unit)
+    return VariationalEquation(Phi, found / unit, stretch, through, coarse=coarse[:n, :n] * unit[:, None] / unit)
 
 
 def _apart(Phi: Floats, other: Floats) -> float:

@@ -14,11 +14,21 @@ import numpy as np
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, SimulationError
 from workbench.response.periodic.fourier import ORDERS, Period, fundamental
-from workbench.response.periodic.monodromy import Tangent, instants, tangent
+from workbench.response.periodic.monodromy import VariationalEquation, instants, tangent
 from workbench.session.compiled import CompiledMeSession, Harmonics
 from workbench.signals.kinds import Signal, Sine
 
-__all__ = ["FEW_STATES", "ROWS", "Lap", "PeriodMap", "Span", "correction", "differences", "period_of", "resolvent_rows"]
+__all__ = [
+    "FEW_STATES",
+    "ROWS",
+    "Lap",
+    "PeriodMap",
+    "PeriodRange",
+    "correction",
+    "differences",
+    "period_of",
+    "resolvent_rows",
+]
 
 # Rows per period at which the output is recorded; for co-simulation the communication points.
 ROWS = 200
@@ -41,7 +51,7 @@ FEW_STATES = 24
 
 
 @dataclass(frozen=True)
-class Span:
+class PeriodRange:
     """The periods of the forcing that are run in one go.
 
     Attributes:
@@ -114,7 +124,7 @@ class Lap:
     period: Period
     events: int
     unit: Floats
-    tangent: Tangent | None = None
+    tangent: VariationalEquation | None = None
     flow: Floats | None = None
 
     @property
@@ -179,7 +189,7 @@ class PeriodMap:
         signals: dict[str, Signal] = {}
         if self.input:
             signals[self.input] = Sine(amplitude=amplitude, frequency=frequency, offset=self.centre, start=begin)
-        span, slopes = Span(begin, frequency, self.rows, order=self.order), None
+        span, slopes = PeriodRange(begin, frequency, self.rows, order=self.order), None
         length = self.order / frequency
         with ExitStack() as stack:
             if intervals and len(x0):
@@ -218,7 +228,7 @@ def _motion(points: Floats) -> Floats:
     return found
 
 
-def differences(lap: Lap, run: Callable[[Floats], Lap], part: float = _NUDGE) -> Tangent:
+def differences(lap: Lap, run: Callable[[Floats], Lap], part: float = _NUDGE) -> VariationalEquation:
     """Return the derivative of the period map by differences of whole periods, one for each state.
 
     Args:
@@ -236,7 +246,7 @@ def differences(lap: Lap, run: Callable[[Floats], Lap], part: float = _NUDGE) ->
         rows[:, i] = (moved.period.harmonics[:3] - lap.period.harmonics[:3]) / step
     before = lap.tangent
     stretch, through = (np.zeros(n), None) if before is None else (before.stretch, before.through)
-    return Tangent(Phi, rows, stretch, through)
+    return VariationalEquation(Phi, rows, stretch, through)
 
 
 def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
@@ -261,7 +271,7 @@ def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
     return found * unit, left
 
 
-def resolvent_rows(lap: Lap, at: Tangent) -> Complex:
+def resolvent_rows(lap: Lap, at: VariationalEquation) -> Complex:
     """Return by how much a defect of each state is wrong in the fundamental, shape (n,), complex."""
     unit = lap.unit
     matrix = np.eye(len(unit)) - at.Phi * unit / unit[:, None]

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import SimulationError
-from workbench.response.periodic.monodromy import Tangent
+from workbench.response.periodic.monodromy import VariationalEquation
 from workbench.response.periodic.period_map import Lap
 from workbench.response.periodic.stability import is_stable
 
@@ -103,7 +103,7 @@ class Place:
     periods: int
 
     @property
-    def at(self) -> Tangent:
+    def at(self) -> VariationalEquation:
         """Derivative of the period map."""
         if self.lap.tangent is None:
             raise SimulationError("the model cannot be linearised along its motion")
@@ -191,7 +191,7 @@ def correct(family: Family, x: Floats, p: float, level: Floats, *, exact: bool =
     raise SimulationError(f"Newton's method did not converge in {rounds} periods")
 
 
-def _standing(at: Tangent) -> str:
+def _standing(at: VariationalEquation) -> str:
     """Return what to think of a multiplier near 1; empty: there is none."""
     found = at.multipliers[np.abs(at.multipliers - 1.0) < _INTEGRATES]
     if not len(found):

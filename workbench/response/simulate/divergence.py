@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.model.base import Model
@@ -30,7 +30,7 @@ _STEADY = 1.1  # ratio of doubling times up to which growth is exponential
 
 
 @dataclass(frozen=True, kw_only=True)
-class Divergence(Part):
+class Divergence(RecordPart):
     """How a simulation grew until it stopped.
 
     Attributes:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from workbench.response.simulate.result import SimulationResult
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 
 __all__ = ["simulate_page"]
@@ -31,14 +31,14 @@ def simulate_page(result: SimulationResult) -> Page:
     )
 
 
-def _values(result: SimulationResult) -> Table:
+def _values(result: SimulationResult) -> PageTable:
     rows = []
     for name, values in result.signals.items():
         known = values[np.isfinite(values)] if np.isfinite(values).any() else values[:1]
         figures = (values[0], values[-1], known.min(), known.max())
         nothing = _ROUNDING * max(abs(known.min()), abs(known.max()))
         rows.append((name, result.units[name] or "", *(_figure(x, nothing) for x in figures)))
-    return Table(("variable", "unit", "first", "last", "smallest", "largest"), rows, right=(2, 3, 4, 5))
+    return PageTable(("variable", "unit", "first", "last", "smallest", "largest"), rows, right=(2, 3, 4, 5))
 
 
 def _figure(x: float, nothing: float) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from workbench.core.records.forms import Names, Numbers
 from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
-from workbench.requests.request import Analysis, function
+from workbench.requests.request import ModelRequest, function
 from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ __all__ = ["Simulate", "simulate"]
 _VERY_MANY = 1e7  # steps: from seconds to hours, by the FMU
 
 
-class Simulate(AtPoint, Analysis["SimulationResult"]):
+class Simulate(AtPoint, ModelRequest["SimulationResult"]):
     """Simulate under given inputs and record a time history.
 
     A forced input has the values of its signal, not those of the operating point. Events are recorded in addition to

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.study.description import Point, Study
+from workbench.study.description import GridPoint, Study
 from workbench.study.envelope.result import Border
 from workbench.study.envelope.sampling import point_of
 from workbench.study.envelope_table import Envelope
@@ -17,7 +17,7 @@ __all__ = ["border_points", "borders_in"]
 _MODES = {"flutter": "Hopf", "divergence": "real pole"}
 
 
-def border_points(study: Study, envelope: Envelope) -> list[Point]:
+def border_points(study: Study, envelope: Envelope) -> list[GridPoint]:
     """Return the points at which the analyses of borders run: lines of the map, all other parameters in their middle.
 
     Args:
@@ -33,11 +33,11 @@ def border_points(study: Study, envelope: Envelope) -> list[Point]:
             values = [s.across(place) if s.name in second else s.middle for s in envelope.spreads]
             point = point_of(study, envelope.spreads, failure, values)
             kept = {name: value for name, value in point.values.items() if name != first}
-            found.append(Point(configuration=failure, values=kept))
+            found.append(GridPoint(configuration=failure, values=kept))
     return found
 
 
-def borders_in(result: Mapping[str, Any], analysis: str, point: Point, axes: Sequence[str]) -> Iterator[Border]:
+def borders_in(result: Mapping[str, Any], analysis: str, point: GridPoint, axes: Sequence[str]) -> Iterator[Border]:
     """Yield the borders in a result.
 
     Args:

@@ -10,10 +10,10 @@ from workbench.core.machine.closable import Closable
 from workbench.core.records.option import recast
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
-from workbench.study.description import Point, Study
+from workbench.study.description import GridPoint, Study
 from workbench.study.execute import Execution, Progress
 from workbench.study.finished_store import Finished
-from workbench.study.plan import Outcome, Plan, Run, make_plan
+from workbench.study.plan import Plan, PlannedRun, RunResult, make_plan
 from workbench.study.requirements.base import Compliance, Requirement
 from workbench.study.run import check_runs, finding_of
 
@@ -60,11 +60,11 @@ class Evaluator(Closable):
     def outcomes(
         self,
         names: Sequence[str],
-        points: Sequence[Point],
+        points: Sequence[GridPoint],
         *,
         progress: Progress = lambda _done, _label: None,
         patient: bool = False,
-    ) -> tuple[Plan, dict[Run, Outcome]]:
+    ) -> tuple[Plan, dict[PlannedRun, RunResult]]:
         """Run analyses at points.
 
         Args:
@@ -98,7 +98,7 @@ class Evaluator(Closable):
     def findings(
         self,
         requirement: Requirement,
-        points: Sequence[Point],
+        points: Sequence[GridPoint],
         *,
         progress: Progress = lambda _done, _label: None,
         patient: bool = False,
@@ -129,7 +129,7 @@ class Evaluator(Closable):
             raise wrong[0]
         return found
 
-    def line_at(self, requirement: Requirement, point: Point) -> list[str]:
+    def line_at(self, requirement: Requirement, point: GridPoint) -> list[str]:
         """Return the command lines that measure the requirement at a point again."""
         plan = make_plan(self._study.alone(requirement.analyses), [point])
         return [run.command_line for run in plan.runs]

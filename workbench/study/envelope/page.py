@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.show.page import Page, Section, Table
+from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, sentence
 from workbench.show.verdicts import Verdict
 from workbench.study.envelope.surface import Surface
@@ -57,7 +57,7 @@ def envelope_page(result: EnvelopeResult) -> Page:
             *_borders(result),
             _parameters(result),
             *_points(result),
-            Section("Files", tables=[Table(("file", "SHA-256"), list(result.files.items()))], explains=True),
+            Section("Files", tables=[PageTable(("file", "SHA-256"), list(result.files.items()))], explains=True),
         ],
         notes=result.notes,
         kind="envelope",
@@ -121,7 +121,7 @@ def _worst(result: EnvelopeResult) -> Iterator[Section]:
     yield Section(
         "Worst case",
         paragraphs=words,
-        tables=[Table(("parameter", "value"), rows)],
+        tables=[PageTable(("parameter", "value"), rows)],
         code=list(worst.commands),
         parts=files,
     )
@@ -143,7 +143,7 @@ def _probabilities(result: EnvelopeResult) -> Iterator[Section]:
     rows = [_probability(p) for p in result.probabilities]
     more = () if any(p.more is not None for p in result.probabilities) else (6,)
     columns = [k for k in range(len(headings)) if k not in more]
-    table = Table([headings[k] for k in columns], [[row[k] for k in columns] for row in rows])
+    table = PageTable([headings[k] for k in columns], [[row[k] for k in columns] for row in rows])
     yield Section("Probability of the requirement", paragraphs=[sentence(result.interval)], tables=[table])
 
 
@@ -162,14 +162,14 @@ def _borders(result: EnvelopeResult) -> Iterator[Section]:
         for b in result.borders
     ]
     headings = ("failure", second[0] if second else "line", first, "what happens", "details")
-    yield Section("Where stability changes", tables=[Table(headings, rows)])
+    yield Section("Where stability changes", tables=[PageTable(headings, rows)])
 
 
 def _parameters(result: EnvelopeResult) -> Section:
     rows = [(bracketed(p.name, p.unit), p.spread) for p in result.parameters]
     if result.failures:
         rows.append(("failures", ", ".join(result.failures)))
-    return Section("What is varied", tables=[Table(("parameter", "distribution"), rows)])
+    return Section("What is varied", tables=[PageTable(("parameter", "distribution"), rows)])
 
 
 def _points(result: EnvelopeResult) -> Iterator[Section]:
@@ -178,7 +178,7 @@ def _points(result: EnvelopeResult) -> Iterator[Section]:
         without = [(p.failure or "–", _values(dict(p.values)), p.reason) for p in failed]
         more = len(result.failed) - len(failed)
         words = [f"{more} more are in the JSON and the CSV."] if more else []
-        table = Table(("failure", "point", "reason"), without)
+        table = PageTable(("failure", "point", "reason"), without)
         yield Section("Points without a value", paragraphs=words, tables=[table])
     ordered = sorted((p for p in result.points if p.margin is not None), key=_margin)[:_MOST]
     if ordered:
@@ -186,7 +186,7 @@ def _points(result: EnvelopeResult) -> Iterator[Section]:
             (p.failure or "–", _values(dict(p.values)), number(p.value), f"{p.margin:+.4g}", p.where) for p in ordered
         ]
         title = f"The {len(ordered)} points with the smallest margins"
-        yield Section(title, tables=[Table(("failure", "point", "value", "margin", "where"), rows)])
+        yield Section(title, tables=[PageTable(("failure", "point", "value", "margin", "where"), rows)])
 
 
 def _margin(point: EnvelopePoint) -> float:

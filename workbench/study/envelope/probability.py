@@ -9,7 +9,7 @@ from typing import Any
 
 from scipy.special import ndtri
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 
 __all__ = ["Probability", "probability", "samples_for", "together", "wilson"]
 
@@ -17,7 +17,7 @@ _MOST = 1 << 40  # samples that nobody takes
 
 
 @dataclass(frozen=True, kw_only=True)
-class Probability(Part):
+class Probability(RecordPart):
     """How probable it is that a requirement is met.
 
     Attributes:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.core.records.record import Part
+from workbench.core.records.record import RecordPart
 from workbench.show.result import Result
 from workbench.study.envelope.probability import Probability
 from workbench.study.requirements.base import Scalar
@@ -15,7 +15,7 @@ __all__ = ["Border", "EnvelopeParameter", "EnvelopePoint", "EnvelopeResult", "Wo
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnvelopeParameter(Part):
+class EnvelopeParameter(RecordPart):
     """One parameter of an envelope.
 
     Attributes:
@@ -35,7 +35,7 @@ class EnvelopeParameter(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnvelopePoint(Part):
+class EnvelopePoint(RecordPart):
     """One point of an envelope.
 
     Attributes:
@@ -58,7 +58,7 @@ class EnvelopePoint(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorstCase(Part):
+class WorstCase(RecordPart):
     """The point with the smallest margin.
 
     Attributes:
@@ -83,7 +83,7 @@ class WorstCase(Part):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Border(Part):
+class Border(RecordPart):
     """Where stability changes along a line of the map.
 
     Attributes:

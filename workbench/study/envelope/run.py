@@ -13,7 +13,7 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.jobs.job import Job
-from workbench.study.description import Point, Study
+from workbench.study.description import GridPoint, Study
 from workbench.study.envelope.borders import border_points, borders_in
 from workbench.study.envelope.evaluate import Evaluator
 from workbench.study.envelope.probability import Probability, probability, together
@@ -45,7 +45,7 @@ def run(name: str | Path, asked: EnvelopeOf, job: Job) -> EnvelopeResult:
         Evaluator(study, finished, asked.place) as evaluator,
         job.ended_by(evaluator.stop),
     ):
-        return _Work(study, envelope, evaluator, job).done()
+        return _EnvelopeRun(study, envelope, evaluator, job).done()
 
 
 def _as_asked(envelope: Envelope, asked: EnvelopeOf) -> Envelope:
@@ -60,7 +60,7 @@ def _as_asked(envelope: Envelope, asked: EnvelopeOf) -> Envelope:
     return found
 
 
-class _Work:
+class _EnvelopeRun:
     """An envelope that is run.
 
     Args:
@@ -187,7 +187,7 @@ class _Work:
         if isinstance(worst.value, str) or worst.value is None or worst.margin is None:
             return None
         requirement = self._envelope.requirement
-        point = Point(configuration=worst.failure, values=worst.values)
+        point = GridPoint(configuration=worst.failure, values=worst.values)
         lines = self._evaluator.line_at(requirement, point)
         said = f"Worst case of {self._study.name}: {requirement.name} {worst.value:.8g}, margin {worst.margin:+.4g}."
         models = dict.fromkeys(m for name in requirement.analyses for m in self._study.analyses[name].models)
@@ -264,12 +264,12 @@ class _Work:
         return notes
 
 
-def border_points_of(study: Study, envelope: Envelope) -> list[Point]:
+def border_points_of(study: Study, envelope: Envelope) -> list[GridPoint]:
     """Return the points of borders; none where no analysis finds any."""
     return border_points(study, envelope) if envelope.borders else []
 
 
-def _point(point: Point, found: Compliance) -> EnvelopePoint:
+def _point(point: GridPoint, found: Compliance) -> EnvelopePoint:
     return EnvelopePoint(
         failure=point.configuration,
         values=dict(point.values),

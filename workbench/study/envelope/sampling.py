@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from workbench.study.description import Point, Study
+from workbench.study.description import GridPoint, Study
 from workbench.study.envelope_table import Envelope
 from workbench.study.requirements.base import Scalar
 from workbench.study.spread import Spread
@@ -53,7 +53,7 @@ def shares(plan: str, points: int, dimensions: int, seed: int) -> NDArray[np.flo
         return np.asarray(sampler.random(points), dtype=np.float64)
 
 
-def planned(study: Study, envelope: Envelope) -> list[Point]:
+def planned(study: Study, envelope: Envelope) -> list[GridPoint]:
     """Return the points of an envelope: the same values under every failure.
 
     Args:
@@ -70,7 +70,7 @@ def planned(study: Study, envelope: Envelope) -> list[Point]:
     return [point_of(study, spreads, failure, row) for failure in failures for row in values]
 
 
-def point_of(study: Study, spreads: Sequence[Spread], failure: str | None, values: Sequence[Scalar]) -> Point:
+def point_of(study: Study, spreads: Sequence[Spread], failure: str | None, values: Sequence[Scalar]) -> GridPoint:
     """Return one point; what a failure sets is not varied under it.
 
     Args:
@@ -82,4 +82,4 @@ def point_of(study: Study, spreads: Sequence[Spread], failure: str | None, value
     changes = study.configurations[failure] if failure is not None else {}
     fixed = {f"{m}.{name}": v for m, change in changes.items() for name, v in change.options.get("set", {}).items()}
     pairs = zip((s.name for s in spreads), values, strict=True)
-    return Point(configuration=failure, values={name: fixed.get(name, value) for name, value in pairs})
+    return GridPoint(configuration=failure, values={name: fixed.get(name, value) for name, value in pairs})

@@ -22,7 +22,7 @@ _MODELS = ("lin", "identify")
 _Limit = Annotated[float, Field(ge=0.0)]
 
 
-class _Pair(Requirement):
+class _ResultPair(Requirement):
     """Two analyses.
 
     Attributes:
@@ -36,7 +36,7 @@ class _Pair(Requirement):
         return (self.analysis, self.other or self.analysis)
 
 
-class Agreement(_Pair):
+class Agreement(_ResultPair):
     """Numbers at two paths agree.
 
     Attributes:
@@ -74,7 +74,7 @@ class Agreement(_Pair):
         return judge(abs(mine - theirs), {"max": limit or 0.0}, where=words)
 
 
-class ResponseAgreement(_Pair, OfResponse):
+class ResponseAgreement(_ResultPair, OfResponse):
     """Two frequency responses agree at the frequencies measured first, as far as the other one reaches.
 
     Attributes:

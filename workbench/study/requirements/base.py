@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from pydantic import ConfigDict, Field
 
 from workbench.errors import InputError, WorkbenchError
-from workbench.system.files.toml_schema import Table
+from workbench.system.files.toml_schema import TomlTable
 
 __all__ = [
     "PASSED", "Compliance", "Limited", "NotMeasured", "Requirement", "Result", "Scalar", "Value", "convert", "judge",
@@ -116,7 +116,7 @@ def number(value: float | bool | str | None) -> str:  # noqa: FBT001 - a value
     return "infinite" if math.isinf(value) else f"{value:.5g}"
 
 
-class Requirement(Table):
+class Requirement(TomlTable):
     """What every requirement has.
 
     Obligations of a subclass:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 from workbench.study.requirements.base import Limited, NotMeasured, Result, Value
 from workbench.study.requirements.curves import amplitude_words
 
-__all__ = ["DelayMargin", "DiskMargin", "GainMargin", "PeakSensitivity", "PhaseMargin"]
+__all__ = ["DelayMargin", "DiskMarginRequirement", "GainMargin", "PeakSensitivity", "PhaseMargin"]
 
 
 class _Margin(Limited):
@@ -84,7 +84,7 @@ class DelayMargin(_Margin):
     units = ("s",)
 
 
-class DiskMargin(_Margin):
+class DiskMarginRequirement(_Margin):
     """The symmetric disk margin α of simultaneous changes of gain and phase."""
 
     number, place = "disk_margin", ""

@@ -12,7 +12,7 @@ from workbench.errors import InputError, suggest
 from workbench.study.requirements.base import Limited, NotMeasured, Result, Value
 from workbench.study.requirements.curves import poles
 
-__all__ = ["Damping", "Fit", "PoleFrequency", "Stability"]
+__all__ = ["Damping", "FitRequirement", "PoleFrequency", "StabilityRequirement"]
 
 _AT_REST = 1e-9  # of the fastest pole: what rounding makes of an integrator
 
@@ -64,7 +64,7 @@ class PoleFrequency(_OfPoles):
         return Value(value=_hz(pole), where=f"damping {float(damping_ratio(pole)):.4g}", unit="Hz")
 
 
-class Stability(_OfPoles):
+class StabilityRequirement(_OfPoles):
     """Real part of the poles [1/s]; max = 0 is a stable model."""
 
     units = ("1/s",)
@@ -73,7 +73,7 @@ class Stability(_OfPoles):
         return Value(value=pole.real, where=f"pole at {_hz(pole):.4g} Hz", unit="1/s")
 
 
-class Fit(Limited):
+class FitRequirement(Limited):
     """How well a model follows data [%].
 
     Attributes:

@@ -11,7 +11,7 @@ from pydantic import Field
 from workbench.errors import InputError, suggest
 from workbench.study.requirements.base import Limited, NotMeasured, Result, Value
 
-__all__ = ["FinalValue", "Overshoot", "Peak", "RiseTime", "SettlingTime"]
+__all__ = ["FinalValue", "Overshoot", "PeakRequirement", "RiseTime", "SettlingTime"]
 
 _REST = 0.1  # the last tenth of the record tells whether the signal rests
 
@@ -162,7 +162,7 @@ def _first(time: Sequence[float], parts: Sequence[float], level: float) -> float
     raise NotMeasured(f"the signal does not reach {100.0 * level:g} % of its step")
 
 
-class Peak(_OfHistory):
+class PeakRequirement(_OfHistory):
     """Largest absolute value of the signal."""
 
     def values(self, result: Result) -> list[Value]:

@@ -11,7 +11,7 @@ from workbench.core.records.option import Options, options_of, values_of
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 
-__all__ = ["Block", "Described", "Floats", "Matrices", "Matrix", "Values"]
+__all__ = ["Block", "BlockStateSpace", "Described", "Floats", "Matrix", "Values"]
 
 
 def _unwritten(_texts: object) -> object:
@@ -54,7 +54,7 @@ class Described(NamedTuple):
     parameters: Mapping[str, float]
 
 
-class Matrices(NamedTuple):
+class BlockStateSpace(NamedTuple):
     """A block that is a linear system, by rows; dt [s], 0: continuous."""
 
     a: Floats
@@ -158,7 +158,7 @@ class Block(Options):
         """Return the mode before the first event."""
         return tuple(self.remembers.values())
 
-    def matrices(self) -> Matrices | None:
+    def matrices(self) -> BlockStateSpace | None:
         """Return the block as a linear system; None: it is not one."""
         return None
 

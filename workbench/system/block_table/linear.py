@@ -10,13 +10,13 @@ import numpy as np
 
 from workbench.core.records.option import option
 from workbench.errors import InputError
-from workbench.system.block_table.base import Block, Matrices, Values, ordered
+from workbench.system.block_table.base import Block, BlockStateSpace, Values, ordered
 
 __all__ = [
     "PADE",
     "PAST",
     "Delay",
-    "Delayed",
+    "DelayBlock",
     "DiscreteTransfer",
     "LeadLag",
     "Notch",
@@ -33,7 +33,7 @@ PAST = "Input before the start; left out: what it is at the start."
 PADE = "Order of the Padé approximation in linear models."
 
 
-def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float = 0.0) -> Matrices:
+def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float = 0.0) -> BlockStateSpace:
     """Return a transfer function as matrices, highest power first.
 
     Args:
@@ -53,16 +53,16 @@ def realised(numerator: Sequence[float], denominator: Sequence[float], dt: float
         raise InputError("the numerator's degree exceeds the denominator's; such a system cannot be simulated")
     if len(below) == 1:
         gain = float(above[0] / below[0]) if len(above) else 0.0
-        return Matrices(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]), dt)
+        return BlockStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]), dt)
     # Controller canonical form; scipy.signal has it, too, and is slow to import, which every command would wait for.
     n = len(below) - 1
     above = np.concatenate([np.zeros(len(below) - len(above)), above]) / below[0]
     below = below[1:] / below[0]
     a = np.vstack([-below, np.eye(n - 1, n)])
-    return Matrices(a, np.eye(n, 1), (above[1:] - above[0] * below)[None], above[:1, None], dt)
+    return BlockStateSpace(a, np.eye(n, 1), (above[1:] - above[0] * below)[None], above[:1, None], dt)
 
 
-class _Linear(Block):
+class _LinearBlock(Block):
     def check(self) -> None:
         self.matrices()
 
@@ -72,7 +72,7 @@ class _Linear(Block):
         return tuple(f"x{k}" for k in range(1, len(found.a) + 1)) if found is not None else ()
 
 
-class TransferFunction(_Linear):
+class TransferFunction(_LinearBlock):
     """Transfer function in s."""
 
     kind = "transfer_function"
@@ -82,11 +82,11 @@ class TransferFunction(_Linear):
     numerator: Values = option("Coefficients of the numerator, highest power of s first.")
     denominator: Values = option("Coefficients of the denominator, highest power of s first.")
 
-    def matrices(self) -> Matrices:
+    def matrices(self) -> BlockStateSpace:
         return realised(self.numerator, self.denominator)
 
 
-class LeadLag(_Linear):
+class LeadLag(_LinearBlock):
     """Lead–lag: raises or lowers the phase between two corner frequencies."""
 
     kind = "lead_lag"
@@ -96,11 +96,11 @@ class LeadLag(_Linear):
     lead: float = option("Time constant of the numerator.", default=0.1, unit="s", finite=True)
     lag: float = option("Time constant of the denominator.", default=0.01, unit="s", positive=True)
 
-    def matrices(self) -> Matrices:
+    def matrices(self) -> BlockStateSpace:
         return realised([self.gain * self.lead, self.gain], [self.lag, 1.0])
 
 
-class Notch(_Linear):
+class Notch(_LinearBlock):
     """Notch filter: lowers the gain around one frequency."""
 
     kind = "notch"
@@ -112,13 +112,13 @@ class Notch(_Linear):
     width: float = option("Damping ratio of the denominator.", default=0.5, positive=True)
     depth: float = option("Gain in the middle.", default=0.0, least=0.0, finite=True)
 
-    def matrices(self) -> Matrices:
+    def matrices(self) -> BlockStateSpace:
         w = 2.0 * math.pi * self.frequency
         middle = 2.0 * self.width * w
         return realised([1.0, self.depth * middle, w * w], [1.0, middle, w * w])
 
 
-class ZeroOrderHold(_Linear):
+class ZeroOrderHold(_LinearBlock):
     """Sampler with zero-order hold: the input at the last multiple of the period."""
 
     kind = "zero_order_hold"
@@ -126,11 +126,11 @@ class ZeroOrderHold(_Linear):
     equations = "y = u at the whole multiples of the period, and stands between them"
     period: float = option("Sample period.", default=0.1, unit="s", positive=True)
 
-    def matrices(self) -> Matrices:
+    def matrices(self) -> BlockStateSpace:
         return realised([1.0], [1.0], self.period)
 
 
-class DiscreteTransfer(_Linear):
+class DiscreteTransfer(_LinearBlock):
     """Sampled transfer function in z, with a hold at its output."""
 
     kind = "discrete_transfer_function"
@@ -141,11 +141,11 @@ class DiscreteTransfer(_Linear):
     denominator: Values = option("Coefficients of the denominator, highest power of z first.")
     period: float = option("Sample period.", default=0.1, unit="s", positive=True)
 
-    def matrices(self) -> Matrices:
+    def matrices(self) -> BlockStateSpace:
         return realised(self.numerator, self.denominator, self.period)
 
 
-class Delayed(Block):
+class DelayBlock(Block):
     """A delay, and what is linear behind it.
 
     Obligations of a subclass: options `past` and `pade`, and `times`.
@@ -161,7 +161,7 @@ class Delayed(Block):
         """Longest and shortest delay [s]."""
         raise NotImplementedError
 
-    def filter(self) -> Matrices:
+    def filter(self) -> BlockStateSpace:
         """Return the linear system that the delayed input drives, of two states at most."""
         return realised([1.0], [1.0])
 
@@ -180,7 +180,7 @@ class Delayed(Block):
         return (-math.inf,)
 
 
-class Delay(Delayed):
+class Delay(DelayBlock):
     """Transport delay.
 
     The input is kept at the solver's steps, with a polynomial of third order between them, whose error is about 1e-6
@@ -199,7 +199,7 @@ class Delay(Delayed):
         return self.delay, self.delay
 
 
-class VariableDelay(Delayed):
+class VariableDelay(DelayBlock):
     """Transport delay whose time is a second input, u2.
 
     It must not grow faster than time passes. See `delay`.

@@ -6,15 +6,15 @@ import numpy as np
 
 from workbench.core.records.option import option
 from workbench.errors import InputError
-from workbench.system.block_table.base import Matrices
-from workbench.system.block_table.linear import PADE, PAST, Delayed, realised
+from workbench.system.block_table.base import BlockStateSpace
+from workbench.system.block_table.linear import PADE, PAST, DelayBlock, realised
 
 __all__ = ["CrossoverPilot", "NealSmithPilot"]
 
 _PILOTS = "pilots"
 
 
-class NealSmithPilot(Delayed):
+class NealSmithPilot(DelayBlock):
     """Pilot of Neal and Smith: gain, lead, lag, and a delay of 0.3 s.
 
     With it the pitch attitude is closed; the lead that the pilot has to give for a wanted bandwidth, and the resonance
@@ -43,7 +43,7 @@ class NealSmithPilot(Delayed):
     def times(self) -> tuple[float, float]:
         return self.delay, self.delay
 
-    def filter(self) -> Matrices:
+    def filter(self) -> BlockStateSpace:
         below = np.array([1.0])
         for lag in self.lags:
             below = np.polymul(below, [lag, 1.0] if lag > 0.0 else [1.0])

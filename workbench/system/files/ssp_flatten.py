@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from workbench.core.values.conversion import Unit, is_same_unit, known_unit, named_conversion
 from workbench.errors import InputError
 from workbench.system.description import Connection, GainComponent
-from workbench.system.files.ssp_tree import Hop, Key, Node
+from workbench.system.files.ssp_tree import Hop, Key, SspComponent
 
-__all__ = ["Chain", "Flat", "Flattener", "full_name"]
+__all__ = ["ConnectionPath", "FlatSystem", "Flattener", "full_name"]
 
 _ROOT: tuple[str, ...] = ()
 
@@ -21,7 +21,7 @@ def full_name(key: Key) -> str:
 
 
 @dataclass(frozen=True)
-class Chain:
+class ConnectionPath:
     """The hops from an origin (output of a component, or connector of the root system) to an end."""
 
     origin: Key
@@ -34,7 +34,7 @@ class Chain:
 
 
 @dataclass
-class Flat:
+class FlatSystem:
     """What the flattener found; `adaptors` stand between the root's connectors and components where values change."""
 
     connections: list[Connection] = field(default_factory=list)
@@ -55,7 +55,7 @@ class Flattener:
 
     def __init__(
         self,
-        root: Node,
+        root: SspComponent,
         unit_of: Callable[[Key], str | None],
         units: Mapping[str, Unit],
         notes: list[str],
@@ -70,7 +70,7 @@ class Flattener:
             for hop in node.hops:
                 self.incoming.setdefault(hop.end, []).append(hop)
 
-    def chains(self, end: Key, passed: tuple[Key, ...] = ()) -> Iterator[Chain]:
+    def chains(self, end: Key, passed: tuple[Key, ...] = ()) -> Iterator[ConnectionPath]:
         """Yield what drives `end`.
 
         Raises:
@@ -82,19 +82,19 @@ class Flattener:
         for hop in self.incoming.get(end, []):
             node = self.nodes[hop.start[0]]
             if not node.is_system or node.path == _ROOT:
-                yield Chain(hop.start, (hop,))
+                yield ConnectionPath(hop.start, (hop,))
                 continue
             before = list(self.chains(hop.start, (*passed, end)))
             if not before and not self._is_parameter(hop.start):
                 self.notes.append(f"{full_name(hop.end)} is connected to {full_name(hop.start)}, which nothing drives")
             for chain in before:
-                yield Chain(chain.origin, (*chain.hops, hop))
+                yield ConnectionPath(chain.origin, (*chain.hops, hop))
 
     def _is_parameter(self, key: Key) -> bool:
         connector = self.nodes[key[0]].connectors.get(key[1])
         return connector is not None and connector.kind in ("parameter", "calculatedParameter", "structuralParameter")
 
-    def is_parameter_chain(self, chain: Chain) -> bool:
+    def is_parameter_chain(self, chain: ConnectionPath) -> bool:
         """Whether a chain hands over a parameter, which is not a connection in a simulation.
 
         Raises:
@@ -109,9 +109,9 @@ class Flattener:
 
     # -- connections, inputs, outputs -----------------------------------------------------------------
 
-    def flat(self) -> Flat:
+    def flat(self) -> FlatSystem:
         """Return connections, inputs and outputs of the flat system."""
-        flat = Flat()
+        flat = FlatSystem()
         to_components = [
             (end, chain)
             for end in self.incoming
@@ -130,14 +130,14 @@ class Flattener:
         self._note_unused(flat)
         return flat
 
-    def _note_unused(self, flat: Flat) -> None:
+    def _note_unused(self, flat: FlatSystem) -> None:
         by_kind: Mapping[str, Mapping[str, object]] = {"input": flat.inputs, "output": flat.outputs}
         for name, connector in self.root.connectors.items():
             known = by_kind.get(connector.kind or "")
             if known is not None and name not in known:
                 self.notes.append(f"{connector.kind} '{name}' of the system is connected to nothing; left out")
 
-    def _input(self, name: str, driven: list[tuple[Key, Chain]], flat: Flat) -> None:
+    def _input(self, name: str, driven: list[tuple[Key, ConnectionPath]], flat: FlatSystem) -> None:
         unit = self.unit_of((_ROOT, name))
         if all(chain.is_plain and self._alike(unit, self.unit_of(end)) for end, chain in driven):
             flat.inputs[name] = [*flat.inputs.get(name, []), *(full_name(end) for end, _ in driven)]
@@ -147,7 +147,7 @@ class Flattener:
         for end, chain in driven:
             flat.connections.append(self._connection(chain, f"{adaptor}.y", full_name(end)))
 
-    def _output(self, end: Key, flat: Flat) -> None:
+    def _output(self, end: Key, flat: FlatSystem) -> None:
         chains = [c for c in self.chains(end) if not self.is_parameter_chain(c)]
         if len(chains) > 1:
             names = " and ".join(full_name(c.origin) for c in chains)
@@ -163,7 +163,7 @@ class Flattener:
                 flat.connections.append(self._connection(chain, full_name(chain.origin), f"{adaptor}.u"))
                 flat.outputs[end[1]] = f"{adaptor}.y"
 
-    def _pass_through(self, chain: Chain, unit: str | None, flat: Flat) -> str:
+    def _pass_through(self, chain: ConnectionPath, unit: str | None, flat: FlatSystem) -> str:
         """Return the output of a gain that leads an input of the root system to an output."""
         gain, offset = self._numbers(chain)
         if offset:
@@ -173,7 +173,7 @@ class Flattener:
         flat.inputs.setdefault(name, []).append(f"{adaptor}.u")
         return f"{adaptor}.y"
 
-    def _adaptor(self, name: str, flat: Flat, *, gain: float = 1.0, u: str | None, y: str | None) -> str:
+    def _adaptor(self, name: str, flat: FlatSystem, *, gain: float = 1.0, u: str | None, y: str | None) -> str:
         taken = {".".join(path) for path in self.nodes} | {a.name for a in flat.adaptors}
         while name in taken:
             name += "_"
@@ -189,7 +189,7 @@ class Flattener:
 
     # -- chains -----------------------------------------------------------------------------------------
 
-    def _connection(self, chain: Chain, source: str, destination: str) -> Connection:
+    def _connection(self, chain: ConnectionPath, source: str, destination: str) -> Connection:
         """Return a chain as one connection; its units are converted later where nothing else happens on the way."""
         if chain.is_plain:
             return Connection(source=source, destination=destination)
@@ -206,7 +206,7 @@ class Flattener:
             closes_at=max(times, default=None),
         )
 
-    def _numbers(self, chain: Chain) -> tuple[float, float]:
+    def _numbers(self, chain: ConnectionPath) -> tuple[float, float]:
         """Return factor and offset of a chain, units and transformations hop by hop."""
         factor, offset = 1.0, 0.0
         unit = self.unit_of(chain.origin)

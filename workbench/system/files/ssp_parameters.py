@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from workbench.core.records.names_in_text import plain_unit
 from workbench.core.values.conversion import Unit
 from workbench.errors import InputError
-from workbench.system.files.ssp_tree import Key, Node
+from workbench.system.files.ssp_tree import Key, SspComponent
 from workbench.system.files.ssp_xml import Element, Files, boolean, children, descend, linear, number, tag
 from workbench.system.fmu_facts import read_units
 
@@ -44,7 +44,7 @@ class Parameter:
     enumerations: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
 
 
-def bound_parameters(root: Node, notes: list[str]) -> dict[Key, Parameter]:
+def bound_parameters(root: SspComponent, notes: list[str]) -> dict[Key, Parameter]:
     """Return the value of every bound variable or connector.
 
     Bindings of a higher system take precedence over those below, later ones of an element over earlier ones.
@@ -69,7 +69,7 @@ def bound_parameters(root: Node, notes: list[str]) -> dict[Key, Parameter]:
     return found
 
 
-def _target(node: Node, name: str) -> Key | None:
+def _target(node: SspComponent, name: str) -> Key | None:
     """Return the connector or variable that a name means as seen from `node`."""
     if not node.is_system or name in node.connectors:
         return node.path, name

@@ -18,13 +18,13 @@ from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value
 from workbench.system.description import Component, FmuComponent, SystemDescription
 from workbench.system.files.ssp_blocks import BLOCK_TYPE
-from workbench.system.files.ssp_flatten import Flat, Flattener, full_name
+from workbench.system.files.ssp_flatten import FlatSystem, Flattener, full_name
 from workbench.system.files.ssp_parameters import Parameter, bound_parameters
-from workbench.system.files.ssp_tree import ANNOTATION, Key, Node, Origin, own_annotation, read_tree
+from workbench.system.files.ssp_tree import ANNOTATION, Key, SspComponent, SspSource, own_annotation, read_tree
 from workbench.system.files.ssp_values import values_for
 from workbench.system.files.ssp_xml import Element, Package, descend, number, parse, tag
 from workbench.system.files.toml_components import read_component
-from workbench.system.fmu_facts import FmuFacts, fmu_facts, read_units
+from workbench.system.fmu_facts import FmuInterface, fmu_facts, read_units
 
 __all__ = ["read_ssd", "read_ssp"]
 
@@ -68,7 +68,7 @@ def _read(path: Path, source: str, notes: list[str], *, packed: bool) -> SystemD
     files = _Files(unpacked.folder, notes)
     try:
         origin = files.opened(path, packed=packed)
-        description = _Reader(origin, notes).description(source)
+        description = _SspReader(origin, notes).description(source)
     except WorkbenchError as error:
         unpacked.close()
         message = re.sub(rf"{re.escape(str(unpacked.folder))}/(?:\d+/)?", "", str(error))
@@ -96,7 +96,7 @@ class _Files:
     notes: list[str]
     count: int = 0
 
-    def opened(self, path: Path, *, packed: bool) -> Origin:
+    def opened(self, path: Path, *, packed: bool) -> SspSource:
         """Return the root of a file.
 
         Args:
@@ -104,16 +104,16 @@ class _Files:
             packed: whether it is a package.
         """
         if not packed:
-            return Origin(Package(path.parent), parse(path, _ROOT), self._nested)
+            return SspSource(Package(path.parent), parse(path, _ROOT), self._nested)
         folder = self.room / str(self.count)
         self.count += 1
         folder.mkdir()
         extract(path, folder)
         ssd, notes = _find_ssd(path, folder)
         self.notes.extend(notes)
-        return Origin(Package(folder, within=folder), parse(ssd, _ROOT), self._nested)
+        return SspSource(Package(folder, within=folder), parse(ssd, _ROOT), self._nested)
 
-    def _nested(self, source: str, where: str, around: Origin) -> Origin:
+    def _nested(self, source: str, where: str, around: SspSource) -> SspSource:
         path = around.package.file(source, where)
         if path.is_dir():
             path /= _STANDARD
@@ -127,10 +127,10 @@ class _Fmu:
     """A component that is an FMU, with what its description says."""
 
     component: FmuComponent
-    facts: FmuFacts
+    facts: FmuInterface
 
 
-class _Reader:
+class _SspReader:
     """Reads one SSD, with those inside.
 
     Args:
@@ -138,12 +138,12 @@ class _Reader:
         notes: remarks so far.
     """
 
-    def __init__(self, origin: Origin, notes: list[str]) -> None:
+    def __init__(self, origin: SspSource, notes: list[str]) -> None:
         self.origin, self.ssd = origin, origin.ssd
         self.notes = notes
         self.fmus: dict[tuple[str, ...], _Fmu] = {}
         self.units: Mapping[str, Unit] = {}
-        self.nodes: Mapping[tuple[str, ...], Node] = {}
+        self.nodes: Mapping[tuple[str, ...], SspComponent] = {}
 
     def description(self, source: str) -> SystemDescription:
         system = descend(self.ssd, "System")
@@ -186,7 +186,7 @@ class _Reader:
 
     # -- components -----------------------------------------------------------------------------------
 
-    def _component(self, node: Node) -> Component:
+    def _component(self, node: SspComponent) -> Component:
         element, where = node.element, f"component '{node.name}'"
         kind, source = element.get("type") or _DEFAULT_TYPE, element.get("source")
         if kind not in (_DEFAULT_TYPE, BLOCK_TYPE):
@@ -221,7 +221,7 @@ class _Reader:
         connector = self.nodes[key[0]].connectors.get(key[1])
         return None if connector is None else connector.unit
 
-    def _show_all(self, flat: Flat, flattener: Flattener) -> None:
+    def _show_all(self, flat: FlatSystem, flattener: Flattener) -> None:
         """Give a system without inputs and outputs of its own those of its components, under their full names."""
         for path, fmu in self.fmus.items():
             for variable in fmu.facts.variables.values():
@@ -234,7 +234,7 @@ class _Reader:
 
     # -- parameters -----------------------------------------------------------------------------------
 
-    def _values(self, root: Node, flattener: Flattener) -> dict[str, dict[str, Value]]:
+    def _values(self, root: SspComponent, flattener: Flattener) -> dict[str, dict[str, Value]]:
         """Return component → variable → value."""
         bound = bound_parameters(root, self.notes)
         for end in flattener.incoming:
@@ -249,7 +249,7 @@ class _Reader:
                 found.setdefault(node.name, {}).update(self._value(node, key, parameter))
         return found
 
-    def _value(self, node: Node, key: Key, parameter: Parameter) -> dict[str, Value]:
+    def _value(self, node: SspComponent, key: Key, parameter: Parameter) -> dict[str, Value]:
         fmu = self.fmus.get(key[0])
         if fmu is None:
             self.notes.append(f"{parameter.where}: '{node.name}' is not an FMU; its parameter {key[1]} is ignored")

@@ -13,7 +13,7 @@ from workbench.core.records.names_in_text import plain_unit
 from workbench.errors import InputError, suggest
 from workbench.system.files.ssp_xml import Element, Package, boolean, children, descend, linear, number, parse, tag
 
-__all__ = ["ANNOTATION", "Connector", "Hop", "Key", "Node", "Origin", "own_annotation", "read_tree"]
+__all__ = ["ANNOTATION", "Connector", "Hop", "Key", "SspComponent", "SspSource", "own_annotation", "read_tree"]
 
 # Type of the annotations in which the workbench keeps what SSP has no place for.
 ANNOTATION = "fmi-workbench"
@@ -58,7 +58,7 @@ class Hop:
 
 
 @dataclass(frozen=True)
-class Origin:
+class SspSource:
     """Where an element was written.
 
     Attributes:
@@ -70,10 +70,10 @@ class Origin:
 
     package: Package
     ssd: Element
-    open_nested: Callable[[str, str, Origin], Origin]
+    open_nested: Callable[[str, str, SspSource], SspSource]
     depth: int = 0
 
-    def nested(self, source: str, where: str) -> Origin:
+    def nested(self, source: str, where: str) -> SspSource:
         """Return the origin of what stands in another file.
 
         Args:
@@ -89,7 +89,7 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Node:
+class SspComponent:
     """A system or a component.
 
     Attributes:
@@ -106,12 +106,12 @@ class Node:
 
     path: tuple[str, ...]
     element: Element
-    origin: Origin
+    origin: SspSource
     connectors: dict[str, Connector]
-    nodes: dict[str, Node] = field(default_factory=dict)
-    references: Mapping[str, Node] = field(default_factory=dict)
+    nodes: dict[str, SspComponent] = field(default_factory=dict)
+    references: Mapping[str, SspComponent] = field(default_factory=dict)
     hops: tuple[Hop, ...] = ()
-    bindings: tuple[tuple[Element, Origin], ...] = ()
+    bindings: tuple[tuple[Element, SspSource], ...] = ()
     is_system: bool = False
 
     @property
@@ -119,14 +119,14 @@ class Node:
         """The path with dots, for messages; the root has its own name."""
         return ".".join(self.path) or self.element.get("name") or "root"
 
-    def walk(self) -> Iterator[Node]:
+    def walk(self) -> Iterator[SspComponent]:
         """Yield this node and all below it, in the file's order."""
         yield self
         for node in self.nodes.values():
             yield from node.walk()
 
 
-def read_tree(system: Element, origin: Origin) -> Node:
+def read_tree(system: Element, origin: SspSource) -> SspComponent:
     """Return the tree of a System element.
 
     Args:
@@ -140,7 +140,9 @@ def read_tree(system: Element, origin: Origin) -> Node:
     return _system(system, (), origin, {})
 
 
-def _system(element: Element, path: tuple[str, ...], origin: Origin, known: Mapping[str, Node]) -> Node:
+def _system(
+    element: Element, path: tuple[str, ...], origin: SspSource, known: Mapping[str, SspComponent]
+) -> SspComponent:
     """Return the node of a system.
 
     Args:
@@ -151,8 +153,8 @@ def _system(element: Element, path: tuple[str, ...], origin: Origin, known: Mapp
     """
     own = dict(_dictionaries(element, path, origin))
     known = {**known, **own}
-    nodes: dict[str, Node] = {node.path[-1]: node for node in own.values()}
-    references: dict[str, Node] = {}
+    nodes: dict[str, SspComponent] = {node.path[-1]: node for node in own.values()}
+    references: dict[str, SspComponent] = {}
     for child in children(element, "Elements", "*"):
         name = child.get("name")
         if not name:
@@ -164,18 +166,22 @@ def _system(element: Element, path: tuple[str, ...], origin: Origin, known: Mapp
         else:
             nodes[name] = _element(child, (*path, name), origin, known)
     bindings = _bindings(element, origin)
-    system = Node(path, element, origin, _connectors(element), nodes, references, bindings=bindings, is_system=True)
+    system = SspComponent(
+        path, element, origin, _connectors(element), nodes, references, bindings=bindings, is_system=True
+    )
     return replace(system, hops=tuple(_hop(c, system) for c in children(element, "Connections", "Connection")))
 
 
-def _element(element: Element, path: tuple[str, ...], origin: Origin, known: Mapping[str, Node]) -> Node:
+def _element(
+    element: Element, path: tuple[str, ...], origin: SspSource, known: Mapping[str, SspComponent]
+) -> SspComponent:
     if tag(element) == "System":
         return _system(element, path, origin, known)
     if tag(element) != "Component":
         raise InputError(f"element '{path[-1]}' is a {tag(element)}; only Component and System are read")
     bindings = _bindings(element, origin)
     if element.get("type") not in _NESTED:
-        return Node(path, element, origin, _connectors(element), bindings=bindings)
+        return SspComponent(path, element, origin, _connectors(element), bindings=bindings)
     inner = origin.nested(element.get("source") or "", f"component '{'.'.join(path)}'")
     system = descend(inner.ssd, "System")
     if system is None:
@@ -184,14 +190,14 @@ def _element(element: Element, path: tuple[str, ...], origin: Origin, known: Map
     return replace(found, bindings=(*found.bindings, *bindings))
 
 
-def _bindings(element: Element, origin: Origin) -> tuple[tuple[Element, Origin], ...]:
+def _bindings(element: Element, origin: SspSource) -> tuple[tuple[Element, SspSource], ...]:
     return tuple((b, origin) for b in children(element, "ParameterBindings", "ParameterBinding"))
 
 
 # -- signal dictionaries ---------------------------------------------------------------------------
 
 
-def _dictionaries(element: Element, path: tuple[str, ...], origin: Origin) -> Iterator[tuple[str, Node]]:
+def _dictionaries(element: Element, path: tuple[str, ...], origin: SspSource) -> Iterator[tuple[str, SspComponent]]:
     for written in children(element, "SignalDictionaries", "SignalDictionary"):
         name = written.get("name") or ""
         where = f"SignalDictionary '{name}'"
@@ -202,7 +208,7 @@ def _dictionaries(element: Element, path: tuple[str, ...], origin: Origin) -> It
         file = parse(origin.package.file(source, where), "SignalDictionary") if source else None
         inside = file if file is not None else descend(written, "SignalDictionary")
         entries = [] if inside is None else [_connector(e, None) for e in children(inside, "DictionaryEntry")]
-        own = Node(
+        own = SspComponent(
             (*path, f"{name} (signal dictionary)"),
             written,
             origin if file is None else replace(origin, ssd=file),
@@ -212,7 +218,7 @@ def _dictionaries(element: Element, path: tuple[str, ...], origin: Origin) -> It
         yield name, own
 
 
-def _reference(element: Element, known: Mapping[str, Node]) -> Node:
+def _reference(element: Element, known: Mapping[str, SspComponent]) -> SspComponent:
     """Return the dictionary that an element refers to, with the kinds of the element's own connectors."""
     where = f"SignalDictionaryReference '{element.get('name')}'"
     name = element.get("dictionary") or ""
@@ -253,7 +259,7 @@ class _End:
     role: str | None
 
 
-def _hop(element: Element, system: Node) -> Hop:
+def _hop(element: Element, system: SspComponent) -> Hop:
     start, end = (_end(element, side, system) for side in ("start", "end"))
     where = f"connection {start.name} → {end.name}"
     roles = [start.role, end.role]
@@ -269,7 +275,7 @@ def _hop(element: Element, system: Node) -> Hop:
     return Hop(start.key, end.key, gain, offset, convert=convert, closes_at=closes_at)
 
 
-def _end(element: Element, side: str, system: Node) -> _End:
+def _end(element: Element, side: str, system: SspComponent) -> _End:
     owner, name = element.get(f"{side}Element") or "", element.get(f"{side}Connector")
     if not name:
         raise InputError(f"a connection of system '{system.name}' has no {side}Connector")

@@ -9,14 +9,14 @@ from workbench.core.values.conversion import Unit, named_conversion
 from workbench.errors import InputError, suggest
 from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
 from workbench.system.files.ssp_parameters import Parameter
-from workbench.system.fmu_facts import FmuFacts
+from workbench.system.fmu_facts import FmuInterface
 
 __all__ = ["values_for"]
 
 _TRUTH = {"true": True, "1": True, "false": False, "0": False}
 
 
-def values_for(name: str, parameter: Parameter, facts: FmuFacts, unit: str | None) -> dict[str, Value]:
+def values_for(name: str, parameter: Parameter, facts: FmuInterface, unit: str | None) -> dict[str, Value]:
     """Return variable → value for one entry of a parameter set; the elements of an array, if `name` is one.
 
     Args:
@@ -44,7 +44,7 @@ def values_for(name: str, parameter: Parameter, facts: FmuFacts, unit: str | Non
     return {v.name: _value(parameter, t, v, facts, unit) for v, t in zip(elements, spread, strict=True)}
 
 
-def _value(parameter: Parameter, text: str, variable: Variable, facts: FmuFacts, unit: str | None) -> Value:
+def _value(parameter: Parameter, text: str, variable: Variable, facts: FmuInterface, unit: str | None) -> Value:
     where = f"{parameter.where}: {variable.name}"
     if variable.type == "Binary" or parameter.type == "Binary":
         raise InputError(f"{where}: binary values are not read")

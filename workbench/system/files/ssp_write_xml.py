@@ -12,7 +12,7 @@ from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Value
 from workbench.system.description import FmuComponent
 from workbench.system.files.ssp_xml import NAMESPACES, Element
-from workbench.system.fmu_facts import FmuFacts
+from workbench.system.fmu_facts import FmuInterface
 
 __all__ = [
     "add_annotation",
@@ -85,7 +85,7 @@ def add_connector(
     element(f"ssc:{local}", connector, {"unit": unit if local == "Real" else None, "name": named})
 
 
-def add_parameters(parent: Element, component: FmuComponent, facts: FmuFacts) -> None:
+def add_parameters(parent: Element, component: FmuComponent, facts: FmuInterface) -> None:
     """Add the component's values as an inline parameter set."""
     binding = element("ssd:ParameterBinding", element("ssd:ParameterBindings", parent))
     values = element("ssd:ParameterValues", binding)
@@ -97,7 +97,7 @@ def add_parameters(parent: Element, component: FmuComponent, facts: FmuFacts) ->
         _add_parameter(parameters, name, value, kind, facts.items.get(name, {}))
 
 
-def _values(component: FmuComponent, facts: FmuFacts) -> dict[str, Value]:
+def _values(component: FmuComponent, facts: FmuInterface) -> dict[str, Value]:
     """Return the component's values in their types, arrays by their elements.
 
     Where a structural parameter is set, the sizes of arrays are not those of the file, and whole arrays stay texts.

@@ -18,7 +18,7 @@ __all__ = [
     "LinearTable",
     "SumTable",
     "SystemTable",
-    "Table",
+    "TomlTable",
     "TransferTable",
     "UnitsTable",
     "read_record",
@@ -28,13 +28,13 @@ __all__ = [
 _Matrix = list[list[float]]
 
 
-class Table(BaseModel):
+class TomlTable(BaseModel):
     """A table of the file: no key but those below, no value of another type."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
 
 
-class SystemTable(Table):
+class SystemTable(TomlTable):
     """The whole file; what `components` and `connections` hold is read table by table."""
 
     name: str | None = None
@@ -46,7 +46,7 @@ class SystemTable(Table):
     master: dict[str, Any] = Field(default_factory=dict)
 
 
-class ExperimentTable(Table):
+class ExperimentTable(TomlTable):
     """The default experiment. Times in [s]."""
 
     start: float | None = None
@@ -55,7 +55,7 @@ class ExperimentTable(Table):
     tolerance: float | None = Field(default=None, gt=0.0, lt=1.0)
 
 
-class FmuTable(Table):
+class FmuTable(TomlTable):
     """An FMU."""
 
     model: str
@@ -66,20 +66,20 @@ class FmuTable(Table):
     dependencies: Literal["declared", "all"] = "declared"
 
 
-class UnitsTable(Table):
+class UnitsTable(TomlTable):
     """Units of inputs and outputs."""
 
     units: dict[str, str] = Field(default_factory=dict)
 
 
-class SumTable(Table):
+class SumTable(TomlTable):
     """A sum; "+-" or factors."""
 
     sum: str | list[float]
     unit: str | None = None
 
 
-class _Dynamic(Table):
+class _Dynamic(TomlTable):
     inputs: list[str] | None = None
     outputs: list[str] | None = None
     states: list[str] | None = None
@@ -97,7 +97,7 @@ class LinearTable(_Dynamic):
     D: _Matrix | None = None
 
 
-class LinearFileTable(Table):
+class LinearFileTable(TomlTable):
     """A state-space model in a JSON file, as `lin`, `identify` or `feed-forward` write it."""
 
     linear: str
@@ -111,7 +111,7 @@ class TransferTable(_Dynamic):
     denominator: list[float] = Field(min_length=1)
 
 
-_Read = TypeVar("_Read", bound=Table)
+_Read = TypeVar("_Read", bound=TomlTable)
 
 
 def read_table(kind: type[_Read], data: object, where: str) -> _Read:
@@ -158,11 +158,11 @@ def read_record(
         for f in fields(kind)  # type: ignore[arg-type]  # a dataclass
         if f.name not in known
     }
-    table = read_table(create_model(kind.__name__, __base__=Table, **made), data, where)
+    table = read_table(create_model(kind.__name__, __base__=TomlTable, **made), data, where)
     return kind(**known, **table.model_dump(exclude_unset=True))
 
 
-def _message(kind: type[Table], errors: Sequence[Mapping[str, Any]]) -> str:
+def _message(kind: type[TomlTable], errors: Sequence[Mapping[str, Any]]) -> str:
     """Return the first error in our words; misspelt keys first, since they make others miss."""
     ordered = sorted(errors, key=lambda e: e["type"] != "extra_forbidden")
     first = ordered[0]
@@ -204,5 +204,5 @@ def _said(message: str) -> str:
     return message
 
 
-def _keys(kind: type[Table]) -> list[str]:
+def _keys(kind: type[TomlTable]) -> list[str]:
     return [field.alias or name for name, field in kind.model_fields.items()]

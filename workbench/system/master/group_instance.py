@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from workbench.fmi.instance import NO_EVENT, EventInfo, Instance
 from workbench.system.composite import CompositeInstance
-from workbench.system.master.units import Group
+from workbench.system.master.units import ModelExchangeGroup
 from workbench.system.order import plan
 
 __all__ = ["GroupInstance"]
 
 
 @dataclass(frozen=True, eq=False)
-class _Saved:
+class _GroupState:
     """What stands on the connections of a group; its components are saved by the master."""
 
     values: NDArray[np.float64]
@@ -38,7 +38,7 @@ class GroupInstance(CompositeInstance):
         settled: what the last joint event iteration ended with.
     """
 
-    def __init__(self, parts: Sequence[Instance], group: Group) -> None:
+    def __init__(self, parts: Sequence[Instance], group: ModelExchangeGroup) -> None:
         wiring = plan(group.connections, parts=len(parts))
         super().__init__(parts, wiring, group.description, group.ports, source=group.description.model_name)
         self.settled = NO_EVENT
@@ -64,7 +64,7 @@ class GroupInstance(CompositeInstance):
 
     def get_state(self) -> Any:
         wiring = self._wiring
-        return _Saved(wiring.values.copy(), wiring.sizes.copy(), wiring.closed.copy())
+        return _GroupState(wiring.values.copy(), wiring.sizes.copy(), wiring.closed.copy())
 
     def set_state(self, state: Any) -> None:
         wiring = self._wiring

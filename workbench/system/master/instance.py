@@ -12,7 +12,7 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler, gathered, is_due, rounding
 from workbench.errors import SimulationError
-from workbench.fmi.description import Description
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
@@ -58,7 +58,7 @@ class MasterPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class _Saved:
+class _MasterState:
     """A saved state of the whole system."""
 
     parts: Any
@@ -95,7 +95,13 @@ class MasterInstance(CompositeInstance):
     """
 
     def __init__(
-        self, parts: Sequence[Instance], decided: MasterPlan, description: Description, ports: Ports, *, source: str
+        self,
+        parts: Sequence[Instance],
+        decided: MasterPlan,
+        description: ModelDescription,
+        ports: Ports,
+        *,
+        source: str,
     ) -> None:
         connections = decided.units.connections
         super().__init__(parts, plan(connections, parts=len(parts)), description, ports, source=source)
@@ -106,7 +112,7 @@ class MasterInstance(CompositeInstance):
         self.next_events: dict[int, float] = {}
         self.groups = {k: self._group(k) for k, unit in enumerate(decided.units.units) if unit.group is not None}
 
-    def _setup(self, description: Description, library: Library, *, interface: str) -> None:
+    def _setup(self, description: ModelDescription, library: Library, *, interface: str) -> None:
         super()._setup(description, library, interface="cs")
 
     def _group(self, number: int) -> GroupUnit:
@@ -230,7 +236,7 @@ class MasterInstance(CompositeInstance):
     # -- saved states -----------------------------------------------------------------------
 
     def get_state(self) -> Any:
-        return _Saved(
+        return _MasterState(
             parts=super().get_state(),
             groups=tuple(g.snapshot() for g in self.groups.values()),
             slopes=self.slopes.copy(),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from workbench.core.values.closed_loop import ClosedLoop
 from workbench.errors import InputError, suggest
-from workbench.fmi.description import Capabilities, Description
+from workbench.fmi.description import Capabilities, ModelDescription
 from workbench.fmi.instance import Instance
 from workbench.fmi.ticking import time_based
 from workbench.fmi.variable import Value
@@ -242,7 +242,7 @@ def _refuse_clocks(opened: Opened) -> None:
             )
 
 
-def _setup(opened: Opened, recipe: SystemRecipe, described: Description) -> Setup:
+def _setup(opened: Opened, recipe: SystemRecipe, described: ModelDescription) -> Setup:
     variables = {v.name: v for v in described.variables}
     tolerance = recipe.tolerance or described.experiment.tolerance
     return Setup(
@@ -263,7 +263,7 @@ def _not_yet() -> Instance:
     raise NotImplementedError  # the model puts its own in place
 
 
-def _described(opened: Opened) -> Description:
+def _described(opened: Opened) -> ModelDescription:
     """Return the system's description: that of a co-simulation FMU."""
     described = joint_description(opened.description, opened.parts, opened.resolved)
     claims = [p.description.interfaces[p.interface] for p in opened.parts]
@@ -330,7 +330,7 @@ def _master_note(order: str, units: Units, recipe: SystemRecipe) -> str:
     return f"master: {order}; connected values are {held} (workbench delays shows what that costs){one}"
 
 
-def _step_note(setup: Setup, described: Description) -> str:
+def _step_note(setup: Setup, described: ModelDescription) -> str:
     if setup.step is not None:
         return f"communication step: {setup.step:g} s, and the instants of sampled components"
     begin = described.experiment.step

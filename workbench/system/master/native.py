@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler
-from workbench.fmi.access import Access
+from workbench.fmi.access import VariableAccess
 from workbench.fmi.c_array import c_array
 from workbench.fmi.instants import Instants
 from workbench.fmi.variable import Variable
@@ -276,7 +276,7 @@ class NativeMaster:
         parts = []
         for component in dict.fromkeys(ports[i][0] for i in chosen):
             own = [i for i in chosen if ports[i][0] == component]
-            access: Access = self._system.instances[component].access([ports[i][1] for i in own])
+            access: VariableAccess = self._system.instances[component].access([ports[i][1] for i in own])
             parts.append(native_access(access, columns=own, component=component))
         if not parts:
             return NativeAccess()

@@ -13,7 +13,7 @@ from workbench.errors import WorkbenchError
 from workbench.fmi.ticking import periodic
 from workbench.model.load import FmuRecipe
 from workbench.session.point import FmuPoint
-from workbench.system.components import Part
+from workbench.system.components import OpenComponent
 from workbench.system.description import FmuComponent
 from workbench.system.master.ticks import repeating
 from workbench.system.master.units import Units
@@ -45,7 +45,7 @@ class Sampled:
         return tuple(replace(s, offset=s.offset + begin) for s in self.ticks.samplers)
 
 
-def find_ticks(parts: Sequence[Part], units: Units) -> dict[int, Sampled]:
+def find_ticks(parts: Sequence[OpenComponent], units: Units) -> dict[int, Sampled]:
     """Return the sampled co-simulation units with their instants.
 
     Args:
@@ -60,7 +60,7 @@ def find_ticks(parts: Sequence[Part], units: Units) -> dict[int, Sampled]:
     return found
 
 
-def _sampled(part: Part) -> Sampled | None:
+def _sampled(part: OpenComponent) -> Sampled | None:
     recipe = part.recipe
     if isinstance(part.component, FmuComponent) and part.component.step is not None:
         return Sampled(Calendar((Sampler(exact(part.component.step)),)), held=False, anew=True)

@@ -9,20 +9,20 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from workbench.fmi.description import DefaultExperiment, Description
+from workbench.fmi.description import DefaultExperiment, ModelDescription
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.fmi.wiring import Wire
-from workbench.system.components import Part
+from workbench.system.components import OpenComponent
 from workbench.system.composite import Ports
 from workbench.system.description import Port, Resolved, SystemDescription
 from workbench.system.joint_description import joint_description, joint_ports
 from workbench.system.order import feeds_through
 
-__all__ = ["Group", "Unit", "Units", "find_units", "moves"]
+__all__ = ["MasterUnit", "ModelExchangeGroup", "Units", "find_units", "moves"]
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class ModelExchangeGroup:
     """Model exchange components that are one ordinary differential equation.
 
     Attributes:
@@ -32,12 +32,12 @@ class Group:
     """
 
     connections: tuple[Wire, ...]
-    description: Description
+    description: ModelDescription
     ports: Ports
 
 
 @dataclass(frozen=True, eq=False)
-class Unit:
+class MasterUnit:
     """What is stepped as one.
 
     Attributes:
@@ -52,7 +52,7 @@ class Unit:
     members: tuple[int, ...]
     incoming: tuple[int, ...]
     outgoing: tuple[int, ...]
-    group: Group | None
+    group: ModelExchangeGroup | None
     event_mode: bool
 
 
@@ -67,7 +67,7 @@ class Units:
         direct: connection → those out of its destination's unit that it reaches without time passing.
     """
 
-    units: tuple[Unit, ...]
+    units: tuple[MasterUnit, ...]
     of: tuple[int, ...]
     connections: tuple[Wire, ...]
     direct: Mapping[int, frozenset[int]]
@@ -87,7 +87,7 @@ def moves(variable: Variable) -> bool:
     return variable.type in FLOAT_TYPES and variable.variability == "continuous"
 
 
-def find_units(parts: Sequence[Part], connections: Sequence[Wire], resolved: Resolved) -> Units:
+def find_units(parts: Sequence[OpenComponent], connections: Sequence[Wire], resolved: Resolved) -> Units:
     """Divide a system.
 
     Args:
@@ -102,7 +102,7 @@ def find_units(parts: Sequence[Part], connections: Sequence[Wire], resolved: Res
     return Units(units, of, tuple(connections), _direct(of, connections))
 
 
-def _labels(parts: Sequence[Part], connections: Sequence[Wire]) -> list[int]:
+def _labels(parts: Sequence[OpenComponent], connections: Sequence[Wire]) -> list[int]:
     """Return a number for each component, the same for those that are one equation."""
     joined = np.zeros((len(parts), len(parts)))
     for c in connections:
@@ -113,14 +113,14 @@ def _labels(parts: Sequence[Part], connections: Sequence[Wire]) -> list[int]:
 
 
 def _unit(
-    number: int, of: Sequence[int], parts: Sequence[Part], connections: Sequence[Wire], resolved: Resolved
-) -> Unit:
+    number: int, of: Sequence[int], parts: Sequence[OpenComponent], connections: Sequence[Wire], resolved: Resolved
+) -> MasterUnit:
     members = tuple(i for i, k in enumerate(of) if k == number)
     first = parts[members[0]]
     crossing = [i for i, c in enumerate(connections) if of[c.from_component] != of[c.to_component]]
     incoming = tuple(i for i in crossing if of[connections[i].to_component] == number)
     is_group = first.interface == "me"
-    return Unit(
+    return MasterUnit(
         name=" + ".join(parts[i].name for i in members),
         members=members,
         incoming=incoming,
@@ -132,11 +132,11 @@ def _unit(
 
 def _group(
     members: Sequence[int],
-    parts: Sequence[Part],
+    parts: Sequence[OpenComponent],
     connections: Sequence[Wire],
     incoming: Sequence[int],
     resolved: Resolved,
-) -> Group:
+) -> ModelExchangeGroup:
     place = {component: k for k, component in enumerate(members)}
     inner = tuple(
         replace(c, from_component=place[c.from_component], to_component=place[c.to_component])
@@ -153,7 +153,7 @@ def _group(
         components=tuple(p.component for p in mine),
         default_experiment=DefaultExperiment(),
     )
-    return Group(inner, joint_description(described, mine, seen), joint_ports(mine, seen))
+    return ModelExchangeGroup(inner, joint_description(described, mine, seen), joint_ports(mine, seen))
 
 
 def _direct(of: Sequence[int], connections: Sequence[Wire]) -> dict[int, frozenset[int]]:
