@@ -14,7 +14,7 @@ from workbench.build.units import base_unit
 
 
 @dataclass(frozen=True, slots=True)
-class BuiltExperiment:
+class DefaultExperiment:
     """FMI's default experiment [s]."""
 
     stop_time: float | None
@@ -30,7 +30,7 @@ class ModelDescriptionParts:
     order: Sequence[Assignment]
     token: str
     tool: str
-    experiment: BuiltExperiment
+    experiment: DefaultExperiment
     sources: Sequence[str]
     naming: str = "structured"  # FMI's variable naming convention
 
@@ -173,13 +173,13 @@ def _enumeration_name(model: ScalarModel, variable: ScalarVariable) -> str:
     return f"Enumeration{types.index(variable.literals) + 1}"
 
 
-def _default_experiment(root: ET.Element, experiment: BuiltExperiment) -> None:
+def _default_experiment(root: ET.Element, experiment: DefaultExperiment) -> None:
     attributes = {"startTime": "0", "tolerance": repr(experiment.tolerance)}
     if experiment.stop_time is not None:
         attributes["stopTime"] = repr(experiment.stop_time)
     if experiment.interval is not None:
         attributes["stepSize"] = repr(experiment.interval)
-    ET.SubElement(root, "BuiltExperiment", attributes)
+    ET.SubElement(root, "DefaultExperiment", attributes)
 
 
 def _number(variable_type: str, value: float) -> str:
