@@ -230,7 +230,7 @@ CHECKS = (
     Check(
         "figures: one is missed",
         ("numerical",),
-        {"workbench/reproduce/targets.toml": swap("value = 1.7501\n", "value = 1.7601\n")},
+        {"scripts/reproduce/targets.toml": swap("value = 1.7501\n", "value = 1.7601\n")},
         "example-2-1-working-point|1\\.7601",
         ONLY,
     ),

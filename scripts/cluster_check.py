@@ -79,7 +79,7 @@ def same() -> None:
             _told(name, ask(here), ask(there))
         studies = [wb.run_study("study:elevator_law", store=None, scheduler=s) for s in (None, cluster)]
         _told("run", *studies)
-        from workbench.reproduce.request import reproduce  # noqa: PLC0415
+        from scripts.reproduce.request import reproduce  # noqa: PLC0415
 
         _told("reproduce", *(reproduce(["rate-crossings"], workers=w) for w in (wb.Workers(jobs=1), there)))
 

@@ -30,7 +30,7 @@ SLOW = 30  # a test that takes longer is of no use here [s]
 
 # What looks at text, pictures, pages, builds and platforms: slow, and others run the same numerical lines.
 ELSEWHERE = (
-    *("ui_", "docs", "docstring", "examples", "release", "report", "notebook", "zoo", "reproduce", "command_examples"),
+    *("ui_", "docs", "docstring", "examples", "release", "report", "notebook", "zoo", "command_examples"),
     *("build_", "toolchain", "compile", "kernel_sanitizers", "interrupts", "endings", "cluster", "cli_comp"),
     *("foreign_text", "contributing", "layers", "workers_", "wall", "planting", "plot_", "runtime_", "aircraft"),
 )

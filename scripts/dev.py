@@ -5,6 +5,7 @@
     python3 scripts/dev.py test       lint, types, documentation, tests (--quick: those that take four minutes), or only
                                       the named ones: lint, types, docs, tests, tests/test_loop.py …
     python3 scripts/dev.py all        test, numerical, build --check, and the published figures: what CI does
+    python3 scripts/dev.py reproduce  the published figures, measured now (CHAPTER …, --json PATH, --report PATH)
     python3 scripts/dev.py upgrade    move requirements.lock to the newest versions (of PACKAGE …), if all of that holds
     python3 scripts/dev.py checks     plant a fault for each check of `all` and see that it is noticed
     python3 scripts/dev.py numerical  the numerical tests and published figures in the arithmetic of another processor
@@ -65,7 +66,7 @@ QUICK = 2 * 220.0  # [s]
 PARTS = ("lint", "types", "docs", "tests")
 LINT = (("ruff", "check", "."), ("ruff", "format", "--check", "."))
 ASIDE = {"types": ("mypy",), "docs": ("mkdocs", "build", "--strict")}  # one process each
-FIGURES = ("workbench", "reproduce")
+FIGURES = ("scripts.reproduce",)
 
 # Compiles the inner loop where its C sources have changed since; an installation compiles it, too. And the modules:
 # many processes that start at once would all do it.
@@ -84,7 +85,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     for name, function in COMMANDS.items():
-        commands.add_parser(name, help=(function.__doc__ or "").splitlines()[0])
+        own = name != "reproduce"  # which reads its words itself
+        commands.add_parser(name, help=(function.__doc__ or "").splitlines()[0], add_help=own)
     words = f"{', '.join(PARTS)}, or files with tests; by default all"
     commands.choices["test"].add_argument("parts", nargs="*", metavar="PART", help=words)
     versions = commands.choices["test"].add_mutually_exclusive_group()
@@ -103,7 +105,11 @@ def main() -> int:
     commands.choices["mutants"].add_argument("--count", type=int, default=300, help="how many changes are tried")
     commands.choices["mutants"].add_argument("--record", action="store_true", help="first record which tests run what")
     commands.choices["faults"].add_argument("areas", nargs="*", help="nfr, lin, reduction, …; by default all")
-    arguments = parser.parse_args()
+    arguments, words = parser.parse_known_args()
+    if arguments.command == "reproduce":
+        arguments.words = words
+    elif words:
+        parser.error(f"unrecognized arguments: {' '.join(words)}")
     if sys.version_info < (3, 11):  # noqa: UP036 - it is run by whatever Python the newcomer has
         return _complain(f"needs Python 3.11 or newer, this is {sys.version.split()[0]}")
     try:
@@ -304,6 +310,19 @@ def faults(areas: Sequence[str] = ()) -> int:
     return subprocess.call([LOCKED.python, "scripts/plant_faults.py", *areas], cwd=ROOT)
 
 
+def reproduce(words: Sequence[str] = ()) -> int:
+    """Measure the published figures now, all or those of a chapter, and compare.
+
+    Args:
+        words: chapters, figures, targets, and options: `--help` shows them.
+    """
+    _ensure_installed()
+    # Read where it was called: files are named from there.
+    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    settings = {"OPENBLAS_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
+    return subprocess.call([LOCKED.python, "-m", FIGURES[0], *words], env=settings)
+
+
 def build(*, check: bool = False, place: Environment = LOCKED) -> int:
     """Rebuild the bundled FMUs from modelica_src/ into fmus/.
 
@@ -373,6 +392,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "checks": checks,
     "mutants": mutants,
     "faults": faults,
+    "reproduce": reproduce,
     "build": build,
     "release": release,
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Does `workbench reproduce` notice a fault? Plant some, one at a time, and see.
+"""Does `dev.py reproduce` notice a fault? Plant some, one at a time, and see.
 
     python scripts/plant_faults.py                 all faults of scripts/faults.toml, each with the targets it names
     python scripts/plant_faults.py nfr models      those of some areas
@@ -26,7 +26,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from scripts.planting import ROOT, run_planted
-from workbench.reproduce.targets import MISSED
+from scripts.reproduce.targets import MISSED
 
 PACKAGE = ROOT / "workbench"
 FILE = Path(__file__).with_name("faults.toml")
@@ -103,7 +103,7 @@ def missed_with(fault: Fault | None, words: Sequence[str]) -> list[str]:
     """
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "found.json"
-        command = ["-m", "workbench", "reproduce", *words, "--in-process", "--json", str(out)]
+        command = ["-m", "scripts.reproduce", *words, "--in-process", "--json", str(out)]
         file, text = (None, "") if fault is None else (fault.file, fault.text())
         try:
             done = run_planted(command, file, text, timeout=LONGEST)

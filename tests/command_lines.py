@@ -106,7 +106,6 @@ LINES = {
     "onset": ("system:pitch_rate_limit --input stick --limiter limiter --amplitude 0.1,1.1", ""),
     "bla": (f"{LAG_FMU} --input u --output y --rms 1,2 --band 0.1:1 --realisations 2", "words"),
     "fit": ("response.csv --max-order 4", ""),
-    "reproduce": ("fig31 --list", "targets"),
     "blocks": ("relay", "blocks"),
     "build": ("Lag.mo --out Lag.fmu --fmi 3", "files"),
     "compile": (f"{LAG_FMU} --out made.fmu", "binaries"),

@@ -13,8 +13,8 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from scripts.reproduce.targets import PublishedTarget
 from workbench.core.records.record import spelled_out
-from workbench.reproduce.targets import PublishedTarget
 from workbench.response.compare.measures import Measure
 from workbench.response.compare.result import Motion
 from workbench.response.compare.units import DisplayedUnit

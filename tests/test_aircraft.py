@@ -14,10 +14,10 @@ from scripts.aircraft import check
 from scripts.aircraft.data import POINTS
 from scripts.aircraft.figures import transfer, unstable
 from scripts.aircraft.problem import prior_aircraft
+from scripts.reproduce.targets import read_targets
 from tests.random_systems import pole_error
 from workbench.core.values.arrays import Floats
 from workbench.model import Model
-from workbench.reproduce.targets import read_targets
 
 SURFACES = ("elevator", "inner_aileron", "outer_aileron")
 MOVED = {"elevator": 0.3, "inner_aileron": -0.2, "outer_aileron": 0.1, "outer_aileron_moment": 50.0, "gust": 5.0}

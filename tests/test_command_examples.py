@@ -29,7 +29,6 @@ SLOW = {
     "identify",
     "run",
     "envelope",
-    "reproduce",
     "build",
     "compile",
 }

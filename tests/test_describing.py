@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scripts.reproduce.targets import read_targets
 from tests.test_validate_overlay import measured
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
@@ -16,7 +17,6 @@ from workbench.loops.describing.describe import STANDARD, describing_function, s
 from workbench.loops.describing.formulas import FormulaBlock, relay
 from workbench.loops.describing.measured import MeasuredBlock
 from workbench.loops.describing.static import StaticBlock, find_levels, pointwise
-from workbench.reproduce.targets import read_targets
 from workbench.system.connect import connect
 from workbench.system.load import load
 

@@ -12,6 +12,7 @@ import control
 import numpy as np
 import pytest
 
+from scripts.reproduce.targets import read_targets
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.errors import InputError
 from workbench.limit_cycles.feedback.actuator import wrapped
@@ -22,7 +23,6 @@ from workbench.limit_cycles.feedback.plant import linear, standing
 from workbench.limit_cycles.feedback.request import feedback
 from workbench.limit_cycles.feedback.result import FeedbackResult
 from workbench.model.described_model import DescribedModel
-from workbench.reproduce.targets import read_targets
 from workbench.signals.kinds import Table
 from workbench.system.connect import connect
 from workbench.system.load import load

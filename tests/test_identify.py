@@ -11,8 +11,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import workbench as wb
+from scripts.reproduce.targets import read_targets
 from workbench.cli.app import run
-from workbench.reproduce.targets import read_targets
 from workbench.show.page import Page, PageTable, Section, write_page
 
 TARGETS = read_targets()

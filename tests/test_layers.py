@@ -29,7 +29,7 @@ ORDER = (
     ("build",),
     ("limit_cycles",),
     ("commands",),
-    ("reproduce", "study", "ui"),
+    ("study", "ui"),
     ("cli",),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(ORDER) for room in rooms}

@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scripts.chapter3 import Entry, main
+from scripts.reproduce.chapter3 import EXPERIMENTS, Example, examples, slopes
+from scripts.reproduce.chapter3 import linearised as linearised_as_published
+from scripts.reproduce.measurement import Reproduction
+from scripts.reproduce.targets import read_targets
 from tests.lin_fmus import fmu
 from workbench.model.load import load
 from workbench.point.lin.request import lin
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import Width
-from workbench.reproduce.chapter3 import EXPERIMENTS, Example, examples, slopes
-from workbench.reproduce.chapter3 import linearised as linearised_as_published
-from workbench.reproduce.measurement import Reproduction
-from workbench.reproduce.targets import read_targets
 
 EXAMPLES = examples()
 TARGETS = read_targets()
@@ -57,21 +56,6 @@ def test_slope_of_the_polynomial_in_closed_form(name: str) -> None:
     v = float(np.dot(C, example.x0) + D * example.u0)
     slope = 0.3 * v**2 + 2.0 * v + 1.0 + 0.1 * 0.05**2
     assert slopes(linearised_as_published(example)) == pytest.approx([slope] * 3, rel=1e-9)
-
-
-@pytest.mark.parametrize("places", [6, 7])
-def test_a_number_off_its_digits_is_told(places: int) -> None:
-    target = TARGETS["example-2-3-d"].model_copy(update={"absolute": 0.51 * 10.0**-places})
-    off = Entry(target, 1, 0.315277, 0.3152766667)
-    assert off.agrees == (places == 6)
-    assert off.word == ("ok" if places == 6 else "off")
-
-
-def test_the_table_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([]) == 0
-    printed = capsys.readouterr().out
-    assert "every published digit is met" in printed
-    assert "0.490115" in printed
 
 
 @pytest.mark.parametrize("x2", [0.45, 0.5])

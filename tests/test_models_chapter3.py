@@ -15,9 +15,9 @@ from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from scripts.reproduce.targets import read_targets
 from tests.platforms import needs_module
 from workbench.model.load import load
-from workbench.reproduce.targets import read_targets
 from workbench.response.simulate.request import simulate
 from workbench.session.point import ModelPoint
 from workbench.signals.kinds import Constant, Step

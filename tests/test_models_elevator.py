@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from scripts.reproduce.targets import read_targets
 from workbench.jobs.options import Workers
-from workbench.reproduce.targets import read_targets
 
 PERIOD = 0.022
 TARGETS = read_targets()

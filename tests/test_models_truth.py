@@ -12,8 +12,8 @@ import numpy.typing as npt
 import pytest
 from scipy.integrate import solve_ivp
 
+from scripts.reproduce.targets import read_targets
 from tests import rudder_reference as reference
-from workbench.reproduce.targets import read_targets
 
 rumoca = pytest.importorskip("rumoca", reason="not installed: pip install 'fmi-workbench[build]'")
 

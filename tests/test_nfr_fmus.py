@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from scripts.reproduce.targets import read_targets
 from tests.gemseo import gemseo_fmu, needs_gemseo
-from workbench.reproduce.targets import read_targets
 from workbench.response.nfr.result import NfrResult
 
 TARGETS = read_targets()

@@ -15,7 +15,7 @@ from scripts.covered import Test as CoveredTest
 from scripts.mutants import FOLDERS, equivalent, fresh, mutants_of
 from scripts.plant_faults import Fault, main, read_faults
 from scripts.planting import ROOT, run_planted
-from workbench.reproduce.select import select
+from scripts.reproduce.select import select
 
 PACKAGE = ROOT / "workbench"
 

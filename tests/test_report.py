@@ -80,7 +80,7 @@ def test_every_record_has_a_page_and_a_picture_or_says_that_there_is_none(kind: 
         assert kind.plot is not Reportable.plot or kind._picture
 
 
-# Made by `build` and `reproduce`, which the command line has.
+# Made by `build`, which the command line has, and by the script `reproduce`.
 NOT_PUBLIC = {"BuildResult", "BuiltModels", "ReproduceResult", "TargetList"}
 
 

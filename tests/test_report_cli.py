@@ -34,7 +34,7 @@ COMMANDS = {
     "limit-cycle from rest": ["limit-cycle", "loop.toml", "--block", "block", "--free-run", "30", "--set", "a.x=0.01"],
     "export of a system": ["export", "lags.toml", "--out", "out.fmu", "--step", "0.125"],
 }
-WITHOUT_FMU = {"identify", "export", "export of a system", "fit", "build", "compile", "reproduce", "blocks", "onset"}
+WITHOUT_FMU = {"identify", "export", "export of a system", "fit", "build", "compile", "blocks", "onset"}
 
 
 @pytest.fixture(scope="module")

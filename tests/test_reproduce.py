@@ -1,4 +1,4 @@
-"""`workbench reproduce`: what is quick is measured here, and that the check can fail."""
+"""The published figures: what is quick is measured here, and that the check can fail."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
+from scripts.reproduce import reproduce
+from scripts.reproduce.__main__ import reproduce_command
+from scripts.reproduce.measurement import Measured, Measurement, Picture
+from scripts.reproduce.registry import experiments
+from scripts.reproduce.result import ReproduceResult, TargetList, TargetResult, plain
+from scripts.reproduce.run import _runner
+from scripts.reproduce.targets import MET, MISSED, NOT_REACHABLE, parse_targets, read_targets
 from workbench.cli.app import run
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.options import Workers
-from workbench.reproduce import reproduce
-from workbench.reproduce.measurement import Measured, Measurement, Picture
-from workbench.reproduce.registry import experiments
-from workbench.reproduce.result import ReproduceResult, TargetList, TargetResult, plain
-from workbench.reproduce.run import _runner
-from workbench.reproduce.targets import MET, MISSED, NOT_REACHABLE, parse_targets, read_targets
 
 HERE = Workers(in_process=True)
 # Measured by no other test, and in well under a second each.
@@ -45,7 +46,7 @@ def change(monkeypatch: pytest.MonkeyPatch) -> Changed:
         known = dict(experiments())
         known[name] = replace(known[name], measure=measure)
         for module in ("run", "work"):
-            monkeypatch.setattr(f"workbench.reproduce.{module}.experiments", lambda: MappingProxyType(known))
+            monkeypatch.setattr(f"scripts.reproduce.{module}.experiments", lambda: MappingProxyType(known))
 
     return put
 
@@ -95,7 +96,7 @@ def test_what_the_source_report_contradicts_is_not_reachable_and_says_why() -> N
 @pytest.mark.parametrize("module", ["chapter3", "chapter4", "chapter4_rudder"])
 def test_pictures_belong_to_figures_that_can_be_asked_for(module: str) -> None:
     targets = read_targets()
-    for experiment in import_module(f"workbench.reproduce.{module}").EXPERIMENTS:
+    for experiment in import_module(f"scripts.reproduce.{module}").EXPERIMENTS:
         named = {n for name in experiment.targets for n in targets[name].figures}
         for picture in experiment.measure().pictures:
             assert set(picture.figures) <= named, experiment.name
@@ -109,7 +110,7 @@ def test_a_wrong_measurement_is_missed_and_the_exit_code_says_so(
 ) -> None:
     change("rate feedback", lambda: Measurement(values(rate_crossings=6.0)))
     out = tmp_path / "out.json"
-    assert run(["reproduce", "fig51", "--in-process", "--json", str(out)]) == 1
+    assert reproduce_command(["fig51", "--in-process", "--json", str(out)]) == 1
     assert "rate-crossings: 5 asked for; 6 measured, outside 5 (exact)" in capsys.readouterr().out
     found = json.loads(out.read_text(encoding="utf-8"))
     assert {t["name"]: t["passed"] for t in found["targets"]} == {
@@ -167,7 +168,7 @@ def test_what_was_measured_before_an_interrupt_is_kept(change: Changed, tmp_path
 
     change("example 2-5", interrupt)  # the experiments of this chapter run in their order
     out = tmp_path / "out.json"
-    assert run(["reproduce", "3.3", "--in-process", "--json", str(out)]) == 130
+    assert reproduce_command(["3.3", "--in-process", "--json", str(out)]) == 130
     found = json.loads(out.read_text(encoding="utf-8"))
     passed = {t["name"] for t in found["targets"] if t["passed"]}
     assert "example-2-1-c" in passed
@@ -222,7 +223,7 @@ def test_a_known_miss_alone_is_exit_code_0(change: Changed, code: int, tmp_path:
     edge = np.asarray(target.instead.high)
     change("widths of figure 31", lambda: Measurement({name: edge * 1.001 if code else edge}))
     out = tmp_path / "out.json"
-    assert run(["reproduce", name, "--in-process", "--json", str(out)]) == code
+    assert reproduce_command([name, "--in-process", "--json", str(out)]) == code
     found = json.loads(out.read_text(encoding="utf-8"))
     assert found["targets"][0]["verdict"] == MISSED
     assert found["targets"][0]["known"] == found["passed"] == (code == 0)
@@ -323,7 +324,7 @@ def test_many_numbers_are_a_range(measured: Measured, text: str) -> None:
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "pictures"
     files = ["--report", str(tmp_path / "p.html"), "--csv", str(tmp_path / "t.csv"), "--pictures", str(folder)]
-    assert run(["reproduce", "figure", "3", "hysteresis", "--in-process", "--json", "-", *files]) == 0
+    assert reproduce_command(["figure", "3", "hysteresis", "--in-process", "--json", "-", *files]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["command"] == "reproduce"
     assert {t["name"] for t in found["targets"]} > {"hysteresis", "example-2-1-c"}
@@ -335,9 +336,24 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (tmp_path / "t.csv").read_text(encoding="utf-8").startswith("name,chapter")
 
 
+def test_the_package_says_where_it_went(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["reproduce", "3.3"]) == 2
+    assert capsys.readouterr().err == (
+        "workbench: reproduce is now python scripts/dev.py reproduce, in the project's source\n"
+    )
+
+
+def test_its_lines_and_usage_are_those_of_the_script(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.html"
+    assert reproduce_command(["hysteresis", "--in-process", "--report", str(page)]) == 0
+    assert f"python scripts/dev.py reproduce hysteresis --in-process --report {page}" in page.read_text("utf-8")
+    assert reproduce_command(["--help"]) == 0
+    assert "python scripts/dev.py reproduce [OPTIONS]" in capsys.readouterr().out
+
+
 def test_list_measures_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("workbench.reproduce.run.perform", None)
-    assert run(["reproduce", "--list", "fig53"]) == 0
+    monkeypatch.setattr("scripts.reproduce.run.perform", None)
+    assert reproduce_command(["--list", "fig53"]) == 0
     printed = capsys.readouterr().out
     assert "position-gains" in printed
     assert "8 Aeroelastic aircraft" in printed
@@ -345,7 +361,7 @@ def test_list_measures_nothing(capsys: pytest.CaptureFixture[str], monkeypatch: 
 
 def test_without_words_all_targets_are_listed_and_read_back(tmp_path: Path) -> None:
     out = tmp_path / "targets.json"
-    assert run(["reproduce", "--list", "--json", str(out)]) == 0
+    assert reproduce_command(["--list", "--json", str(out)]) == 0
     assert TargetList.read(out).targets == tuple(read_targets().values())
 
 
@@ -361,7 +377,7 @@ def test_without_words_all_targets_are_listed_and_read_back(tmp_path: Path) -> N
     ],
 )
 def test_command_refuses_in_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["reproduce", *arguments]) == 2
+    assert reproduce_command([*arguments]) == 2
     error = capsys.readouterr().err.strip().splitlines()
     assert len(error) == 1
     assert words in error[0]

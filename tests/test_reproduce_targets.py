@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from docs.tools.fitted import fitted_section, fitted_section_of
+from scripts.reproduce.registry import experiments
+from scripts.reproduce.select import select
+from scripts.reproduce.targets import PublishedTarget, parse_targets, read_targets
 from workbench.errors import InputError
-from workbench.reproduce.registry import experiments
-from workbench.reproduce.select import select
-from workbench.reproduce.targets import PublishedTarget, parse_targets, read_targets
 
 TARGETS = read_targets()
 WHOLE = '[a]\nchapter = "3"\nwhat = "w"\nbasis = "predicted"\n'
@@ -46,7 +46,7 @@ def test_names_stand_in_the_order_of_the_chapters() -> None:
 
 def test_no_target_or_tolerance_stands_in_the_code_that_measures() -> None:
     """A number that is published with four digits or more is not written down again beside the measurement."""
-    folder = Path(__file__).resolve().parents[1] / "workbench" / "reproduce"
+    folder = Path(__file__).resolve().parents[1] / "scripts" / "reproduce"
     code = "\n".join(p.read_text(encoding="utf-8") for p in folder.glob("*.py"))
     written = set(re.findall(r"(?<![\w.])\d+\.?\d*(?:e-?\d+)?", code))
     for target in TARGETS.values():
@@ -109,7 +109,7 @@ def test_a_missing_key_is_named() -> None:
 
 def test_the_tolerance_of_a_printed_number_is_half_of_its_last_digit_or_says_why() -> None:
     """At most 0.51 of the last digit that stands in the file; else the note says why."""
-    text = (Path(__file__).parents[1] / "workbench" / "reproduce" / "targets.toml").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[1] / "scripts" / "reproduce" / "targets.toml").read_text(encoding="utf-8")
     for name, target in TARGETS.items():
         if target.origin != "printed" or target.value is None or target.note is not None:
             continue

@@ -14,7 +14,7 @@ from workbench.cli.app import run
 from workbench.commands import REQUESTS
 
 # Commands that run no FMU.
-WITHOUT = {"identify", "fit", "reproduce", "blocks", "build", "compile", "export"}
+WITHOUT = {"identify", "fit", "blocks", "build", "compile", "export"}
 RATE_LIMITED = """
 [components]
 lag = "fmu:FirstOrderLag"

@@ -7,7 +7,7 @@ from typing import Any
 from workbench.core.records.named import named
 from workbench.requests.request import Request
 
-__all__ = ["REQUESTS", "request_of"]
+__all__ = ["MOVED", "REQUESTS", "request_of"]
 
 # In the order of a working day; those that are not analyses have packages of their own.
 REQUESTS = {
@@ -31,12 +31,14 @@ REQUESTS = {
     "identify": "identification.structures.request:IdentifyCommand",
     "bla": "data.bla.request:BlaCommand",
     "fit": "identification.fit.request:Fit",
-    "reproduce": "reproduce.request:ReproduceCommand",
     "blocks": "health.blocks.request:Blocks",
     "build": "build.request:Build",
     "compile": "build.request:Compile",
     "export": "build.request:Export",
 }
+
+# What was a command → where it is now.
+MOVED = {"reproduce": "python scripts/dev.py reproduce, in the project's source"}
 
 
 def request_of(command: str) -> type[Request[Any, Any]]:

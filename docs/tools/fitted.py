@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-from workbench.reproduce.targets import read_targets
+from scripts.reproduce.targets import read_targets
 
 __all__ = ["fitted_section", "fitted_section_of"]
 
@@ -17,7 +17,7 @@ _HEADING = "## Fitted to the source report"
 _SECTION = re.compile(rf"^{_HEADING}\n.*?(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 _FOLDER = Path(__file__).resolve().parents[2] / "modelica_src"
 _WORDS = """That these are met says that the fit still holds, not that the model is right; written by
-`python -m docs.tools.fitted` from the data file of `workbench reproduce`."""
+`python -m docs.tools.fitted` from the data file of `dev.py reproduce`."""
 
 
 def fitted_section(model: str) -> str:

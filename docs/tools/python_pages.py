@@ -27,7 +27,7 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ),
     ("identification", "Identification", ("data", "identification")),
     ("systems", "Systems", ("system", "health.blocks", "health.delays", "loops.onset")),
-    ("studies", "Studies, reports, health", ("study", "reproduce", "show", "health.check", "health.info")),
+    ("studies", "Studies, reports, health", ("study", "show", "health.check", "health.info")),
     ("building", "Building FMUs", ("build",)),
     ("further", "Further names", ("core", "requests")),
 )  # fmt: skip

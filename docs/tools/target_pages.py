@@ -1,22 +1,22 @@
-"""The page of the published figures, generated from the file that tests and `workbench reproduce` read."""
+"""The page of the published figures, generated from the file that tests and `dev.py reproduce` read."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from workbench.reproduce.targets import PublishedTarget, read_targets
+from scripts.reproduce.targets import PublishedTarget, read_targets
 
 __all__ = ["targets_page"]
 
 _INTRODUCTION = """# Published figures
 
 Every figure of the source report that the bundled FMUs are compared with, with its tolerance, from the one file that
-tests, scripts and [`workbench reproduce`](commands/reproduce.md) read. *Printed*: a number of the source report;
+tests, scripts and [`dev.py reproduce`](../methods/reproduction.md) read. *Printed*: a number of the source report;
 *described*: its words, the limits are our reading; *asked*: a bound of our own where the source report gives no number.
 *Predicted*: it could have come out otherwise; *fitted*: data of a bundled model were chosen to give it; *structural*:
 it follows from how the model is made, or is a printed number that the model was given. Where digits are printed, the
 tolerance is half of the last one, or the note says why not. What is measured today is not on this page, but for targets
-that are not met: run `workbench reproduce`.
+that are not met: run `dev.py reproduce`.
 """
 
 

@@ -1,7 +1,7 @@
 """Every figure of chapter 8, target and achieved, on the bundled FMUs.
 
-Measured by means of its own (eigenvalues, bisection, a plain scan), so that `workbench reproduce 8`, which uses the
-public analyses, has something to be compared with. The targets are the same: workbench/reproduce/targets.toml.
+Measured by means of its own (eigenvalues, bisection, a plain scan), so that `dev.py reproduce 8`, which uses the
+public analyses, has something to be compared with. The targets are the same: scripts/reproduce/targets.toml.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 import workbench as wb
 from scripts.aircraft.figures import crossings, edges, frequency, peak, switches, transfer, unstable
+from scripts.reproduce.targets import PublishedTarget, read_targets
 from workbench.core.values.arrays import Floats
-from workbench.reproduce.targets import PublishedTarget, read_targets
 
 SYSTEMS = Path(__file__).resolve().parents[2] / "systems"
 GRAVITY = 9.80665
@@ -54,7 +54,7 @@ class Figure:
 
 
 def figure(name: str, achieved: float | Sequence[float]) -> Figure:
-    """Return what was achieved beside the target of that name in workbench/reproduce/targets.toml."""
+    """Return what was achieved beside the target of that name in scripts/reproduce/targets.toml."""
     target = read_targets()[name]
     return Figure(f"{name}: {target.what}", achieved, target)
 

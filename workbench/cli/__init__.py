@@ -6,10 +6,20 @@ import signal
 import sys
 from collections.abc import Sequence
 
+TYPE_CHECKING = False  # as type checkers know it: until Ctrl-C is heard, little is imported
+if TYPE_CHECKING:
+    from typing import Any
+
+    from workbench.requests.request import Request
+
 __all__ = ["main"]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main(
+    arguments: Sequence[str] | None = None,
+    own: type[Request[Any, Any]] | None = None,
+    called: str = "workbench",
+) -> None:
     """Run the program and end the process with its exit code.
 
     0 done, 1 a point failed, 2 bad input, or standard output did not take all (one line on standard error), 128 + a
@@ -17,6 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     Args:
         arguments: in place of the process's own.
+        own: request of a command that is not one of the package's; None: all of these.
+        called: how the program is called, as in a shell.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the program is there, Ctrl-C ends it without a traceback
@@ -29,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     interrupt.insist_on_interrupts()
     interrupt.listen_for_endings()
     try:
-        code = app.run(arguments)
+        code = app.run(arguments, own, called)
     except KeyboardInterrupt:  # once more, while it was told
         code = interrupt.exit_code()
     interrupt.ignore_endings()  # what is left is to clean up

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import typer
 
@@ -11,10 +12,11 @@ from workbench.cli import command_line as asked
 from workbench.cli import notes
 from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
 from workbench.cli.program import completing, options_of, program, said
-from workbench.commands import REQUESTS, request_of
-from workbench.errors import WorkbenchError, one_line
+from workbench.commands import MOVED, REQUESTS, request_of
+from workbench.errors import InputError, WorkbenchError, one_line
 from workbench.jobs.end_signals import INTERRUPTED
 from workbench.jobs.options import InWorker
+from workbench.requests.request import Request
 
 __all__ = ["BAD_INPUT", "run"]
 
@@ -24,22 +26,28 @@ BAD_INPUT = 2
 _NEEDS_NONE = {"-h", "--help", "--in-process", "--scheduler", "--confine", "--memory-limit", "--store"}
 
 
-def run(arguments: Sequence[str] | None = None) -> int:
+def run(
+    arguments: Sequence[str] | None = None,
+    own: type[Request[Any, Any]] | None = None,
+    called: str = "workbench",
+) -> int:
     """Run the program and return its exit code.
 
     Args:
         arguments: in place of the process's own.
+        own: request of a command that is not one of the package's; None: all of these.
+        called: how the program is called, as in a shell.
     """
     notes.drop()
     words = sys.argv[1:] if arguments is None else arguments
     begun = completing()
     name = next((w for w in begun[1:] or words if not w.startswith("-")), None)
     try:
-        if not begun:
+        if not begun and own is None:
             _expect(name, words)
-        command = program(name)
-        asked.keep(arguments, options_of(command, name))
-        code = command.main(list(arguments) if arguments is not None else None, "workbench", standalone_mode=False)
+        command = program(name, own)
+        asked.keep(arguments, options_of(command, name), called)
+        code = command.main(list(arguments) if arguments is not None else None, called, standalone_mode=False)
     except typer.TyperException as error:
         # Called without a command it shows the help, which the error then carries as its text.
         message = said(error)
@@ -63,7 +71,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _expect(name: str | None, words: Sequence[str]) -> None:
-    """Start the worker process that a command will need while the command line is read."""
+    """Start the worker process that a command will need while the command line is read; an old name ends it here."""
+    if name in MOVED:
+        raise InputError(f"{name} is now {MOVED[name]}")
     given = {word.partition("=")[0] for word in words}
     if name is None or not _NEEDS_NONE.isdisjoint(given):
         return

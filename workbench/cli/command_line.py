@@ -9,18 +9,21 @@ from collections.abc import Mapping, Sequence
 
 __all__ = ["command_line", "complaint", "keep", "spoken", "was_given"]
 
-_arguments: list[str] = []  # of the one command that a process runs
+_arguments: list[str] = []  # of the one command that a process runs, behind the program's name
+_called = ["workbench"]
 _options: dict[str, str] = {}  # of that command: name in Python → on the command line
 _NAME = re.compile(r"(?<![\w.'\"/=-])[a-z]+(?:_[a-z]+)+(?![\w.(])")  # not in quotes: those are names of variables
 
 
-def keep(arguments: Sequence[str] | None, options: Mapping[str, str] | None = None) -> None:
+def keep(arguments: Sequence[str] | None, options: Mapping[str, str] | None = None, called: str = "workbench") -> None:
     """Keep the arguments of the command that is about to run, and what its options are called.
 
     Args:
         arguments: None: the process's own.
         options: name in Python → on the command line.
+        called: how the program is called.
     """
+    _called[:] = [called]
     _arguments[:] = sys.argv[1:] if arguments is None else arguments
     _options.clear()
     _options.update(options or {})
@@ -47,7 +50,7 @@ def complaint(message: str) -> str:
 
 def command_line() -> str:
     """Return the line that runs the command again."""
-    return shlex.join(["workbench", *_arguments])
+    return f"{_called[0]} {shlex.join(_arguments)}"
 
 
 def was_given(option: str) -> bool:

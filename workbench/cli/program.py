@@ -19,12 +19,13 @@ from workbench import __version__
 from workbench.commands import REQUESTS, request_of
 from workbench.core.records.named import named
 from workbench.errors import one_line
+from workbench.requests.request import Request
 
 __all__ = ["COMMANDS", "command_of", "completing", "function_of", "options_of", "program", "said"]
 
 _FUNCTIONS = {"run": "cli.run:run", "ui": "cli.ui:ui"}
 # Of requests, and of functions that typer calls.
-COMMANDS = (*(name for one in REQUESTS for name in (("run", one) if one == "reproduce" else (one,))), "ui")
+COMMANDS = (*(name for one in REQUESTS for name in (("run", one) if one == "blocks" else (one,))), "ui")
 
 
 _WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses
@@ -41,11 +42,12 @@ class _Command(typer.core.TyperCommand):
         return [re.sub(r"^\{(.*)\}(\.\.\.)?$", r"\1", piece) for piece in super().collect_usage_pieces(ctx)]
 
 
-def program(name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a group is not public
+def program(name: str | None, own: type[Request[Any, Any]] | None = None) -> Any:  # noqa: ANN401 - typer's own class of a group is not public
     """Return the program with one command alone; if there is none of that name, with the help of all of them.
 
     Args:
         name: of the command.
+        own: request of a command that is not one of the package's; None: it is.
     """
     app = typer.Typer(
         name="workbench",
@@ -57,8 +59,8 @@ def program(name: str | None) -> Any:  # noqa: ANN401 - typer's own class of a g
         pretty_exceptions_enable=False,
     )
     app.callback()(_options)
-    if name in COMMANDS:
-        app.command(name, cls=_Command)(function_of(name))
+    if own is not None or name in COMMANDS:
+        app.command(name, cls=_Command)(function_of(str(name), own))
         return typer.main.get_command(app)
     for other in COMMANDS:
         app.command(other)(_words(other))
@@ -72,13 +74,14 @@ def completing() -> list[str]:
     return (os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or "workbench").split()
 
 
-def function_of(name: str) -> Callable[..., int | None]:
+def function_of(name: str, own: type[Request[Any, Any]] | None = None) -> Callable[..., int | None]:
     """Return the command as typer takes it.
 
     Args:
         name: of the command.
+        own: see `program`.
     """
-    found: Callable[..., Any] = _declared(name)
+    found: Callable[..., Any] = own or _declared(name)
     if not isinstance(found, type):
         return found
     from workbench.cli.derive import command

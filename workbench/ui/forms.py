@@ -19,9 +19,7 @@ __all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "reques
 
 # Commands that a model's page offers, in their order; the others take files of data, or write FMUs.
 MEASURED = tuple(
-    name
-    for name in REQUESTS
-    if name not in {"info", "identify", "reproduce", "build", "compile", "export", "compare", "envelope"}
+    name for name in REQUESTS if name not in {"info", "identify", "build", "compile", "export", "compare", "envelope"}
 )
 
 OFFERED = (*MEASURED, "info")  # what is begun for a browser

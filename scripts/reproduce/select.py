@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
+from scripts.reproduce.targets import PublishedTarget, read_targets
 from workbench.errors import InputError, suggest
-from workbench.reproduce.targets import PublishedTarget, read_targets
 
 __all__ = ["select"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
+from scripts.reproduce.drawings import titled
+from scripts.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.limit_cycles.feedback.request import feedback
 from workbench.limit_cycles.feedback.result import FeedbackResult, SettlingStudy
-from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.system.load import load
 
 __all__ = ["EXPERIMENTS"]

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from scripts.reproduce.drawings import titled
+from scripts.reproduce.measurement import Measurement, Picture, Reproduction
+from scripts.reproduce.published_rule import largest_jump, published_response
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import decibels, degrees
 from workbench.jobs.options import Workers
 from workbench.point.lin.request import lin
 from workbench.point.lin.result import LinResult
-from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Measurement, Picture, Reproduction
-from workbench.reproduce.published_rule import largest_jump, published_response
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
 from workbench.response.simulate.picture import time_history

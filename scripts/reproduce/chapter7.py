@@ -8,6 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from scripts.reproduce.drawings import draw_steps, titled
+from scripts.reproduce.identification import SEEDS, rudder
+from scripts.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.core.values.decibels import difference
 from workbench.data.excite.prbs import PrbsDesign
 from workbench.data.excite.request import excite
@@ -22,9 +25,6 @@ from workbench.point.lin.result import LinResult
 from workbench.point.lin.step_check import StepCheck, step_check
 from workbench.point.trim.request import trim
 from workbench.point.trim.result import TrimResult
-from workbench.reproduce.drawings import draw_steps, titled
-from workbench.reproduce.identification import SEEDS, rudder
-from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
 from workbench.system.load import load

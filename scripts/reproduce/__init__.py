@@ -1,4 +1,4 @@
-"""The source report's figures, measured now from the bundled FMUs: `workbench reproduce`.
+"""The source report's figures, measured now from the bundled FMUs: `python scripts/dev.py reproduce`.
 
 Targets and tolerances stand in `targets.toml`, once; what measures them in a file for each chapter, found through
 `registry`. Nothing there knows a target's number. Names are loaded when they are first used: a

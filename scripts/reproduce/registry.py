@@ -7,7 +7,7 @@ from functools import cache
 from importlib import import_module
 from types import MappingProxyType
 
-from workbench.reproduce.measurement import Reproduction
+from scripts.reproduce.measurement import Reproduction
 
 __all__ = ["MODULES", "experiments"]
 
@@ -30,5 +30,5 @@ MODULES = (
 @cache
 def experiments() -> Mapping[str, Reproduction]:
     """Return all experiments by name, in the order of the source report."""
-    found = [e for module in MODULES for e in import_module(f"workbench.reproduce.{module}").EXPERIMENTS]
+    found = [e for module in MODULES for e in import_module(f"scripts.reproduce.{module}").EXPERIMENTS]
     return MappingProxyType({e.name: e for e in found})

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from scripts.reproduce.chapter8_simulated import CLOSES, PULSE
+from scripts.reproduce.drawings import titled
+from scripts.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.limit_cycles.feed_forward.design_step import FilterStep
 from workbench.limit_cycles.feed_forward.request import feed_forward
 from workbench.limit_cycles.feed_forward.result import FeedForwardResult
 from workbench.limit_cycles.feed_forward.weighting import WEIGHTINGS
-from workbench.reproduce.chapter8_simulated import CLOSES, PULSE
-from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.system.load import load
 
 __all__ = ["EXPERIMENTS"]

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from scripts.reproduce.drawings import draw_loop, draw_secants, draw_steps, titled
+from scripts.reproduce.measurement import Measured, Measurement, Picture, Reproduction
 from workbench.core.values.arrays import Floats
 from workbench.point.lin.picture import plot_curves
 from workbench.point.lin.request import lin
 from workbench.point.lin.result import LinResult
-from workbench.reproduce.drawings import draw_loop, draw_secants, draw_steps, titled
-from workbench.reproduce.measurement import Measured, Measurement, Picture, Reproduction
 from workbench.response.simulate.request import simulate
 from workbench.signals.kinds import Constant, Sine, Table
 from workbench.system.load import load

@@ -8,6 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
+from scripts.reproduce.drawings import titled
+from scripts.reproduce.measurement import Measurement, Picture, Reproduction
+from scripts.reproduce.targets import read_targets
 from workbench.core.values.poles import damped_frequency_hz
 from workbench.fmi.variable import Value
 from workbench.jobs.options import Workers
@@ -17,9 +20,6 @@ from workbench.loops.describing.describe import describing_function
 from workbench.loops.nyquist.picture import plot_nyquist
 from workbench.loops.nyquist.result import Crossing
 from workbench.point.lin.request import lin
-from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Measurement, Picture, Reproduction
-from workbench.reproduce.targets import read_targets
 from workbench.response.simulate.request import simulate
 from workbench.signals.kinds import Constant
 from workbench.system.description import FmuComponent

@@ -12,7 +12,7 @@ from workbench.jobs.options import Workers
 from workbench.requests.request import Request, Subject, function
 
 if TYPE_CHECKING:
-    from workbench.reproduce.result import ReproduceResult, TargetList
+    from scripts.reproduce.result import ReproduceResult, TargetList
 
 __all__ = ["Reproduce", "ReproduceCommand", "reproduce"]
 
@@ -40,8 +40,8 @@ class Reproduce(Request[Sequence[str], "ReproduceResult"]):
     """
 
     command = "reproduce"
-    algorithm = "workbench.reproduce.run:run"
-    example = "workbench reproduce figure 48 --report page.html"
+    algorithm = "scripts.reproduce.run:run"
+    example = "python scripts/dev.py reproduce figure 48 --report page.html"
     subject = Subject(
         name="selection",
         type="Sequence[str]",
@@ -91,7 +91,7 @@ class ReproduceCommand(Reproduce):
     Each is met, missed, or not reachable for a reason in the source report itself.
     """
 
-    algorithm = "workbench.reproduce.run:run_command"
+    algorithm = "scripts.reproduce.run:run_command"
 
     _: KW_ONLY
     only_list: bool = option("Show targets and tolerances; measure nothing.", flag="--list", default=False)

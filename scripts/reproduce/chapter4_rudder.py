@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from scripts.reproduce.drawings import titled
+from scripts.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.core.values.decibels import degrees
 from workbench.jobs.options import Workers
-from workbench.reproduce.drawings import titled
-from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
 from workbench.response.simulate.picture import time_history

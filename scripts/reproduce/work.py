@@ -9,10 +9,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from scripts.reproduce.measurement import Picture
+from scripts.reproduce.registry import experiments
+from scripts.reproduce.result import Drawing, plain
 from workbench.errors import WorkbenchError, one_line
-from workbench.reproduce.measurement import Picture
-from workbench.reproduce.registry import experiments
-from workbench.reproduce.result import Drawing, plain
 
 __all__ = ["ExperimentJob", "Found", "perform"]
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from scripts.reproduce.measurement import Measurement, Picture, Reproduction
+from scripts.reproduce.targets import read_targets
 from workbench.core.values.arrays import Floats
-from workbench.reproduce.measurement import Measurement, Picture, Reproduction
-from workbench.reproduce.targets import read_targets
 from workbench.response.simulate.request import simulate
 from workbench.response.simulate.result import SimulationResult
 from workbench.response.simulate.zero_crossings import rising_passes

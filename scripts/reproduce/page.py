@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import IO, TYPE_CHECKING, cast
 
+from scripts.reproduce.targets import MISSED, NOT_REACHABLE, VERDICTS, PublishedTarget
 from workbench.fmi.bundled import bundled_names, bundled_path
 from workbench.model.recipe import content_hash
-from workbench.reproduce.targets import MISSED, NOT_REACHABLE, VERDICTS, PublishedTarget
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, sentence
 from workbench.show.verdicts import Verdict
@@ -17,7 +17,7 @@ from workbench.show.verdicts import Verdict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from workbench.reproduce.result import Drawing, ReproduceResult, TargetList, TargetResult
+    from scripts.reproduce.result import Drawing, ReproduceResult, TargetList, TargetResult
 
 __all__ = ["TITLES", "reproduce_page", "targets_page"]
 

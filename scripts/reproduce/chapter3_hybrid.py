@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from scripts.reproduce.measurement import Measurement, Reproduction
 from workbench.point.lin.request import lin
-from workbench.reproduce.measurement import Measurement, Reproduction
 from workbench.system.connect import connect
 from workbench.system.description import Connection
 from workbench.system.load import load

@@ -7,18 +7,18 @@ from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
+from scripts.reproduce.registry import experiments
+from scripts.reproduce.request import Reproduce, ReproduceCommand
+from scripts.reproduce.result import ReproduceResult, TargetList, TargetResult
+from scripts.reproduce.select import select
+from scripts.reproduce.targets import PublishedTarget
+from scripts.reproduce.work import ExperimentJob, Found, perform
 from workbench.errors import InputError
 from workbench.jobs.job import Job as RequestJob
 from workbench.jobs.limits import cores
 from workbench.jobs.options import Workers
 from workbench.jobs.runner import Lost, Runner
 from workbench.jobs.runner_choice import runner_for
-from workbench.reproduce.registry import experiments
-from workbench.reproduce.request import Reproduce, ReproduceCommand
-from workbench.reproduce.result import ReproduceResult, TargetList, TargetResult
-from workbench.reproduce.select import select
-from workbench.reproduce.targets import PublishedTarget
-from workbench.reproduce.work import ExperimentJob, Found, perform
 
 __all__ = ["run", "run_command"]
 

@@ -6,15 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.data.excite.result import ExciteResult
-from workbench.data.experiment.experiment import Experiment as Record
-from workbench.data.spectra.coherence import Coherence, coherence
-from workbench.data.spectra.density import sdf
-from workbench.identification.identify.request import identify
-from workbench.identification.identify.result import IdentifyResult
-from workbench.identification.validate.fit import ERROR_FIGURES, error_figure
-from workbench.reproduce.drawings import titled
-from workbench.reproduce.identification import (
+from scripts.reproduce.drawings import titled
+from scripts.reproduce.identification import (
     SEEDS,
     SEGMENTS,
     a_gain,
@@ -26,8 +19,15 @@ from workbench.reproduce.identification import (
     outside,
     swept,
 )
-from workbench.reproduce.measurement import Measurement, Picture, Reproduction
-from workbench.reproduce.targets import read_targets
+from scripts.reproduce.measurement import Measurement, Picture, Reproduction
+from scripts.reproduce.targets import read_targets
+from workbench.data.excite.result import ExciteResult
+from workbench.data.experiment.experiment import Experiment as Record
+from workbench.data.spectra.coherence import Coherence, coherence
+from workbench.data.spectra.density import sdf
+from workbench.identification.identify.request import identify
+from workbench.identification.identify.result import IdentifyResult
+from workbench.identification.validate.fit import ERROR_FIGURES, error_figure
 
 __all__ = ["EXPERIMENTS"]
 

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from scripts.reproduce.targets import BASES, MET, MISSED, NOT_REACHABLE, VERDICTS, PublishedTarget
 from workbench.core.records.record import RecordPart, entry
-from workbench.reproduce.targets import BASES, MET, MISSED, NOT_REACHABLE, VERDICTS, PublishedTarget
 from workbench.show.result import Result
 
 __all__ = ["Drawing", "ReproduceResult", "TargetList", "TargetResult", "plain"]
@@ -145,7 +145,7 @@ class ReproduceResult(Result):
         interrupted: whether Ctrl-C ended it before all was measured.
     """
 
-    _page = "workbench.reproduce.page:reproduce_page"
+    _page = "scripts.reproduce.page:reproduce_page"
 
     outcomes: tuple[TargetResult, ...] = field(metadata=entry(key="targets"))
     drawings: tuple[Drawing, ...] = field(metadata=entry(key="pictures"))
@@ -221,7 +221,7 @@ class TargetList(Result):
         targets: in the order of the source report.
     """
 
-    _page = "workbench.reproduce.page:targets_page"
+    _page = "scripts.reproduce.page:targets_page"
 
     targets: tuple[PublishedTarget, ...] = field(metadata=entry(kept=False))
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from scripts.reproduce.identification import PERIOD
+from scripts.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, WidthComparison, study
+from scripts.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.jobs.options import Workers
 from workbench.point.lin.result import LinResult
-from workbench.reproduce.identification import PERIOD
-from workbench.reproduce.law_widths import ELEVATOR, FREQUENCIES, LAW, PUBLISHED, STICK, WidthComparison, study
-from workbench.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.response.nfr.request import nfr
 from workbench.response.simulate.request import simulate
 from workbench.show.figure import COLOURS, LEGEND, rows
