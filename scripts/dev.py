@@ -105,11 +105,11 @@ def main() -> int:
     commands.choices["mutants"].add_argument("--count", type=int, default=300, help="how many changes are tried")
     commands.choices["mutants"].add_argument("--record", action="store_true", help="first record which tests run what")
     commands.choices["faults"].add_argument("areas", nargs="*", help="nfr, lin, reduction, …; by default all")
-    arguments, words = parser.parse_known_args()
+    arguments, rest = parser.parse_known_args()
     if arguments.command == "reproduce":
-        arguments.words = words
-    elif words:
-        parser.error(f"unrecognized arguments: {' '.join(words)}")
+        arguments.words = rest
+    elif rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
     if sys.version_info < (3, 11):  # noqa: UP036 - it is run by whatever Python the newcomer has
         return _complain(f"needs Python 3.11 or newer, this is {sys.version.split()[0]}")
     try:
