@@ -89,7 +89,18 @@ def test_an_environment_is_made_anew_when_its_settings_change(
     assert made == [".venv", ".venv"]
 
 
-STEPS = ["ruff", "ruff", "eslint", "mypy", "mkdocs", "pytest", "pytest", "workbench", "build", "workbench"]
+STEPS = [
+    "ruff",
+    "ruff",
+    "eslint",
+    "mypy",
+    "mkdocs",
+    "pytest",
+    "pytest",
+    "scripts.reproduce",
+    "build",
+    "scripts.reproduce",
+]
 
 
 @pytest.mark.parametrize("failing", [*range(len(STEPS)), None])
