@@ -50,10 +50,6 @@ def same() -> None:
         rudder, aircraft = (stack.enter_context(wb.load(name)) for name in ("fmu:Rudder", "system:failed_aileron"))
         here, there = wb.Workers(in_process=True), wb.Workers(scheduler=cluster)
         rudder_loop = stack.enter_context(wb.load("system:rudder_loop"))
-        data = wb.excite(rudder, "delC", "del", prbs="amplitude=2", dt=0.02, samples=600, workers=here)
-        noisy = data.identification
-        noise = np.random.default_rng(1).normal(0.0, 0.02, noisy.y.shape)
-        noisy = wb.make_experiment(noisy.dt, noisy.u, noisy.y + noise)
         feedback: dict[str, Any] = {
             "source": "aircraft.outer_aileron_position",
             "target": "aircraft.inner_aileron",
@@ -73,7 +69,6 @@ def same() -> None:
             ),
             "feedback": lambda w: wb.feedback(aircraft, settle=True, workers=w, **feedback),
             "excite": lambda w: wb.excite(rudder, "delC", "del", prbs="amplitude=2", dt=0.02, samples=600, workers=w),
-            "identify, bootstrap": lambda w: wb.identify(noisy, bootstrap=60, workers=w),
         }
         for name, ask in asked.items():
             _told(name, ask(here), ask(there))

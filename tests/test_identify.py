@@ -66,13 +66,6 @@ def test_the_delay_of_the_advice_is_taken() -> None:
     assert result.model.undelayed().poles == pytest.approx([0.8], abs=0.02)
 
 
-def test_the_bootstrap_holds_the_pole() -> None:
-    result = wb.identify(lag(noise=0.1), order=1, bootstrap=60)
-    regions = result.own.bootstrap
-    assert regions is not None
-    assert regions.holds_all(np.array([0.8 + 0.0j]))
-
-
 def test_a_single_sine_is_refused_for_more_than_two_orders() -> None:
     t = 0.01 * np.arange(2000)
     sine = wb.make_experiment(0.01, np.sin(2.0 * np.pi * t), 0.5 * np.sin(2.0 * np.pi * t - 0.7))

@@ -107,11 +107,6 @@ def test_the_instrument_meets_its_equations() -> None:
     assert np.sqrt(np.mean(np.square(far))) < 1.8
 
 
-def test_a_bootstrap_by_a_reference_is_refused() -> None:
-    with pytest.raises(InputError, match="bootstrap: its records have the inputs as they are"):
-        wb.identify(looped(0, samples=500), inputs=["u"], outputs=["y"], order=1, closed_loop="r", bootstrap=20)
-
-
 def test_the_command_takes_the_reference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     looped(0, samples=1500).to_csv(tmp_path / "data.csv")
     command = ["identify", str(tmp_path / "data.csv"), "--input", "u", "--output", "y", "--order", "1"]

@@ -100,8 +100,6 @@ def test_experiments_that_do_not_fit_each_other_are_refused() -> None:
             wb.identify(first, validation=in_degrees(part(1), unit))
     without = wb.identify(first, validation=part(1), order=2)
     assert any("u has no unit; it is taken to be in rad" in note for note in without.notes)
-    with pytest.raises(InputError, match="one experiment only"):
-        wb.identify(first, also=[part(1)], bootstrap=60)
 
 
 def rows_of(data: wb.Experiment) -> list[str]:

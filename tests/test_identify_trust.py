@@ -166,8 +166,7 @@ def test_a_gain_by_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtur
         "--refine",
         "never",
     ]
-    assert run([*command, "--bootstrap", "60", "--json", str(tmp_path / "gain.json")]) == 0
-    assert "a gain has no poles" in capsys.readouterr().out
+    assert run([*command, "--json", str(tmp_path / "gain.json")]) == 0
     found = json.loads((tmp_path / "gain.json").read_text(encoding="utf-8"))
     u, y = limited(0).u[:, 0], limited(0).y[:, 0]
     slope = np.polyfit(u, y, 1)[0]  # the least-squares line

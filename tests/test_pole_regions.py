@@ -11,8 +11,7 @@ from scipy import signal, stats
 import workbench as wb
 from scripts.coverage_identify import _looped
 from workbench.core.values.arrays import Floats
-from workbench.identification.validate.polynomial import Parameters, compatible_regions
-from workbench.identification.validate.regions import PoleRegion
+from workbench.identification.validate.regions import Parameters, PoleRegion, compatible_regions
 
 CONFIDENCE = 0.95
 REAL, PAIR = (float(stats.chi2.ppf(CONFIDENCE, k)) for k in (1, 2))

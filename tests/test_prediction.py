@@ -164,15 +164,6 @@ def test_regions_hold_poles_and_response_and_are_read_back(tmp_path: Path) -> No
     assert (tmp_path / "known.png").stat().st_size > 10_000
 
 
-def test_the_bootstrap_agrees_with_the_covariance() -> None:
-    found = wb.identify(coloured(1000), order=2, bootstrap=60)
-    regions, known = found.own.bootstrap, found.uncertainty
-    assert regions is not None
-    assert known is not None
-    # Sixty replicates give a standard deviation to about 10 %.
-    assert regions.regions[0].spread == pytest.approx(known.regions[0].spread, rel=0.35)
-
-
 def test_a_disturbance_with_the_plants_poles_is_told_from_one_with_its_own() -> None:
     """Noise at the input of the plant passes its poles."""
     random = np.random.default_rng(2)

@@ -353,7 +353,7 @@ def experiment() -> wb.Experiment:
 
 @cache
 def identified() -> wb.IdentifyResult:
-    return wb.identify(experiment(), order=1, bootstrap=40)
+    return wb.identify(experiment(), order=1)
 
 
 def nyquist_of_lags() -> wb.NyquistResult:
@@ -375,7 +375,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "SubspaceEstimate": lambda: wb.estimate(experiment().u, experiment().y, 0.1, order=2),
     "IdentifyResult": identified,
     "Validation": lambda: identified().validation,
-    "PoleBootstrap": lambda: identified().validation.bootstrap,
+    "ModelSpread": lambda: identified().uncertainty,
     "Overlay": lambda: wb.overlay(identified().model, lin=wb.lin(lag()).result),
     "DescribingFunction": rate_limiter,
     "NyquistResult": nyquist_of_lags,

@@ -255,7 +255,7 @@ def test_what_cannot_show_a_block_is_refused(tmp_path: Path, capsys: pytest.Capt
         (["--knots", "5"], "--knots belongs to --structure"),
         (["--structure", "wiener", "--knots", "2"], "with fewer a block is linear"),
         (["--structure", "wiener", "--closed-loop", "direct"], "--closed-loop is not for --structure wiener"),
-        (["--structure", "wiener", "--bootstrap", "5"], "--bootstrap is not for --structure wiener"),
+        (["--structure", "wiener", "--lags", "5"], "--lags is not for --structure wiener"),
         (["--structure", "weiner"], "did you mean wiener"),
     ):
         assert run([*command, *more]) == 2

@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom, chi2
 
-from tests.bootstrap_coverage import DT, System, random_system
+from tests.random_systems import Plant, random_plant
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment, make_experiment, read_experiment
 from workbench.errors import InputError
@@ -21,6 +21,8 @@ from workbench.identification.validate.fit import ERROR_FIGURES, error_figure, f
 from workbench.identification.validate.pole_zero import near_cancellations
 from workbench.identification.validate.validate import validate
 from workbench.identification.validate.whiteness import LEVEL, autocorrelation
+
+DT = 0.1
 
 
 def model_of(
@@ -338,6 +340,19 @@ def test_of_several_channels_all_must_cancel() -> None:
     assert near_cancellations(seen) == ()
 
 
+def test_a_zero_that_chance_explains_lies_in_the_region_of_its_pole() -> None:
+    """The model's zero is 0.01 off its pole; the pole is known to ±0.002 or to ±0.1 (95 % of one number: 1.96 σ)."""
+    known = model_of([[0.5]], [[1.0]], [[0.01]], [[1.0]])
+    for sigma, inside in ((0.001, False), (0.05, True)):
+        spread = np.zeros((4, 1))
+        spread[0] = sigma
+        (pair,) = near_cancellations(replace(known, spread=spread))
+        assert pair.distance == pytest.approx(0.01)
+        assert pair.within_confidence is inside
+    (alone,) = near_cancellations(known)
+    assert alone.within_confidence is None
+
+
 def test_no_poles_no_cancellations() -> None:
     assert near_cancellations(model_of(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[2.0]])) == ()
 
@@ -345,11 +360,11 @@ def test_no_poles_no_cancellations() -> None:
 # -- results -----------------------------------------------------------------------------------
 
 
-def two_by_two() -> tuple[System, Experiment, IdentifiedModel]:
+def two_by_two() -> tuple[Plant, Experiment, IdentifiedModel]:
     rng = np.random.default_rng(21)
-    system = random_system(3, rng, 2, 2)
+    system = random_plant(rng, 3, 2, 2)
     u = binary(rng, 600, 2)
-    y = system.simulate(u)
+    y = system.output(u)
     model = model_of(system.A, system.B, system.C, system.D)
     return system, record(u, y + 0.05 * y.std(axis=0) * rng.normal(size=y.shape)), model
 

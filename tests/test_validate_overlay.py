@@ -181,7 +181,7 @@ def test_through_json_csv_and_picture(tmp_path: Path) -> None:
         found.difference("lin")
 
 
-def test_pole_zero_picture_without_bootstrap() -> None:
+def test_pole_zero_picture() -> None:
     model = identified(delay=1)
     figure = plot_poles(model, cancellations=near_cancellations(model, near=10.0))
     assert figure.get_axes()[0].get_xlabel() == "real part [1]"

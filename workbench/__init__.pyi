@@ -68,8 +68,6 @@ from workbench.identification.structures.result import StructureResult as Struct
 from workbench.identification.structures.table import StaticTable as StaticTable
 from workbench.identification.subspace.estimate import estimate as estimate
 from workbench.identification.subspace.result import SubspaceEstimate as SubspaceEstimate
-from workbench.identification.validate.bootstrap import PoleBootstrap as PoleBootstrap
-from workbench.identification.validate.bootstrap import bootstrap_poles as bootstrap_poles
 from workbench.identification.validate.overlay import Overlay as Overlay
 from workbench.identification.validate.overlay import overlay as overlay
 from workbench.identification.validate.result import Validation as Validation

@@ -42,7 +42,7 @@ def _ask(asked: Identify, data: str, out: Output) -> int:
 
     if not sys.stdin.isatty():
         raise InputError("--order ask: there is no terminal to ask; give a number or auto")
-    proposal = replace(asked, validation=None, bootstrap=0, lin=None, nfr=None, amplitude=None).run(data, Job())
+    proposal = replace(asked, validation=None, lin=None, nfr=None, amplitude=None).run(data, Job())
     out.say(lambda width: section_text(order_section(proposal), width))
     answer = str(typer.prompt(f"order (0 … {asked.max_order})", default=str(proposal.order))).strip()
     if answer == "auto":

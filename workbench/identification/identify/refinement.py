@@ -14,12 +14,11 @@ from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.identify.preparation import PreparedData
 from workbench.identification.identify.request import Identify
 from workbench.identification.identify.several import without_joints
-from workbench.identification.prediction.model import RefinedModel, refined_model, refining
+from workbench.identification.prediction.model import RefinedModel, refined_model
 from workbench.identification.prediction.model_selection import SelectionOptions
 from workbench.identification.prediction.result import NOT_REFINED, Refinement
 from workbench.identification.subspace.final_model import cost
 from workbench.identification.subspace.result import SubspaceEstimate
-from workbench.identification.validate.estimator import Estimator, same_settings
 from workbench.identification.validate.validate import suited
 
 __all__ = ["refined", "wished"]
@@ -34,8 +33,8 @@ _WORSE = {"other": 0.02, "own": 0.1}
 
 def refined(
     found: SubspaceEstimate, prepared: PreparedData, other: Experiment | None, asked: Identify
-) -> tuple[SubspaceEstimate, Refinement, Estimator, IdentifiedModel | None]:
-    """Return the better estimate, how it was refined, what finds poles in other records in the same way, and a rival.
+) -> tuple[SubspaceEstimate, Refinement, IdentifiedModel | None]:
+    """Return the better estimate, how it was refined, and a rival.
 
     The rival is a model of a higher order that explains significantly more; the regions of the response allow for it.
 
@@ -45,20 +44,19 @@ def refined(
         other: data to validate with; None: those of the fit.
         asked: with the options.
     """
-    same = found, same_settings(found)
     gains = _gains(asked, prepared)
     if asked.refine == "never":
-        return found, NOT_REFINED, same[1], None
+        return found, NOT_REFINED, None
     if _noise_free(found.model, prepared):
         if asked.refine == "always" or gains is not None:
             raise InputError(f"{prepared.data.name}: the data are free of noise: there is nothing to refine")
-        return found, Refinement(taken=False, reason="the data are free of noise"), same[1], None
+        return found, Refinement(taken=False, reason="the data are free of noise"), None
     direct = asked.closed_loop == "direct"
     best = refined_model(found.model, prepared.u, prepared.y, wished(found, prepared, asked))
     if best is None and gains is not None:
         raise InputError(f"{prepared.data.name}: no model of this order has the gains {_told(asked)}; leave gains out")
     if best is None:
-        return found, Refinement(taken=False, reason="no model has a finite prediction of these data"), same[1], None
+        return found, Refinement(taken=False, reason="no model has a finite prediction of these data"), None
     taken, reason = _judged(found.model, best, prepared, other, closed=direct)
     if asked.refine == "always" or asked.closed_loop is not None or gains is not None:
         taken = True
@@ -69,8 +67,8 @@ def refined(
     reason += _agreement(best, asked)
     words = _refinement(best, taken=taken, reason=reason)
     if not taken:
-        return found, words, same[1], None
-    return _in_place(found, best), words, refining(best, prepared.u, prepared.y), best.above
+        return found, words, None
+    return _in_place(found, best), words, best.above
 
 
 def wished(found: SubspaceEstimate, prepared: PreparedData, asked: Identify) -> SelectionOptions:

@@ -7,9 +7,8 @@ from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from workbench.core.records.forms import FILE, FILES, File, Form, Names, Values
-from workbench.core.records.option import option, recast
+from workbench.core.records.option import option
 from workbench.errors import InputError
-from workbench.jobs.options import DEFAULT_TIMEOUT, Parts, Workers
 from workbench.requests.request import Request, Subject, function
 
 if TYPE_CHECKING:
@@ -68,15 +67,6 @@ else:
     _Order = Annotated[object, _ORDER]
     _Delay = Annotated[object, _DELAY]
     _Data = Annotated[object, FILE]
-
-
-class _Replicates(Parts):
-    """Where the bootstrap runs; no FMU does."""
-
-    _: KW_ONLY
-    in_process: bool = option("Not for replicates.", default=False, python=True)
-    timeout: float | None = option("Time limit for one replicate [s].", default=DEFAULT_TIMEOUT, python=True)
-    memory_limit: float | None = option("Not for replicates.", default=None, python=True)
 
 
 class Identify(Request["Experiment | File", "IdentifyResult"]):
@@ -233,19 +223,6 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         default=None,
         group="Validation",
     )
-    bootstrap: int = option(
-        "Number of bootstrap replicates for confidence regions of the poles, e.g. 200; 0 for none.",
-        metavar="N",
-        default=0,
-        group="Validation",
-    )
-    seed: int = option("Seed of the bootstrap's random numbers.", python=True, default=0)
-    workers: Workers | None = option(
-        "Where the bootstrap's replicates are identified; by default one after the other in this process.",
-        default=None,
-        group="Where it runs",
-        part=_Replicates,
-    )
     lin: LinResult | LinearModel | File | None = option(
         "Linear model to compare the frequency response with.",
         metavar="LIN.JSON",
@@ -277,13 +254,6 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
             raise InputError("gains: they are held by the refinement, which refine=never rules out")
         if self.closed_loop is not None and self.refine == "never":
             raise InputError("closed_loop: refine=never leaves the subspace model, which is biased in a closed loop")
-        if self.bootstrap and self.closed_loop not in (None, "direct"):
-            raise InputError(
-                "bootstrap: its records have the inputs as they are, of which a model by a reference uses a part only; "
-                "uncertainty has the regions"
-            )
-        if self.bootstrap and self.also:
-            raise InputError("bootstrap: of one experiment only; uncertainty has the regions of several")
         if self.noise != "auto" and self.refine == "never":
             raise InputError("noise: it is a model of the disturbance for the refinement, which refine=never rules out")
 
@@ -294,11 +264,6 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
             record: of this request.
         """
         return not record.failed
-
-    @property
-    def place(self) -> Parts:
-        """Where the bootstrap's replicates are identified."""
-        return recast(Parts, self.workers or Parts())
 
 
 identify = function(Identify)

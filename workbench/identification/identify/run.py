@@ -19,8 +19,6 @@ from workbench.identification.identify.several import joined, prepared_all, with
 from workbench.identification.subspace.delays import as_tuple
 from workbench.identification.subspace.estimate import estimate
 from workbench.identification.subspace.result import SubspaceEstimate
-from workbench.identification.validate.bootstrap import PoleBootstrap, bootstrap_poles
-from workbench.identification.validate.estimator import Estimator
 from workbench.identification.validate.overlay import Overlay, overlay
 from workbench.identification.validate.spread import model_spread
 from workbench.identification.validate.validate import validate
@@ -57,14 +55,13 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         stable=asked.stable,
     )
     other = _other(asked, prepared.data)
-    better, refinement, again, rival = refined(found, driving, other, asked)
+    better, refinement, rival = refined(found, driving, other, asked)
     if reference is not None:
         better = with_disturbance(better, prepared, driving, asked)
     better = better.with_model(without_joints(better.model, prepared.u.shape[1]))
     advice.refuse(better.order)
     job.done("model estimated", 2, 3)
     model = _named(better, prepared)
-    regions = _regions(model, prepared, asked, again)
     result = IdentifyResult(
         data=prepared.data,
         advice=advice,
@@ -75,8 +72,8 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         delays_told=delays_told(advice, better.model.delay) if asked.delay == "auto" else "",
         detrend=asked.detrend,
         settle=asked.settle,
-        own=validate(model, prepared.data, lags=asked.lags, bootstrap=regions),
-        other=None if other is None else validate(model, other, lags=asked.lags, bootstrap=regions),
+        own=validate(model, prepared.data, lags=asked.lags),
+        other=None if other is None else validate(model, other, lags=asked.lags),
         uncertainty=None if model.spread is None else model_spread(model, rival=_rival(rival, model)),
         overlay=_overlay(model, asked),
     )
@@ -136,21 +133,6 @@ def _other(asked: Identify, data: Experiment) -> Experiment | None:
     if abs(other.dt - data.dt) > 1e-6 * data.dt:
         raise InputError(f"{other.name}: sampled every {other.dt:g} s, {data.name} every {data.dt:g} s; resample one")
     return cut(other, asked.settle)
-
-
-def _regions(
-    model: IdentifiedModel, prepared: PreparedData, asked: Identify, estimator: Estimator
-) -> PoleBootstrap | None:
-    if not asked.bootstrap:
-        return None
-    return bootstrap_poles(
-        model,
-        prepared.data,
-        estimator,
-        replicates=asked.bootstrap,
-        seed=asked.seed,
-        workers=asked.place.apart,
-    )
 
 
 def _overlay(model: IdentifiedModel, asked: Identify) -> Overlay | None:

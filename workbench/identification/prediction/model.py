@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
-from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel, NoiseModel
 from workbench.identification.prediction.gradient import normal_equations
@@ -23,7 +22,7 @@ from workbench.identification.subspace.estimate import model_of
 from workbench.identification.subspace.simulated import InputFit
 from workbench.identification.subspace.states import Noise
 
-__all__ = ["RefinedModel", "instrumented_model", "refined_model", "refining", "truth_spread"]
+__all__ = ["RefinedModel", "instrumented_model", "refined_model", "truth_spread"]
 
 
 _OPEN = 1e-13  # of the largest eigenvalue of the correlations of the information: rounding, the data say nothing
@@ -161,37 +160,3 @@ def truth_spread(model: Innovations, u: Floats, y: Floats, sizes: Floats) -> Flo
     if found is None:
         raise InputError("the record does not determine all parameters")
     return found
-
-
-# -- the same for the records of a bootstrap -------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class _Refining:
-    """Refines the same structure from the model that was found; see `refining`."""
-
-    start: Innovations
-    u_scale: Floats
-    y_scale: Floats
-    delays: tuple[int, ...]
-
-    def __call__(self, u: Floats, y: Floats) -> Complex:
-        with one_thread():
-            found = refine(self.start, advance(u / self.u_scale, y / self.y_scale, self.delays))
-        n = self.start.plant
-        poles = np.full(n, np.nan) if found is None else np.linalg.eigvals(found.model.A[:n, :n])
-        return np.append(poles.astype(np.complex128), np.zeros(sum(self.delays)))
-
-
-def refining(found: RefinedModel, u: Floats, y: Floats) -> Callable[[Floats, Floats], Complex]:
-    """Return what finds poles in another record as `found` was found: its structure, refined from its matrices.
-
-    Args:
-        found: the refined model.
-        u: shape (N, m), that it was found from.
-        y: shape (N, p), likewise.
-    """
-    record = prepare(u, y)
-    return _Refining(
-        found.chosen.refined.model, record.u_scale, record.y_scale, as_tuple(found.model.delay or 0, u.shape[1])
-    )

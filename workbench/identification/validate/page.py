@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from workbench.data.advice.page import data_facts
-from workbench.identification.validate.bootstrap import PoleBootstrap
 from workbench.identification.validate.overlay import Overlay
 from workbench.identification.validate.result import Validation
 from workbench.identification.validate.spread import ModelSpread
@@ -17,7 +16,7 @@ from workbench.show.tables import counted, number
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["bootstrap_page", "overlay_page", "overlay_section", "spread_page", "validation_page", "validation_section"]
+__all__ = ["overlay_page", "overlay_section", "spread_page", "validation_page", "validation_section"]
 
 
 def spread_page(result: ModelSpread) -> Page:
@@ -67,24 +66,6 @@ def validation_page(result: Validation) -> Page:
         sections=[validation_section("Outputs and residuals", result), Section("Poles and zeros", figures=[poles])],
         notes=result.notes,
         kind="validate",
-    )
-
-
-def bootstrap_page(result: PoleBootstrap) -> Page:
-    """Return the page of the poles' confidence regions."""
-    of = "all regions together" if result.joint else "each region separately"
-    return Page(
-        title="Confidence of identified poles",
-        lead=f"The data determine {result.determined} of {counted(len(result.regions), 'pole')}.",
-        facts={
-            "replicates": f"{len(result.replicates)}, {result.failed} more gave no model",
-            "confidence": f"{100.0 * result.confidence:g} %, {of}",
-            "blocks": f"{result.block} samples, seed {result.seed}",
-        },
-        sections=[
-            Section("Regions", items=result.words, figures=[(result.plot, "Poles of all replicates, and the regions.")])
-        ],
-        kind="bootstrap",
     )
 
 

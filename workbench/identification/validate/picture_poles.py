@@ -20,12 +20,11 @@ from workbench.show.figure import ABOVE, COLOURS, panels
 
 if TYPE_CHECKING:
     from workbench.identification.identified.model import IdentifiedModel
-    from workbench.identification.validate.bootstrap import PoleBootstrap
     from workbench.identification.validate.pole_zero import NearCancellation
     from workbench.identification.validate.regions import PoleRegion
     from workbench.identification.validate.spread import ModelSpread
 
-__all__ = ["plot_bootstrap", "plot_poles", "plot_spread"]
+__all__ = ["plot_poles", "plot_spread"]
 
 
 _SMALL = 0.15  # half axes of regions that deserve a magnified picture
@@ -37,7 +36,7 @@ def plot_poles(
     model: IdentifiedModel,
     *,
     cancellations: Sequence[NearCancellation] = (),
-    bootstrap: PoleBootstrap | ModelSpread | None = None,
+    spread: ModelSpread | None = None,
 ) -> Figure:
     """Draw poles and zeros of a discrete model with the unit circle, near-cancellations marked, and 95 % regions.
 
@@ -46,40 +45,24 @@ def plot_poles(
     Args:
         model: discrete.
         cancellations: pairs to be marked.
-        bootstrap: regions of the poles.
+        spread: regions of the poles.
     """
     poles, zeros = model.undelayed().poles, model.undelayed().zeros
     title = f"{model.name}: poles and zeros of the model of order {len(poles)}"
     figure, ax, side, cells = _plane(title)
-    if bootstrap is not None:
-        _regions(ax, bootstrap)
+    if spread is not None:
+        _regions(ax, spread)
     near = zeros[np.abs(zeros) <= _FAR]
     ax.plot(near.real, near.imag, "o", color=COLOURS[1], markerfacecolor="none", markersize=7.5, label="zero")
     ax.plot(poles.real, poles.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8, label="pole")
     _mark(ax, cancellations)
-    _legend(ax, bootstrap, cancellations)
-    _table(side, poles, model.dt, bootstrap)
-    _zooms(figure, cells, bootstrap)
+    _legend(ax, spread, cancellations)
+    _table(side, poles, model.dt, spread)
+    _zooms(figure, cells, spread)
     far = [z for z in zeros[np.abs(zeros) > _FAR].tolist() if z.imag >= 0.0]
     if far:
         outside = f"zeros outside the picture: {', '.join(in_words(z) for z in far)}"
         figure.supxlabel(outside, x=0.01, ha="left", fontsize=8.5)
-    return figure
-
-
-def plot_bootstrap(result: PoleBootstrap) -> Figure:
-    """Draw poles, those of all bootstrap replicates and the confidence regions.
-
-    Args:
-        result: what to draw.
-    """
-    poles = np.array([r.pole for r in result.regions], dtype=np.complex128)
-    figure, ax, side, cells = _plane(f"Confidence of the poles: {len(result.replicates)} bootstrap replicates")
-    _regions(ax, result)
-    ax.plot(poles.real, poles.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8, label="pole")
-    _legend(ax, result, ())
-    _table(side, poles, result.dt, result)
-    _zooms(figure, cells, result)
     return figure
 
 
@@ -135,18 +118,12 @@ def _plane(title: str) -> tuple[Figure, Axes, Axes, GridSpec]:
     return figure, ax, side, cells
 
 
-def _regions(ax: Axes, bootstrap: PoleBootstrap | ModelSpread) -> None:
-    _clouds(ax, bootstrap)
-    if bootstrap.determined < len(bootstrap.regions):
+def _regions(ax: Axes, spread: ModelSpread) -> None:
+    if spread.determined < len(spread.regions):
         ax.add_patch(Circle((0.0, 0.0), 1.0, color=COLOURS[5], alpha=0.15, zorder=1.0, linewidth=0.0))
-    for region in bootstrap.regions:
+    for region in spread.regions:
         if region.determined:
             _region(ax, region)
-
-
-def _clouds(ax: Axes, bootstrap: PoleBootstrap | ModelSpread) -> None:
-    every = bootstrap.replicates.ravel()
-    ax.plot(every.real, every.imag, ".", color=COLOURS[4], markersize=2.0, alpha=0.5, zorder=1.5)
 
 
 def _region(ax: Axes, region: PoleRegion) -> None:
@@ -161,15 +138,14 @@ def _region(ax: Axes, region: PoleRegion) -> None:
     ax.plot(edge.real, edge.imag, color=COLOURS[2], linewidth=1.0, zorder=1.8)
 
 
-def _zooms(figure: Figure, cells: GridSpec, bootstrap: PoleBootstrap | ModelSpread | None) -> None:
+def _zooms(figure: Figure, cells: GridSpec, spread: ModelSpread | None) -> None:
     """Magnify two regions that are too small to be seen, those nearest to the unit circle."""
-    if bootstrap is None:
+    if spread is None:
         return
-    upper = [r for r in bootstrap.regions if r.determined and r.pole.imag >= 0.0 and r.half_axes[0] < _SMALL]
+    upper = [r for r in spread.regions if r.determined and r.pole.imag >= 0.0 and r.half_axes[0] < _SMALL]
     for k, region in enumerate(sorted(upper, key=lambda r: abs(abs(r.pole) - 1.0))[:2]):
         ax = figure.add_subplot(cells[1, 2 + k])
         ax.grid(visible=True, color="#dddddd", linewidth=0.6)
-        _clouds(ax, bootstrap)
         _region(ax, region)
         ax.plot(region.pole.real, region.pole.imag, "x", color=COLOURS[0], markersize=7.5, markeredgewidth=1.8)
         half = 1.35 * region.half_axes[0]
@@ -191,16 +167,14 @@ def _mark(ax: Axes, cancellations: Sequence[NearCancellation]) -> None:
             ax.add_patch(Circle(at, radius, fill=False, edgecolor=COLOURS[3], linewidth=1.4, linestyle="--"))
 
 
-def _legend(ax: Axes, bootstrap: PoleBootstrap | ModelSpread | None, cancellations: Sequence[NearCancellation]) -> None:
+def _legend(ax: Axes, spread: ModelSpread | None, cancellations: Sequence[NearCancellation]) -> None:
     handles, labels = ax.get_legend_handles_labels()
     extra: list[tuple[dict[str, Any], str]] = []
-    if bootstrap is not None:
-        if len(bootstrap.replicates):
-            extra.append(({"color": COLOURS[4], "marker": ".", "linestyle": "none"}, "bootstrap replicate"))
-        if bootstrap.determined:
+    if spread is not None:
+        if spread.determined:
             wide = {"color": COLOURS[2], "linewidth": 4.0, "alpha": 0.5}
-            extra.append((wide, f"{100.0 * bootstrap.confidence:g} % region"))
-        if bootstrap.determined < len(bootstrap.regions):
+            extra.append((wide, f"{100.0 * spread.confidence:g} % region"))
+        if spread.determined < len(spread.regions):
             extra.append(({"color": COLOURS[5], "linewidth": 6.0, "alpha": 0.25}, "region of undetermined poles"))
     if cancellations:
         extra.append(({"color": COLOURS[3], "linestyle": "--"}, "nearly cancel"))
@@ -208,16 +182,16 @@ def _legend(ax: Axes, bootstrap: PoleBootstrap | ModelSpread | None, cancellatio
     ax.legend(handles, [*labels, *(text for _, text in extra)], ncols=3, **ABOVE)
 
 
-def _table(ax: Axes, poles: Complex, dt: float, bootstrap: PoleBootstrap | ModelSpread | None) -> None:
+def _table(ax: Axes, poles: Complex, dt: float, spread: ModelSpread | None) -> None:
     """List poles, one line for a pair, with natural frequency, damping ratio and size of the region."""
     head = ["pole", "natural\n[Hz]", "damping\nratio"]
-    head += [] if bootstrap is None else [f"{100.0 * bootstrap.confidence:g} % region,\nhalf axes"]
+    head += [] if spread is None else [f"{100.0 * spread.confidence:g} % region,\nhalf axes"]
     upper = sorted((p for p in poles.tolist() if p.imag >= 0.0), key=lambda p: -abs(p))
-    rows = [[in_words(p), *_motion(p, dt), *_size(p, bootstrap)] for p in upper]
+    rows = [[in_words(p), *_motion(p, dt), *_size(p, spread)] for p in upper]
     if not rows:
         ax.text(0.0, 0.9, "no poles: a gain alone")
         return
-    widths = [0.36, 0.2, 0.16] + ([] if bootstrap is None else [0.34])
+    widths = [0.36, 0.2, 0.16] + ([] if spread is None else [0.34])
     table = ax.table(cellText=rows, colLabels=head, loc="upper left", cellLoc="left", colWidths=widths)
     table.auto_set_font_size(False)
     table.set_fontsize(8.0)
@@ -234,10 +208,10 @@ def _motion(pole: complex, dt: float) -> list[str]:
     return [row.natural, row.damping]
 
 
-def _size(pole: complex, bootstrap: PoleBootstrap | ModelSpread | None) -> list[str]:
-    if bootstrap is None:
+def _size(pole: complex, spread: ModelSpread | None) -> list[str]:
+    if spread is None:
         return []
-    region = min(bootstrap.regions, key=lambda r: abs(r.pole - pole))
+    region = min(spread.regions, key=lambda r: abs(r.pole - pole))
     if not region.determined:
         return ["not determined"]
     long, short = region.half_axes

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Complex
 from workbench.identification.identified.model import IdentifiedModel
+from workbench.identification.validate.spread import model_spread
 
 __all__ = ["NEAR", "NearCancellation", "in_words", "near_cancellations"]
 
@@ -26,7 +27,7 @@ class NearCancellation(RecordPart):
         distance: |pole − zero|.
         effect: distance over the pole's distance from the stability limit: by so much, at most, the pair changes the
             gain at any frequency (0.25: by a quarter).
-        within_confidence: the zero lies in the pole's 95 % region; None where no regions were given.
+        within_confidence: the zero lies in the pole's 95 % region; None where the model knows no covariance.
     """
 
     pole: complex
@@ -45,9 +46,7 @@ class NearCancellation(RecordPart):
         )
 
 
-def near_cancellations(
-    model: IdentifiedModel, *, near: float = NEAR, holds: Callable[[complex, complex], bool] | None = None
-) -> tuple[NearCancellation, ...]:
+def near_cancellations(model: IdentifiedModel, *, near: float = NEAR) -> tuple[NearCancellation, ...]:
     """Return the poles that a zero nearly cancels in every channel, the nearest first.
 
     A factor (q − z)/(q − p) differs from 1 by |p − z|/|q − p|, on the unit circle (the imaginary axis of a continuous
@@ -57,7 +56,6 @@ def near_cancellations(
     Args:
         model: discrete or continuous; the poles of known delays are left out.
         near: pairs whose effect is larger are not listed.
-        holds: whether the second number lies in the confidence region of the first, a pole.
     """
     core = model.undelayed()
     poles, dt = core.poles, core.dt
@@ -69,14 +67,16 @@ def near_cancellations(
         return ()
     distance = np.array([np.abs(z - poles) for z in nearest])
     worst = np.argmax(distance, axis=0)
-    found = []
+    close = []
     for k in np.flatnonzero(poles.imag >= 0.0):
         zero, far = complex(nearest[worst[k]][k]), float(distance[worst[k], k])
         effect = far / float(margin[k])
         if effect <= near:
-            inside = None if holds is None else holds(complex(poles[k]), zero)
-            found.append(NearCancellation(complex(poles[k]), zero, far, effect, inside))
-    return tuple(sorted(found, key=lambda c: c.effect))
+            close.append(NearCancellation(complex(poles[k]), zero, far, effect))
+    if close and model.spread is not None:
+        known = model_spread(model)
+        close = [replace(c, within_confidence=known.holds(c.pole, c.zero)) for c in close]
+    return tuple(sorted(close, key=lambda c: c.effect))
 
 
 def _channels(model: IdentifiedModel) -> Sequence[Complex]:

@@ -13,7 +13,6 @@ from workbench.core.records.record import entry
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.validate.bootstrap import PoleBootstrap
 from workbench.identification.validate.pole_zero import NearCancellation
 from workbench.identification.validate.residuals import Residuals
 from workbench.identification.validate.spread import model_spread
@@ -35,7 +34,6 @@ class Validation(Result):
         simulation: output from the input alone.
         prediction: output corrected by what was measured before.
         cancellations: poles that a zero nearly cancels, nearest first.
-        bootstrap: regions of the poles; None where they were not asked for.
         notes: what else should be known, one line each.
     """
 
@@ -47,7 +45,6 @@ class Validation(Result):
     simulation: Residuals
     prediction: Residuals
     cancellations: tuple[NearCancellation, ...] = field(metadata=entry(key="near_cancellations"))
-    bootstrap: PoleBootstrap | None = field(metadata=entry(key="pole_confidence"))
     notes: tuple[str, ...]
 
     @property
@@ -64,8 +61,7 @@ class Validation(Result):
     def words(self) -> tuple[str, ...]:
         """The verdict in sentences."""
         pairs = [c.words for c in self.cancellations] or ["no pole is nearly cancelled by a zero"]
-        poles = [] if self.bootstrap is None else list(self.bootstrap.words)
-        return (*self.simulation.words, *self.prediction.words, *pairs, *poles, *self.notes)
+        return (*self.simulation.words, *self.prediction.words, *pairs, *self.notes)
 
     def plot(self, path: str | Path | None = None, *, seconds: float | None = None) -> Figure:
         """Draw measured, simulated and predicted outputs over time [s] and the errors below.
@@ -102,8 +98,8 @@ class Validation(Result):
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        known = model_spread(self.model) if self.bootstrap is None and self.model.spread is not None else self.bootstrap
-        marked = {"cancellations": self.cancellations, "bootstrap": known}
+        known = None if self.model.spread is None else model_spread(self.model)
+        marked = {"cancellations": self.cancellations, "spread": known}
         return drawn("workbench.identification.validate.picture_poles:plot_poles", path, self.model, **marked)
 
     def residuals(self, kind: str) -> Residuals:

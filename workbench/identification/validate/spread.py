@@ -13,8 +13,7 @@ from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.validate.polynomial import Parameters, compatible_regions
-from workbench.identification.validate.regions import ON_AXIS, PoleRegion
+from workbench.identification.validate.regions import ON_AXIS, Parameters, PoleRegion, compatible_regions
 from workbench.show.result import Result
 
 __all__ = ["ModelSpread", "around_both", "enclosing", "model_spread"]
@@ -62,11 +61,6 @@ class ModelSpread(Result):
     def determined(self) -> int:
         """How many poles the data determine."""
         return sum(r.determined for r in self.regions)
-
-    @property
-    def replicates(self) -> Complex:
-        """None: nothing was drawn."""
-        return np.zeros(0, dtype=np.complex128)
 
     @property
     def gain_error(self) -> Floats:

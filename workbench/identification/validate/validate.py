@@ -11,7 +11,6 @@ from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError, suggest
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.validate.bootstrap import PoleBootstrap
 from workbench.identification.validate.pole_zero import near_cancellations
 from workbench.identification.validate.residuals import residuals_of
 from workbench.identification.validate.result import Validation
@@ -32,7 +31,6 @@ def validate(
     lags: int | None = None,
     steps: int = 1,
     start: str = "fit",
-    bootstrap: PoleBootstrap | None = None,
 ) -> Validation:
     """Hold a model against recorded data: fits, residual tests, poles that zeros nearly cancel.
 
@@ -50,7 +48,6 @@ def validate(
         steps: how far ahead the prediction looks [samples].
         start: where the model starts: "fit" at the state that suits the record best, "rest" at the operating point,
             "model" at its own x0 (for the record it was identified from).
-        bootstrap: regions of the poles, for the picture and for the near-cancellations.
 
     Raises:
         InputError: other channels or sampling interval than the model's, units that cannot be converted to its own, too
@@ -76,8 +73,7 @@ def validate(
         data=given,
         simulation=residuals_of("simulation", given, simulated, lags=many),
         prediction=residuals_of(kind, given, predicted, lags=many),
-        cancellations=near_cancellations(model, holds=None if bootstrap is None else bootstrap.holds),
-        bootstrap=bootstrap,
+        cancellations=near_cancellations(model),
         notes=_notes(model, given),
     )
 
