@@ -15,8 +15,7 @@ from workbench.kernel.native_forcing import NativeForcing
 from workbench.kernel.native_record import NativeRecord
 from workbench.kernel.native_system import NativeSystem
 from workbench.kernel.structs import Cs, Me
-from workbench.model.fmu_model import FmuModel
-from workbench.model.load import load
+from workbench.model.load import FmuModel, load
 from workbench.signals.kinds import Signal, Sine, Step
 from workbench.system.order import plan
 

@@ -17,7 +17,7 @@ from tests.reference_fmus import build_reference
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.model import Model
-from workbench.model.recipe import LoadRecipe
+from workbench.model.described_model import LoadRecipe
 from workbench.response.nfr.certificate import Certificate
 from workbench.response.nfr.communication_step import refine
 from workbench.response.nfr.job import PointsJob

@@ -18,7 +18,7 @@ from workbench.system.components import OpenComponent, Opened
 from workbench.system.connection_checks import resolve
 from workbench.system.description import Connection, FmuComponent, SystemDescription
 from workbench.system.model import SystemModel
-from workbench.system.recipe import SystemRecipe
+from workbench.system.openable import OpenableSystem
 
 
 class Plain(Integrator):
@@ -70,7 +70,7 @@ def fakes(models: Mapping[str, type[Hybrid]], wires: Sequence[tuple[str, str]], 
         inputs={name: (name,) for name in inputs},
     )
     resolved = resolve(description, [p.description.variables for p in parts])
-    recipe = SystemRecipe(source="fakes", system=description, tolerance=1e-9)
+    recipe = OpenableSystem(source="fakes", system=description, tolerance=1e-9)
     return SystemModel(Opened(description, parts, resolved), recipe)
 
 

@@ -9,7 +9,7 @@ from typing import IO, TYPE_CHECKING, cast
 
 from scripts.reproduce.targets import MISSED, NOT_REACHABLE, VERDICTS, PublishedTarget
 from workbench.fmi.bundled import bundled_names, bundled_path
-from workbench.model.recipe import content_hash
+from workbench.model.content_hash import content_hash
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, sentence
 from workbench.show.verdicts import Verdict

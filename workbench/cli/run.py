@@ -107,7 +107,7 @@ def run(
     place = Workers(jobs=jobs, timeout=timeout, confine=confine, scheduler=scheduler, tls=scheduler_tls)
     result = _run(prepared, place)
     _show(result, out)
-    out.write(result.to_dict, csv=result.to_csv, page=result.page)
+    out.write(result.to_dict, csv=result.to_csv, report=result)
     if junit is not None:
         result.to_junit(junit)
         out.console.print(f"wrote {junit}", soft_wrap=True, markup=False)

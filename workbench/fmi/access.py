@@ -5,14 +5,15 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
 
 from workbench.errors import InputError
 from workbench.fmi.c_array import array_type
 from workbench.fmi.variable import Value, Variable
 
 if TYPE_CHECKING:
-    from workbench.fmi.instance import Instance
+    from workbench.fmi.description import ModelDescription
+    from workbench.fmi.library import Library
 
 __all__ = ["TypeCalls", "VariableAccess", "VariableBlock", "is_good", "laid_out"]
 
@@ -59,6 +60,21 @@ class TypeCalls:
         return cls(getter, setter, ctypes.c_char_p, _utf8, lambda s: str(s).encode())
 
 
+class _Instance(Protocol):
+    """What is needed of an instance to read and write its variables."""
+
+    TYPES: ClassVar[Mapping[str, TypeCalls]]
+    version: ClassVar[int]
+    description: ModelDescription
+    library: Library
+    component: Any
+
+    @property
+    def ticks_so_far(self) -> tuple[Any, Mapping[str, int]] | None: ...
+
+    def fail(self, name: str, status: int) -> NoReturn: ...
+
+
 class VariableBlock:
     """Variables of one type: one C call reads or writes them all.
 
@@ -73,7 +89,7 @@ class VariableBlock:
 
     counts = False
 
-    def __init__(self, instance: Instance, calls: TypeCalls, variables: Sequence[Variable]) -> None:
+    def __init__(self, instance: _Instance, calls: TypeCalls, variables: Sequence[Variable]) -> None:
         references, self.slots, total = laid_out(instance.description.shapes, variables)
         self.calls = calls
         self.instance = instance
@@ -116,7 +132,7 @@ class ClockTicks(VariableBlock):
 
     counts = True
 
-    def __init__(self, instance: Instance, variables: Sequence[Variable]) -> None:  # no FMI function reads it
+    def __init__(self, instance: _Instance, variables: Sequence[Variable]) -> None:  # no FMI function reads it
         found = instance.ticks_so_far
         if found is None:
             raise InputError(f"{variables[0].name}: clocks tick in event mode, which this interface does not have")
@@ -168,7 +184,7 @@ class VariableAccess:
         order: for each block, where its variables stand in the list.
     """
 
-    def __init__(self, instance: Instance, variables: Sequence[Variable]) -> None:
+    def __init__(self, instance: _Instance, variables: Sequence[Variable]) -> None:
         self.variables = tuple(variables)
         groups: dict[str, list[int]] = {}
         for i, variable in enumerate(self.variables):
@@ -195,7 +211,7 @@ class VariableAccess:
             block.write([values[i] for i in indices])
 
 
-def _block(instance: Instance, variables: Sequence[Variable]) -> VariableBlock:
+def _block(instance: _Instance, variables: Sequence[Variable]) -> VariableBlock:
     """Return the block of variables that one function reads."""
     kind = variables[0].type
     return (
@@ -206,7 +222,7 @@ def _block(instance: Instance, variables: Sequence[Variable]) -> VariableBlock:
 _CLOCK = "Clock"
 
 
-def _getter(instance: Instance, variable: Variable) -> str:
+def _getter(instance: _Instance, variable: Variable) -> str:
     if variable.type == _CLOCK:
         return _CLOCK
     calls = instance.TYPES.get(variable.type)

@@ -31,7 +31,7 @@ from workbench.jobs.options import Limits, Scheduler, Workers
 from workbench.jobs.runner import Lost, Reply, Runner
 from workbench.jobs.version import Stamp, stamp
 from workbench.jobs.worker_main import Task
-from workbench.model.recipe import Recipe
+from workbench.model.base import Recipe
 
 __all__ = ["Cluster", "OnCluster", "reached"]
 

@@ -14,8 +14,7 @@ from workbench.jobs.runner import Lost, Reply, Runner
 from workbench.jobs.worker_main import Task
 
 if TYPE_CHECKING:
-    from workbench.model.base import Model
-    from workbench.model.recipe import Recipe
+    from workbench.model.base import Model, Recipe
 
 __all__ = ["OnExecutor", "run_to_end"]
 

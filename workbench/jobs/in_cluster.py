@@ -20,8 +20,7 @@ from workbench.jobs.pool import Pool
 from workbench.jobs.runner import Lost
 from workbench.jobs.version import stamp
 from workbench.jobs.worker_main import Task
-from workbench.model.base import Model
-from workbench.model.recipe import Recipe
+from workbench.model.base import Model, Recipe
 
 __all__ = ["Batch", "BatchReply", "do_batch", "proof", "take_apart", "the_same"]
 

@@ -29,7 +29,7 @@ from workbench.jobs.runner import Lost, Reply, Runner
 from workbench.jobs.twice import ENOUGH, Sample
 from workbench.jobs.worker_main import BEGUN, BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
 from workbench.jobs.worker_process import AFTERWARDS, WorkerProcess, keep, kept
-from workbench.model.recipe import LoadRecipe, Recipe
+from workbench.model.base import Recipe
 
 __all__ = ["Pool", "died"]
 
@@ -87,7 +87,7 @@ class Pool(Runner):
     @property
     def _source(self) -> str:
         """What the user named as the model."""
-        return self._recipe.source if isinstance(self._recipe, LoadRecipe) else "the FMU"
+        return "the FMU" if self._recipe is None else self._recipe.source
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
         self._before = self._begun

@@ -12,7 +12,7 @@ from workbench.jobs.limits import cores, memory_limit_works
 from workbench.jobs.options import Limits, Workers
 from workbench.jobs.pool import Pool
 from workbench.jobs.runner import InProcess, Runner
-from workbench.model.recipe import Recipe
+from workbench.model.base import Recipe
 
 if TYPE_CHECKING:
     from workbench.model.base import Model

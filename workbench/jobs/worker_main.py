@@ -38,8 +38,7 @@ from workbench.jobs.process_state import limits as allowances
 from workbench.kernel.library import kernel, why_kernel_missing
 
 if TYPE_CHECKING:
-    from workbench.model.base import Model
-    from workbench.model.recipe import Recipe
+    from workbench.model.base import Model, Recipe
 
 __all__ = [
     "BEGUN",

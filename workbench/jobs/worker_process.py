@@ -25,7 +25,7 @@ from workbench.jobs.end_signals import ENDING
 from workbench.jobs.limits import cores, went_beyond
 from workbench.jobs.options import Limits
 from workbench.jobs.worker_main import STOP, Task
-from workbench.model.recipe import Recipe
+from workbench.model.base import Recipe
 
 __all__ = ["AFTERWARDS", "WorkerProcess", "keep", "kept", "prepare"]
 

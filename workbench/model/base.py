@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import copy
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from workbench.core.machine.closable import Closable
 from workbench.core.values.calendar import Sampler, exact
 from workbench.core.values.closed_loop import ClosedLoop
-from workbench.core.values.operating_point import At, OperatingPoint
+from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, visible
 from workbench.fmi.variable import Value, Variable
-from workbench.model.operating_point import find_point
-from workbench.session.base import Session
-from workbench.session.point import ModelPoint
-from workbench.signals.kinds import Signal
 
 if TYPE_CHECKING:
-    from workbench.model.recipe import Recipe
+    from workbench.session.base import Session
+    from workbench.session.point import ModelPoint
+    from workbench.signals.kinds import Signal
 
-__all__ = ["DeclaredRates", "Model"]
+__all__ = ["DeclaredRates", "Model", "Recipe"]
 
 _MOST = 40  # variables of a kind that a notebook shows
 
@@ -54,6 +52,54 @@ class DeclaredRates:
             *(s.since(time) for s in self.samplers),
             *(replace(c, offset=c.offset + begin) for c in self.clocks),
         )
+
+
+class Recipe(ABC):
+    """Small and picklable; opens the same model wherever it is sent.
+
+    Obligations of a subclass:
+      1. `open` returns a model that behaves as the one the recipe came from; whoever opens it closes it.
+      2. `identity` names everything that influences what the model computes, and nothing else:
+         results are kept under it.
+
+    Attributes:
+        source: what the user named, for messages.
+    """
+
+    source: str = "the model"
+
+    @abstractmethod
+    def open(self) -> Model:
+        """Return the model.
+
+        Raises:
+            InputError, FmuError: as when it was loaded first.
+        """
+
+    @abstractmethod
+    def identity(self) -> dict[str, Any]:
+        """Return what tells this model from others, ready for JSON."""
+
+    @abstractmethod
+    def tighter(self, factor: float) -> Recipe:
+        """Return the recipe of the same model with `factor` times its relative tolerance of the integration."""
+
+    def content(self) -> str:
+        """Return the SHA-256 of what the model is, whatever is set in it; empty: it cannot be told from another."""
+        return ""
+
+    @property
+    def portable(self) -> bool:
+        """Whether it can be sent to another process."""
+        return True
+
+    def packed(self) -> Recipe:
+        """Return a recipe that needs no file of this machine."""
+        return self
+
+    def settled(self) -> Recipe:
+        """Return what `packed` gave with its files in folders of this process, each FMU once for all recipes."""
+        return self
 
 
 class Model(Closable):
@@ -117,20 +163,18 @@ class Model(Closable):
             "inputs": self.inputs, "outputs": self.outputs, "states": self.states, "parameters": self.parameters,
         }  # fmt: skip
 
-    def placed(self, at: At | None) -> Self:
+    def starting_at(self, point: OperatingPoint | None, notes: Sequence[str] = ()) -> Self:
         """Return the model that starts at an operating point, here and in every worker; it is closed with this one.
 
         Its inputs hold the point's values until a signal forces them.
 
         Args:
-            at: a point, a result that has one, or the file of either; None: this model.
+            point: one of this model, see `operating_point.find_point`; None: where the model starts by itself.
+            notes: on the point.
 
         Raises:
-            InputError: see `find_point`; or this kind of model starts at its start values only.
+            InputError: this kind of model starts at its start values only.
         """
-        if at is None:
-            return self
-        point, notes = find_point(self, at)
         if self.recipe is None:
             raise InputError(f"{self.name}: this kind of model can only start at its start values")
         twin = copy.copy(self)
@@ -141,6 +185,11 @@ class Model(Closable):
     @property
     def start_values(self) -> Mapping[str, Value]:
         """Parameters and start values that it was opened with, in their variables' types, arrays element by element."""
+        return {}
+
+    @property
+    def bias(self) -> Mapping[str, float]:
+        """Input → constant that is added to it."""
         return {}
 
     @abstractmethod

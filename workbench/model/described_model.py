@@ -7,13 +7,15 @@ import dataclasses
 import weakref
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Self
+from dataclasses import KW_ONLY, field, fields
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from workbench.core.records.forms import several
+from workbench.core.records.option import values_of
 from workbench.core.values.calendar import Sampler, exact
-from workbench.core.values.operating_point import At
+from workbench.core.values.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import Instance
@@ -21,7 +23,9 @@ from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.ticking import periodic
 from workbench.fmi.variable import Value, Variable
 from workbench.kernel.library import kernel
-from workbench.model.base import DeclaredRates, Model
+from workbench.model.base import DeclaredRates, Model, Recipe
+from workbench.model.loading import DEFAULT_TOLERANCE, Loading
+from workbench.model.operating_point import start_at
 from workbench.model.starts import check_starts
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
 from workbench.session.fmu import FmuSession, Lead, Setup
@@ -31,19 +35,56 @@ from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, 
 from workbench.session.start_values import RELATIVE, NotReachedError, check_values, starts_of
 from workbench.signals.kinds import Signal
 
-if TYPE_CHECKING:
-    from workbench.model.recipe import LoadRecipe
-
-__all__ = ["SESSIONS", "DescribedModel"]
+__all__ = ["SESSIONS", "DescribedModel", "LoadRecipe"]
 
 # Interface → session. Tests put their oracle here.
 SESSIONS: Mapping[str, Callable[[Setup], FmuSession]] = {"me": CompiledMeSession, "cs": CompiledCsSession}
 _PARAMETERS = ("parameter", STRUCTURAL)
 _REST = 1e-12  # relative: what moves less is at rest
+_TIGHTEST = 1e-12  # relative tolerance below which rounding takes over
 _NO_SLOPES = (
     "the FMU claims to interpolate its inputs, but a probe sees no effect of their slopes: inputs are held over a "
     "communication step at their value in its middle"
 )
+
+
+class LoadRecipe(Loading, Recipe):
+    """What `load` was told, and the file.
+
+    Attributes:
+        source: what the user named, for messages.
+        at: where its sessions start; None: at the model's own start. See `Model.starting_at`.
+    """
+
+    if TYPE_CHECKING:
+        start_values: Mapping[str, Value] = field(default_factory=dict)  # whole arrays are texts by now
+
+    _: KW_ONLY
+    source: str
+    at: OperatingPoint | None = None
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both make the same model."""
+        if type(self) is not type(other):
+            return NotImplemented
+        return all(getattr(self, f.name) == getattr(other, f.name) for f in fields(self))
+
+    __hash__ = None  # type: ignore[assignment]  # it holds mappings
+
+    @abstractmethod
+    def open(self) -> DescribedModel:
+        """Return the model; see `Recipe.open`."""
+
+    def settings(self) -> dict[str, Any]:
+        """Return all of these but the file, ready for JSON."""
+        known = values_of(self)
+        return {
+            **{name: value for name, value in known.items() if name != "periods" or value is not None},
+            **({} if self.at is None else {"at": {**self.at.values, "time": self.at.time}}),
+        }
+
+    def tighter(self, factor: float) -> Self:
+        return dataclasses.replace(self, tolerance=max(_TIGHTEST, factor * (self.tolerance or DEFAULT_TOLERANCE)))
 
 
 class DescribedModel(Model):
@@ -119,6 +160,10 @@ class DescribedModel(Model):
     def start_values(self) -> Mapping[str, Value]:
         return self._setup.start_values
 
+    @property
+    def bias(self) -> Mapping[str, float]:
+        return self._setup.bias
+
     @abstractmethod
     def new_instance(self) -> Instance:
         """Return a new instance; whoever asks for it closes it."""
@@ -157,7 +202,18 @@ class DescribedModel(Model):
         return self._start(setup)
 
     def placed(self, at: At | None) -> Self:
-        twin = super().placed(at)
+        """Return the model that starts at an operating point; see `starting_at`.
+
+        Args:
+            at: a point, a result that has one, or the file of either; None: this model.
+
+        Raises:
+            InputError: see `operating_point.find_point`.
+        """
+        return start_at(self, at)[0]
+
+    def starting_at(self, point: OperatingPoint | None, notes: Sequence[str] = ()) -> Self:
+        twin = super().starting_at(point, notes)
         twin.recipe = dataclasses.replace(self.recipe, at=twin.at)
         if self.recipe.start is not None:
             twin.start_time = self.start_time

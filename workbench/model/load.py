@@ -15,21 +15,25 @@ from workbench.core.machine.scratch import scratch
 from workbench.core.records.option import values_of, with_options
 from workbench.errors import FmuError, InputError, suggest
 from workbench.fmi.archive import Unpacked, unpack
+from workbench.fmi.binding import instantiate
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import Instance
+from workbench.fmi.library import Library
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.reading import read_description
 from workbench.fmi.structure import structural_values
 from workbench.fmi.ticking import time_based
 from workbench.kernel.gear import why_missing
-from workbench.model.fmu_model import FmuModel
-from workbench.model.loading import Loading
-from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe, content_hash, files_of, hash_of
+from workbench.kernel.library import intermediate_update
+from workbench.model.content_hash import content_hash, files_of, hash_of
+from workbench.model.described_model import DescribedModel, LoadRecipe
+from workbench.model.loading import DEFAULT_TOLERANCE, Loading
 from workbench.model.starts import check_biases, check_starts
 from workbench.session.directional import newton_note
 from workbench.session.fmu import Setup
 
 __all__ = [
+    "FmuModel",
     "FmuRecipe",
     "choose_solver",
     "experiment_notes",
@@ -40,6 +44,65 @@ __all__ = [
 ]
 
 SOLVERS = ("gear", "vkm", "none")
+
+
+class FmuModel(DescribedModel):
+    """One FMU with a chosen interface and solver; made by `load`.
+
+    Args:
+        unpacked: the FMU as a folder; the model owns it from now on.
+        description: what that FMU says about itself.
+        interface: "me" or "cs", one of those offered.
+        setup: how sessions begin; who opens instances is put in here.
+        notes: remarks for the user.
+        recipe: how to load it again.
+    """
+
+    recipe: FmuRecipe
+
+    def __init__(
+        self,
+        unpacked: Unpacked,
+        description: ModelDescription,
+        *,
+        interface: str,
+        setup: Setup,
+        notes: tuple[str, ...],
+        recipe: FmuRecipe,
+    ) -> None:
+        super().__init__(
+            description,
+            source=str(unpacked.source),
+            interface=interface,
+            setup=setup,
+            notes=notes,
+            recipe=recipe,
+        )
+        self._unpacked = unpacked
+        self._folder = unpacked.folder.resolve()
+        self._binary: Library | None = None
+
+    def new_instance(self) -> Instance:
+        folder, source = self._folder, self.source
+        loaded = None if self._binary is None else self._binary.held()
+        instance = instantiate(
+            self.description,
+            folder,
+            interface=self.interface,
+            source=source,
+            library=loaded,
+            event_mode=not self._setup.manners.other_order,
+            update=intermediate_update() if self.interface == "cs" else None,
+        )
+        if self._binary is None and not instance.capabilities.once_per_process:  # stays loaded between sessions
+            self._binary = instance.library.held()
+        return instance
+
+    def close(self) -> None:
+        super().close()
+        if self._binary is not None:
+            self._binary.close()
+        self._unpacked.close()
 
 
 def load_fmu(path: str | Path, asked: Loading) -> FmuModel:

@@ -7,9 +7,10 @@ from dataclasses import KW_ONLY
 from workbench.core.records.forms import Numbers, Quantities, Starts
 from workbench.core.records.option import Options, documented, option
 
-__all__ = ["INTERFACES", "Loading"]
+__all__ = ["DEFAULT_TOLERANCE", "INTERFACES", "Loading"]
 
 INTERFACES = ("me", "cs")
+DEFAULT_TOLERANCE = 1e-6  # relative, of the integrator, where neither user nor FMU name one
 
 
 class Loading(Options):

@@ -12,10 +12,9 @@ from workbench.core.values.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.variable import Variable
-from workbench.model.recipe import LoadRecipe
+from workbench.model.base import Model
 
 if TYPE_CHECKING:
-    from workbench.model.base import Model
     from workbench.session.base import Session
 
 __all__ = ["bias_of", "find_point", "named", "standing", "start_at"]
@@ -52,13 +51,15 @@ def start_at(model: _Model, at: At | None) -> tuple[_Model, tuple[str, ...]]:
 
     Args:
         model: which.
-        at: see `Model.placed`, which makes it.
+        at: see `find_point`.
 
     Raises:
-        InputError: see `Model.placed`.
+        InputError: see `find_point`, `Model.starting_at`.
     """
-    placed = model.placed(at)
-    return placed, placed.notes[len(model.notes) :]
+    if at is None:
+        return model, ()
+    point, notes = find_point(model, at)
+    return model.starting_at(point, notes), notes
 
 
 def named(model: Model, point: OperatingPoint) -> OperatingPoint:
@@ -100,9 +101,7 @@ def bias_of(model: Model, name: str, at: OperatingPoint | None = None) -> float:
         at: where the session starts; None: where the model says.
     """
     point = at or model.at
-    if not isinstance(model.recipe, LoadRecipe) or (point is not None and name in point.u):
-        return 0.0
-    return float(model.recipe.bias.get(name, 0.0))
+    return 0.0 if point is not None and name in point.u else float(model.bias.get(name, 0.0))
 
 
 def _held(model: Model) -> list[Variable]:
@@ -184,11 +183,8 @@ def _check_names(model: Model, point: OperatingPoint, what: str) -> None:
 
 def _check_bias(model: Model, point: OperatingPoint, what: str) -> None:
     """Refuse a bias that makes an input something else than the point does."""
-    recipe = model.recipe
-    if not isinstance(recipe, LoadRecipe):
-        return
     starts = {v.name: v.start for v in model.inputs} | dict(model.start_values)
-    for name, bias in recipe.bias.items():
+    for name, bias in model.bias.items():
         biased = float(starts[name] or 0.0) + bias
         if name in point.u and not _same(biased, point.u[name]):
             raise InputError(

@@ -14,8 +14,8 @@ import numpy as np
 from workbench.core.records.option import values_of
 from workbench.errors import WorkbenchError
 from workbench.model.base import Model
+from workbench.model.described_model import LoadRecipe
 from workbench.model.loading import Loading
-from workbench.model.recipe import LoadRecipe
 from workbench.requests.kept import origin_of
 from workbench.requests.model_facts import facts_of, hash_of
 from workbench.requests.origin import ModelFacts, Origin

@@ -18,7 +18,7 @@ from workbench.jobs.pool import Pool
 from workbench.jobs.runner import Reply
 from workbench.jobs.worker_main import inside, tell, wanted_stop
 from workbench.model import Model
-from workbench.model.recipe import Recipe
+from workbench.model.base import Recipe
 from workbench.requests.kept import origin_of, remember
 from workbench.requests.origin import Origin
 from workbench.requests.request import Request

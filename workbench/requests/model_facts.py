@@ -11,9 +11,10 @@ from workbench.fmi.bundled import name_of_bundled
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.reading import described_at
 from workbench.model.base import Model
-from workbench.model.described_model import DescribedModel
+from workbench.model.content_hash import hash_of
+from workbench.model.described_model import DescribedModel, LoadRecipe
 from workbench.model.load import FmuRecipe
-from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe, hash_of
+from workbench.model.loading import DEFAULT_TOLERANCE
 from workbench.requests.origin import FmuOrigin, ModelFacts
 from workbench.system.description import Component, FmuComponent
 from workbench.system.recipe import SystemRecipe

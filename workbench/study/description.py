@@ -12,9 +12,9 @@ from workbench.study.commands import Command, Reference, references
 from workbench.study.requirements.base import Requirement, Scalar
 
 if TYPE_CHECKING:
-    from workbench.study.envelope_table import Envelope
+    from workbench.study.spread import Spread
 
-__all__ = ["Approval", "Change", "GridPoint", "Study", "StudyAnalysis"]
+__all__ = ["Approval", "Change", "Envelope", "GridPoint", "Study", "StudyAnalysis"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +96,43 @@ class Approval:
     role: str
     name: str = ""
     date: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Envelope:
+    """What an envelope asks for.
+
+    Attributes:
+        spreads: of the parameters, in the order of the file.
+        requirement: whose value is mapped, searched and counted.
+        plan: one of `PLANS`.
+        points: number of them for each failure, where the plan is not a grid.
+        seed: of random numbers.
+        confidence: of intervals.
+        width: wanted of the interval of the probability; None: none.
+        weights: failure → its probability, of sum 1; empty: not given.
+        axes: the parameters of the map: two, or the only one.
+        borders: analyses that find where stability changes along the map's first axis.
+        lines: at so many values of the second axis.
+        search: evaluations of the search for the worst case, for each failure; 0: no search.
+    """
+
+    spreads: tuple[Spread, ...]
+    requirement: Requirement
+    plan: str
+    points: int
+    seed: int
+    confidence: float
+    width: float | None
+    weights: Mapping[str, float]
+    axes: tuple[str, ...]
+    borders: tuple[str, ...]
+    lines: int
+    search: int
+
+    def spread(self, name: str) -> Spread:
+        """Return how a parameter spreads."""
+        return next(s for s in self.spreads if s.name == name)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from pydantic import Field
 
 from workbench.errors import InputError
-from workbench.study.description import Study, StudyAnalysis
+from workbench.study.description import Envelope, Study, StudyAnalysis
 from workbench.study.envelope.request import PlanName
 from workbench.study.position_in_file import known
 from workbench.study.requirements.base import Requirement
 from workbench.study.spread import KINDS, Spread, read_spread
 from workbench.system.files.toml_schema import TomlTable, read_table
 
-__all__ = ["Envelope", "read_envelope", "varied_by"]
+__all__ = ["read_envelope", "varied_by"]
 
 _WHERE = "[envelope]"
 # Commands that find where stability changes over a parameter, and their option that says which.
@@ -39,43 +38,6 @@ class EnvelopeTable(TomlTable):
     borders: list[str] = Field(default_factory=list)
     lines: int = Field(default=9, ge=2, le=1000)
     search: int = Field(default=0, ge=0, le=1_000_000)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Envelope:
-    """What an envelope asks for.
-
-    Attributes:
-        spreads: of the parameters, in the order of the file.
-        requirement: whose value is mapped, searched and counted.
-        plan: one of `PLANS`.
-        points: number of them for each failure, where the plan is not a grid.
-        seed: of random numbers.
-        confidence: of intervals.
-        width: wanted of the interval of the probability; None: none.
-        weights: failure → its probability, of sum 1; empty: not given.
-        axes: the parameters of the map: two, or the only one.
-        borders: analyses that find where stability changes along the map's first axis.
-        lines: at so many values of the second axis.
-        search: evaluations of the search for the worst case, for each failure; 0: no search.
-    """
-
-    spreads: tuple[Spread, ...]
-    requirement: Requirement
-    plan: str
-    points: int
-    seed: int
-    confidence: float
-    width: float | None
-    weights: Mapping[str, float]
-    axes: tuple[str, ...]
-    borders: tuple[str, ...]
-    lines: int
-    search: int
-
-    def spread(self, name: str) -> Spread:
-        """Return how a parameter spreads."""
-        return next(s for s in self.spreads if s.name == name)
 
 
 def read_envelope(given: Mapping[str, Any], study: Study) -> Envelope:

@@ -14,7 +14,7 @@ from typing import Any
 from workbench.core.records.record import read_toml_table
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled
-from workbench.model.recipe import content_hash
+from workbench.model.content_hash import content_hash
 
 __all__ = ["Hashes", "code_hash"]
 

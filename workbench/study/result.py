@@ -6,15 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from workbench.core.records.csv_file import write_csv
+from workbench.core.records.named import named
 from workbench.study.description import Study
 from workbench.study.plan import PlannedRun, RunResult
 from workbench.study.requirements.base import Compliance, Requirement
-
-if TYPE_CHECKING:
-    from workbench.show.page import Page
 
 __all__ = ["RequirementResult", "StudyResult"]
 
@@ -82,6 +80,8 @@ class StudyResult:
         notes: one line each.
         command: command that made the result.
     """
+
+    _page = "workbench.study.page:study_page"
 
     study: Study
     runs: Mapping[PlannedRun, RunResult]
@@ -173,15 +173,7 @@ class StudyResult:
         Raises:
             InputError: the file cannot be written.
         """
-        from workbench.study.junit import write_junit  # noqa: PLC0415 - it reads results
-
-        write_junit(self, path)
-
-    def page(self) -> Page:
-        """Return the page: violations first, every requirement, pictures, the analyses with their commands."""
-        from workbench.study.page import study_page  # noqa: PLC0415 - it reads results
-
-        return study_page(self)
+        named("workbench.study.junit:write_junit")(self, path)
 
     def report(self, path: str | Path) -> None:
         """Write the page.
@@ -196,7 +188,7 @@ class StudyResult:
         from workbench.show.result import write_report  # noqa: PLC0415
 
         origin = Origin(command="run", call=self.command)
-        write_report(self.page(), path, origin)
+        write_report(self, path, origin)
 
 
 def _margin(checked: RequirementResult) -> float:

@@ -17,10 +17,9 @@ from workbench.fmi.archive import locate
 from workbench.fmi.bundled import is_bundled
 from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value
-from workbench.model.described_model import DescribedModel
-from workbench.model.fmu_model import FmuModel
+from workbench.model.described_model import DescribedModel, LoadRecipe
+from workbench.model.load import FmuModel
 from workbench.model.loading import Loading
-from workbench.model.recipe import LoadRecipe
 from workbench.system.description import (
     Component,
     Connection,
@@ -33,7 +32,7 @@ from workbench.system.description import (
 )
 from workbench.system.model import SystemModel
 from workbench.system.nested import Inner, embed
-from workbench.system.recipe import SystemRecipe
+from workbench.system.openable import OpenableSystem
 
 __all__ = ["connect", "open_description"]
 
@@ -166,7 +165,7 @@ def open_description(description: SystemDescription, asked: Loading | None = Non
     """
     source = description.source or description.name
     asked = replace(asked or Loading(), hold_inputs=description.master.hold_inputs)
-    return SystemRecipe(source=source, system=description, **values_of(asked)).open()
+    return OpenableSystem(source=source, system=description, **values_of(asked)).open()
 
 
 # -- components -------------------------------------------------------------------------------

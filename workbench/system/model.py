@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from workbench.core.values.closed_loop import ClosedLoop
 from workbench.fmi.instance import Instance
@@ -14,7 +13,7 @@ from workbench.fmi.wiring import Wiring
 from workbench.model.base import DeclaredRates
 from workbench.model.described_model import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
-from workbench.model.recipe import DEFAULT_TOLERANCE
+from workbench.model.loading import DEFAULT_TOLERANCE
 from workbench.model.starts import check_biases
 from workbench.session.fmu import Setup
 from workbench.system.components import Opened, circle_notes, declared_rates, starts_of, system_starts
@@ -23,9 +22,7 @@ from workbench.system.joint_description import joint_description, joint_ports
 from workbench.system.loops import closed_loops
 from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
-
-if TYPE_CHECKING:
-    from workbench.system.recipe import SystemRecipe
+from workbench.system.recipe import SystemRecipe
 
 __all__ = ["SystemModel"]
 

@@ -1,26 +1,22 @@
-"""How to make a system again, in another process or on another machine."""
+"""What a system is and how it was loaded; `openable` opens it."""
 
 # ruff: noqa: ANN401 - JSON has no type
 from __future__ import annotations
 
 import hashlib
 import json
-import re
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import KW_ONLY, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from workbench.errors import FmuError, InputError
+from workbench.errors import InputError
+from workbench.model.described_model import LoadRecipe
 from workbench.model.load import FmuRecipe
-from workbench.model.recipe import LoadRecipe
-from workbench.system.components import OpenComponent, Opened, open_parts
-from workbench.system.connection_checks import resolve
+from workbench.system.components import OpenComponent
 from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
-from workbench.system.parameters import with_parameters
-from workbench.system.terminals import members_connected
 
 if TYPE_CHECKING:
     from workbench.model.described_model import DescribedModel
@@ -63,46 +59,13 @@ class SystemRecipe(LoadRecipe):
         master = replace(master, step_tolerance=factor * master.step_tolerance)
         return replace(found, system=replace(self.system, master=master))
 
+    @abstractmethod
     def open(self) -> DescribedModel:
         """Return the model.
 
         Raises:
             InputError, FmuError: see `connect`.
         """
-        # Slow to import, and everything that asks what a recipe is imports this module.
-        from workbench.system.master.model import MasterModel  # noqa: PLC0415
-        from workbench.system.model import SystemModel  # noqa: PLC0415
-
-        system, starts = with_parameters(self.system, self.start_values)
-        if system is not self.system:
-            return replace(self, system=system, start_values=starts).open()
-        with ExitStack() as undo:
-            parts = self._open_parts(undo)
-            system = members_connected(self.system, parts)
-            opened = Opened(system, parts, resolve(system, [p.description.variables for p in parts]))
-            self._check_interface(opened)
-            model = (SystemModel if opened.interface == "me" else MasterModel)(opened, self.with_parts(parts))
-            undo.pop_all()
-        return model
-
-    def _open_parts(self, undo: ExitStack) -> tuple[OpenComponent, ...]:
-        """Open the components; a message names those of a package by their places in it, not where it is unpacked."""
-        try:
-            return open_parts(self.system.components, undo, self.parts, interface=self.interface)
-        except (InputError, FmuError) as error:
-            unpacked = self.system.folder
-            if unpacked is None or str(unpacked.folder) not in str(error):
-                raise
-            inside = rf"{re.escape(str(unpacked.folder))}/(?:\d+/)?"
-            raise type(error)(re.sub(inside, lambda _: f"{self.source}/", str(error))) from None
-
-    def _check_interface(self, opened: Opened) -> None:
-        if self.interface not in ("auto", opened.interface):
-            kinds = ", ".join(f"{p.name}: {p.interface}" for p in opened.parts)
-            raise InputError(f"{self.source}: interface {self.interface} is wanted, but its components have {kinds}")
-        for name in self.system.master.given():
-            if opened.interface == "me":
-                raise InputError(f"{self.source}: {name} is for systems with co-simulation components; this has none")
 
     def with_parts(self, parts: Sequence[OpenComponent]) -> Self:
         """Return the recipe with the FMUs as they are opened now."""

@@ -24,10 +24,9 @@ from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
 from workbench.jobs.runner import Lost, Reply, perform
 from workbench.jobs.runner_choice import at_work
-from workbench.model.fmu_model import FmuModel
-from workbench.model.load import load_fmu
+from workbench.model.content_hash import content_hash
+from workbench.model.load import FmuModel, load_fmu
 from workbench.model.loading import Loading
-from workbench.model.recipe import content_hash
 from workbench.system.description import FmuComponent, SystemDescription
 from workbench.system.files.read import is_system_file, read_system
 

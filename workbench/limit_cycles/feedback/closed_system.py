@@ -13,7 +13,7 @@ from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
-from workbench.model.fmu_model import FmuModel
+from workbench.model.load import FmuModel
 from workbench.system.components import open_parts
 from workbench.system.connection_units import declared_unit
 from workbench.system.description import (
@@ -24,6 +24,7 @@ from workbench.system.description import (
     SumComponent,
     SystemDescription,
 )
+from workbench.system.openable import OpenableSystem
 from workbench.system.recipe import SystemRecipe
 
 __all__ = ["DRIVE", "SEEN", "FeedbackPath", "FeedbackSpec", "find_place", "free_name"]
@@ -314,7 +315,7 @@ def _as_system(model: DescribedModel) -> SystemRecipe:
     inputs = {v.name: (f"{_PLANT}.{v.name}",) for v in model.inputs if v.is_number}
     system = SystemDescription(name=model.name, components=(component,), inputs=inputs)
     part = replace(model.recipe, start_values=recipe.start_values, bias={}, at=None)
-    return SystemRecipe(
+    return OpenableSystem(
         source=recipe.source,
         system=system,
         solver=recipe.solver,

@@ -3,47 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from workbench.core.records.record import RecordPart
+from workbench.limit_cycles.feedback.result import GainRun, Optimum
 
-if TYPE_CHECKING:
-    from workbench.limit_cycles.feedback.result import GainRun
-
-__all__ = ["Optimum", "optimum_of"]
+__all__ = ["optimum_of"]
 
 _NOTHING = 1e-11  # of the largest coefficient
-
-
-@dataclass(frozen=True, kw_only=True)
-class Optimum(RecordPart):
-    """The best gain for one threshold.
-
-    Attributes:
-        threshold: see `Settings`.
-        gain: at which the fitted polynomial is smallest, between the lowest and the highest gain measured; None: too
-            few gains settled.
-        seconds: of the polynomial there [s].
-        at_end: it is the lowest or highest gain: the polynomial has no smaller minimum inside.
-        fastest_gain, fastest_seconds: the quickest one measured; None: none settled.
-        unsettled: how many did not settle.
-        coefficients: of the polynomial in g, from g⁰ on.
-        misfit: root mean square of what the polynomial misses [s]; None: there is none.
-    """
-
-    threshold: float
-    gain: float | None
-    seconds: float | None
-    at_end: bool
-    fastest_gain: float | None
-    fastest_seconds: float | None
-    unsettled: int
-    coefficients: tuple[float, ...] = ()
-    misfit: float | None = None
 
 
 def optimum_of(runs: Sequence[GainRun], threshold: float, order: int) -> Optimum:

@@ -15,8 +15,7 @@ from numpy.polynomial import Polynomial
 from workbench.show.figure import COLOURS, LEGEND, panels
 
 if TYPE_CHECKING:
-    from workbench.limit_cycles.feedback.optimum import Optimum
-    from workbench.limit_cycles.feedback.result import SettlingStudy
+    from workbench.limit_cycles.feedback.result import Optimum, SettlingStudy
 
 __all__ = ["draw_settling", "plot_settling"]
 

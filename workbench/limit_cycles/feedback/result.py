@@ -20,15 +20,13 @@ from workbench.limit_cycles.feedback.block import CyclesLeft
 from workbench.limit_cycles.feedback.gains import CriticalGain
 from workbench.limit_cycles.feedback.initial_motion import InitialMotion
 from workbench.limit_cycles.feedback.locus import Fastest, Locus, locus, shown_gains
-from workbench.limit_cycles.feedback.optimum import Optimum
-from workbench.limit_cycles.feedback.request import THRESHOLDS
 from workbench.limit_cycles.feedback.run import FeedbackRun
 from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CONVENTION", "FeedbackResult", "GainRun", "SettlingSettings", "SettlingStudy"]
+__all__ = ["CONVENTION", "FeedbackResult", "GainRun", "Optimum", "SettlingSettings", "SettlingStudy"]
 
 CONVENTION = (
     "u = g·y is added to the target, y the deviation of the source from rest: negative g is negative feedback where "
@@ -275,6 +273,33 @@ class GainRun(RecordPart):
         return {**data, "settled": {s["threshold"]: s["seconds"] for s in data["settled"]}}
 
 
+@dataclass(frozen=True, kw_only=True)
+class Optimum(RecordPart):
+    """The best gain for one threshold.
+
+    Attributes:
+        threshold: see `SettlingSettings`.
+        gain: at which the fitted polynomial is smallest, between the lowest and the highest gain measured; None: too
+            few gains settled.
+        seconds: of the polynomial there [s].
+        at_end: it is the lowest or highest gain: the polynomial has no smaller minimum inside.
+        fastest_gain, fastest_seconds: the quickest one measured; None: none settled.
+        unsettled: how many did not settle.
+        coefficients: of the polynomial in g, from g⁰ on.
+        misfit: root mean square of what the polynomial misses [s]; None: there is none.
+    """
+
+    threshold: float
+    gain: float | None
+    seconds: float | None
+    at_end: bool
+    fastest_gain: float | None
+    fastest_seconds: float | None
+    unsettled: int
+    coefficients: tuple[float, ...] = ()
+    misfit: float | None = None
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SettlingStudy(Result):
     """Settling times over the gain.
@@ -364,7 +389,7 @@ class SettlingSettings:
     """
 
     threshold: float = 0.01
-    thresholds: tuple[float, ...] = THRESHOLDS
+    thresholds: tuple[float, ...]
     order: int = 4
     longest: float | None = None
     tolerance: float = 1e-8

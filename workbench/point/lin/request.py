@@ -214,7 +214,9 @@ class LinAlong(Perturbed, _ChosenVariables, ModelRequest["LinGrid"]):
 
 
 def _state_space(model: Model, asked: Lin) -> LinearModel:
-    return asked.run(model, Job(asked.progress)).to_state_space()
+    from workbench.point.lin.state_space import LinearModel  # noqa: PLC0415 - python-control is slow to import
+
+    return LinearModel(asked.run(model, Job(asked.progress)))
 
 
 def _result(model: Model, asked: Lin) -> LinResult:

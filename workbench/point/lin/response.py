@@ -15,9 +15,9 @@ from workbench.errors import InputError, SimulationError, WorkbenchError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.jobs.job import SLOW, Job
 from workbench.model import DescribedModel, Model
+from workbench.model.described_model import LoadRecipe
 from workbench.model.names import check_variables
 from workbench.model.operating_point import named
-from workbench.model.recipe import LoadRecipe
 from workbench.point.lin.intersample import PARTS, held, inside, lines, periods_needed
 from workbench.point.lin.realisation import Realisation, realise
 from workbench.point.lin.result import Doubt, Intersample, LinResult, Zero

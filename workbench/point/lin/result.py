@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.core.records.named import named
 from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.large import is_large, poles_about
@@ -19,9 +18,6 @@ from workbench.core.values.matrices import resolvent
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import pole_keys
 from workbench.show.result import Result
-
-if TYPE_CHECKING:
-    from workbench.point.lin.state_space import LinearModel
 
 __all__ = ["DelayFreePart", "Doubt", "Intersample", "LinResult", "Zero"]
 
@@ -255,15 +251,6 @@ class LinResult(Linear, Result):
     def complete(self) -> bool:
         """Whether no input was left out."""
         return not self.refused
-
-    def to_state_space(self, *, name: str | None = None) -> LinearModel:
-        """Return the model for python-control, with names.
-
-        Args:
-            name: name of the state space; None: its own.
-        """
-        model: LinearModel = named("workbench.point.lin.state_space:LinearModel")(self, name)
-        return model
 
     def because(self, why: str) -> LinResult:
         """Return the same result with the reason for its method.

@@ -14,9 +14,10 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
 from workbench.model import Model
+from workbench.model.described_model import LoadRecipe
+from workbench.model.loading import DEFAULT_TOLERANCE
 from workbench.model.names import check_variables
 from workbench.model.operating_point import standing, start_at
-from workbench.model.recipe import DEFAULT_TOLERANCE, LoadRecipe
 from workbench.model.sample_rates import sampled
 from workbench.response.branches.family import ForcedPeriodMaps, near
 from workbench.response.branches.request import Branches

@@ -15,13 +15,11 @@ from workbench.core.values.linear import LinearPart
 from workbench.core.values.matrices import held, resolvent
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.model import Model
-from workbench.model.recipe import LoadRecipe
 from workbench.model.sample_rates import sampled
 from workbench.point.lin.linearise import plain
 from workbench.point.lin.request import Lin
 from workbench.point.lin.task import make_task
 from workbench.session.point import ModelPoint
-from workbench.system.recipe import SystemRecipe
 
 __all__ = ["LinearSineResponse", "LinearStart", "Surroundings", "Twin", "surroundings"]
 
@@ -263,7 +261,7 @@ def _middle(model: Model, input: str) -> dict[str, float]:
     """Return the value about which the sine moves, where that is not the operating point's: 0, and the bias."""
     if model.at is not None and input in model.at.u:
         return {}
-    return {input: model.recipe.bias.get(input, 0.0) if isinstance(model.recipe, LoadRecipe | SystemRecipe) else 0.0}
+    return {input: model.bias.get(input, 0.0)}
 
 
 def _exact(point: ModelPoint, input: str, output: str) -> LinearPart | None:

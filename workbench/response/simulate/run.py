@@ -18,7 +18,7 @@ from workbench.fmi.variable import EXACT_TO, WHOLE_RANGES
 from workbench.jobs.job import Job
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
-from workbench.model.fmu_model import FmuModel
+from workbench.model.load import FmuModel
 from workbench.model.names import declared_units, forced_inputs, found_variables, variables_of
 from workbench.model.operating_point import standing, start_at
 from workbench.response.simulate.divergence import DivergenceError, divergence, explained

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from workbench.study.description import GridPoint, Study
+from workbench.study.description import Envelope, GridPoint, Study
 from workbench.study.envelope.result import Border
 from workbench.study.envelope.sampling import point_of
-from workbench.study.envelope_table import Envelope
 
 __all__ = ["border_points", "borders_in"]
 

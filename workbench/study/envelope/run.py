@@ -13,7 +13,7 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.jobs.job import Job
-from workbench.study.description import GridPoint, Study
+from workbench.study.description import Envelope, GridPoint, Study
 from workbench.study.envelope.borders import border_points, borders_in
 from workbench.study.envelope.evaluate import Evaluator
 from workbench.study.envelope.probability import Probability, probability, together
@@ -22,7 +22,6 @@ from workbench.study.envelope.result import Border, EnvelopeParameter, EnvelopeP
 from workbench.study.envelope.sampling import COUNTS, planned, point_of
 from workbench.study.envelope.search import search
 from workbench.study.envelope.worst import system_at
-from workbench.study.envelope_table import Envelope
 from workbench.study.finished_store import Finished
 from workbench.study.position_in_file import place
 from workbench.study.read import read_study

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from workbench.study.description import GridPoint, Study
-from workbench.study.envelope_table import Envelope
+from workbench.study.description import Envelope, GridPoint, Study
 from workbench.study.requirements.base import Scalar
 from workbench.study.spread import Spread
 

@@ -18,10 +18,10 @@ from workbench.errors import WorkbenchError
 from workbench.model.described_model import DescribedModel
 from workbench.system.connection_checks import as_written
 from workbench.system.description import FmuComponent, MasterOptions
+from workbench.system.recipe import SystemRecipe
 
 if TYPE_CHECKING:
     from workbench.system.components import Opened
-    from workbench.system.recipe import SystemRecipe
 
 __all__ = ["crossover", "opened_loop"]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
 from workbench.core.values.closed_loop import ClosedLoop
 from workbench.errors import InputError, suggest
@@ -16,7 +15,7 @@ from workbench.fmi.variable import Value
 from workbench.model.base import DeclaredRates
 from workbench.model.described_model import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
-from workbench.model.recipe import DEFAULT_TOLERANCE
+from workbench.model.loading import DEFAULT_TOLERANCE
 from workbench.model.starts import check_biases
 from workbench.session.fmu import FmuSession, Setup
 from workbench.system.components import Opened, circle_notes, declared_rates, starts_of, system_starts
@@ -30,9 +29,7 @@ from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
 from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
-
-if TYPE_CHECKING:
-    from workbench.system.recipe import SystemRecipe
+from workbench.system.recipe import SystemRecipe
 
 __all__ = ["MasterModel"]
 
