@@ -8,26 +8,25 @@ from contextlib import contextmanager
 
 import pytest
 
+from tests.oracle.cs import OracleCsSession
 from tests.oracle.group import OracleGroupSession
 from tests.oracle.master.instance import OracleMasterInstance
 from tests.oracle.master.session import OracleMasterSession
 from tests.oracle.me import OracleMeSession
 from workbench.model import described_model as described
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
-from workbench.session.cs import CsSession
 from workbench.session.fmu import FmuSession, Setup
-from workbench.system.master import group_unit
 from workbench.system.master import model as master_model
-from workbench.system.master.group_session import CompiledGroupSession
+from workbench.system.master.group_unit import CompiledGroupSession
 from workbench.system.master.instance import MasterInstance
 from workbench.system.master.session import MasterSession
 
 __all__ = ["DRIVERS", "GROUPS", "driven_by", "driver", "each_driver"]
 
-# Driver → interface → session; the loop of co-simulation in Python is the package's own.
+# Driver → interface → session.
 DRIVERS: Mapping[str, Mapping[str, Callable[[Setup], FmuSession]]] = {
     "compiled": {"me": CompiledMeSession, "cs": CompiledCsSession},
-    "python": {"me": OracleMeSession, "cs": CsSession},
+    "python": {"me": OracleMeSession, "cs": OracleCsSession},
 }
 MASTERS = {"compiled": (MasterInstance, MasterSession), "python": (OracleMasterInstance, OracleMasterSession)}
 GROUPS = {"compiled": CompiledGroupSession, "python": OracleGroupSession}
@@ -40,11 +39,11 @@ def driven_by(name: str) -> Iterator[None]:
     """Let a driver advance the sessions that are opened inside, in this process."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys.modules[__name__], "fakes", name)
-        patch.setattr(described, "SESSIONS", DRIVERS[name])
-        patch.setattr(group_unit, "SESSION", GROUPS[name])
+        patch.setattr(described, "CompiledMeSession", DRIVERS[name]["me"])
+        patch.setattr(described, "CompiledCsSession", DRIVERS[name]["cs"])
         instance, session = MASTERS[name]
-        patch.setattr(master_model, "INSTANCE", instance)
-        patch.setattr(master_model, "SESSION", session)
+        patch.setattr(master_model, "MasterInstance", instance)
+        patch.setattr(master_model, "MasterSession", session)
         yield
 
 

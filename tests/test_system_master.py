@@ -33,7 +33,7 @@ from workbench.system.description import FmuComponent
 from workbench.system.load import load
 from workbench.system.master.model import MasterModel
 from workbench.system.master.richardson import halving
-from workbench.system.master.ticks import repeating
+from workbench.system.master.sampled import repeating
 
 both = pytest.mark.parametrize("driver", DRIVERS, indirect=True)
 

@@ -1,7 +1,6 @@
 """The oracle: sessions in plain readable Python, which the kernel's compiled ones are compared with.
 
-It shares with the package how a session begins, is saved and goes back (`workbench.session.fmu`, `me`), how inputs
-are forced and rows are kept, and the loop of co-simulation (`workbench.session.cs`, which the master of systems runs
-on). Its own are the loop of model exchange, the solvers, the location of events and their rules. `tests/drivers.py`
-puts it in the place of the compiled sessions.
+It shares with the package how a session begins, is saved and goes back (`workbench.session.fmu`, `me`, `cs`), and what
+its inputs are. Its own are both loops and how inputs are forced in them, the rows, the solvers, the location of events
+and their rules. `tests/drivers.py` puts it in the place of the compiled sessions.
 """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tests.oracle.me import OracleMeSession
-from workbench.system.master.group_session import GroupSession
+from workbench.system.master.group_unit import GroupSession
 
 __all__ = ["OracleGroupSession"]
 

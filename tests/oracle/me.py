@@ -10,7 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from tests.oracle.completed_step import completed_step
+from tests.oracle.forcing import discrete_differ, next_break
 from tests.oracle.problem import Problem
+from tests.oracle.rows import Rows
 from tests.oracle.solvers import SOLVERS, Solver, Tolerance
 from tests.oracle.turned import Turned
 from workbench.core.values.arrays import Floats
@@ -21,7 +23,6 @@ from workbench.session.base import Recorded
 from workbench.session.compiled_errors import MAX_STEPS, chattering, too_many_steps, zeno
 from workbench.session.forcing import Forcing
 from workbench.session.me import MeSession
-from workbench.session.rows import Rows
 from workbench.signals.kinds import Signal
 
 __all__ = ["OracleMeSession"]
@@ -107,9 +108,9 @@ class OracleMeSession(MeSession):
         rows.add(self.time)
         waiting = targets[::-1]
         while self.time < until:
-            end = min(until, self.forcing.next_break(self.time))
+            end = min(until, next_break(self.forcing, self.time))
             self.problem.limit = math.nextafter(end, -math.inf)
-            if end == until and self.forcing.next_break(math.nextafter(until, -math.inf)) > until:
+            if end == until and next_break(self.forcing, math.nextafter(until, -math.inf)) > until:
                 self.problem.limit = math.inf
             stop = end if is_due(end, self._next_time) else self._next_time
             if self._has_discrete:
@@ -131,7 +132,7 @@ class OracleMeSession(MeSession):
     def _at_stop(self, end: float, waiting: list[float], rows: Rows) -> None:
         """Handle what the session stopped for before `until`."""
         due = self.time in (end, self._next_time)
-        if due or self.forcing.discrete_differ(self.forcing.at(self.time)):
+        if due or discrete_differ(self.forcing, self.forcing.at(self.time)):
             self._event_rows(rows)
         elif waiting and waiting[-1] == self.time:
             rows.add(self.time)

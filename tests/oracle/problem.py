@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from tests.oracle.forcing import write_continuous
 from workbench.core.values.arrays import Floats
 from workbench.fmi.instance import Instance
 from workbench.session.forcing import Forcing
@@ -38,7 +39,7 @@ class Problem:
         """Set time [s], the states that already stand in the FMU's buffer, and the inputs."""
         self.instance.set_time(t)
         self.instance.set_states()
-        self.forcing.write_continuous(min(self.limit, t))
+        write_continuous(self.forcing, min(self.limit, t))
 
     def rhs(self, t: float, x: Floats) -> Floats:
         """Return dx/dt, shape (n,), a view that the next call overwrites."""

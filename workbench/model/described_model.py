@@ -6,7 +6,7 @@ import copy
 import dataclasses
 import weakref
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, field, fields
 from typing import TYPE_CHECKING, Any, Self
 
@@ -35,10 +35,8 @@ from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, 
 from workbench.session.start_values import RELATIVE, NotReachedError, check_values, starts_of
 from workbench.signals.kinds import Signal
 
-__all__ = ["SESSIONS", "DescribedModel", "LoadRecipe"]
+__all__ = ["DescribedModel", "LoadRecipe"]
 
-# Interface → session. Tests put their oracle here.
-SESSIONS: Mapping[str, Callable[[Setup], FmuSession]] = {"me": CompiledMeSession, "cs": CompiledCsSession}
 _PARAMETERS = ("parameter", STRUCTURAL)
 _REST = 1e-12  # relative: what moves less is at rest
 _TIGHTEST = 1e-12  # relative tolerance below which rounding takes over
@@ -415,7 +413,7 @@ class DescribedModel(Model):
         return session
 
     def _open(self, setup: Setup) -> FmuSession:
-        return SESSIONS[self.interface](setup)
+        return CompiledMeSession(setup) if self.interface == "me" else CompiledCsSession(setup)
 
     def _probe_start(self, setup: Setup) -> None:
         """Find out once whether a co-simulation that is to begin later than at 0 does so."""

@@ -18,7 +18,7 @@ from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
 from workbench.session.base import Recorded, Session, Snapshot
 from workbench.session.forcing import Forcing
-from workbench.session.rows import find, read_finite
+from workbench.session.readings import find, read_finite
 from workbench.session.start_values import Miss, NotReachedError, StartPoint, in_words, misses
 from workbench.signals.kinds import Signal
 

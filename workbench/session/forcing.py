@@ -94,8 +94,6 @@ class Forcing:
             _check_held(variables[i], *self._pairs[i])
         self.continuous = instance.access([variables[i] for i in self._fast])
         self._discrete = instance.access([variables[i] for i in self._slow])
-        self._fast_pairs = [self._pairs[i] for i in self._fast]
-        self._only_fast = not self._slow
         self.written: list[float] = [math.nan] * len(variables)
 
     def inputs(self) -> list[tuple[Variable, Signal, float]]:
@@ -107,39 +105,9 @@ class Forcing:
         """The longest step [s] that cannot overlook a signal's shape."""
         return min((s.longest_step for s in self.signals.values()), default=math.inf)
 
-    def next_break(self, t: float) -> float:
-        """Return the first time > t [s] at which a signal or its slope jumps."""
-        return min((s.next_break(t) for s in self.signals.values()), default=math.inf)
-
     def at(self, t: float) -> list[float]:
         """Return all values at t, biased, as the FMU would see them."""
         return [float(convert(v, s(t) + b)) for v, (s, b) in zip(self._variables, self._pairs, strict=True)]
-
-    def write_continuous(self, t: float) -> None:
-        """Write the inputs that may change in continuous time."""
-        if not self._fast_pairs:
-            return
-        values = [s(t) + b for s, b in self._fast_pairs]
-        self.continuous.write(values)
-        if self._only_fast:
-            self.written = values
-        else:
-            for i, value in zip(self._fast, values, strict=True):
-                self.written[i] = value
-
-    def moved_to(self, t: float) -> list[float]:
-        """Return the continuous inputs at t, and the others as they are."""
-        values = list(self.written)
-        for i in self._fast:
-            signal, bias = self._pairs[i]
-            values[i] = signal(t) + bias
-        return values
-
-    def write_moved(self, values: Sequence[float]) -> None:
-        """Write the continuous inputs where one of them differs from what the FMU sees."""
-        if any(values[i] != self.written[i] for i in self._fast):
-            self.continuous.write([values[i] for i in self._fast])
-            self.written = list(values)
 
     def write_all(self, values: Sequence[float]) -> None:
         """Write every forced input; allowed in event mode and between co-simulation steps."""
@@ -148,16 +116,6 @@ class Forcing:
         if self._slow:
             self._discrete.write([convert(self._variables[i], values[i]) for i in self._slow])
         self.written = list(values)
-
-    def discrete_differ(self, values: Sequence[float]) -> bool:
-        """Whether an input that may change at events only has another value now."""
-        return any(values[i] != self.written[i] for i in self._slow)
-
-    def ramp(self, t: float, end: float) -> tuple[list[float], list[float]]:
-        """Return the continuous inputs' mean slopes over (t, end) [1/s], and all inputs before `end`."""
-        left = end if self.next_break(t) > end else math.nextafter(end, -math.inf)
-        values = self.moved_to(left)
-        return [(values[i] - self.written[i]) / (end - t) for i in self._fast], values
 
 
 def _input(name: str, inputs: Mapping[str, Variable]) -> Variable:

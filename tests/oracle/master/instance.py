@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.oracle.group import OracleGroupSession
 from tests.oracle.master.course import Course, Reached
 from tests.oracle.master.cs_unit import CsUnit
 from tests.oracle.master.group_unit import GroupStepper
@@ -19,6 +20,7 @@ from workbench.fmi.access import VariableAccess
 from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
 from workbench.session.forcing import convert
+from workbench.system.master.group_unit import GroupSession, GroupUnit
 from workbench.system.master.instance import MasterInstance
 from workbench.system.master.units import moves
 
@@ -59,6 +61,9 @@ class OracleMasterInstance(MasterInstance):
             return CsUnit(unit.name, part, [c.source for c in sources], held=held, hold_inputs=plan.hold_inputs)
         names = [f"{plan.names[c.from_component]}.{c.source.name}" for c in sources]
         return GroupStepper(self.groups[number], dict(enumerate(plan.names)), names)
+
+    def _group(self, number: int, kind: type[GroupSession] = OracleGroupSession) -> GroupUnit:
+        return super()._group(number, kind)
 
     def watch(self) -> None:
         """Keep in `reached` the left limits at the end of each step: connected values, then the system's outputs."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from tests.oracle.cs import OracleCsSession
 from tests.oracle.master.control import StepControl
 from tests.oracle.master.instance import OracleMasterInstance
+from tests.oracle.rows import Rows
 from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import is_due
 from workbench.errors import InputError
@@ -14,8 +16,7 @@ from workbench.fmi.variable import Variable
 from workbench.session.base import Recorded
 from workbench.session.fmu import Setup
 from workbench.session.pauses import pause
-from workbench.session.rows import Rows
-from workbench.system.master.rehearsal import RehearsingSession
+from workbench.system.master.session import RehearsingSession
 
 __all__ = ["OracleMasterSession", "UndoableRows"]
 
@@ -23,7 +24,7 @@ _SLIVER = 1e-9  # of a step: no piece is as short
 _SHORTEST = 1e-4  # of the first step: shorter ones are taken as they are
 
 
-class OracleMasterSession(RehearsingSession):
+class OracleMasterSession(RehearsingSession, OracleCsSession):
     """Steps the whole system from one communication point to the next.
 
     Communication points are those of `CsSession`, and the instants at which something is known to happen in a

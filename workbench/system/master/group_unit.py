@@ -1,20 +1,82 @@
-"""A group of model exchange components: one ordinary differential equation between communication points."""
+"""A group of model exchange components: one ordinary differential equation between communication points.
+
+Events at communication points are the master's affair.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.session.base import Snapshot
+from workbench.kernel.structs import Me
+from workbench.session.base import Recorded, Snapshot
+from workbench.session.compiled import CompiledMeSession
 from workbench.session.fmu import Setup
+from workbench.session.me import MeSession
+from workbench.signals.kinds import Signal
 from workbench.system.master.group_instance import GroupInstance
-from workbench.system.master.group_session import CompiledGroupSession, GroupSession
 
-__all__ = ["GroupUnit"]
+__all__ = ["CompiledGroupSession", "GroupSession", "GroupUnit"]
 
-SESSION: type[GroupSession] = CompiledGroupSession
+
+class GroupSession(MeSession):
+    """What the master uses of them."""
+
+    def advance(
+        self,
+        until: float,
+        *,
+        signals: Mapping[str, Signal],
+        record: Sequence[str] = (),
+        points: Floats | None = None,
+    ) -> Recorded:
+        found = super().advance(until, signals=signals, record=record, points=points)
+        del self._calls[:-1]  # replay begins with the master
+        return found
+
+    def snapshot(self) -> Snapshot:
+        found = super().snapshot()
+        self._states.clear()  # there is nothing to free
+        return found
+
+    @abstractmethod
+    def due(self) -> float:
+        """Return the time of the next time event [s]."""
+
+    @abstractmethod
+    def go_on(self, next_time: float, inputs: Mapping[str, float]) -> None:
+        """Start the solver anew after an event that the master made.
+
+        Args:
+            next_time: of the next time event [s].
+            inputs: what the components see now.
+        """
+
+    def _take(self, inputs: Mapping[str, float]) -> None:
+        """Note what the components see now."""
+        self._seen.update(inputs)
+        self.forcing.written = [self._seen[n] for n in self.forcing.names]
+
+
+class CompiledGroupSession(GroupSession, CompiledMeSession):
+    """`GroupSession` with its loop and its solver in compiled code."""
+
+    @property
+    def native(self) -> Me:
+        """The kernel's session, which the kernel's master steps."""
+        return self._native
+
+    def due(self) -> float:
+        return float(self._native.next_time)
+
+    def go_on(self, next_time: float, inputs: Mapping[str, float]) -> None:
+        self._take(inputs)
+        self._native.next_time = next_time
+        self._forget()
 
 
 class GroupUnit:
@@ -25,6 +87,7 @@ class GroupUnit:
         instance: its components; the session begins with the first event iteration.
         members: its components' numbers in the system.
         solver, rtol: of the session.
+        kind: class of the session.
 
     Attributes:
         members: see above.
@@ -38,8 +101,10 @@ class GroupUnit:
         *,
         solver: str,
         rtol: float,
+        kind: type[GroupSession] = CompiledGroupSession,
     ) -> None:
         self.name = name
+        self._kind = kind
         self.instance = instance
         self.members = tuple(members)
         variables = {v.name: v for v in instance.description.variables}
@@ -80,7 +145,7 @@ class GroupUnit:
         """Go on from the joint event iteration that has just ended at `time` [s]."""
         instance = self.instance
         if self._session is None:
-            self._session = SESSION(replace(self._setup, start_time=time))
+            self._session = self._kind(replace(self._setup, start_time=time))
         else:
             instance.enter_continuous_mode()
         inputs = {v.name: float(x) for v, x in zip(self._inlet.variables, self._standing(), strict=True)}

@@ -18,7 +18,7 @@ from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
 from workbench.system.composite import CompositeInstance, Ports, next_event
 from workbench.system.master.group_instance import GroupInstance
-from workbench.system.master.group_unit import GroupUnit
+from workbench.system.master.group_unit import CompiledGroupSession, GroupSession, GroupUnit
 from workbench.system.master.ordering import Order
 from workbench.system.master.sampled import Sampled
 from workbench.system.master.units import Units
@@ -115,12 +115,13 @@ class MasterInstance(CompositeInstance):
     def _setup(self, description: ModelDescription, library: Library, *, interface: str) -> None:
         super()._setup(description, library, interface="cs")
 
-    def _group(self, number: int) -> GroupUnit:
+    def _group(self, number: int, kind: type[GroupSession] = CompiledGroupSession) -> GroupUnit:
         unit, decided = self.decided.units.units[number], self.decided
         if unit.group is None:
             raise SimulationError(f"{unit.name} is stepped by itself")
         instance = GroupInstance([self.parts[i] for i in unit.members], unit.group)
-        return GroupUnit(unit.name, instance, unit.members, solver=decided.solver[number], rtol=decided.rtol)
+        solver = decided.solver[number]
+        return GroupUnit(unit.name, instance, unit.members, solver=solver, rtol=decided.rtol, kind=kind)
 
     def close(self) -> None:
         for group in self.groups.values():

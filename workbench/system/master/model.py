@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 
 from workbench.core.values.closed_loop import ClosedLoop
@@ -32,10 +32,6 @@ from workbench.system.parameters import component_parameters, reparametrised
 from workbench.system.recipe import SystemRecipe
 
 __all__ = ["MasterModel"]
-
-# What a model is made of; tests put the oracle's in place.
-INSTANCE: type[MasterInstance] = MasterInstance
-SESSION: Callable[..., FmuSession] = MasterSession
 
 _EXTRAPOLATED = {  # order → in words, before "linear"
     0: "held where their source is stepped later, else ",
@@ -127,7 +123,7 @@ class MasterModel(DescribedModel):
                 made.append(part.instance())
                 undo.callback(made[-1].close)
             undo.pop_all()
-        instance = INSTANCE(made, decided, self.description, self._ports, source=self.source)
+        instance = MasterInstance(made, decided, self.description, self._ports, source=self.source)
         instance.late = self._late
         return instance
 
@@ -140,16 +136,16 @@ class MasterModel(DescribedModel):
     def _open(self, setup: Setup) -> FmuSession:
         wanted = self.recipe.system.master.step_tolerance
         if self._probing:
-            return SESSION(setup)
+            return MasterSession(setup)
         rehearses = self.recipe.system.master.extrapolation > 1
         if setup.step is not None:
-            return SESSION(setup, rehearses=rehearses)
+            return MasterSession(setup, rehearses=rehearses)
         why = self.why_fixed_step()
         if why and wanted is not None:
             raise InputError(f"{self.source}: step_tolerance: the step cannot be controlled: {why}; give step instead")
         if why:
-            return SESSION(setup, rehearses=rehearses)
-        return SESSION(setup, tolerance=wanted or _LOOSER * setup.rtol)
+            return MasterSession(setup, rehearses=rehearses)
+        return MasterSession(setup, tolerance=wanted or _LOOSER * setup.rtol)
 
     def why_fixed_step(self) -> str:
         """Return why the communication step is not controlled; empty if it is, as long as no `step` is given."""

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 
-from workbench.core.values.calendar import Calendar, Sampler, exact
+from workbench.core.values.calendar import Calendar, Sampler, exact, simplest_between
 from workbench.errors import WorkbenchError
 from workbench.fmi.ticking import periodic
 from workbench.model.load import FmuRecipe
 from workbench.session.point import FmuPoint
 from workbench.system.components import OpenComponent
 from workbench.system.description import FmuComponent
-from workbench.system.master.ticks import repeating
 from workbench.system.master.units import Units
 
-__all__ = ["Sampled", "find_ticks"]
+__all__ = ["Sampled", "find_ticks", "repeating"]
 
 _TICKS = 200  # so many instants are looked at
 _PROBE = 1e-2  # how far inputs are moved to see whether an output follows, relative to the larger of 1 and the value
 _SAME = 1e-12  # relative: outputs that move less stand still
+_REPEATS = 1e-6  # relative to the period: how far instants may lie off a pattern
+_LONGEST_PATTERN = 64
 
 
 @dataclass(frozen=True)
@@ -99,3 +103,25 @@ def _stands_still(point: FmuPoint) -> bool:
             if np.abs(point.at(x, moved).y - y).max(initial=0.0) > _SAME * np.abs(y).max(initial=1.0):
                 return False
     return True
+
+
+def repeating(times: Sequence[float]) -> Calendar | None:
+    """Return the shortest pattern that repeats in these instants [s], seen twice at least; None if there is none."""
+    gaps = [b - a for a, b in pairwise(times)]
+    for length in range(1, min(_LONGEST_PATTERN, len(gaps) // 2) + 1):
+        period = times[length] - times[0]
+        if all(abs(gaps[i + length] - gaps[i]) <= _REPEATS * period for i in range(len(gaps) - length)):
+            return _meant(times, length)
+    return None
+
+
+def _meant(times: Sequence[float], length: int) -> Calendar:
+    """Return the pattern in the simplest numbers within rounding: whoever adds up is off by half an ulp a tick."""
+    error = Fraction(0.5 * len(times) * math.ulp(max(map(abs, times))))
+    spans = [(Fraction(times[k]) - Fraction(times[k % length]), k // length) for k in range(length, len(times))]
+    low = max((span - 2 * error) / n for span, n in spans)
+    high = min((span + 2 * error) / n for span, n in spans)
+    # Instants that keep their rate less exactly: what the whole stretch says.
+    period = simplest_between(low, high) if low <= high else exact(float(spans[-1][0] / spans[-1][1]))
+    firsts = [simplest_between(Fraction(t) - error, Fraction(t) + error) for t in times[:length]]
+    return Calendar(tuple(Sampler(period, first) for first in firsts))

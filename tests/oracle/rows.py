@@ -1,38 +1,21 @@
-"""The rows one advance records."""
+"""The rows that one advance records."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 
-from workbench.core.records.names_in_text import check_names
 from workbench.core.values.arrays import Floats
-from workbench.errors import InputError, SimulationError, StoppedError
-from workbench.fmi.access import VariableAccess
+from workbench.errors import SimulationError, StoppedError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
 from workbench.session.base import Recorded
 from workbench.session.forcing import Forcing
+from workbench.session.readings import read_finite
 
-__all__ = ["Rows", "find", "read_finite"]
-
-
-def find(names: Sequence[str], variables: Mapping[str, Variable]) -> list[Variable]:
-    """Return the variables called `names`; each must stand for a number.
-
-    Raises:
-        InputError: unknown name, or a text.
-    """
-    check_names(names, variables, kinds=("variable",))
-    found = []
-    for name in names:
-        if not (variables[name].is_number or variables[name].type == "Clock"):  # whose ticks are counted
-            raise InputError(f"'{name}' is a {variables[name].type}; only numbers can be recorded")
-        found.append(variables[name])
-    return found
+__all__ = ["Rows"]
 
 
 class Rows:
@@ -76,20 +59,6 @@ class Rows:
             values=_columns(names, self._values),
             inputs=_columns(self._forcing.names, self._inputs),
         )
-
-
-def read_finite(access: VariableAccess, variables: Sequence[Variable], time: float) -> list[float]:
-    """Return the values of a prepared access, each finite.
-
-    Raises:
-        SimulationError: one is not; the message names it.
-    """
-    values: list[float] = access.read()
-    if not math.isfinite(sum(values)):
-        for variable, value in zip(variables, values, strict=True):
-            if not math.isfinite(value):
-                raise SimulationError(f"{variable.name} is {value:g}, not a finite number", time=time)
-    return values
 
 
 def _columns(names: Sequence[str], rows: list[list[float]]) -> dict[str, Floats]:
