@@ -15,7 +15,7 @@ import pytest
 
 from docs.tools.command_pages import command_names, command_page
 from docs.tools.examples import blocks_of, run_page
-from workbench.cli.program import command_of
+from workbench.cli.program import program
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 SERVE = {"ui"}  # until they are ended
@@ -61,7 +61,7 @@ LINES = [line for block in blocks_of(README) if block.language == "sh" for line 
 def is_command_line(line: str) -> bool:
     """Whether a command takes the line and is given something by it."""
     _, name, *words = shlex.split(line, comments=True)
-    command = command_of(name)
+    command = program(name)
     with command.make_context(name, words) as context:
         sources = [context.get_parameter_source(p.name) for p in command.params]
     return any(s is not None and s.name == "COMMANDLINE" for s in sources)

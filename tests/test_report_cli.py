@@ -17,7 +17,7 @@ from workbench.build.page import build_page
 from workbench.build.toolchain import host_only
 from workbench.cli.app import run
 from workbench.cli.program import COMMANDS as EVERY
-from workbench.cli.program import command_of
+from workbench.cli.program import program
 from workbench.fmi.archive import locate
 from workbench.show.page import write_page
 
@@ -81,7 +81,7 @@ def test_every_command_writes_a_page(name: str, capsys: pytest.CaptureFixture[st
 
 
 def test_every_command_has_the_option() -> None:
-    without = [n for n in EVERY if not any("--report" in p.opts for p in command_of(n).params)]
+    without = [n for n in EVERY if not any("--report" in p.opts for p in program(n).params)]
     assert without == ["ui"]  # which shows them
 
 

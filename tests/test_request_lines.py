@@ -121,7 +121,7 @@ def test_a_line_is_read_back_as_the_same_request(name: str, seed: int) -> None:
     asked, loading = asked_at_random(name, random.Random(f"{name} {seed}"))
     words = shlex.split(command_line_of(asked, "a model.fmu", loading))
     assert words[:3] == ["workbench", name, "a model.fmu"]
-    found = program(name).commands[name].make_context(name, words[2:]).params
+    found = program(name).make_context(name, words[2:]).params
     again, opened = request_from(type(asked), {k: v for k, v in found.items() if v not in ([], ())})
     assert asked_of(again) == asked_of(asked)
     assert asked_of(opened) == asked_of(loading)

@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from workbench.cli.program import COMMANDS, command_of
+from workbench.cli.program import COMMANDS, program
 
 __all__ = ["command_names", "command_page"]
 
@@ -27,7 +27,7 @@ def command_page(name: str) -> str:
     Args:
         name: of the command.
     """
-    command = command_of(name)
+    command = program(name)
     context = typer.Context(command, info_name=name)
     usage = " ".join(["workbench", name, *command.collect_usage_pieces(context)])
     head = [f"# {name}", "", *_help(command.help or ""), "```bash", usage, "```", ""]

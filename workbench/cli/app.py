@@ -38,20 +38,24 @@ def run(
         own: request of a command that is not one of the package's; None: all of these.
         called: how the program is called, as in a shell.
     """
-    notes.drop()
     words = sys.argv[1:] if arguments is None else arguments
+    code = _run(words or ["--help"], own, called)
+    return code if words else BAD_INPUT
+
+
+def _run(words: Sequence[str], own: type[Request[Any, Any]] | None, called: str) -> int:
+    notes.drop()
     begun = completing()
-    name = next((w for w in begun[1:] or words if not w.startswith("-")), None)
+    name = next(iter(begun[1:] or words), None)
     try:
         if not begun and own is None:
             _expect(name, words)
         command = program(name, own)
-        asked.keep(arguments, options_of(command, name), called)
-        code = command.main(list(arguments) if arguments is not None else None, called, standalone_mode=False)
+        asked.keep(words, options_of(command), called)
+        alone = command.name == name
+        code = command.main(list(words[alone:]), f"{called} {name}" if alone else called, standalone_mode=False)
     except typer.TyperException as error:
-        # Called without a command it shows the help, which the error then carries as its text.
-        message = said(error)
-        return _complain(message) if message else BAD_INPUT
+        return _complain(said(error))
     except WorkbenchError as error:
         return _complain(asked.complaint(str(error)))
     except MemoryError:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-import sys
 from collections.abc import Mapping, Sequence
 
 __all__ = ["command_line", "complaint", "keep", "spoken", "was_given"]
@@ -15,18 +14,18 @@ _options: dict[str, str] = {}  # of that command: name in Python → on the comm
 _NAME = re.compile(r"(?<![\w.'\"/=-])[a-z]+(?:_[a-z]+)+(?![\w.(])")  # not in quotes: those are names of variables
 
 
-def keep(arguments: Sequence[str] | None, options: Mapping[str, str] | None = None, called: str = "workbench") -> None:
+def keep(arguments: Sequence[str], options: Mapping[str, str], called: str) -> None:
     """Keep the arguments of the command that is about to run, and what its options are called.
 
     Args:
-        arguments: None: the process's own.
+        arguments: behind the name of the program.
         options: name in Python → on the command line.
         called: how the program is called.
     """
     _called[:] = [called]
-    _arguments[:] = sys.argv[1:] if arguments is None else arguments
+    _arguments[:] = arguments
     _options.clear()
-    _options.update(options or {})
+    _options.update(options)
 
 
 def spoken(message: str) -> str:

@@ -9,7 +9,6 @@ import inspect
 import os
 import re
 from collections.abc import Callable
-from functools import cache
 from typing import Annotated, Any
 
 import typer
@@ -21,7 +20,7 @@ from workbench.core.records.named import named
 from workbench.errors import one_line
 from workbench.requests.request import Request
 
-__all__ = ["COMMANDS", "command_of", "completing", "function_of", "options_of", "program", "said"]
+__all__ = ["COMMANDS", "completing", "function_of", "options_of", "program", "said"]
 
 _FUNCTIONS = {"run": "cli.run:run", "ui": "cli.ui:ui"}
 # Of requests, and of functions that typer calls.
@@ -30,40 +29,81 @@ COMMANDS = (*(name for one in REQUESTS for name in (("run", one) if one == "bloc
 
 _WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses
 _NO_PARTS = r"No such option: (--scheduler\S*).*"
+_WIDEST = 120  # characters of a line of help
 _COMPLETE = "_WORKBENCH_COMPLETE"  # set by the shell scripts that typer installs
 _IDLE = r" \(Possible options: --help\)|--help, "  # what typer proposes for any word
 
 
-class _Command(typer.core.TyperCommand):
-    """A command whose line of usage has its argument as the texts have it: MODEL, not {MODEL}."""
+class _Plain:
+    """Help as plain text: what typer draws with rich takes three times as long as all the rest of `--help`."""
 
-    def collect_usage_pieces(self, ctx: Any) -> list[str]:  # noqa: ANN401 - typer's own class is not public
+    help: str | None
+
+    def format_help_text(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - typer's own class is not public
+        """Write the paragraphs; a line to copy stays one line."""
+        for text in inspect.cleandoc(self.help or "").split("\n\n"):
+            formatter.write_paragraph()
+            with formatter.indentation():
+                if text.startswith("Example"):
+                    formatter.write(f"  {_unquoted(text)}\n")
+                else:
+                    formatter.write_text(_unquoted(text))
+
+
+class _Command(_Plain, typer.core.TyperCommand):
+    """A command whose line of usage has its argument as the texts have it, MODEL, and whose options have headings."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:  # noqa: ANN401 - as above
         """Return the words behind the command's name."""
         return [re.sub(r"^\{(.*)\}(\.\.\.)?$", r"\1", piece) for piece in super().collect_usage_pieces(ctx)]
 
+    def format_options(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
+        """Write the options under the headings of the parts that declare them."""
+        rows: dict[str, list[tuple[str, str]]] = {}
+        for one in self.get_params(ctx):
+            if record := one.get_help_record(ctx):
+                argument = one.param_type_name == "argument"
+                heading = getattr(one, "rich_help_panel", None) or ("Arguments" if argument else "Options")
+                name = str(one.metavar) if argument else record[0]
+                rows.setdefault(heading, []).append((name, _unquoted(record[1])))
+        for heading, records in rows.items():
+            with formatter.section(heading):
+                formatter.write_dl(records)
 
-def program(name: str | None, own: type[Request[Any, Any]] | None = None) -> Any:  # noqa: ANN401 - typer's own class of a group is not public
-    """Return the program with one command alone; if there is none of that name, with the help of all of them.
+
+class _Program(_Plain, typer.core.TyperGroup):
+    """All commands, each with its first sentence in full."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
+        """Write the commands."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, _unquoted(one.help or "")) for name, one in self.commands.items()])
+
+
+def _unquoted(text: str) -> str:
+    return text.replace("`", "")
+
+
+def program(name: str | None, own: type[Request[Any, Any]] | None = None) -> Any:  # noqa: ANN401 - as above
+    """Return a command alone, which is quick; if there is none of that name, the program with the help of all of them.
 
     Args:
         name: of the command.
         own: request of a command that is not one of the package's; None: it is.
     """
+    alone = own is not None or (name in COMMANDS and not completing())
     app = typer.Typer(
+        cls=_Program,
         name="workbench",
-        help="Analyse FMUs: time histories, operating points, linear models, frequency responses; identify; build.",
-        no_args_is_help=True,
-        add_completion=name not in COMMANDS or bool(completing()),
-        rich_markup_mode="markdown",
-        context_settings={"help_option_names": ["-h", "--help"]},
+        add_completion=not alone,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": _WIDEST},
         pretty_exceptions_enable=False,
     )
-    app.callback()(_options)
-    if own is not None or name in COMMANDS:
-        app.command(name, cls=_Command)(function_of(str(name), own))
-        return typer.main.get_command(app)
-    for other in COMMANDS:
-        app.command(other)(_words(other))
+    if not alone:
+        app.callback()(_options)
+    for one in [str(name)] if own is not None or name in COMMANDS else COMMANDS:
+        app.command(one, cls=_Command)(function_of(one, own) if one == name else _words(one))
     return typer.main.get_command(app)
 
 
@@ -123,16 +163,13 @@ def _options(
     """
 
 
-def options_of(command: Any, name: str | None) -> dict[str, str]:  # noqa: ANN401 - see `program`
+def options_of(command: Any) -> dict[str, str]:  # noqa: ANN401 - see `program`
     """Return what the options of a command are called: name in Python → on the command line.
 
     Args:
-        command: the program.
-        name: of its command; None: there is none.
+        command: as `program` returns it.
     """
-    known = getattr(command, "commands", {}).get(name)
-    options = [p for p in known.params if p.opts[0].startswith("--")] if known else []
-    return {str(option.name): str(option.opts[0]) for option in options}
+    return {str(p.name): str(p.opts[0]) for p in command.params if p.opts[0].startswith("--")}
 
 
 def said(error: typer.TyperException) -> str:
@@ -147,13 +184,3 @@ def said(error: typer.TyperException) -> str:
     if text.startswith("Missing ") and where is not None:
         text = f"{text.rstrip('.')}; {where.command_path} --help has an example"
     return re.sub(_NO_PARTS, r"\1: this command has no parts that could run on a cluster; leave it out", text)
-
-
-@cache
-def command_of(name: str) -> Any:  # noqa: ANN401 - typer's own class of a command is not public
-    """Return a command as it parses its words.
-
-    Args:
-        name: one of `COMMANDS`.
-    """
-    return program(name).commands[name]
