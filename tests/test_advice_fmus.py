@@ -75,7 +75,7 @@ def test_the_rate_limiter_is_told_as_distortion() -> None:
     assert found.finding("noise").verdict == "poor"
     assert found.finding("delay").values == {"side_stick → elevator": 0}
     assert found.finding("saturation").verdict == "watch"
-    for topic in ("excitation", "length", "feedback", "outliers", "quantisation", "trend", "disturbance"):
+    for topic in ("excitation", "length", "feedback", "outliers", "trend"):
         assert found.finding(topic).verdict == "good", topic
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.identification_data import DT, A, B, data, prbs, response, white, with_noise
-from workbench.data.advice.flat import flat_extremes
+from workbench.data.advice.saturation import stretches_at
 from workbench.data.experiment.experiment import make_experiment
 from workbench.data.preprocess.detrend import detrend, remove_offset
 from workbench.data.preprocess.outliers import _without_gross, remove_outliers
@@ -126,11 +126,10 @@ def test_flat_extremes_are_found() -> None:
     u = white(2000)
     y = response(u)
     limit = 1.3 * np.std(y)
-    assert not flat_extremes(y)
-    found = flat_extremes(np.clip(y, None, limit))
-    assert [f.upper for f in found] == [True]
-    assert found[0].value == pytest.approx(limit)
-    assert set(found[0].samples) <= set(np.flatnonzero(y >= limit).tolist())
+    assert not stretches_at(y, y.max())
+    stretches = stretches_at(np.clip(y, None, limit), limit)
+    assert stretches
+    assert all(np.all(y[first:last] >= limit) and last - first >= 3 for first, last in stretches)
 
 
 def test_decimation_without_a_filter_is_exact_for_held_inputs() -> None:
@@ -188,6 +187,5 @@ def test_the_known_system_is_what_the_tests_think() -> None:
 
 
 def test_the_share_of_a_level_is_that_of_its_samples() -> None:
-    (top,) = flat_extremes(np.concatenate([np.arange(300.0), np.full(100, 300.0)]))
-    assert top.upper
-    assert top.share == pytest.approx(0.25, abs=0.01)
+    ((first, last),) = stretches_at(np.concatenate([np.arange(300.0), np.full(100, 300.0)]), 300.0)
+    assert last - first == pytest.approx(100, abs=4)

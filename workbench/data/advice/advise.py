@@ -6,15 +6,12 @@ from collections.abc import Callable, Mapping
 
 from workbench.core.machine.blas import one_thread
 from workbench.data.advice.delay import judge_delay
-from workbench.data.advice.disturbance import judge_disturbance
 from workbench.data.advice.excitation import excited_orders, is_single_sine, judge_excitation
 from workbench.data.advice.feedback import judge_feedback
-from workbench.data.advice.linearity import judge_linearity
-from workbench.data.advice.noise import judge_noise
+from workbench.data.advice.linearity import judge_linearity, judge_noise
 from workbench.data.advice.record import (
     judge_length,
     judge_outliers,
-    judge_quantisation,
     judge_settling,
     judge_trend,
 )
@@ -39,9 +36,7 @@ TOPICS: Mapping[str, Callable[[DataStudy], Finding]] = {
     "feedback": judge_feedback,
     "saturation": judge_saturation,
     "outliers": judge_outliers,
-    "quantisation": judge_quantisation,
     "trend": judge_trend,
-    "disturbance": judge_disturbance,
 }
 
 

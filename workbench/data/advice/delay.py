@@ -15,18 +15,17 @@ from scipy import stats
 
 from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
-from workbench.data.advice.shared_estimates import DataStudy
+from workbench.data.advice.shared_estimates import CHANCE, DataStudy
 from workbench.data.long_arx import lagged
 
 __all__ = ["delays", "judge_delay"]
 
-_SIGNIFICANT = 4.2  # standard deviations
+_SIGNIFICANT = float(stats.norm.isf(0.5 * CHANCE))  # standard deviations
 _EXACT_SHARE = 3e-6  # of the output's size, where there is no noise
 _MOST = 60  # samples
 _FINE = 0.03  # of the impulse response's peak: coarser coefficients cannot show where it begins
 _OWN = 1e-3  # of an input's size is new at each sample, or the delay cannot be seen
 _ROUNDING = 1e-8
-_CERTAIN = 1e-6  # probability that no lag at all matters
 
 
 def delays(study: DataStudy) -> dict[tuple[str, str], int | None]:
@@ -119,7 +118,7 @@ def _test(shares: Floats, new: Floats, noise: float, peak: float) -> _Test:
     shares = np.where(new > _ROUNDING * largest, shares, 0.0)
     noise = max(noise, 1e-12 * float(np.max(shares, initial=0.0)), 1e-300)
     chance = stats.chi2.logsf(float(np.sum((shares / noise) ** 2)), len(shares))
-    if np.max(shares) <= 1e-9 or chance > np.log(_CERTAIN):
+    if np.max(shares) <= 1e-9 or chance > np.log(CHANCE):
         return _Test(answers=False, delay=None)
     floor = _EXACT_SHARE * float(np.sqrt(np.sum(shares**2)))
     out = np.flatnonzero(shares > max(_SIGNIFICANT * noise, floor))

@@ -21,13 +21,12 @@ from scipy import linalg, stats
 
 from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
-from workbench.data.advice.shared_estimates import DataStudy
+from workbench.data.advice.shared_estimates import CHANCE, DataStudy
 from workbench.data.long_arx import lagged
 
 __all__ = ["from_shift_register", "judge_feedback", "linear_complexity", "reactions"]
 
 _LAGS = 10
-_CERTAIN = 1e-4  # probability of a false alarm
 _LEAST_SHARE = 0.005  # of the unforeseen input that past errors explain
 _ADVICE = (
     "open the loop, or identify with closed_loop=direct, or with the name of a recorded reference; "
@@ -75,12 +74,12 @@ def judge_feedback(study: DataStudy) -> Finding:
         "probability_open_loop": probability, "share_of_input": share, "correlation": correlation.tolist(),
         "probability_nothing_at_once": at_once, "share_at_once": together,
     }  # fmt: skip
-    if probability < _CERTAIN and share > _LEAST_SHARE:
+    if probability < CHANCE and share > _LEAST_SHARE:
         _, j, _ = np.unravel_index(int(np.argmax(np.abs(correlation))), correlation.shape)
         name = study.experiment.input_names[study.varying_inputs[int(j)]]
         evidence = f"{name} reacts to earlier disturbances of the outputs ({100 * share:.1f} % of what is new in it)"
         return Finding("feedback", "poor", evidence, _ADVICE, values)
-    if at_once < _CERTAIN and together > _LEAST_SHARE:
+    if at_once < CHANCE and together > _LEAST_SHARE:
         return _judge_at_once(study, values)
     return Finding("feedback", "good", "the inputs do not react to the outputs' disturbances", "", values)
 

@@ -11,19 +11,17 @@ import numpy as np
 from scipy import stats
 
 from workbench.core.values.arrays import Floats
-from workbench.data.advice.noise import signal_to_rest_db
 from workbench.data.advice.result import Finding
-from workbench.data.advice.shared_estimates import DataStudy
+from workbench.data.advice.shared_estimates import CHANCE, DataStudy
 from workbench.data.long_arx import LongArx, lagged
 
-__all__ = ["distortion", "judge_linearity"]
+__all__ = ["distortion", "judge_linearity", "judge_noise"]
 
-_CERTAIN = 1e-7  # probability of a false alarm, rounding and near-normal noise allowed for
 _LEAST_SHARE = 0.01  # of the residual that the nonlinear terms explain
 _LOW = 0.9  # coherence
 _MUCH = 0.25  # of the excited band
 _LINEAR_DB = 40.0
-_NOISY_DB = 10.0
+_GOOD_DB, _POOR_DB = 20.0, 10.0
 
 
 def distortion(study: DataStudy) -> tuple[float, float]:
@@ -38,13 +36,27 @@ def distortion(study: DataStudy) -> tuple[float, float]:
     return worst
 
 
+def judge_noise(study: DataStudy) -> Finding:
+    """Judge the worst output's ratio of explained to unexplained variance."""
+    if not study.varying_outputs:
+        return Finding("noise", "poor", "no output moves", "raise the amplitude, check the columns")
+    level, names = study.signal_to_rest_db, study.experiment.output_names
+    values = dict(zip(names, level.tolist(), strict=True))
+    worst = min(study.varying_outputs, key=lambda i: level[i])
+    evidence = f"ratio of explained to unexplained, {names[worst]}: {level[worst]:.1f} dB"
+    if level[worst] >= _GOOD_DB:
+        return Finding("noise", "good", evidence, "", values)
+    advice = "raise the amplitude or record longer where it is noise, lower the amplitude where it is distortion"
+    return Finding("noise", "watch" if level[worst] >= _POOR_DB else "poor", evidence, advice, values)
+
+
 def judge_linearity(study: DataStudy) -> Finding:
     """Judge the coherence over the excited band, and whether noise or distortion lowers it."""
     if not study.varying_inputs or not study.varying_outputs:
         return Finding("linearity", "unknown", "nothing moves")
     low, top, middle = _coherence_of(study)
     probability, share = distortion(study)
-    level = float(np.min(signal_to_rest_db(study)[study.varying_outputs]))
+    level = float(np.min(study.signal_to_rest_db[study.varying_outputs]))
     values = {
         "coherence_maximum": top,
         "coherence_median": middle,
@@ -53,7 +65,7 @@ def judge_linearity(study: DataStudy) -> Finding:
         "nonlinear_share_of_residual": share,
     }
     seen = f"coherence {middle:.2f} in the middle, below {_LOW} over {100 * low:.0f} % of the excited band"
-    distorted = probability < _CERTAIN and share > _LEAST_SHARE
+    distorted = probability < CHANCE and share > _LEAST_SHARE
     if distorted and level < _LINEAR_DB:
         evidence = f"{seen}; nonlinear terms explain {100 * share:.0f} % of the prediction error: distortion"
         advice = "the model will hold for this amplitude only; lower it, or compare with a nonlinear frequency response"
@@ -65,7 +77,7 @@ def judge_linearity(study: DataStudy) -> Finding:
     if low > _MUCH:
         evidence = f"{seen}; no nonlinear distortion is seen: the cause is noise, or another input"
         advice = "raise the amplitude, or record the other inputs"
-        return Finding("linearity", "watch" if level < _NOISY_DB else "good", evidence, advice, values)
+        return Finding("linearity", "watch" if level < _POOR_DB else "good", evidence, advice, values)
     return Finding("linearity", "good", f"{seen}; no nonlinear distortion is seen", "", values)
 
 

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING
-
 from workbench.data.advice.result import Advice
 from workbench.data.experiment.experiment import Experiment
 from workbench.show.page import Page, PageTable, Section
-from workbench.show.result import drawn
 from workbench.show.verdicts import Verdict
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-__all__ = ["advice_page", "advice_picture", "advice_table", "data_facts"]
+__all__ = ["advice_page", "advice_table", "data_facts"]
 
 
 def data_facts(data: Experiment) -> dict[str, str]:
@@ -23,11 +16,6 @@ def data_facts(data: Experiment) -> dict[str, str]:
         "data": f"{data.name}: {data.n_samples} samples every {data.dt:g} s",
         "inputs → outputs": f"{', '.join(data.input_names)} → {', '.join(data.output_names)}",
     }
-
-
-def advice_picture(advice: Advice) -> Figure:
-    """Return the picture of data without the findings, which a page has as a table."""
-    return drawn("workbench.data.advice.picture:plot_advice", None, advice, findings=False)
 
 
 def advice_table(advice: Advice) -> PageTable:
@@ -44,7 +32,7 @@ def advice_page(advice: Advice) -> Page:
         lead=f"Judged: {advice.worst}.",
         facts={**data_facts(advice.experiment), "orders excited": orders},
         sections=[
-            Section("Data", figures=[(partial(advice_picture, advice), "The data; marked: what was found in them.")]),
+            Section("Data", figures=[(advice.plot, "The data; marked: what was found in them.")]),
             Section("Findings", tables=[advice_table(advice)]),
         ],
         summary=[Verdict(f.verdict, f"{f.topic}: {f.evidence}") for f in advice.findings],

@@ -1,21 +1,20 @@
-"""How the record was made: wrong samples, coarse steps, its length, beginnings and drifts that no input explains."""
+"""How the record was made: wrong samples, its length, beginnings and drifts that no input explains."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy import stats
 
 from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
-from workbench.data.advice.shared_estimates import DataStudy
+from workbench.data.advice.shared_estimates import CHANCE, DataStudy
 
 __all__ = [
     "drifts",
     "judge_length",
     "judge_outliers",
-    "judge_quantisation",
     "judge_settling",
     "judge_trend",
-    "resolution",
     "slowest_time_constant",
 ]
 
@@ -48,54 +47,6 @@ def judge_settling(study: DataStudy) -> Finding:
     evidence = f"the first {count} samples ({count * study.dt:.3g} s) still contain a transient from before the record"
     advice = f"cut them off: cut_settling(samples={count})"
     return Finding("settling", "watch", evidence, advice, {"samples": count})
-
-
-# -- is an output recorded in coarse steps ---------------------------------------------------------
-
-_COARSE = 20.0  # steps in a standard deviation; noise of 1.4 % of the signal
-_VERY_COARSE = 5.0
-_FEW_LEVELS = 64  # of an input: more are a continuous one
-_EVEN = 1e-3  # of a step
-
-
-def resolution(y: Floats) -> float:
-    """Return the step of which all differences of values are multiples; 0 where there is none to be seen.
-
-    Args:
-        y: shape (n,).
-    """
-    levels = np.unique(y)
-    if not 3 <= len(levels) <= len(y) // 4:
-        return 0.0
-    steps = np.diff(levels)
-    steps = steps[steps > 1e-9 * (levels[-1] - levels[0])]
-    if not steps.size:
-        return 0.0
-    step = float(np.min(steps))
-    multiples = (levels - levels[0]) / step
-    # Even steps by chance are unlikely with many levels only.
-    even = np.max(np.abs(multiples - np.round(multiples))) < _EVEN
-    return step if even and len(levels) > 5 else 0.0
-
-
-def judge_quantisation(study: DataStudy) -> Finding:
-    """Judge the steps of each output against its standard deviation."""
-    data = study.raw  # repaired samples lie on no step
-    inputs = max(len(np.unique(data.u[:, j])) for j in range(data.n_inputs))
-    steps = {n: resolution(data.y[:, i]) for i, n in enumerate(data.output_names)}
-    # A gain passes the few levels of its input on: that is not quantisation.
-    fine = {
-        n: float(study.spread[i]) / steps[n]
-        for i, n in enumerate(data.output_names)
-        if steps[n] > 0.0 and (inputs > _FEW_LEVELS or len(np.unique(data.y[:, i])) > inputs)
-    }
-    coarse = {n: v for n, v in fine.items() if v < _COARSE}
-    if not coarse:
-        return Finding("quantisation", "good", "no coarse steps", "", {"steps": steps})
-    name = min(coarse, key=lambda n: coarse[n])
-    evidence = f"{name} has steps of {steps[name]:.4g}, {coarse[name]:.2g} in a standard deviation"
-    verdict = "poor" if coarse[name] < _VERY_COARSE else "watch"
-    return Finding("quantisation", verdict, evidence, "raise the amplitude or the resolution", {"steps": steps})
 
 
 # -- is it long enough, against memory and number of parameters -----------------------------------
@@ -142,7 +93,7 @@ def judge_length(study: DataStudy) -> Finding:
 # tested as a further, linearly growing input of the long equation.
 _LARGE = 0.3  # of a standard deviation over the whole record
 _OFFSET = 0.05  # of a standard deviation
-_SIGNIFICANT = 8.0  # standard deviations, which twelve blocks leave uncertain
+_BLOCKS = 12  # of which the scatter of the mean is taken
 
 
 def drifts(study: DataStudy) -> tuple[Floats, Floats]:
@@ -160,8 +111,9 @@ def judge_trend(study: DataStudy) -> Finding:
     """Judge offsets and drifts of the outputs."""
     data = study.experiment
     size, error = drifts(study)
+    significant = float(stats.t.isf(0.5 * CHANCE, _BLOCKS - 1))
     relative = np.abs(size) / study.spread
-    real = [i for i in study.varying_outputs if relative[i] > _LARGE and abs(size[i]) > _SIGNIFICANT * error[i]]
+    real = [i for i in study.varying_outputs if relative[i] > _LARGE and abs(size[i]) > significant * error[i]]
     means = np.hstack([data.u.mean(axis=0), data.y.mean(axis=0)])
     spreads = np.hstack([np.std(data.u, axis=0), np.std(data.y, axis=0)])
     names = (*data.input_names, *data.output_names)
@@ -180,7 +132,6 @@ def judge_trend(study: DataStudy) -> Finding:
 
 def _long_run(x: Floats) -> Floats:
     """Return √(spectral density at 0) of each column, by means of blocks, so that slow noise counts in full."""
-    blocks = 12
-    length = len(x) // blocks
-    means = x[: blocks * length].reshape(blocks, length, -1).mean(axis=1)
+    length = len(x) // _BLOCKS
+    means = x[: _BLOCKS * length].reshape(_BLOCKS, length, -1).mean(axis=1)
     return np.asarray(np.std(means, axis=0, ddof=1) * np.sqrt(length))

@@ -14,15 +14,16 @@ from workbench.data.long_arx import LongArx, fit_long_arx
 from workbench.data.preprocess.outliers import remove_outliers
 from workbench.data.preprocess.settle import settling_samples
 from workbench.data.spectra.coherence import Coherence, coherence
-from workbench.data.spectra.density import SpectralDensity, sdf
 from workbench.errors import InputError
 
-__all__ = ["DataStudy"]
+__all__ = ["CHANCE", "DataStudy"]
 
+CHANCE = 1e-5  # probability of a false alarm of each test
 # More samples than these add nothing to a judgement.
 _MOST_SAMPLES = 20_000
 _FEWEST_SAMPLES = 40
 _LONGEST_MEMORY = 2_000
+_BEST_DB = 200.0
 _ALL_BUT_PERFECT = 1e-4  # of the variance left over
 _TAME = 1e-3  # relative: directions with less in the data are left out
 _EXCITED_DB = -30.0  # below the peak of an input's density: what is lower is not excitation
@@ -38,8 +39,8 @@ class DataStudy:
         feedthrough: the plant may have a direct feedthrough.
 
     Attributes:
-        experiment: the data; of a long record the beginning, without what is still settling, outliers repaired, lest
-            one fault be taken for another.
+        experiment: the data; of a long record the beginning, without what is still settling, outliers repaired so
+            that one fault is not taken for another.
         raw: the same with the outliers.
         outliers: output → samples that stand out.
         settling: so many samples were left out at the beginning.
@@ -156,9 +157,13 @@ class DataStudy:
         return coherence(self.experiment, length=max(min(max(4 * self.memory, n // 20), longest), 8))
 
     @cached_property
-    def density(self) -> SpectralDensity:
-        """Of all columns."""
-        return sdf(self.experiment, length=self.coherence.settings.length)
+    def signal_to_rest_db(self) -> Floats:
+        """10·log10 of explained over unexplained variance of each output, shape (p,) [dB]."""
+        start = min(self.memory, len(self.u) // 4)
+        rest = self.y[start:] - self.explained[start:]
+        ratio = np.var(self.explained[start:], axis=0) / np.maximum(np.var(rest, axis=0), 1e-300)
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.clip(10.0 * np.log10(ratio), -_BEST_DB, _BEST_DB))
 
 
 def _settled(experiment: Experiment) -> int:

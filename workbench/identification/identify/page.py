@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING
 
-from workbench.data.advice.page import advice_picture, advice_table, data_facts
+from workbench.data.advice.page import advice_table, data_facts
 from workbench.data.spectra.coherence import coherence
 from workbench.data.spectra.density import sdf
 from workbench.identification.identify.result import IdentifyResult
@@ -69,7 +68,7 @@ def _lead(result: IdentifyResult) -> str:
 def _of_data(result: IdentifyResult) -> Section:
     linear = coherence(result.data, segments=20)
     figures: list[tuple[Callable[[], Figure], str]] = [
-        (partial(advice_picture, result.advice), "The data; marked: what was found in them."),
+        (result.advice.plot, "The data; marked: what was found in them."),
         (sdf(result.data).plot, "Spectral density of inputs and outputs."),
         (linear.plot, "Coherence: 1 where the output follows the input linearly; 20 segments."),
     ]
