@@ -125,7 +125,7 @@ def test_the_pulse_of_a_signal_at_rest_is_not_far_outside_a_range_that_is_none()
 def test_flat_extremes_are_found() -> None:
     u = white(2000)
     y = response(u)
-    limit = 1.3 * np.std(y)
+    limit = 1.3 * float(np.std(y))
     assert not stretches_at(y, y.max())
     stretches = stretches_at(np.clip(y, None, limit), limit)
     assert stretches
