@@ -16,20 +16,6 @@ from workbench.errors import InputError
 from workbench.identification.identify.request import identify as identify_data
 
 
-def test_info_tells_all_in_json(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["info", "fmu:Rudder", "--json", "-"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    promised = {"fmi_version", "generation_tool", "interfaces", "platforms", "runnable", "inputs", "outputs"}
-    promised |= {"parameters", "states", "capabilities", "command", "model", "version", "seconds"}
-    assert promised <= set(found)
-    assert found["interfaces"] == ["cs", "me"]
-    assert found["runnable"] is True
-    assert next(v["name"] for v in found["inputs"]) == "delC"
-    assert found["inputs"][0]["unit"] == "deg"
-    assert set(found["inputs"][0]) == {"name", "type", "unit", "start", "description"}
-    assert len(found["states"]) == 8
-
-
 def test_info_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["info", "fmu:FirstOrderLag@3"]) == 0
     out = capsys.readouterr().out
@@ -84,13 +70,6 @@ def test_simulate_writes_a_time_history(tmp_path: Path, capsys: pytest.CaptureFi
     with files[1].open(encoding="utf-8") as file:
         assert next(csv.reader(file))[0] == "time"
     assert files[2].read_text(encoding="utf-8").startswith("<?xml")
-
-
-def test_simulate_keeps_standard_output_for_the_csv(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["simulate", "fmu:FirstOrderLag", "--stop", "1", "--input", "u=1", "--csv", "-"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split(",")[0] == "time"
-    assert all(len(line.split(",")) == 3 for line in lines)
 
 
 @pytest.mark.parametrize(
@@ -151,21 +130,6 @@ def test_build_complains_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixtu
         assert len(capsys.readouterr().err.splitlines()) == 1
     assert run(["build", str(source), "--out", str(tmp_path / "none" / "x.fmu")]) == 2
     assert "does not exist" in capsys.readouterr().err
-
-
-def test_build_makes_an_fmu_that_info_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    source = tmp_path / "Lag.mo"
-    source.write_text(
-        "model Lag\n  input Real u(start = 0);\n  output Real y;\n  Real x(start = 0, fixed = true);\n"
-        "equation\n  der(x) = u - x;\n  y = x;\nend Lag;\n"
-    )
-    out = tmp_path / "Lag.fmu"
-    assert run(["build", str(source), "--out", str(out), "--fmi", "3", "--json", "-"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["files"] == [str(out)]
-    assert len(result["platforms"]) == 5
-    assert run(["info", str(out), "--json", "-"]) == 0
-    assert json.loads(capsys.readouterr().out)["fmi_version"] == "3.0"
 
 
 def test_messages_name_options_as_they_are_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -99,38 +99,6 @@ def test_a_key_that_the_fmu_has_not_taken_is_not_given_back(tmp_path: Path) -> N
 # What a worker process has to survive really happens.
 
 ENDS = {"segfault": -11, "segfault-at-start": -11, "abort": -6, "exit": 3}
-CHILD = """
-import sys
-sys.path.insert(0, {root!r})
-from workbench import load, simulate
-with load({file!r}, "cs") as model:
-    simulate(model, stop=1.0, verify_step=False, in_process=True)
-"""
-
-
-def child(file: Path, *, timeout: float = 60.0) -> subprocess.CompletedProcess[str]:
-    code = CHILD.format(root=str(ROOT), file=str(file))
-    return subprocess.run(
-        [sys.executable, "-c", code], timeout=timeout, capture_output=True, text=True, cwd=file.parent, check=False
-    )
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="exit codes of signals are those of POSIX")
-@pytest.mark.parametrize("name", ENDS)
-def test_crashes_end_a_process(tmp_path: Path, name: str) -> None:
-    assert child(build_hostile(tmp_path, name)).returncode == ENDS[name]
-
-
-def test_endless_loop_blocks_a_process(tmp_path: Path) -> None:
-    file = build_hostile(tmp_path, "hang")
-    with pytest.raises(subprocess.TimeoutExpired):
-        child(file, timeout=2.5)
-
-
-def test_a_chattering_fmu_writes_where_results_go(tmp_path: Path) -> None:
-    done = child(build_hostile(tmp_path, "chatter"))
-    assert done.returncode == 0
-    assert "nobody wants" in done.stdout
 
 
 def test_the_list_for_workers_is_complete() -> None:

@@ -10,9 +10,8 @@ import pytest
 from tests.drivers import each_driver  # noqa: F401  every test runs with each driver
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.fmi.bundled import bundled_names
 from workbench.model.load import load
-from workbench.signals.kinds import Prbs, Signal, Sine, Step
+from workbench.signals.kinds import Signal, Sine, Step
 
 BOTH = pytest.mark.parametrize("version", ["", "@3"])
 
@@ -95,18 +94,6 @@ def test_start_time_and_a_parameter(version: str) -> None:
 
 
 @BOTH
-def test_a_prbs_is_filtered_exactly(version: str) -> None:
-    signal = Prbs(hold=0.05, order=6)
-    with load(f"fmu:FirstOrderLag{version}", solver="vkm", tolerance=1e-9) as model, model.open_session() as session:
-        tau = session.values(["tau"])["tau"]
-        expected = 0.0
-        for i in range(40):
-            expected += (signal((i + 0.5) * 0.05) - expected) * -math.expm1(-0.05 / tau)
-        session.advance(2.0, signals={"u": signal})
-        assert session.values(["y"])["y"] == pytest.approx(expected, abs=1e-8)
-
-
-@BOTH
 @pytest.mark.parametrize("interface", ["me", "cs"])
 @pytest.mark.parametrize(("name", "u", "y"), [("Rudder", "delC", "del"), ("TwoRateQuantizer", "u", "y")])
 def test_the_fmus_own_state_is_trusted_and_brings_the_session_back(
@@ -158,14 +145,6 @@ def test_both_versions_give_the_same_quantiser() -> None:
     assert len(np.unique(runs[0].values["y"])) > 5
 
 
-def test_unknown_names_list_the_known_ones() -> None:
-    with pytest.raises(InputError, match="did you mean Rudder"):
-        load("fmu:Ruder")
-    with pytest.raises(InputError, match="write @2 or @3"):
-        load("fmu:Rudder@4")
-    assert {"FirstOrderLag", "Rudder", "TwoRateQuantizer"} <= set(bundled_names("3"))
-
-
 @BOTH
 def test_cosimulation_goes_on_after_a_jump_of_the_input(version: str) -> None:
     signal = Step(time=0.35, value=1.0)
@@ -176,13 +155,3 @@ def test_cosimulation_goes_on_after_a_jump_of_the_input(version: str) -> None:
     assert record.values["y"][-1] == pytest.approx(-math.expm1(-0.65 / tau), abs=1e-5)
     at = record.time == 0.35
     assert record.inputs["u"][at].tolist() == [0.0, 1.0]
-
-
-@BOTH
-def test_directional_derivatives_match_the_equation(version: str) -> None:
-    with load(f"fmu:FirstOrderLag{version}") as model, model.open_session() as session:
-        tau = session.values(["tau"])["tau"]
-        known = [*model.states, *model.inputs]
-        rate = model.description.derivatives
-        assert session.instance.directional_derivative(rate, known, [1.0, 0.0]) == pytest.approx([-1.0 / tau])
-        assert session.instance.directional_derivative(rate, known, [0.0, 2.0]) == pytest.approx([2.0 / tau])

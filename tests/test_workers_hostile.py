@@ -90,16 +90,6 @@ def test_after_a_crash_a_carried_sweep_goes_on_behind_the_bad_point(tmp_path: Pa
     assert result.failed[0].reason == MESSAGES["segfault"]
 
 
-@pytest.mark.parametrize("name", MESSAGES)
-def test_simulate_tells_a_crash_in_one_line(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    lose_patience_at_once(tmp_path, monkeypatch)
-    assert run(["simulate", str(build_hostile(tmp_path, name)), "--stop", "1", "--timeout", "200"]) == 2
-    lines = [line for line in capfd.readouterr().err.splitlines() if not line.startswith("note: ")]
-    assert lines == [f"workbench: {MESSAGES[name]}"]
-
-
 def test_simulate_keeps_what_came_before_an_error(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert (
         run(["simulate", str(build_hostile(tmp_path, "error")), "--stop", "1", "--interface", "cs", "--csv", "-"]) == 2
