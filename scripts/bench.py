@@ -223,7 +223,7 @@ _RESPONSES = {
 
 
 def solving(size: Size) -> Iterator[Row]:
-    """Points of a frequency response solved for, and waited for as the source did; errors: scripts/side_by_side.py."""
+    """Points of a frequency response solved for, and waited for as the source did."""
     for name, (u, y, frequencies, amplitude) in _RESPONSES.items():
         with wb.load(f"fmu:{name}") as model:
             asked: dict[str, Any] = {

@@ -1,21 +1,16 @@
-"""Connected models for scripts/bench.py: a loop of three FMUs beside FMPy's master, and what 50 FMUs cost.
-
-python scripts/bench_systems.py    the figures of both
-"""
+"""Connected models for scripts/bench.py: a loop of three FMUs beside FMPy's master, and what 50 FMUs cost."""
 
 from __future__ import annotations
 
-import ctypes
-import statistics
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from workbench.core.values.arrays import Floats
 
@@ -26,10 +21,8 @@ import numpy as np  # noqa: E402
 from scipy.linalg import expm  # noqa: E402
 
 import workbench as wb  # noqa: E402
-from scripts.bench_fmpy import Slave, address_of, c_loops  # noqa: E402
-from workbench.model.described_model import DescribedModel  # noqa: E402
+from scripts.bench_fmpy import Slave  # noqa: E402
 from workbench.session.compiled import CompiledMeSession  # noqa: E402
-from workbench.system.description import FmuComponent  # noqa: E402
 
 __all__ = ["SIZES", "FmpyLoop", "Growth", "OurLoop", "equal_step", "growth", "loop_error"]
 
@@ -154,21 +147,6 @@ class FmpyLoop:
                 found.append(last)
         return np.array(found)
 
-    def c_run(self, name: str, steps: int, step: float) -> float:
-        """Make steps with a function of bench_data/ring.c; return the last c2.y."""
-        self._start()
-        fmus = [s.fmu for s in self.slaves]
-        handles = (ctypes.c_void_p * 3)(*(f.component for f in fmus))
-        names = ("SetReal", "DoStep", "GetReal", "SetRealInputDerivatives")
-        functions = [address_of(getattr(fmus[0].dll, f"fmi2{f}")) for f in names]
-        u, y = (self.slaves[0].references[n] for n in "uy")
-        made = _Ring(ctypes.addressof(handles), 3, *functions, u, y, GAIN, step, steps)
-        last = ctypes.c_double()
-        status = getattr(c_loops("ring.c"), name)(ctypes.byref(made), ctypes.byref(last))
-        if status > 1:
-            raise RuntimeError(f"the ring in C ended with status {status}")
-        return float(last.value)
-
 
 def equal_step(loop: FmpyLoop, wanted: float) -> tuple[int, float]:
     """Return the fewest steps per point (within 5 %) with which FMPy's loop is as accurate, and its error."""
@@ -182,83 +160,6 @@ def equal_step(loop: FmpyLoop, wanted: float) -> tuple[int, float]:
 
 
 # -- three FMUs that step themselves ----------------------------------------------------------
-
-
-class _Ring(ctypes.Structure):
-    """`Ring` of bench_data/ring.c."""
-
-    _fields_ = (
-        ("components", ctypes.c_void_p),
-        ("n", ctypes.c_size_t),
-        *((name, ctypes.c_void_p) for name in ("set", "step", "get", "slopes")),
-        *((name, ctypes.c_uint) for name in ("u", "y")),
-        *((name, ctypes.c_double) for name in ("gain", "size")),
-        ("steps", ctypes.c_size_t),
-    )
-
-
-@dataclass(frozen=True)
-class MasterCosts:
-    """CPU time of one communication step of the loop of three, all co-simulation [s].
-
-    Attributes:
-        ours: the kernel's master, all it records included.
-        fmpy: FMPy's calls in Python.
-        bare: the shortest loop in C, inputs held.
-        same: a loop in C that makes the calls of the kernel's master and nothing else.
-    """
-
-    ours: float
-    fmpy: float
-    bare: float
-    same: float
-
-
-def mastered(step: float | None = None, tolerance: float | None = None, **options: Any) -> DescribedModel:
-    """Return the loop of three as co-simulation under a master; `options` are those of `connect`."""
-    return wb.connect(
-        {f"c{i}": FmuComponent(name=f"c{i}", file=str(FILE), interface="cs") for i in range(3)},
-        [("c0.y", "c1.u"), ("c1.y", "c2.u"), ("c2.y", "c0.u", {"gain": GAIN})],
-        outputs={"y": "c2.y"},
-        start_values={"c0.x": 1.0},
-        step=step,
-        tolerance=tolerance,
-        **options,
-    )
-
-
-def master_costs(steps: int, repeats: int) -> MasterCosts:
-    """Measure all sides in turns; the best of each, since what else the machine does only adds."""
-    step = 1e-3
-    with FmpyLoop() as theirs, mastered(step) as model:
-        sides = [
-            partial(_master_run, model, steps * step),
-            partial(_cpu, partial(theirs.run, round(GRID / step)), len(POINTS) * round(GRID / step)),
-            partial(_cpu, partial(theirs.c_run, "bare_ring", steps, step), steps),
-            partial(_cpu, partial(theirs.c_run, "same_calls_ring", steps, step), steps),
-        ]
-        turns = [[side() for side in sides] for _ in range(repeats)]
-    return MasterCosts(*(min(values) for values in zip(*turns, strict=True)))
-
-
-def _master_run(model: DescribedModel, stop: float) -> float:
-    with model.open_session() as session:
-        begin = time.thread_time()
-        session.advance(stop, signals={}, record=["y"])
-        return (time.thread_time() - begin) / (stop / 1e-3)
-
-
-def _cpu(run: Callable[[], object], steps: int) -> float:
-    begin = time.thread_time()
-    run()
-    return (time.thread_time() - begin) / steps
-
-
-def master_error(model: DescribedModel) -> float:
-    """Return the largest error of c2.y at POINTS under a master."""
-    with model, model.open_session() as session:
-        record = session.advance(STOP, signals={}, record=["y"], points=POINTS)
-    return loop_error(record.values["y"][np.searchsorted(record.time, POINTS - 1e-9)])
 
 
 # -- many FMUs --------------------------------------------------------------------------------
@@ -303,12 +204,6 @@ def _evaluation(model: wb.SystemModel, stop: float) -> float:
         return took / session.evaluations
 
 
-def _medians(sides: Sequence[Callable[[], float]], repeats: int) -> list[float]:
-    """Return the median of what each side returns, in turns after one turn to warm up."""
-    turns = [[side() for side in sides] for _ in range(repeats + 1)][1:]
-    return [statistics.median(values) for values in zip(*turns, strict=True)]
-
-
 def _growth(seconds: Sequence[float]) -> Growth:
     n, cost = np.array(SIZES, dtype=float), np.array(seconds)
     weighted = np.column_stack([np.ones(len(n)), n]) / cost[:, None]
@@ -321,42 +216,3 @@ def _growth(seconds: Sequence[float]) -> Growth:
         last_slope=float((cost[-1] - cost[-2]) / (n[-1] - n[-2]) / slope - 1.0),
         per_fmu=float(cost[-1] / n[-1] / (cost[1] / n[1]) - 1.0),
     )
-
-
-def main() -> None:
-    """Print the figures."""
-    for tolerance in (1e-3, 1e-4):
-        with OurLoop(tolerance) as ours, FmpyLoop() as theirs:
-            wanted = loop_error(ours.run())
-            count, error = equal_step(theirs, wanted)
-            times = _medians([partial(_wall, ours.run), partial(_wall, partial(theirs.run, count))], 5)
-        print(f"tolerance {tolerance:g}: error {wanted:.2e}, {1e3 * times[0]:.3f} ms; FMPy every {GRID / count:.3g} s:")
-        print(f"    error {error:.2e}, {1e3 * times[1]:.1f} ms; ratio {times[1] / times[0]:.0f}")
-    costs = master_costs(20_000, 5)
-    print(
-        f"a communication step of three: ours {1e6 * costs.ours:.2f} µs, the same calls in C "
-        f"{1e6 * costs.same:.2f} µs, a bare loop in C {1e6 * costs.bare:.2f} µs, FMPy {1e6 * costs.fmpy:.1f} µs"
-    )
-    for order in ("gauss-seidel", "jacobi"):
-        ways: dict[str, dict[str, Any]] = {"held inputs": {"hold_inputs": True}}
-        ways |= {f"extrapolation of order {n}": {"extrapolation": n} for n in range(3)}
-        for words, options in ways.items():
-            errors = [master_error(mastered(h, order=order, **options)) for h in (0.05, 0.025, 0.0125)]
-            print(f"{order}, {words}, steps of 50, 25, 12.5 ms: errors {', '.join(f'{e:.2e}' for e in errors)}")
-    for feed_through in (False, True):
-        for solver in ("vkm", "gear"):
-            print(
-                "feed-through" if feed_through else "lags",
-                solver,
-                growth(100, feed_through=feed_through, solver=solver),
-            )
-
-
-def _wall(run: Callable[[], object]) -> float:
-    begin = time.perf_counter()
-    run()
-    return time.perf_counter() - begin
-
-
-if __name__ == "__main__":
-    main()

@@ -6,6 +6,7 @@
                                       the named ones: lint, types, docs, tests, tests/test_loop.py …
     python3 scripts/dev.py all        test, numerical, build --check, and the published figures: what CI does
     python3 scripts/dev.py reproduce  the published figures, measured now (CHAPTER …, --json PATH, --report PATH)
+    python3 scripts/dev.py evidence   how often promises are kept over random models, in short (NAME …: one in full)
     python3 scripts/dev.py upgrade    move requirements.lock to the newest versions (of PACKAGE …), if all of that holds
     python3 scripts/dev.py checks     plant a fault for each check of `all` and see that it is noticed
     python3 scripts/dev.py numerical  the numerical tests and published figures in the arithmetic of another processor
@@ -66,7 +67,8 @@ QUICK = 2 * 220.0  # [s]
 PARTS = ("lint", "types", "docs", "tests")
 LINT = (("ruff", "check", "."), ("ruff", "format", "--check", "."))
 ASIDE = {"types": ("mypy",), "docs": ("mkdocs", "build", "--strict")}  # one process each
-FIGURES = ("scripts.reproduce",)
+FIGURES, EVIDENCE = ("scripts.reproduce",), ("scripts.evidence",)
+OWN_WORDS = ("reproduce", "evidence")  # commands that read the words behind their names
 
 # Compiles the inner loop where its C sources have changed since; an installation compiles it, too. And the modules:
 # many processes that start at once would all do it.
@@ -85,8 +87,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     for name, function in COMMANDS.items():
-        own = name != "reproduce"  # which reads its words itself
-        commands.add_parser(name, help=(function.__doc__ or "").splitlines()[0], add_help=own)
+        help_ = (function.__doc__ or "").splitlines()[0]
+        commands.add_parser(name, help=help_, add_help=name not in OWN_WORDS)
     words = f"{', '.join(PARTS)}, or files with tests; by default all"
     commands.choices["test"].add_argument("parts", nargs="*", metavar="PART", help=words)
     versions = commands.choices["test"].add_mutually_exclusive_group()
@@ -106,7 +108,7 @@ def main() -> int:
     commands.choices["mutants"].add_argument("--record", action="store_true", help="first record which tests run what")
     commands.choices["faults"].add_argument("areas", nargs="*", help="nfr, lin, reduction, …; by default all")
     arguments, rest = parser.parse_known_args()
-    if arguments.command == "reproduce":
+    if arguments.command in OWN_WORDS:
         arguments.words = rest
     elif rest:
         parser.error(f"unrecognized arguments: {' '.join(rest)}")
@@ -243,6 +245,7 @@ def everything(*, place: Environment = LOCKED) -> int:
         code = check(place=place)
         if code != 0:
             return code
+    _module(EVIDENCE, place)
     _module(FIGURES, place)  # a miss that is not known ends with exit code 1
     return 0
 
@@ -316,11 +319,24 @@ def reproduce(words: Sequence[str] = ()) -> int:
     Args:
         words: chapters, figures, targets, and options: `--help` shows them.
     """
+    return _own_words(FIGURES, words)
+
+
+def evidence(words: Sequence[str] = ()) -> int:
+    """Count how often promises are kept over random models whose truth is known.
+
+    Args:
+        words: which, and its options: `NAME --help` shows them; by default the short form of all.
+    """
+    return _own_words(EVIDENCE, words)
+
+
+def _own_words(module: Sequence[str], words: Sequence[str]) -> int:
+    """Run a module of the project from where this was called: files are named from there."""
     _ensure_installed()
-    # Read where it was called: files are named from there.
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     settings = {"OPENBLAS_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
-    return subprocess.call([LOCKED.python, "-m", FIGURES[0], *words], env=settings)
+    return subprocess.call([LOCKED.python, "-m", *module, *words], env=settings)
 
 
 def build(*, check: bool = False, place: Environment = LOCKED) -> int:
@@ -393,6 +409,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "mutants": mutants,
     "faults": faults,
     "reproduce": reproduce,
+    "evidence": evidence,
     "build": build,
     "release": release,
 }

@@ -139,7 +139,7 @@ def test_a_transient_is_no_distortion(seed: int, noise: float) -> None:
     away = np.abs(found.response[0] - plant.sampled(found.frequency_hz, dt))
     assert found.left[0] < (1e-3 if noise == 0.0 else 0.05)
     assert found.worth == (True,)
-    # Of 30 lines 90 % or more; about 95 % over all plants, see scripts/coverage_bla.py.
+    # Of 30 lines 90 % or more; about 95 % over all plants, see scripts/evidence.py bla.
     assert np.mean(away <= found.error[0]) > 0.8
     assert found.removed_rms[0] > 0.003 * found.output_rms[0]
 

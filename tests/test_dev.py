@@ -99,6 +99,7 @@ STEPS = [
     "pytest",
     "scripts.reproduce",
     "build",
+    "scripts.evidence",
     "scripts.reproduce",
 ]
 

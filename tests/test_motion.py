@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from scripts.coverage_motion import KINDS, Oscillator, Trial, measure, oscillators, truth_of
+from scripts.promises.motion import KINDS, Oscillator, Trial, measure, oscillators, truth_of
 from tests.lin_fmus import built
 
 HERE: dict[str, Any] = {"in_process": True, "drift_check": False}

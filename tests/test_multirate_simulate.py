@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from scripts.coverage_multirate import Simulated
+from scripts.promises.multirate import Simulated
 from tests.drivers import (
     DRIVERS,
     driver,  # noqa: F401  used by pytest

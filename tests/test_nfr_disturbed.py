@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from scripts.coverage_disturbed import KINDS, build, trials
+from scripts.promises.disturbed import KINDS, build, trials
 from tests.fakes import FakeModel, FakeSession, Rows, forcing
 from tests.platforms import needs_module
 from workbench.core.values.arrays import Floats
@@ -47,7 +47,7 @@ def test_a_ripple_inside_a_lag_is_no_part_of_its_response(disturbed: Path, inter
 
 
 def test_errors_hold_whatever_moves_the_model_from_within(tmp_path: Path) -> None:
-    """One model of each kind and interface, some with a spring that hardens; see scripts/coverage_disturbed.py."""
+    """One model of each kind and interface, some with a spring that hardens; see scripts/evidence.py disturbed."""
     needs_module("rumoca", "build")
     found = [t for *_, t in trials(tmp_path, 2 * len(KINDS), seed=7)]
     settled = [t for t in found if t.status == "settled"]

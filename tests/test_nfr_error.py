@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from scripts.coverage_nfr import Mode, Plant, Trial, lines, measure
-from scripts.coverage_sampled import SampledPlant, good, trials, trials_of
+from scripts.promises.nfr import Mode, Plant, measure
+from scripts.promises.sampled import SampledPlant, good, trials, trials_of
+from scripts.promises.trial import Trial, lines
 from tests.fakes import FakeModel, Rows, SampledSession, StaticSession, lag
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
@@ -38,7 +39,7 @@ def quick(model: wb.Model, frequencies: list[float], amplitude: float = 1.0, **o
 
 @pytest.mark.parametrize("blind", [False, True])
 def test_settled_points_hold_the_truth_and_are_good_to_one_per_cent(blind: bool) -> None:
-    # A few of what `scripts/coverage_nfr.py` measures on hundreds.
+    # A few of what `scripts/evidence.py nfr` measures on hundreds.
     random = np.random.default_rng(11)
     found = [measure(Plant.random(random), tolerance=1e-8, max_periods=20, blind=blind) for _ in range(8)]
     settled = [t for t in found if t.status == "settled"]
@@ -367,7 +368,7 @@ def test_the_slow_lag_behind_a_sampler_is_in_the_error(f: float) -> None:
 
 
 def test_sampled_models_between_lags_are_known_as_well_as_it_says() -> None:
-    # A few of what `scripts/coverage_sampled.py` measures on thousands.
+    # A few of what `scripts/evidence.py sampled` measures on thousands.
     found = list(trials(8, 2, frequencies=8))
     assert good(found)
     assert sum(t.status == "settled" for t in found) >= 0.6 * len(found)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import workbench as wb
-from scripts.coverage_cosimulation import Loop, trials
+from scripts.promises.cosimulation import Loop, trials
 from tests.lying_fmus import build_lying
 
 

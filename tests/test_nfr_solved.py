@@ -19,7 +19,7 @@ from scipy.linalg import expm
 from scipy.optimize import fsolve
 
 import workbench as wb
-from scripts.coverage_nfr import Plant, measure
+from scripts.promises.nfr import Plant, measure
 from tests.lin_fmus import built
 from workbench.jobs.store import FILE_NAME
 from workbench.response.nfr.error import Evidence

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from scripts.coverage_nfr import Mode, Plant, measure
+from scripts.promises.nfr import Mode, Plant, measure
 from workbench.response.nfr.settling import Settling, SettlingOutcome
 from workbench.response.periodic.fourier import Period
 

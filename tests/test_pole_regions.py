@@ -9,7 +9,7 @@ import pytest
 from scipy import signal, stats
 
 import workbench as wb
-from scripts.coverage_identify import _looped
+from scripts.promises.identify import _looped
 from workbench.core.values.arrays import Floats
 from workbench.identification.validate.regions import Parameters, PoleRegion, compatible_regions
 

@@ -1,6 +1,6 @@
 """Random trims with a known answer: what is at rest, where, or that nothing is.
 
-`python -m tests.trim_cases 450 7` judges so many with that seed.
+`python scripts/evidence.py trim` judges many.
 """
 
 from __future__ import annotations
@@ -272,9 +272,3 @@ KINDS: dict[str, Callable[[np.random.Generator, str], Case]] = {
     "stiff": _stiff,
     "stiff drift": _stiff_drift,
 }
-
-
-if __name__ == "__main__":
-    number, begin = int(sys.argv[1]), int(sys.argv[2])
-    wrong = [words for case in cases(number, begin) if (words := judged(case))]
-    sys.stdout.write("\n".join([*wrong, f"{len(wrong)} of {number} verdicts are wrong\n"]))

@@ -1,1 +1,1 @@
-"""The generic aeroelastic aircraft: prior, calibration, Modelica source, and the figures of the result."""
+"""The generic aeroelastic aircraft: prior, what was changed of it, and the Modelica source of both."""

@@ -23,10 +23,8 @@ Integers = NDArray[np.int64]
 AIRSPEED, AIR_DENSITY = 250.0, 0.41
 MODAL_DAMPING = 0.012
 INNER, OUTER = 31, 32  # coordinates
-POSITION, RATE = 32, 65  # of the outer aileron, as states
 # Natural frequency [Hz] and damping ratio of each surface on its actuator.
 ACTUATORS = ((22.0, 0.35), (14.0, 0.7), (20.0, 0.35))
-FAST_ACTUATORS = ((22.0, 0.35), (24.0, 0.35), (20.0, 0.35))  # the calibration begins with these
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,32 +1,21 @@
-#!/usr/bin/env python3
 """Compare systems with several sample rates with their closed form.
-
-    python scripts/coverage_multirate.py                    300 random systems
-    python scripts/coverage_multirate.py --systems 20 --seed 3
 
 Each has two to four rates, nested, coprime and with offsets: linear components, blocks, FMUs with one and two samplers,
 around one or two continuous plants (tests/multirate.py). FMUs are driven by model exchange, and by co-simulation with
 events (FMI 3.0). `simulate` is compared with an exact event simulation: the largest difference at 40 times, relative to
 the largest value. `lin` is compared with Kalman and Bertram's map by hand, the verdict of `loop`, opened behind one of
-the parts, with a long run, and its gain margin with the spectral radius on both sides of it. Run it with the project's
-Python (see scripts/dev.py).
+the parts, with a long run, and its gain margin with the spectral radius on both sides of it.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 from dataclasses import dataclass
 from fractions import Fraction
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+import numpy as np
 
-import numpy as np  # noqa: E402
-
-import workbench as wb  # noqa: E402
-from tests.multirate import System, connected, departure, random_system, verdict_fault  # noqa: E402
+import workbench as wb
+from tests.multirate import System, connected, departure, random_system, verdict_fault
 
 _TOLERANCE = 1e-10  # of vkm, so that what is left is a matter of events; gear does not always get so far
 _ALLOWED = 1e-6
@@ -116,27 +105,24 @@ def _ways(system: System) -> tuple[tuple[str, int], ...]:
     return _WAYS if any(n.kind == "fmu" for n in system.nodes) else _WAYS[:1]
 
 
-def main() -> int:
-    """Print what differs, and the worst difference."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--systems", type=int, default=300, help="number of random systems")
-    parser.add_argument("--seed", type=int, default=0, help="of the first of them")
-    asked = parser.parse_args()
+def run(*, cases: int = 300, seed: int = 0) -> int:
+    """Print what differs, and the worst difference; return 1 if anything does.
+
+    Args:
+        cases: systems.
+        seed: of the first.
+    """
     worst, wrong, runs, analyses = 0.0, 0, 0, Analyses()
-    for seed in range(asked.seed, asked.seed + asked.systems):
-        system = random_system(seed)
+    for number in range(seed, seed + cases):
+        system = random_system(number)
         for interface, fmi in _ways(system):
             error = Simulated.of(system, interface=interface, fmi=fmi).error
             worst, runs = max(worst, error), runs + 1
             if not error <= _ALLOWED:
                 wrong += 1
-                print(f"seed {seed}, {interface}, FMI {fmi}: {error:.1e}: {system}", flush=True)
-        for fault in analyses.add(system, seed % len(system.nodes)):
-            print(f"seed {seed}: {fault}: {system}", flush=True)
-    print(f"simulate: {runs} runs of {asked.systems} systems, {wrong} wrong, largest difference {worst:.1e}")
+                print(f"seed {number}, {interface}, FMI {fmi}: {error:.1e}: {system}", flush=True)
+        for fault in analyses.add(system, number % len(system.nodes)):
+            print(f"seed {number}: {fault}: {system}", flush=True)
+    print(f"simulate: {runs} runs of {cases} systems, {wrong} wrong, largest difference {worst:.1e}")
     print(analyses)
     return int(wrong + analyses.faults > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

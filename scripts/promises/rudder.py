@@ -1,26 +1,19 @@
-#!/usr/bin/env python3
 """Identify the rudder behind the sampled elevator law: noise at the sensor, friction at the surface, feedback.
 
-    python scripts/coverage_rudder.py 12        so many records
-
 How far the model's response is from that of sines, taken as from an open loop, directly and by the recorded reference,
-and how large the 95 % regions say that it may be. Nothing here is a test.
+and how large the 95 % regions say that it may be.
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+import numpy as np
+from scipy import signal
 
-import numpy as np  # noqa: E402
-from scipy import signal  # noqa: E402
-
-import workbench as wb  # noqa: E402
-from workbench.identification.validate.overlay import sine_response  # noqa: E402
+import workbench as wb
+from workbench.identification.validate.overlay import sine_response
 
 AR = 0.95
 # The law of `system:law_and_rudder` through a noisy sensor; the rudder's surface has friction [N.m].
@@ -62,11 +55,12 @@ _PERIOD = 0.022  # of the law [s]
 _ORDER = 2  # of the model: these records determine no more poles
 
 
-def rudder(count: int, samples: int = 2000) -> None:
+def run(*, cases: int = 12, seed: int = 0, samples: int = 2000) -> int:
     """Print the error of the rudder's response, found behind the elevator law, and what the regions say of it.
 
     Args:
-        count: records.
+        cases: records.
+        seed: of the first.
         samples: of each.
     """
     f = np.array([0.2, 0.5, 1.0, 2.0, 4.0])
@@ -76,25 +70,25 @@ def rudder(count: int, samples: int = 2000) -> None:
         "direct": ("direct", "auto"),
         "by the reference": ("r", "auto"),
     }
-    ratios = {name: np.zeros((count, len(f)), dtype=np.complex128) for name in ways}
-    said = {name: np.full((count, len(f)), np.nan) for name in ways}
+    ratios = {name: np.zeros((cases, len(f)), dtype=np.complex128) for name in ways}
+    said = {name: np.full((cases, len(f)), np.nan) for name in ways}
     with tempfile.TemporaryDirectory() as folder:
         files = Path(folder, "alone.toml"), Path(folder, "driven.toml")
         for file, text in zip(files, (_ALONE, _DRIVEN), strict=True):
             file.write_text(text, encoding="utf-8")
         with wb.load(files[0]) as model:
             truth = wb.nfr(model, "delC", "del", f.tolist(), [1.8]).response[0]
-        for seed in range(count):
-            data = _driven(files[1], seed, samples)
+        for k in range(cases):
+            data = _driven(files[1], seed + k, samples)
             for name, (how, refine) in ways.items():
                 found = wb.identify(
                     data, inputs=["delC"], outputs=["del"], order=_ORDER, feedthrough=False, settle=1.0,
                     closed_loop=how, refine=refine,
                 ).model  # fmt: skip
-                ratios[name][seed] = sine_response(found, "continuous", "delC", "del")[0](f) / truth
+                ratios[name][k] = sine_response(found, "continuous", "delC", "del")[0](f) / truth
                 if found.spread is not None:
-                    said[name][seed] = wb.model_spread(found, frequencies=f).gain_error[:, 0, 0]
-    print(f"at {', '.join(f'{x:g}' for x in f)} Hz, {count} records of {samples} samples [%]:")
+                    said[name][k] = wb.model_spread(found, frequencies=f).gain_error[:, 0, 0]
+    print(f"at {', '.join(f'{x:g}' for x in f)} Hz, {cases} records of {samples} samples [%]:")
     for name, ratio in ratios.items():
         off = np.abs(ratio - 1.0)
         columns = {
@@ -104,6 +98,7 @@ def rudder(count: int, samples: int = 2000) -> None:
         if known := int(np.sum(np.isfinite(said[name][:, 0]))):
             columns[f"95 % region, longer half axis, of {known}"] = np.nanmedian(said[name], axis=0)
         print(f"{name}: " + "; ".join(f"{words} {np.round(100.0 * c, 1).tolist()}" for words, c in columns.items()))
+    return 0
 
 
 def _driven(file: Path, seed: int, samples: int) -> wb.Experiment:
@@ -122,7 +117,3 @@ def _driven(file: Path, seed: int, samples: int) -> wb.Experiment:
     return wb.make_experiment(
         _PERIOD, np.column_stack([r, command]), deflection, input_names=["r", "delC"], output_names=["del"]
     )
-
-
-if __name__ == "__main__":
-    rudder(int(sys.argv[1]) if len(sys.argv) > 1 else 12)

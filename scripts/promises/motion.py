@@ -1,25 +1,16 @@
-#!/usr/bin/env python3
 """Measure whether the motion that a frequency response reports is the one that the model reaches.
-
-    python scripts/coverage_motion.py                     30 random oscillators of each of seven kinds
-    python scripts/coverage_motion.py --count 5 --seed 3
-    python scripts/coverage_motion.py --method settle     waited for, not solved for
-    python scripts/coverage_motion.py --interface cs      as FMUs for co-simulation, where there is one
 
 Oscillators with restitution at one or two walls, elastic stops, a dead zone, backlash, a relay with hysteresis, or a
 hardening spring, which has two stable motions; FMUs, most built from Modelica, and blocks of a system. The truth is an
 own simulation from the operating point, exact between events: each piece is linear, x(t) = e^(At)·x(0) with the sine
 among its states, and the instant at which a piece ends is solved for. It runs until the motion repeats, every period or
 every few, or for hundreds of periods. The spring is integrated by a Runge-Kutta method of order 8. Where the mass comes
-to rest against a wall, by bounces without end, there is no truth, and the case is counted apart. Run it with the
-project's Python (see scripts/dev.py).
+to rest against a wall, by bounces without end, there is no truth, and the case is counted apart.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -29,18 +20,15 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+import control
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
-import control  # noqa: E402
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
-from scipy.integrate import solve_ivp  # noqa: E402
-from scipy.linalg import expm  # noqa: E402
-
-import workbench as wb  # noqa: E402
-from workbench.build.fmu import build_fmu  # noqa: E402
-from workbench.fmi.platforms import host  # noqa: E402
+import workbench as wb
+from workbench.build.fmu import build_fmu
+from workbench.fmi.platforms import host
 
 Many = NDArray[np.float64]
 
@@ -510,20 +498,17 @@ def good(found: Sequence[Trial]) -> bool:
     return beyond <= 0.05 * (beyond + within) and not any(v.startswith("wrong") for v in of)
 
 
-def main() -> int:
-    """Return 1 if something reported is wrong."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=30)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--method", choices=("auto", "settle"), default="auto")
-    parser.add_argument("--interface", choices=("me", "cs"), default="me")
-    parser.add_argument("--max-periods", type=int, default=20)
-    o = parser.parse_args()
-    how = {"interface": o.interface, "method": o.method, "max_periods": o.max_periods}
-    found = [measure(x, truth_of(x), **how) for x in oscillators(o.count, o.seed)]
+def run(*, cases: int = 30, seed: int = 1, method: str = "auto", interface: str = "me", max_periods: int = 20) -> int:
+    """Return 1 if something reported is wrong.
+
+    Args:
+        cases: oscillators of each kind.
+        seed: of the first.
+        method: auto, or settle: waited for, not solved for.
+        interface: me, or cs: as FMUs for co-simulation, where there is one.
+        max_periods: waited for at most.
+    """
+    how = {"method": method, "max_periods": max_periods}
+    found = [measure(x, truth_of(x), interface, **how) for x in oscillators(cases, seed)]
     print("\n".join(lines(found)))
     return int(not good(found))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,39 +1,27 @@
-#!/usr/bin/env python3
 """Measure how often the error that the frequency response of a sampled model states covers the truth.
-
-    python scripts/coverage_sampled.py                    150 random models, ten frequencies and two outputs each
-    python scripts/coverage_sampled.py --models 20 --seed 3
-    python scripts/coverage_sampled.py --max-periods 60   so that more of them settle
 
 Each model samples every 0.01 … 1 s (logarithmic) and filters what it sampled by (1 − p)/(z − p) or its square, p = 0 …
 0.95. Every second one has a continuous lag of 0.1 … 50 sample periods in front of the sampler; its outputs are what is
 held, and that behind such a lag. They are forced at 0.02 … 0.98 of half the rate. The Fourier integrals of each period
-are those of the exact motion, and nothing is integrated numerically; the truth is known in closed form. Run it with
-the project's Python (see scripts/dev.py).
+are those of the exact motion, and nothing is integrated numerically; the truth is known in closed form.
 """
 
 from __future__ import annotations
 
-import argparse
 import cmath
 import math
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+import numpy as np
+from numpy.typing import NDArray
 
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
-
-from scripts.coverage_nfr import Trial, lines  # noqa: E402
-from workbench.core.values.arrays import Floats  # noqa: E402
-from workbench.response.nfr.beats import Beat  # noqa: E402
-from workbench.response.nfr.error import Evidence  # noqa: E402
-from workbench.response.nfr.settling import Settling, SettlingOutcome  # noqa: E402
-from workbench.response.periodic.fourier import ORDERS, Period  # noqa: E402
+from scripts.promises.trial import Trial, lines
+from workbench.core.values.arrays import Floats
+from workbench.response.nfr.beats import Beat
+from workbench.response.nfr.error import Evidence
+from workbench.response.nfr.settling import Settling, SettlingOutcome
+from workbench.response.periodic.fourier import ORDERS, Period
 
 _STATUS = {
     SettlingOutcome.RESOLVED: "settled",
@@ -169,17 +157,14 @@ def good(found: list[Trial]) -> bool:
     return not any(t.true > 0.01 for t in found if t.status == "settled")
 
 
-def main() -> int:
-    """Return 1 if points fall short."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--models", type=int, default=150)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--max-periods", type=int, default=20)
-    o = parser.parse_args()
-    found = list(trials(o.models, o.seed, max_periods=o.max_periods))
+def run(*, cases: int = 150, seed: int = 1, max_periods: int = 20) -> int:
+    """Return 1 if points fall short.
+
+    Args:
+        cases: models, at ten frequencies and two outputs each.
+        seed: of the first.
+        max_periods: waited for at most; with 60 more of them settle.
+    """
+    found = list(trials(cases, seed, max_periods=max_periods))
     print("\n".join(lines(found)))
-    return 0 if good(found) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return int(not good(found))

@@ -1,45 +1,30 @@
-#!/usr/bin/env python3
 """Measure identification against the Cramér-Rao bound, and how often its regions hold the truth.
-
-    python scripts/coverage_identify.py                      200 random systems: errors, coverage, orders
-    python scripts/coverage_identify.py --systems 40 --first 100
-    python scripts/coverage_identify.py --closed-loop        bias, orders and coverage in closed loops
-    python scripts/coverage_identify.py --large              1e6 samples of 2 channels, order 10: seconds and memory
 
 Each system has order 1 to 8, one to three inputs and outputs, white or AR(1) noise (pole 0.95) at each output, 10 or
 20 dB below it, and a white input. The error is that of the frequency response, root mean square over 60 frequencies and
 all channels, each output relative to its response; the bound is the same of the covariance that Fisher's information of
 the true model gives. A ratio of 1 is what no unbiased method can beat on average. Beside the refinement with the right
-orders and with automatic ones: the same program's subspace method alone (n4sid), and, where the packages are
-installed, those of SIPPY (sippy_unipi) and nfoursid, with the right order. Nothing here is a test.
+orders and with automatic ones: the subspace method alone (n4sid), with the right order.
 """
 
 from __future__ import annotations
 
-import argparse
 import resource
-import sys
 import time
-import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+from scipy import signal
+
+import workbench as wb
+from tests.random_systems import Plant, random_plant
 from workbench.core.values.arrays import Complex, Floats
-
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
-
-import numpy as np  # noqa: E402
-import scipy.linalg  # noqa: E402
-import scipy.optimize  # noqa: E402
-from scipy import signal  # noqa: E402
-
-import workbench as wb  # noqa: E402
-from tests.random_systems import Plant, random_plant  # noqa: E402
-from workbench.identification.identified.model import IdentifiedModel  # noqa: E402
-from workbench.identification.prediction.innovations import Innovations  # noqa: E402
-from workbench.identification.prediction.model import truth_spread  # noqa: E402
+from workbench.identification.identified.model import IdentifiedModel
+from workbench.identification.prediction.innovations import Innovations
+from workbench.identification.prediction.model import truth_spread
 
 AR = 0.95
 FREQUENCIES = np.linspace(0.003, 0.497, 60)
@@ -95,7 +80,7 @@ class Case:
         return wb.make_experiment(1.0, self.u, self.y)
 
 
-def cases(first: int, count: int, samples: int) -> Iterator[Case]:
+def records(first: int, count: int, samples: int) -> Iterator[Case]:
     """Yield records.
 
     Args:
@@ -116,38 +101,6 @@ def cases(first: int, count: int, samples: int) -> Iterator[Case]:
         yield Case(number, plant, colour, decibel, u, y + v, sizes)
 
 
-# -- the methods -----------------------------------------------------------------------------------
-
-
-def _n4sid(case: Case) -> Complex:
-    found = wb.estimate(case.u, case.y, 1.0, order=len(case.plant.A), method="n4sid")
-    return found.model.response(FREQUENCIES)
-
-
-def _sippy(case: Case) -> Complex:
-    from sippy_unipi import system_identification  # type: ignore[import-not-found]  # noqa: PLC0415
-
-    found = system_identification(
-        case.y.T, case.u.T, "N4SID", SS_fixed_order=len(case.plant.A), SS_D_required=True, SS_f=20, SS_p=20
-    )
-    return wb.Linear(found.A, found.B, found.C, found.D, dt=1.0).response(FREQUENCIES)
-
-
-def _nfoursid(case: Case) -> Complex:
-    import pandas as pd  # noqa: PLC0415
-    from nfoursid.nfoursid import NFourSID  # type: ignore[import-not-found]  # noqa: PLC0415
-
-    inputs, outputs = ([f"{k}{i}" for i in range(s.shape[1])] for k, s in (("u", case.u), ("y", case.y)))
-    frame = pd.DataFrame(np.hstack([case.u, case.y]), columns=[*inputs, *outputs])
-    method = NFourSID(frame, output_columns=outputs, input_columns=inputs, num_block_rows=20)
-    method.subspace_identification()
-    found, _ = method.system_identification(rank=len(case.plant.A))
-    return wb.Linear(found.a, found.b, found.c, found.d, dt=1.0).response(FREQUENCIES)
-
-
-OTHERS: Mapping[str, Callable[[Case], Complex]] = {"n4sid": _n4sid, "SIPPY": _sippy, "nfoursid": _nfoursid}
-
-
 @dataclass(frozen=True, eq=False)
 class Row:
     """What one system gave: ratios to the bound, and coverage of 95 % regions."""
@@ -160,12 +113,11 @@ class Row:
     right: tuple[int, int]
 
 
-def measure(case: Case, others: Mapping[str, Callable[[Case], Complex]]) -> Row:
+def measure(case: Case) -> Row:
     """Return the row of a system.
 
     Args:
         case: the record.
-        others: methods beside.
     """
     truth, n = case.truth, len(case.plant.A)
     weight = 1.0 / np.mean(np.abs(truth) ** 2, axis=(0, 2), keepdims=True)
@@ -180,14 +132,8 @@ def measure(case: Case, others: Mapping[str, Callable[[Case], Complex]]) -> Row:
     given = wb.identify(case.data(), order=n, noise=case.noise_order, refine="always", detrend="none")
     auto = wb.identify(case.data(), max_order=12, detrend="none", refine="always")
     ratios = {"right orders": ratio(given.model.response(FREQUENCIES)), "auto": ratio(auto.model.response(FREQUENCIES))}
-    for name, method in others.items():
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                ratios[name] = ratio(method(case))
-        except Exception as error:  # noqa: BLE001 - packages fail in their own ways
-            print(f"system {case.number}: {name}: {type(error).__name__}: {error}", flush=True)
-            ratios[name] = float("inf")
+    subspaces = wb.estimate(case.u, case.y, 1.0, order=n, method="n4sid")
+    ratios["n4sid"] = ratio(subspaces.model.response(FREQUENCIES))
     if given.model.spread is None:
         return Row(ratios, (0, 0), (0, 0), case.colour, case.decibel, (auto.order, n))
     own = wb.model_spread(given.model, frequencies=FREQUENCIES)
@@ -376,37 +322,28 @@ def large(samples: int = 1_000_000) -> None:
         print(f"refine={refine}: {seconds:.1f} s of processor time, peak memory +{megabytes:.0f} MB")
 
 
-def main() -> int:
-    """Run what the command line asks for."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--systems", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--samples", type=int, default=2000)
-    parser.add_argument("--closed-loop", action="store_true")
-    parser.add_argument("--large", action="store_true")
-    arguments = parser.parse_args()
-    if arguments.closed_loop:
-        closed_loops(arguments.systems)
-        random_loops(arguments.systems)
-        return 0
-    if arguments.large:
+def run(
+    *, cases: int = 200, seed: int = 0, samples: int = 2000, closed_loop: bool = False, large_record: bool = False
+) -> int:
+    """Print errors beside their bound, coverage and orders; return 0.
+
+    Args:
+        cases: systems.
+        seed: of the first.
+        samples: of each record.
+        closed_loop: bias, orders and coverage in closed loops instead.
+        large_record: seconds and memory of 1e6 samples of 2 channels, order 10, instead.
+    """
+    if closed_loop:
+        closed_loops(cases)
+        random_loops(cases)
+    elif large_record:
         large()
-        return 0
-    others: dict[str, Callable[[Case], Complex]] = {"n4sid": _n4sid}
-    for name, module in (("SIPPY", "sippy_unipi"), ("nfoursid", "nfoursid")):
-        try:
-            __import__(module)
-            others[name] = OTHERS[name]
-        except ImportError:
-            print(f"{name}: not installed ({module})")
-    rows = []
-    for k, case in enumerate(cases(arguments.first, arguments.systems, arguments.samples), 1):
-        rows.append(measure(case, others))
-        if k % 20 == 0 or k == arguments.systems:
-            print(f"-- {k} systems", flush=True)
-            report(rows)
+    else:
+        rows = []
+        for k, case in enumerate(records(seed, cases, samples), 1):
+            rows.append(measure(case))
+            if k % 20 == 0 or k == cases:
+                print(f"-- {k} systems", flush=True)
+                report(rows)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

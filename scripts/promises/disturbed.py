@@ -1,41 +1,30 @@
-#!/usr/bin/env python3
 """Measure how often the error that a frequency response states covers the truth where the model moves by itself.
-
-    python scripts/coverage_disturbed.py                       100 random models, both interfaces, two frequencies each
-    python scripts/coverage_disturbed.py --models 20 --seed 3
-    python scripts/coverage_disturbed.py --method settle       waited for, not solved for
 
 Each model (tests/modelica/Disturbed.mo) is a lag of 0.03 … 3 s and a mode at 1 Hz with a damping ratio of 0.02 … 0.7
 beside it, forced at 0.1 … 3 Hz with an amplitude of 1. From within both are moved by one of: sines at unrelated
 frequencies; sines within 1e-4 of the forcing or of two or three times it; sines at exactly these; a gust (eight
 sines of 0.02 … 5 Hz); pulses at events; a ramp; sines in the output alone. Amplitudes are 1e-3 … 0.3
 (logarithmic). Every third model has a cubic spring of up to 0.05 besides. The truth is the closed form; with the
-spring it is what the same model answers when it does not move by itself, solved for with tighter settings. Run it with
-the project's Python (see scripts/dev.py).
+spring it is what the same model answers when it does not move by itself, solved for with tighter settings.
 """
 
 from __future__ import annotations
 
-import argparse
 import cmath
 import math
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+import numpy as np
 
-import numpy as np  # noqa: E402
+import workbench as wb
+from scripts.promises.trial import Trial, held, lines
+from workbench.build.fmu import build_fmu
+from workbench.fmi.platforms import host
 
-import workbench as wb  # noqa: E402
-from scripts.coverage_nfr import Trial, lines  # noqa: E402
-from workbench.build.fmu import build_fmu  # noqa: E402
-from workbench.fmi.platforms import host  # noqa: E402
-
-SOURCE = ROOT / "tests" / "modelica" / "Disturbed.mo"
+SOURCE = Path(__file__).resolve().parents[2] / "tests" / "modelica" / "Disturbed.mo"
 _PULSES = " + (if mod(time, every) < width then pulse else 0)"
 KINDS = ("unrelated", "near", "exact", "gust", "pulses", "ramp", "output")
 
@@ -139,19 +128,15 @@ def report(found: Sequence[tuple[Disturbed, str, Trial]]) -> Iterator[str]:
             yield f"off {t.true:.2g}, stated {t.stated:.2g} ({t.periods} periods, {how}): {of}"
 
 
-def main() -> int:
-    """Return 1 if settled points fall short."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--models", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--method", choices=("auto", "settle"), default="auto")
-    o = parser.parse_args()
+def run(*, cases: int = 100, seed: int = 1, method: str = "auto") -> int:
+    """Return 1 if settled points fall short.
+
+    Args:
+        cases: models, at two frequencies each.
+        seed: of the first.
+        method: auto, or settle: waited for, not solved for.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        found = list(trials(Path(folder), o.models, o.seed, o.method))
+        found = list(trials(Path(folder), cases, seed, method))
     print("\n".join(report(found)))
-    settled = [t for *_, t in found if t.status == "settled"]
-    return 0 if sum(t.true <= t.stated for t in settled) >= 0.95 * len(settled) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return int(not held([t for *_, t in found]))

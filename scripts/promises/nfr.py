@@ -1,42 +1,29 @@
-#!/usr/bin/env python3
 """Measure how often the error that a frequency response states covers the truth.
-
-    python scripts/coverage_nfr.py                        200 random lightly damped plants near resonance
-    python scripts/coverage_nfr.py --plants 20 --seed 3
-    python scripts/coverage_nfr.py --max-periods 400      so that more of them settle
-    python scripts/coverage_nfr.py --blind                without the linear model's help, as for co-simulation
-    python scripts/coverage_nfr.py --method settle        waited for, not solved for
-    python scripts/coverage_nfr.py --nonlinear            200 random ones of each of five nonlinear kinds, waited for
 
 Each plant has one to five modes with damping ratios of 2e-4 … 2e-2 (logarithmic), the first at 1 Hz, the others at
 0.3 … 3 Hz, and is forced within ±4 damping ratios of the first resonance. Its response is known in closed form. It is
 integrated as any model is. The nonlinear ones start from rest, under amplitudes at which their multipliers change as
 the transient decays, and are integrated side by side, each period as the workbench sees that of a co-simulation FMU;
-the truth is the period to which they come in the end. Run it with the project's Python (see scripts/dev.py).
+the truth is the period to which they come in the end.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+import control
+import numpy as np
+from numpy.typing import NDArray
 
-import control  # noqa: E402
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
-
-import workbench as wb  # noqa: E402
-from workbench.model import Model  # noqa: E402
-from workbench.response.nfr.job import PointsJob  # noqa: E402
-from workbench.response.nfr.point import PointTask  # noqa: E402
-from workbench.response.nfr.prior_knowledge import surroundings  # noqa: E402
-from workbench.response.nfr.settling import Settling, SettlingOutcome  # noqa: E402
-from workbench.response.periodic.fourier import ORDERS, Period, fundamental  # noqa: E402
+import workbench as wb
+from scripts.promises.trial import Trial, kept, lines
+from workbench.model import Model
+from workbench.response.nfr.job import PointsJob
+from workbench.response.nfr.point import PointTask
+from workbench.response.nfr.prior_knowledge import surroundings
+from workbench.response.nfr.settling import Settling, SettlingOutcome
+from workbench.response.periodic.fourier import ORDERS, Period, fundamental
 
 
 @dataclass(frozen=True)
@@ -176,16 +163,6 @@ def nonlinear_trials(kind: Kind, max_periods: int, until: int = 300) -> Iterator
                 break
 
 
-@dataclass(frozen=True)
-class Trial:
-    """One plant measured: what is stated and what is true, both relative to the true response."""
-
-    status: str
-    stated: float
-    true: float
-    periods: int
-
-
 def measure(
     plant: Plant, *, tolerance: float, max_periods: int, blind: bool, solver: str = "gear", method: str = "auto"
 ) -> Trial:
@@ -215,56 +192,30 @@ def trials(count: int, seed: int, **how: object) -> Iterator[Trial]:
         yield measure(Plant.random(random), **how)  # type: ignore[arg-type]
 
 
-def lines(found: Sequence[Trial]) -> Iterator[str]:
-    """Return the table: one line for each status."""
-    for status in ("settled", "averaged", "failed"):
-        of = [t for t in found if t.status == status]
-        known = [t for t in of if np.isfinite(t.stated)]
-        if not of:
-            continue
-        covered = sum(t.true <= t.stated for t in known)
-        parts = [f"{status:>9}: {len(of):4}, error stated for {len(known):4}"]
-        if known:
-            ratio = np.median([t.stated / max(t.true, 1e-15) for t in known])
-            parts.append(f"covers the truth {100.0 * covered / len(known):6.1f} %, median of stated / true {ratio:.3g}")
-        parts.append(
-            f"more than 1 % off {sum(t.true > 0.01 for t in of):4}, worst {100.0 * max(t.true for t in of):.3g} %"
-        )
-        parts.append(f"periods (median) {np.median([t.periods for t in of]):.0f}")
-        yield "; ".join(parts)
+def run(
+    *, cases: int = 200, seed: int = 1, tolerance: float = 1e-8, max_periods: int = 20, solver: str = "gear",
+    blind: bool = False, method: str = "auto", nonlinear: bool = False,
+) -> int:  # fmt: skip
+    """Return 1 if settled points fall short.
 
-
-def main() -> int:
-    """Return 1 if settled points fall short."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--plants", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--tolerance", type=float, default=1e-8)
-    parser.add_argument("--max-periods", type=int, default=20)
-    parser.add_argument("--solver", default="gear")
-    parser.add_argument("--blind", action="store_true")
-    parser.add_argument("--method", choices=("auto", "settle"), default="auto")
-    parser.add_argument("--nonlinear", action="store_true")
-    o = parser.parse_args()
-    if o.nonlinear:
+    Args:
+        cases: plants, or nonlinear models of each kind.
+        seed: of the first.
+        tolerance: of the integration.
+        max_periods: waited for at most.
+        solver: that integrates.
+        blind: without the linear model of the plant.
+        method: auto, or settle: waited for, not solved for.
+        nonlinear: models of five kinds, without any help but their periods.
+    """
+    if nonlinear:
         short = 0
-        for kind in kinds(o.plants, np.random.default_rng(o.seed)):
-            found = list(nonlinear_trials(kind, o.max_periods))
+        for kind in kinds(cases, np.random.default_rng(seed)):
+            found = list(nonlinear_trials(kind, max_periods))
             print("\n".join([f"{kind.name}:", *lines(found)]))
-            short += not _kept(found)
+            short += not kept(found)
         return min(short, 1)
-    how = {name: getattr(o, name) for name in ("tolerance", "max_periods", "blind", "solver", "method")}
-    found = list(trials(o.plants, o.seed, **how))
+    how = {"tolerance": tolerance, "max_periods": max_periods, "blind": blind, "solver": solver, "method": method}
+    found = list(trials(cases, seed, **how))
     print("\n".join(lines(found)))
-    return 0 if _kept(found) else 1
-
-
-def _kept(found: Sequence[Trial]) -> bool:
-    """Whether settled points hold the truth in 95 % of cases, and all are good to 1 %."""
-    settled = [t for t in found if t.status == "settled"]
-    covered = sum(t.true <= t.stated for t in settled)
-    return covered >= 0.95 * len(settled) and not any(t.true > 0.01 for t in settled)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return int(not kept(found))

@@ -1,32 +1,23 @@
-#!/usr/bin/env python3
 """Measure how often the error of a frequency response covers the truth where co-simulation parts solve for themselves.
-
-    python scripts/coverage_cosimulation.py                60 random loops of two lags, three settings each
-    python scripts/coverage_cosimulation.py --loops 12 --seed 3
 
 Each loop has two lags of 0.01 … 10 s, one of model exchange and one of co-simulation, or both of co-simulation, a gain
 of 0.2 … 5 back, and is forced at 0.01 … 10 Hz. It is measured with the communication step that is found, and with given
 ones of 1/20 … 1/10000 of a period, which may be far below what the parts' own solvers leave at their tolerance of
-1e-3 … 1e-8. The truth is the closed form. Run it with the project's Python (see scripts/dev.py).
+1e-3 … 1e-8. The truth is the closed form.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+import numpy as np
 
-import numpy as np  # noqa: E402
-
-import workbench as wb  # noqa: E402
-from scripts.coverage_nfr import Trial, lines  # noqa: E402
+import workbench as wb
+from scripts.promises.trial import Trial, held, lines
 
 _TEXT = """
 [components]
@@ -88,21 +79,17 @@ def trials(count: int, seed: int) -> Iterator[tuple[Loop, float | None, float, T
                 yield loop, step, tolerance, loop.measure(Path(folder) / "loop.toml", step, tolerance)
 
 
-def main() -> int:
-    """Return 1 if settled points fall short."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--loops", type=int, default=60)
-    parser.add_argument("--seed", type=int, default=1)
-    o = parser.parse_args()
-    found = list(trials(o.loops, o.seed))
+def run(*, cases: int = 60, seed: int = 1) -> int:
+    """Return 1 if settled points fall short.
+
+    Args:
+        cases: loops.
+        seed: of the first.
+    """
+    found = list(trials(cases, seed))
     for name, some in (("step found", [f for f in found if f[1] is None]), ("step given", [f for f in found if f[1]])):
         print("\n".join([f"{name}:", *lines([t for *_, t in some])]))
-    settled = [f for f in found if f[-1].status == "settled"]
-    for loop, step, tolerance, t in settled:
-        if not t.true <= t.stated:
+    for loop, step, tolerance, t in found:
+        if t.status == "settled" and not t.true <= t.stated:
             print(f"off {t.true:.2g}, stated {t.stated:.2g}, step {step}, tolerance {tolerance:.2g}: {loop}")
-    return 0 if sum(t.true <= t.stated for *_, t in settled) >= 0.95 * len(settled) else 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return int(not held([t for *_, t in found]))

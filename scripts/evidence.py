@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""How often promises are kept: errors, regions and verdicts of random models whose truth is known.
+
+    python scripts/evidence.py                                the short form of all, in two minutes (`dev.py evidence`)
+    python scripts/evidence.py NAME [--cases N] [--seed S]    one in full; NAME --help shows what it is and its options
+
+Exit code 1: a promise is not kept. The modules of scripts/promises are named here; the options of each are the
+parameters of its `run`. Run it with the project's Python (see scripts/dev.py).
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import re
+import sys
+import time
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+# Name → what its short form is run with; no short form: "long" measures, and has nothing that it could miss.
+SHORT: Mapping[str, tuple[Mapping[str, Any], ...]] = {
+    "nfr": ({"cases": 12}, {"cases": 12, "nonlinear": True}),
+    "sampled": ({"cases": 10},),
+    "disturbed": ({"cases": 7},),
+    "cosimulation": ({"cases": 4},),
+    "motion": ({"cases": 1},),
+    "multirate": ({"cases": 8},),
+    "trim": ({"cases": 60},),
+    "bla": ({"cases": 2},),
+    "fit": (),
+    "identify": (),
+    "rudder": (),
+}
+
+
+def run_of(name: str) -> Callable[..., int]:
+    """Return what measures one.
+
+    Args:
+        name: of the module.
+    """
+    found: Callable[..., int] = import_module(f"scripts.promises.{name}").run
+    return found
+
+
+def options_into(parser: argparse.ArgumentParser, function: Callable[..., int]) -> None:
+    """Add the parameters of a function as options, with the words of its docstring.
+
+    Args:
+        parser: of the command line.
+        function: with keywords only.
+    """
+    words = dict(re.findall(r"^ {4,}(\w+): (.+)$", inspect.getdoc(function) or "", re.MULTILINE))
+    for name, parameter in inspect.signature(function, eval_str=True).parameters.items():
+        flag, said = f"--{name.replace('_', '-')}", {"help": words[name].rstrip(".")}
+        if parameter.annotation is bool:
+            parser.add_argument(flag, action="store_true", **said)
+        else:
+            parser.add_argument(flag, type=parameter.annotation, default=parameter.default, **said)
+
+
+def short() -> int:
+    """Run the short form of all, and return 1 if a promise is not kept."""
+    broken = []
+    for name, forms in SHORT.items():
+        for form in forms:
+            words = " ".join(f"--{key} {value}" for key, value in form.items()).replace(" True", "")
+            print(f"-- {name} {words}", flush=True)
+            begin = time.process_time()
+            if run_of(name)(**form):
+                broken.append(name)
+            print(f"   {time.process_time() - begin:.0f} s of processor time", flush=True)
+    print(f"not kept: {', '.join(broken)}" if broken else "all kept")
+    return int(bool(broken))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run what the command line asks for, and return the exit code.
+
+    Args:
+        arguments: in place of the process's own.
+    """
+    words = sys.argv[1:] if arguments is None else arguments
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("name", choices=SHORT, nargs="?", help="which; by default the short form of all")
+    name = parser.parse_args(words[:1]).name
+    if name is None:
+        return short()
+    function = run_of(name)
+    own = argparse.ArgumentParser(
+        prog=f"evidence.py {name}", description=sys.modules[function.__module__].__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    options_into(own, function)
+    return function(**vars(own.parse_args(words[1:])))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
