@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from scripts.aircraft.__main__ import SOURCE, written
 from scripts.aircraft.data import POINTS
 from scripts.aircraft.problem import prior_aircraft
 from scripts.reproduce.targets import read_targets
@@ -40,10 +39,6 @@ def failed() -> tuple[Floats, Floats, Floats, Floats, Floats]:
 
 
 # -- the model -------------------------------------------------------------------------------------
-
-
-def test_its_source_is_written_from_strip_theory_and_the_stored_changes() -> None:
-    assert SOURCE.read_text(encoding="utf-8") == written()
 
 
 def test_names_and_units(aircraft: Model) -> None:
