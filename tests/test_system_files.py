@@ -378,6 +378,24 @@ def test_names_with_dots_are_read_as_far_as_they_exist() -> None:
         resolve(description, [both, GAIN])
 
 
+def test_units_of_one_end_only_are_told_in_one_note(tmp_path: Path) -> None:
+    """What has no unit cannot be converted, which SSP allows in silence; a unit that the connection names is enough."""
+    plain_fmu(tmp_path / "a.fmu", inputs={"w": "", "v": ""}, outputs={"y": "m", "z": "1"})
+    plain_fmu(tmp_path / "b.fmu", inputs={"u": "", "n": "", "k": ""}, outputs={"x": "", "q": "s"})
+    parts = tuple(FmuComponent(name=name, file=str(tmp_path / f"{name}.fmu")) for name in "ab")
+    ends = (
+        Connection(source="a.y", destination="b.u"),
+        Connection(source="a.z", destination="b.n"),
+        Connection(source="a.y", destination="b.k", unit="m"),
+    )
+    back = (Connection(source="b.x", destination="a.v"), Connection(source="b.q", destination="a.w"))
+    description = SystemDescription(name="test", components=parts, connections=(*ends, *back))
+    result = resolve(description, [tuple(fmu_facts(p.file).variables.values()) for p in parts])
+    (note,) = result.notes
+    assert "2 connections" in note
+    assert "unchanged: a.y (m) → b.u (none), b.q (s) → a.w (none)" in note
+
+
 def test_unit_definitions_of_both_fmus_convert_with_a_note(tmp_path: Path) -> None:
     length = {"mm": Unit("mm", (0, 1, 0, 0, 0, 0, 0, 0), 1e-3), "m": Unit("m", (0, 1, 0, 0, 0, 0, 0, 0))}
     files = [tmp_path / "a.fmu", tmp_path / "b.fmu"]

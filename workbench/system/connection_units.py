@@ -21,6 +21,8 @@ from workbench.system.fmu_facts import fmu_facts
 __all__ = ["UnitCheck", "all_units", "declared_unit"]
 
 _Linear = tuple[float, float]
+_NONE = "1"  # of a number without dimension, in FMUs: as good as no unit
+_NAMED = 4
 
 
 def declared_unit(component: Component, variable: Variable) -> str | None:
@@ -48,15 +50,21 @@ def _fmu_units(component: FmuComponent) -> Mapping[str, Unit]:
 
 
 class UnitCheck:
-    """Turns the units of connections into factors and offsets.
-
-    Attributes:
-        notes: what was converted on the user's behalf.
-    """
+    """Turns the units of connections into factors and offsets."""
 
     def __init__(self, description: SystemDescription) -> None:
         self.description = description
-        self.notes: list[str] = []
+        self._converted: list[str] = []
+        self._one_sided: list[str] = []
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was converted on the user's behalf, and what could not be, as one end alone has a unit."""
+        if not self._one_sided:
+            return tuple(self._converted)
+        shown = ", ".join(self._one_sided[:_NAMED]) + (", …" if len(self._one_sided) > _NAMED else "")
+        count = f"{len(self._one_sided)} connections have" if len(self._one_sided) > 1 else "1 connection has"
+        return (*self._converted, f"{count} a unit at one end only, so the number is passed on unchanged: {shown}")
 
     def transformation(self, connection: Connection, source: Port, target: Port) -> _Linear:
         """Return factor and offset from source to destination.
@@ -115,7 +123,10 @@ class UnitCheck:
 
     def _unasked(self, source: Port, target: Port) -> _Linear:
         given, taken = self._unit(source), self._unit(target)
-        if given is None or taken is None or given == taken:
+        if given is None or taken is None:
+            self._note_one_sided(source, target, given, taken)
+            return 1.0, 0.0
+        if given == taken:
             return 1.0, 0.0
         left, right = self._known(source, given), self._known(target, taken)
         if left is None or right is None:
@@ -141,11 +152,18 @@ class UnitCheck:
         return found
 
     def _note(self, source: Port, target: Port, given: str, taken: str, found: _Linear) -> None:
-        names = [f"{self.description.components[p.component].name}.{p.variable.name}" for p in (source, target)]
-        self.notes.append(
-            f"{names[0]} → {names[1]}: converted from {given} to {taken} by the unit definitions "
+        self._converted.append(
+            f"{self._name(source)} → {self._name(target)}: converted from {given} to {taken} by the unit definitions "
             f"(× {found[0]:g}{_signed(found[1])})"
         )
+
+    def _note_one_sided(self, source: Port, target: Port, given: str | None, taken: str | None) -> None:
+        if (given or taken or _NONE) != _NONE:
+            ends = (f"{self._name(p)} ({unit or 'none'})" for p, unit in ((source, given), (target, taken)))
+            self._one_sided.append(" → ".join(ends))
+
+    def _name(self, port: Port) -> str:
+        return f"{self.description.components[port.component].name}.{port.variable.name}"
 
     # -- lookup -----------------------------------------------------------------------------------------
 
