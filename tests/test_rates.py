@@ -15,7 +15,7 @@ import pytest
 import workbench as wb
 from tests.lin_fmus import built
 from tests.multirate import connected, departure, random_system, verdict_fault
-from workbench.core.values.calendar import TOGETHER
+from workbench.core.values.calendar import TOGETHER, PeriodsError
 from workbench.core.values.margins import STABLE, UNSTABLE
 from workbench.data.excite.recording import sampling_of
 from workbench.errors import InputError
@@ -152,6 +152,26 @@ def test_periods_that_are_told_stand_above_found_ones() -> None:
     with load(model_of("Nested", NESTED), "me", periods=[0.1, 0.4]) as model:
         assert rates_of(model).periods == (0.1, 0.4)
         assert lin_result(model).dt == 0.4
+
+
+def test_periods_that_contradict_the_model_are_refused(tmp_path: Path) -> None:
+    """No map over 0.07 s repeats where something samples every 0.1 s; every common multiple is as good as the first."""
+    lag = '[components]\nlag = {A = [[0.5]], B = [[1.0]], C = [[1.0]], dt = 0.1, inputs = ["u"], outputs = ["y"]}\n'
+    (tmp_path / "lag.toml").write_text(f'{lag}[inputs]\nu = "lag.u"\n[outputs]\ny = "lag.y"\n', encoding="utf-8")
+    with pytest.raises(PeriodsError, match=r"every 0\.1 s.* 0\.07 s"):
+        wb.load(tmp_path / "lag.toml", periods=[0.07])
+    with wb.load(tmp_path / "lag.toml", periods=[0.3]) as model:
+        assert lin_result(model).A[0, 0] == pytest.approx(0.5**3)
+    with load(model_of("Nested", NESTED), "me", periods=[0.07]) as model:
+        asked = (
+            lambda: lin_result(model),
+            lambda: wb.trim(model),
+            lambda: wb.nfr(model, "u", "y", [0.5], [0.1]),
+            lambda: wb.branches(model, "u", "y", amplitudes=[1.0], band=(0.1, 0.2)),
+        )
+        for analysis in asked:
+            with pytest.raises(PeriodsError, match=r"every 0\.1 s.* 0\.07 s"):
+                analysis()
 
 
 SWITCHED = """

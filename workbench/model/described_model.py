@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.core.records.forms import several
 from workbench.core.records.option import values_of
-from workbench.core.values.calendar import Sampler, exact
+from workbench.core.values.calendar import Sampler, check_periods, exact
 from workbench.core.values.operating_point import At, OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.description import ModelDescription
@@ -136,6 +136,8 @@ class DescribedModel(Model):
         self.parameters = self._with(*_PARAMETERS)
         self.states = description.states
         own = self._own_rates()
+        if recipe.periods is not None:
+            check_periods(several(recipe.periods), (float(s.period) for s in (*own.samplers, *own.clocks)), self.name)
         self._setup = dataclasses.replace(
             setup,
             open_instance=self.new_instance,

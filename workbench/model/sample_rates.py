@@ -15,8 +15,9 @@ from fractions import Fraction
 
 import numpy as np
 
+from workbench.core.records.forms import several
 from workbench.core.values.arrays import Floats
-from workbench.core.values.calendar import TOGETHER, exact
+from workbench.core.values.calendar import TOGETHER, PeriodsError, check_periods, exact
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import FmuError, InputError, SimulationError, WorkbenchError
 from workbench.model import DescribedModel, Model
@@ -91,6 +92,7 @@ def rates_of(
 
     Raises:
         NoRatesError: there are events, but they follow no constant rates.
+        PeriodsError: events show rates that contradict the periods given for the model.
         InputError: the rates have no common multiple of reasonable size.
         FmuError, SimulationError: the model cannot be opened or run there.
     """
@@ -106,6 +108,7 @@ def rates_of(
     if not (known or shown):
         return Rates(notes=_of_single(single))
     ticks = _ticks(model, start, values, _LOOKS[0])
+    _check_given(model, ticks)
     found = _found([*known, *shown], start, ticks, btptol)
     found = replace(found, phase=start) if model.declared_rates().clocks else found
     found = replace(found, begin=max(found.begin, *single)) if single else found
@@ -122,10 +125,15 @@ def sampled(model: Model, at: OperatingPoint | None = None) -> Rates:
     Args:
         model: it stays open.
         at: where it stands; its period counts where the model shows none.
+
+    Raises:
+        PeriodsError: see `rates_of`.
     """
     where = model.at if at is None else at
     try:
         found = rates_of(model) if where is None else rates_of(model, time=where.time, values=where.values)
+    except PeriodsError:
+        raise
     except WorkbenchError as error:
         found = Rates(notes=(str(error),), complete=not isinstance(error, InputError))
     if found.periods or where is None or where.period is None:
@@ -140,6 +148,18 @@ _Apart = tuple[list[_Sequence], list[float]]  # sequences, and single events [s]
 def _declared(model: Model, start: float) -> list[_Sequence]:
     """Return the declared samplers in a session that begins at `start`."""
     return [(s.instant(0), float(s.period)) for s in dict.fromkeys(model.declared_rates().begun(start))]
+
+
+def _check_given(model: Model, ticks: Floats) -> None:
+    """Refuse periods given for a model whose events show that it does not repeat after them."""
+    given = model.recipe.periods if isinstance(model, DescribedModel) else None
+    if given is None:
+        return
+    try:
+        shown = sample_periods(ticks)
+    except NoRatesError:  # why periods are given
+        return
+    check_periods(several(given), shown, model.name)
 
 
 def _of_parts(model: Model, start: float, btptol: float) -> Rates:

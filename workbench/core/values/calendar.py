@@ -7,7 +7,7 @@ numbers that are meant are rounded once, so that those that coincide are the sam
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import reduce
@@ -18,8 +18,10 @@ from workbench.errors import InputError
 __all__ = [
     "TOGETHER",
     "Calendar",
+    "PeriodsError",
     "Sampler",
     "check_countable",
+    "check_periods",
     "exact",
     "gathered",
     "is_due",
@@ -163,6 +165,32 @@ def check_countable(samplers: Iterable[Sampler], begin: float, end: float) -> No
         raise InputError(
             f"{fastest.name} samples every {float(fastest.period):g} s: {count:.2g} samples in a run from {begin:g} to "
             f"{end:.6g} s are more than the {_MOST:.0e} that end in reasonable time; enlarge its sample period"
+        )
+
+
+class PeriodsError(InputError):
+    """Sample periods that a user gives for a model which, as it says or shows, repeats after others only."""
+
+
+def check_periods(given: Sequence[float], own: Iterable[float], model: str) -> None:
+    """Refuse sample periods after which a model cannot repeat.
+
+    Args:
+        given: in place of the model's own [s], one at least.
+        own: those that the model declares or shows [s].
+        model: its name, for the message.
+
+    Raises:
+        PeriodsError: the periods given repeat together after a time that is no multiple of one of the model's own.
+    """
+    basic = Calendar(tuple(Sampler(exact(p)) for p in given)).basic_period
+    ratios = {p: float(basic) / p for p in own}
+    apart = sorted(p for p, ratio in ratios.items() if abs(ratio - max(1, round(ratio))) > TOGETHER * ratio)
+    if apart:
+        own_listed, listed = (", ".join(f"{p:.9g}" for p in periods) for periods in (sorted(ratios), given))
+        raise PeriodsError(
+            f"{model} samples every {own_listed} s; periods {listed} s repeat together after {float(basic):.9g} s, which "
+            f"is no multiple of {apart[0]:.9g} s: add that period, or leave periods out"
         )
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from workbench.core.values.arrays import Floats
+from workbench.core.values.calendar import PeriodsError
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.jobs.job import SLOW, Job
@@ -134,6 +135,8 @@ class _Trim:
             return Rates((self.asked.period,), self.asked.period)
         try:
             found = rates_of(self.model, time=self.time, values=inputs)
+        except PeriodsError:
+            raise
         except InputError as error:
             self.notes.append(f"discrete states are held: {error}")
             return Rates()

@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.calendar import PeriodsError
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.matrices import held, resolvent
 from workbench.errors import SimulationError, WorkbenchError
@@ -243,6 +244,8 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
         if ticks or many:
             return _of_rates(model) if ticks else Surroundings()
         part = _difference(model, input, output, middle) if found is None else found
+    except PeriodsError:
+        raise
     except WorkbenchError:
         return Surroundings()
     finite = all(np.isfinite(m).all() for m in (part.A, part.B, part.C, part.D, dx0))
