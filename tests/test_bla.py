@@ -396,7 +396,7 @@ def test_the_command_takes_recorded_data(tmp_path: Path, capsys: pytest.CaptureF
     for more, said in (
         ([*command, "--rms", "1"], "--rms is for models"),
         ([*command, "--solver", "gear"], "--solver is for models"),
-        ([*command, "--periods", "3"], "--periods is for models"),
+        ([*command, "--measured-periods", "3"], "--measured-periods is for models"),
         (command[:-2], "--period is missing"),
         (["bla", "fmu:Rudder", "--input", "delC", "--output", "del", "--period", "2"], "--period is for recorded data"),
         (["bla", "fmu:Rudder", "--input", "delC", "--output", "del", "--rms", "2"], "--band is missing"),

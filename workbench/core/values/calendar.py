@@ -189,8 +189,8 @@ def check_periods(given: Sequence[float], own: Iterable[float], model: str) -> N
     if apart:
         own_listed, listed = (", ".join(f"{p:.9g}" for p in periods) for periods in (sorted(ratios), given))
         raise PeriodsError(
-            f"{model} samples every {own_listed} s; periods {listed} s repeat together after {float(basic):.9g} s, which "
-            f"is no multiple of {apart[0]:.9g} s: add that period, or leave periods out"
+            f"{model} samples every {own_listed} s; periods {listed} s repeat together after {float(basic):.9g} s, "
+            f"which is no multiple of {apart[0]:.9g} s: add that period, or leave periods out"
         )
 
 

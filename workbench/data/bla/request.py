@@ -63,7 +63,7 @@ class _Multisine(Options):
         default="random-odd",
     )
     realisations: int = option("Number of different random phases.", metavar="M", least=2, default=7)
-    periods: int = option("Number of recorded periods of each.", metavar="P", least=2, default=2)
+    measured_periods: int = option("Number of recorded periods of each.", metavar="P", least=2, default=2)
     dt: float | None = option(
         "Sampling interval; by default an eighth of the shortest period, or the period of a sampled model.",
         unit="s",
@@ -157,7 +157,6 @@ class Bla(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
     example = "workbench bla fmu:Rudder --input delC --output del --band 0.2:10 --rms 1,5,20 --plot rudder_bla.png"
     usual_tolerance = 1e-8
     counts = "realisations"
-    withheld = ("periods",)
 
     _: KW_ONLY
     rms: Amounts = option(_RMS, of="input", change=True, metavar="R,..")
@@ -192,7 +191,6 @@ class BlaCommand(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
     )
     usual_tolerance = Bla.usual_tolerance
     counts = Bla.counts
-    withheld = Bla.withheld
     needs = ("rms", "band")
 
     _: KW_ONLY
@@ -249,7 +247,11 @@ class BlaCommand(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
             InputError: an option is missing, or is for the other.
         """
         recorded = isinstance(subject, Path)
-        left = ("period", "also") if not recorded else ("lines", "realisations", "periods", "seed", "rms", "band", "at")
+        left = (
+            ("period", "also")
+            if not recorded
+            else ("lines", "realisations", "measured_periods", "seed", "rms", "band", "at")
+        )
         for declared in options_of(BlaCommand):
             if declared.name in left and getattr(self, declared.name) != declared.default:
                 what = f"models, and {subject} is recorded data" if recorded else "recorded data, not for models"

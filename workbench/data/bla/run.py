@@ -52,7 +52,7 @@ def run(model: Model, asked: Bla, job: Job) -> BlaResult:
         inputs, outputs, rest, designs = [], [], 0.0, list[RandomPhase]()
         for number in range(asked.realisations):
             design = RandomPhase(
-                rms=float(rms), length=length, excited=tuple(lines.excited.tolist()), periods=asked.periods,
+                rms=float(rms), length=length, excited=tuple(lines.excited.tolist()), periods=asked.measured_periods,
                 transient=asked.transient, seed=1000 * asked.seed + number,
             )  # fmt: skip
             designs.append(design)
@@ -125,7 +125,7 @@ class _UnderWay:
         units = declared_units(model, (asked.input, asked.output))
         told = {
             "model": model.name, "input": asked.input, "output": asked.output, "input_unit": units[asked.input],
-            "output_unit": units[asked.output], "periods": asked.periods, "realisations": asked.realisations,
+            "output_unit": units[asked.output], "periods": asked.measured_periods, "realisations": asked.realisations,
             "transient": asked.transient, "lines": asked.lines, "notes": tuple(self.notes),
             "operating_point": self.where,
         }  # fmt: skip

@@ -69,7 +69,6 @@ class LimitCycles(AtPoint, InWorkers, ModelRequest["LimitCycleResult"]):
         "system:failed_aileron_feedforward --block damper --block actuator --amplitude 0.01:1 --time 150 --band 1:10`"
     )
     counts = "steps"
-    withheld = ("periods",)
     subject = replace(
         ModelRequest.subject,
         name="system",
@@ -103,7 +102,7 @@ class LimitCycles(AtPoint, InWorkers, ModelRequest["LimitCycleResult"]):
         metavar="NAME",
         default=METHODS,
     )
-    periods: int = option("Maximum length of the simulation.", unit="periods", metavar="N", least=1, default=400)
+    max_periods: int = option("Maximum length of the simulation.", unit="periods", metavar="N", least=1, default=400)
     vary: Ranges = option(
         "Follow the cycles that shooting finds over a parameter, also around folds, to where they shrink to a point; "
         "gain is a factor on the output of the block.",

@@ -405,7 +405,7 @@ class _LimitCycleRun:
             outputs=[*(p.v for p in self.loop.every), *self.outputs],
             end=[v.name for v in self.system.states],
             time=self.time,
-            periods=self.asked.periods,
+            periods=self.asked.max_periods,
         )
         if isinstance(run, str):
             self.notes.append(f"{_named(number)}: {run}")
