@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import workbench as wb
 from tests.fakes import FakeModel, Rows, SampledSession, lag, linear
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import follow_phase
 from workbench.errors import InputError, SimulationError
 from workbench.response.nfr.frequency_grid import frequency_grid, geometric_band
+from workbench.response.nfr.page import nfr_page
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
 from workbench.show.figure import save
@@ -195,3 +197,20 @@ def test_what_makes_no_sense_is_refused_before_anything_runs(changed: dict[str, 
 
 def test_a_state_may_be_measured_as_an_output() -> None:
     assert np.isfinite(nfr(lag(1.0), "u", "x", [1.0], 1.0).gain[0, 0])
+
+
+def test_above_the_sampling_rate_the_page_says_what_is_not_known_and_why() -> None:
+    """A law that samples every 0.022 s: what a beat leaves has no error, and what follows no input is told so."""
+    with wb.load("fmu:ElevatorLaw", "me") as model:
+        result = wb.nfr(model, "side_stick", "elevator", [45.4, 60.0], [0.5])
+    assert result.status == (("averaged", "failed"),)
+    assert np.isnan(result.error[0, 0])
+    page = nfr_page(result)
+    assert any(v.word == "averaged" and "error unknown" in v.text for v in page.summary)
+    (table,) = page.sections[1].parts[0].tables
+    assert [row[4] for row in table.rows] == ["unknown", "–"]
+    (heading, first, _) = (list(row) for row in result.rows())
+    assert first[heading.index("why")].startswith("error unknown")
+    (failed,) = result.failed
+    assert "samples every 0.022 s" in failed.reason
+    assert "light" not in failed.reason

@@ -135,7 +135,7 @@ def lead(result: NfrResult) -> str:
 def test_the_page_brackets_the_bandwidth_and_says_that_it_is_linear() -> None:
     result = nfr(lag(0.1), "u", "y", [0.1, 1.0, 1.5, 2.0, 3.0], [1.0, 2.0])
     text = lead(result)
-    assert "At 1 and 2 deg the gain falls to 3 dB below that of the lowest frequency between 1.5 and 2 Hz." in text
+    assert "At 1 and 2 deg between 1.5 and 2 Hz the gain falls to 3 dB below its value at the lowest frequency." in text
     assert "The amplitudes agree within their errors: it is linear here." in text
     truth = np.sqrt(10.0**0.3 * (1.0 + (0.2 * np.pi * 0.1) ** 2) - 1.0) / (0.2 * np.pi)
     assert 1.5 < truth < 2.0

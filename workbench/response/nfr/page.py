@@ -20,7 +20,9 @@ __all__ = ["nfr_page"]
 _NO_EFFECT = "no effect"
 _SMALL = 0.01  # errors that say that amplitudes agree
 _NOTHING = 1e-6  # of the output's amplitude: a mean below it is rounding
+_UNKNOWN = "averaged, error unknown"
 _MEANING = {
+    _UNKNOWN: "not settled, error unknown: the value may be far off",
     "averaged": "not settled: the value is only as accurate as its error",
     "settled": "the response no longer changed from period to period",
     _NO_EFFECT: "the input does not move the output, or only by rounding errors",
@@ -118,7 +120,7 @@ def _curves(result: NfrResult) -> list[str]:
         fall = fall_of(f, gain_db, result.error[i][good])
         if fall is not None and not fall.cliff and not (high and peak is not None and peak.above_db > DROP_DB):
             between = f"between {fall.low:.5g} and {fall.high:.5g} Hz"
-            words = f"the gain falls to 3 dB below that of the lowest frequency {between}"
+            words = f"{between} the gain falls to 3 dB below its value at the lowest frequency"
             told.setdefault(words, []).append(amplitude)
     several, unit = result.amplitude.size > 1, behind(result.input_unit)
     return [sentence(f"at {_listed(a)}{unit} {words}" if several else words) for words, a in told.items()]
@@ -146,8 +148,13 @@ def _spread(result: NfrResult) -> float:
 def _verdicts(result: NfrResult) -> list[Verdict]:
     idle = result.gain == 0.0
     words = np.where(idle, _NO_EFFECT, np.array(result.status, dtype=object))
+    words[(words == "averaged") & np.isnan(result.error)] = _UNKNOWN
     counts = Counter(words.ravel().tolist())
-    found = [Verdict(word, f"{counted(counts[word], 'point')}: {_MEANING[word]}") for word in _MEANING if counts[word]]
+    found = [
+        Verdict(word.partition(",")[0], f"{counted(counts[word], 'point')}: {meaning}")
+        for word, meaning in _MEANING.items()
+        if counts[word]
+    ]
     reasons = Counter(f.reason for f in result.failed if f.reason != MISSING)
     missing = sum(f.reason == MISSING for f in result.failed)
     if missing:
@@ -176,7 +183,7 @@ def _values(result: NfrResult, i: int) -> Section:
         (
             f"{f:.5g}",
             *(number(float(c[i, j]), form) for c, form in columns),
-            _percent(float(result.error[i, j])),
+            _error(result, i, j),
             _offset(result, i, j),
             _thd(float(result.thd[i, j]), float(result.error[i, j])),
             str(result.periods[i, j]),
@@ -194,7 +201,11 @@ def _thd(thd: float, error: float) -> str:
     return f"<{percent(thd + error)}" if thd <= error else number(100.0 * thd, ".3g")
 
 
-def _percent(error: float) -> str:
+def _error(result: NfrResult, i: int, j: int) -> str:
+    """Return the error [%]; a dash where there is no value that it could be of."""
+    error = float(result.error[i, j])
+    if np.isnan(error) and result.gain[i, j] > 0.0:
+        return "unknown"
     return percent(error) if np.isfinite(error) else number(error)
 
 

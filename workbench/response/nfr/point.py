@@ -92,6 +92,11 @@ class PointTask:
         return Evidence(twin=twin, beat=beat, sampled=bool(self.rates), rtol=self.rtol, rows=self.rows)
 
     @property
+    def is_aliased(self) -> bool:
+        """Whether the sine is at or above half the slowest rate at which the model samples."""
+        return 2.0 * self.frequency * max(self.rates, default=0.0) >= 1.0
+
+    @property
     def from_rest(self) -> PointTask:
         """The same for what the input does, apart from what the model does by itself."""
         return self if self.linear is None else replace(self, linear=self.linear.at_rest)
@@ -221,7 +226,7 @@ def run_point(
         point, response = _failed(task, len(settling.periods), error), None
     else:
         point = _point(task, response, len(settling.periods))
-    warning = _aliasing(task.rates) if 2.0 * task.frequency * max(task.rates, default=0.0) >= 1.0 else None
+    warning = _aliasing(task.rates) if task.is_aliased else None
     return replace(point, step=longest, certificate=certify(settling, response), warning=warning)
 
 
@@ -273,7 +278,7 @@ def _recorded(session: Session, task: PointTask, sine: Sine, k: int) -> tuple[Pe
 
 def _point(task: PointTask, response: PointResponse, periods: int) -> NfrPoint:
     if response.outcome in _REASONS:
-        failed = _failed(task, periods, SimulationError(f"{task.output} {_REASONS[response.outcome]}"))
+        failed = _failed(task, periods, SimulationError(f"{task.output} {_reason(task, response.outcome)}"))
         return replace(failed, stable=False if response.outcome is SettlingOutcome.DIVERGED else None)
     averaged = response.outcome is SettlingOutcome.AVERAGED
     return NfrPoint(
@@ -287,6 +292,16 @@ def _point(task: PointTask, response: PointResponse, periods: int) -> NfrPoint:
         stable=None if averaged else True,
         resolved=response.outcome is SettlingOutcome.RESOLVED,
     )
+
+
+def _reason(task: PointTask, outcome: SettlingOutcome) -> str:
+    """Return why there is no value."""
+    if outcome is SettlingOutcome.SCATTERED and task.is_aliased:
+        return (
+            f"does not follow the input: the model samples every {max(task.rates):.6g} s, and answers a sine above "
+            f"half that rate at frequencies below it; measure below {0.5 / max(task.rates):.6g} Hz"
+        )
+    return _REASONS[outcome]
 
 
 def _failed(task: PointTask, periods: int, why: WorkbenchError) -> NfrPoint:

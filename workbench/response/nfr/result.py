@@ -202,6 +202,8 @@ class NfrResult(Result):
                 values += [int(self.averaged[i, j]), self.periods[i, j]]
                 known = self.certificates[i][j] or _NOTHING_KNOWN
                 found = [getattr(known, name) for name in _CSV_FIELDS]
+                if np.isnan(self.error[i, j]) and self.gain[i, j] > 0.0:
+                    found[-1] = f"error unknown: {found[-1]}" if found[-1] else "error unknown"
                 yield (a, f, *values, reasons.get((a, f), ""), self.status[i][j], *found, *known.harmonics)
 
     def to_frd(self, amplitude: float | None = None) -> FrequencyResponseData:
