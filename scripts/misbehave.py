@@ -163,7 +163,7 @@ def _with(do: Callable[[Any, Workers], Any]) -> Callable[[Any, str, Workers], An
 
 def _twice(model: Any, workers: Workers) -> Any:
     two = {"a": model, "b": model}
-    asked: Any = {"signals": ["y"], "windows": [(0.0, 1.0)], "inputs": {"u": 2.0}, "interval": 0.01}
+    asked: Any = {"outputs": ["y"], "windows": [(0.0, 1.0)], "inputs": {"u": 2.0}, "interval": 0.01}
     return wb.compare_motions(two, **asked, workers=workers)
 
 

@@ -82,34 +82,36 @@ envelope.parameters = {"lag.tau" = {range = [0.5, 2.0], steps = 4}}
 
 LAG_FMU = "fmu:FirstOrderLag"
 SWEEP = "--input u --output y --freq 0.1,0.2 --amplitude 1 --in-process"
+LOUD = "--amplitude 1,2 --freq 0.1,0.2"
 DESIGN = "braked.toml --block block --to brake.u1 --orders 1,1 --low-pass-order 0 --band 0.01:1"
-# Request → its command line, the words of what it has when the first thing that it tells stops it; "": nothing. Those
-# of nothing run in this process: a worker may be done before it hears that it should stop, and then has everything.
+# Request → its command line behind `workbench`, the words of what it has when the first thing that it tells stops it;
+# "": nothing. Those of nothing run in this process: a worker may be done before it hears that it should stop, and then
+# has everything.
 LINES = {
-    "info": (f"{LAG_FMU} --no-probe", "model"),
-    "simulate": (f"{LAG_FMU} --stop 300 --step 0.05 --input u=1", "time"),
-    "nfr": (f"{LAG_FMU} {SWEEP}", "gain_db"),
-    "branches": (f"{LAG_FMU} --input u --output y --amplitude 1,2 --band 0.1:0.2 --in-process", "branches"),
-    "trim": (f"{LAG_FMU} --u0 u=2", "converged"),
-    "lin": (f"{LAG_FMU} --over tau=0.5,1,2", "systems"),
-    "loop": ("loop.toml --open c.y --amplitude 1,2 --freq 0.1,0.2 --how inject --refine 0 --in-process", "measured"),
-    "delays": ("master.toml --stop 1 --input reference=1 --step 0.02 --in-process", ""),
-    "limit-cycle": ("loop.toml --block block --method shooting --vary gain=0.99:1.01 --in-process", ""),
-    "feedback": ("lags.toml --from c.y --to a.u", "stable_gains"),
-    "feed-forward": (f"{DESIGN} --input u=pulse:value=1,duration=0.1 --stop 2 --crude", "filter"),
-    "modes": (f"{LAG_FMU} --vary tau=0.5:2 --points 3 --against tau=1 --in-process", ""),
-    "compare": (f"{LAG_FMU} {LAG_FMU} --label one --label two --signal y --input u=1 --window 0:1", "motions"),
-    "envelope": ("envelope.toml --jobs 1", "points"),
-    "check": (f"{LAG_FMU} --interface me --only runs,reset", "checks"),
-    "excite": (f"{LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
-    "identify": ("data.csv --input u --output y --order 1", ""),
-    "onset": ("system:pitch_rate_limit --input stick --limiter limiter --amplitude 0.1,1.1", ""),
-    "bla": (f"{LAG_FMU} --input u --output y --rms 1,2 --band 0.1:1 --realisations 2", "words"),
-    "fit": ("response.csv --max-order 4", ""),
-    "blocks": ("relay", "blocks"),
-    "build": ("Lag.mo --out Lag.fmu --fmi 3", "files"),
-    "compile": (f"{LAG_FMU} --out made.fmu", "binaries"),
-    "export": ("lin.json --out linear.fmu --fmi 3", "platforms"),
+    "info": (f"info {LAG_FMU} --no-probe", "model"),
+    "simulate": (f"simulate {LAG_FMU} --stop 300 --step 0.05 --input u=1", "time"),
+    "nfr": (f"nfr {LAG_FMU} {SWEEP}", "gain_db"),
+    "branches": (f"branches {LAG_FMU} --input u --output y --amplitude 1,2 --band 0.1:0.2 --in-process", "branches"),
+    "trim": (f"trim {LAG_FMU} --u0 u=2", "converged"),
+    "lin": (f"lin {LAG_FMU} --over tau=0.5,1,2", "systems"),
+    "loop": (f"loop loop.toml --open c.y {LOUD} --how inject --refine 0 --in-process", "measured"),
+    "delays": ("check master.toml --stop 1 --input reference=1 --step 0.02 --in-process --delays", ""),
+    "limit-cycle": ("limit-cycle loop.toml --block block --method shooting --vary gain=0.99:1.01 --in-process", ""),
+    "feedback": ("feedback lags.toml --from c.y --to a.u", "stable_gains"),
+    "feed-forward": (f"feed-forward {DESIGN} --input u=pulse:value=1,duration=0.1 --stop 2 --crude", "filter"),
+    "modes": (f"modes {LAG_FMU} --vary tau=0.5:2 --points 3 --against tau=1 --in-process", ""),
+    "compare": (f"simulate {LAG_FMU} {LAG_FMU} --label one --label two --output y --input u=1 --window 0:1", "motions"),
+    "envelope": ("envelope envelope.toml --jobs 1", "points"),
+    "check": (f"check {LAG_FMU} --interface me --only runs,reset", "checks"),
+    "excite": (f"excite {LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
+    "identify": ("identify data.csv --input u --output y --order 1", ""),
+    "onset": ("onset system:pitch_rate_limit --input stick --limiter limiter --amplitude 0.1,1.1", ""),
+    "bla": (f"bla {LAG_FMU} --input u --output y --rms 1,2 --band 0.1:1 --realisations 2", "words"),
+    "fit": ("identify response.csv --max-order 4", ""),
+    "blocks": ("info --blocks relay", "blocks"),
+    "build": ("build Lag.mo --out Lag.fmu --fmi 3", "files"),
+    "compile": (f"build {LAG_FMU} --out made.fmu", "binaries"),
+    "export": ("build lin.json --out linear.fmu --fmi 3", "platforms"),
 }  # fmt: skip
 
 

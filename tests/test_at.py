@@ -170,8 +170,8 @@ def test_a_loop_asked_for_wrongly(
 
 def test_compare_takes_a_point_for_each_model(lags: Path, held: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = lags.with_name("compare.json")
-    windows = ["--signal", "y", "--window", "0:0.5", "--label", "a", "--label", "b", "--in-process"]
-    both = ["compare", str(lags), str(lags), *windows]
+    windows = ["--output", "y", "--window", "0:0.5", "--label", "a", "--label", "b", "--in-process"]
+    both = ["simulate", str(lags), str(lags), *windows]
     assert run([*both, "--at", str(held), "--at", str(held), "--json", str(out)]) == 0
     for entry in written(out)["motions"]:
         assert entry["peak"] == pytest.approx(0.02 * 20.0 / 21.0)

@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from workbench.cli.app import run
-from workbench.cli.program import COMMANDS as PROGRAM
 from workbench.cli.program import program
+from workbench.commands import COMMANDS as PROGRAM
+from workbench.commands import REQUESTS
 from workbench.errors import InputError
 from workbench.study.commands import COMMANDS, Reference, command
 from workbench.study.plan import PlannedRun, make_plan
@@ -43,8 +44,8 @@ def facts(tmp_path: Path) -> Path:
 
 
 def test_every_command_with_a_result_can_be_an_analysis() -> None:
-    assert set(COMMANDS) | {"run", "ui"} == set(PROGRAM)
-    assert all(command(name).options for name in COMMANDS)
+    assert set(COMMANDS) | {"run", "envelope", "ui"} == set(PROGRAM)
+    assert all(command(name).options for name in REQUESTS)
 
 
 def test_a_study_knows_the_options_of_every_command() -> None:
@@ -52,9 +53,9 @@ def test_a_study_knows_the_options_of_every_command() -> None:
     for name in COMMANDS:
         parameters = program(name).params
         spelt = {o.lstrip("-") for p in parameters if p.param_type_name == "option" for o in p.opts}
-        assert set(command(name).options) == spelt - {"json", "help"}, name
-        (subject,) = (p.opts[0] for p in parameters if p.param_type_name == "argument")
-        assert command(name).key(subject) == command(name).subject
+        known = [command(request) for request in PROGRAM[name]]
+        flags = {c.request.chosen_by.lstrip("-") for c in known} - {""}
+        assert set().union(flags, *(c.options for c in known)) == spelt - {"json", "help"}, name
 
 
 @pytest.mark.parametrize(
@@ -238,21 +239,21 @@ def test_several_models_and_results_as_models(tmp_path: Path) -> None:
     command = "lin"
     model = "a"
     [analyses.exported]
-    command = "export"
+    command = "build"
     model = {from = "linear"}
     out = "linear.fmu"
     [analyses.motions]
-    command = "compare"
-    systems = ["a", "b"]
-    signal = "y"
+    command = "simulate"
+    models = ["a", "b"]
+    output = "y"
     window = [[0, 1], [1, 2]]
     """
     runs = {run.analysis.name: run for run in plan_of(tmp_path, text)}
-    assert runs["exported"].command_line == "workbench export linear.json --out=linear.fmu"
+    assert runs["exported"].command_line == "workbench build linear.json --out=linear.fmu"
     assert [f.name for f in runs["exported"].files] == ["linear.fmu"]
     words = runs["motions"].command_line
-    assert words.startswith("workbench compare fmu:FirstOrderLag fmu:FirstOrderLag@3 ")
-    assert words.endswith("--signal=y --window=0:1 --window=1:2")
+    assert words.startswith("workbench simulate fmu:FirstOrderLag fmu:FirstOrderLag@3 ")
+    assert words.endswith("--output=y --window=0:1 --window=1:2")
     with pytest.raises(InputError, match="opens all its models in the same way"):
         plan_of(tmp_path, text.replace("set = {tau = 2}}", "set = {tau = 3}}", 1))
     with pytest.raises(InputError, match="key 'model' takes one model"):
@@ -285,7 +286,7 @@ def test_a_command_is_built_alone_and_listed_in_the_words_of_its_own_help() -> N
     assert list(program("nrf").commands) == list(together)
 
 
-@pytest.mark.parametrize(("command", "subject"), [("lin", "MODEL"), ("compare", "MODEL.."), ("run", "[STUDY]")])
+@pytest.mark.parametrize(("command", "subject"), [("lin", "MODEL"), ("simulate", "MODEL.."), ("run", "[STUDY]")])
 def test_the_line_of_usage_names_the_subject_as_the_texts_do(
     command: str, subject: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -91,12 +91,12 @@ def test_delays_of_co_simulation_parts_in_plain_words(
     text = LOOP.replace('"fmu:FirstOrderLag"', '{model = "fmu:FirstOrderLag", interface = "cs"}')
     path.write_text(text, encoding="utf-8")
     command = ["--stop", "2", "--input", "reference=1", "--step", "0.02", "--json", str(out)]
-    assert run(["delays", str(path), *command]) == 0
+    assert run(["check", "--delays", str(path), *command]) == 0
     assert "on average" in capsys.readouterr().out
     found = json.loads(out.read_text(encoding="utf-8"))
     # The closed form 0.75 (1 − e^(−4t)) moves by 0.75: the master's error is far below one per cent of it.
     assert found["outputs"][0]["error"] < 0.0075
-    assert run(["delays", loop, "--json", str(out)]) == 0
+    assert run(["check", "--delays", loop, "--json", str(out)]) == 0
     assert json.loads(out.read_text(encoding="utf-8"))["connections"] == []
-    assert run(["delays", "fmu:FirstOrderLag", "--interface", "cs"]) == 2
+    assert run(["check", "--delays", "fmu:FirstOrderLag", "--interface", "cs"]) == 2
     assert "has no connections" in capsys.readouterr().err

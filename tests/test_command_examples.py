@@ -24,17 +24,15 @@ SLOW = {
     "feedback",
     "feed-forward",
     "modes",
-    "compare",
     "check",
     "identify",
     "run",
     "envelope",
     "build",
-    "compile",
 }
 # Files of the user's own, an FMU that has to be compiled, and measurements of many seconds.
 NOT_RUN = re.compile(
-    r"actuator\.|fit nfr\.json|^workbench export|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml"
+    r"actuator\.|identify nfr\.json|^workbench build|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml"
 )
 
 

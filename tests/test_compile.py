@@ -59,7 +59,7 @@ def prefixed(target: Path, *, listed: str = "", **changed: bytes | None) -> Path
 @pytest.mark.parametrize("version", [2, 3])
 def test_an_fmu_from_its_sources_does_what_the_one_with_binaries_does(version: int, tmp_path: Path) -> None:
     file = without_binaries(f"FirstOrderLag@{version}", tmp_path / "lag.fmu")
-    with pytest.raises(FmuError, match=r"it has its sources, so make one: workbench compile .*lag\.fmu$"):
+    with pytest.raises(FmuError, match=r"it has its sources, so make one: workbench build .*lag\.fmu$"):
         wb.load(file)
     before = set(zipfile.ZipFile(file).namelist())
     made = wb.compile_fmu(file)

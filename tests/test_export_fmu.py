@@ -223,7 +223,7 @@ def test_a_linearised_fmu_is_exported_and_linearised_again(
         first = lin(model).result
     source, target, report = (tmp_path / name for name in ("lin.json", "again.fmu", "report.json"))
     source.write_text(json.dumps({"command": "lin", **first.to_dict()}), encoding="utf-8")
-    assert run(["export", str(source), "--out", str(target), "--json", str(report)]) == 0
+    assert run(["build", str(source), "--out", str(target), "--json", str(report)]) == 0
     out = capsys.readouterr().out
     assert "Linear model again as an FMU\nFMI 2, continuous: 8 states, 4 inputs, 1 output." in out
     told = json.loads(report.read_text(encoding="utf-8"))

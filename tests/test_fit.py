@@ -147,15 +147,15 @@ def test_the_command_reads_tables_and_writes_a_model(tmp_path: Path, capsys: pyt
     table = np.column_stack([F, 20.0 * np.log10(np.abs(response())), np.degrees(np.angle(response()))])
     np.savetxt(tmp_path / "r.csv", table, delimiter=",", header="frequency [Hz],gain_db [dB],phase [deg]", comments="")
     files = ["--json", str(tmp_path / "m.json"), "--plot", str(tmp_path / "m.png"), "--csv", str(tmp_path / "m.csv")]
-    assert run(["fit", str(tmp_path / "r.csv"), *files]) == 0
+    assert run(["identify", str(tmp_path / "r.csv"), *files]) == 0
     assert "Order 4: smallest Bayesian criterion" in capsys.readouterr().out
     found = wb.FitResult.read(tmp_path / "m.json")
     assert np.sort_complex(found.poles) == pytest.approx(np.sort_complex(POLES), rel=1e-6)
     assert json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))["order"] == 4
     assert (tmp_path / "m.png").stat().st_size > 10_000
-    assert run(["fit", str(tmp_path / "m.csv")]) == 2
+    assert run(["identify", str(tmp_path / "m.csv")]) == 2
     assert "columns frequency [Hz], gain or gain_db, and phase [deg] are needed" in capsys.readouterr().err
-    assert run(["fit", str(tmp_path / "r.csv"), "--order", "50"]) == 2
+    assert run(["identify", str(tmp_path / "r.csv"), "--order", "50"]) == 2
     assert "40 points allow 38" in capsys.readouterr().err
 
 
@@ -189,7 +189,7 @@ def test_responses_of_python_control_and_matlab_are_read(tmp_path: Path, capsys:
         ("empty", "holds no response"), ("axis", "holds no response"), ("values", "holds no response"),
         ("many", "one response is needed"), ("longer", "one response is needed"), ("none", "no such file"),
     ):  # fmt: skip
-        assert run(["fit", str(tmp_path / f"{name}.mat")]) == 2
+        assert run(["identify", str(tmp_path / f"{name}.mat")]) == 2
         assert said in capsys.readouterr().err
 
 

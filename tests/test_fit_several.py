@@ -189,7 +189,7 @@ def test_sines_at_two_outputs_of_a_model_make_one_model(tmp_path: Path) -> None:
     for name, record in (("y", first), ("x", second)):
         (tmp_path / f"{name}.json").write_text(json.dumps(record.to_dict()), encoding="utf-8")
     files = ["--also", str(tmp_path / "x.json"), "--json", str(tmp_path / "m.json"), "--csv", str(tmp_path / "m.csv")]
-    assert run(["fit", str(tmp_path / "y.json"), *files, "--plot", str(tmp_path / "m.png")]) == 0
+    assert run(["identify", str(tmp_path / "y.json"), *files, "--plot", str(tmp_path / "m.png")]) == 0
     found = wb.FitResult.read(tmp_path / "m.json")
     assert found.output_names == ("y", "x")
     assert found.poles == pytest.approx([-1.0], rel=0.01)

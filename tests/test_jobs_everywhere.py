@@ -57,12 +57,12 @@ def heard(monkeypatch: pytest.MonkeyPatch, folder: Path) -> list[float]:
 
 
 def test_every_request_has_a_line() -> None:
-    assert set(LINES) == set(REQUESTS), "tests/command_lines.py: a line for each command of workbench/commands.py"
+    assert set(LINES) == set(REQUESTS), "tests/command_lines.py: a line for each request of workbench/commands.py"
 
 
 @pytest.mark.parametrize("name", LINES)
 def test_it_tells_how_far_it_is(name: str, heard: list[float], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([name, *LINES[name][0].split()]) == 0, capsys.readouterr().err
+    assert run(LINES[name][0].split()) == 0, capsys.readouterr().err
     assert heard == sorted(heard)
     assert heard[0] >= 0.0
     assert heard[-1] == 1.0
@@ -88,7 +88,7 @@ def test_it_ends_at_ctrl_c_with_what_it_has(
     monkeypatch.setattr("workbench.jobs.pool._GRACE", 60.0)  # on a busy machine
     line, kept = LINES[name]
     out = folder / f"{name}_out.json"
-    assert run([name, *line.split(), "--json", str(out)]) == 130
+    assert run([*line.split(), "--json", str(out)]) == 130
     said = [text for text in capsys.readouterr().err.splitlines() if "interrupted" in text]
     assert len(said) == 1
     assert said[0].startswith("note: interrupted after ")
@@ -116,11 +116,11 @@ def test_ctrl_c_when_all_is_done_loses_nothing(
     monkeypatch.setattr(Bar, "update", interrupt)
     monkeypatch.setattr("workbench.jobs.pool._GRACE", 60.0)
     whole, out = folder / f"{name}_whole.json", folder / f"{name}_out.json"
-    assert run([name, *line.split(), *where.split(), "--json", str(out)]) == 130, capsys.readouterr().err
+    assert run([*line.split(), *where.split(), "--json", str(out)]) == 130, capsys.readouterr().err
     cut = json.loads(out.read_text(encoding="utf-8"))
     assert cut.pop("failure")["kind"] == "cancelled"
     heard[:] = [1.0]
-    assert run([name, *line.split(), *where.split(), "--json", str(whole)]) == 0
+    assert run([*line.split(), *where.split(), "--json", str(whole)]) == 0
     assert set(json.loads(whole.read_text(encoding="utf-8"))) <= set(cut)
 
 

@@ -123,8 +123,8 @@ def test_a_comparison_without_its_runs_does_not_end_as_if_all_were_well(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bad = str(build_misbehaving(tmp_path, "segfault", "getDerivatives"))
-    line = ["--label", "a", "--label", "b", "--signal", "y", "--window", "0:1", "--interface", "me", "--json", "-"]
-    assert run(["compare", bad, bad, *line]) == 1
+    line = ["--label", "a", "--label", "b", "--output", "y", "--window", "0:1", "--interface", "me", "--json", "-"]
+    assert run(["simulate", bad, bad, *line]) == 1
     assert [f["system"] for f in json.loads(capsys.readouterr().out)["failed"]] == ["a", "b"]
 
 

@@ -80,7 +80,7 @@ def test_step_responses_have_their_overshoot() -> None:
     models = {n: oscillator(z) for n, z in dampings.items()}
     try:
         result = compare_motions(
-            models, signals=["x", "body.acceleration"], windows=[(0.0, 10.0), (90.0, 100.0)],
+            models, outputs=["x", "body.acceleration"], windows=[(0.0, 10.0), (90.0, 100.0)],
             inputs={"force": Step(time=0.0, value=1.0)}, interval=0.02,
         )  # fmt: skip
     finally:
@@ -104,7 +104,7 @@ def test_a_run_without_bound_is_reported_and_the_others_count() -> None:
     try:
         result = compare_motions(
             models,
-            signals=["x"],
+            outputs=["x"],
             windows=[(0.0, 5.0), (300.0, 400.0)],
             inputs={"force": Sine(frequency=0.1)},
             interval=0.1,
@@ -124,8 +124,8 @@ def test_a_run_without_bound_is_reported_and_the_others_count() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"signals": ["z"]}, "signals: FirstOrderLag has no variable 'z'"),
-        ({"signals": []}, "at least one"),
+        ({"outputs": ["z"]}, "outputs: FirstOrderLag has no variable 'z'"),
+        ({"outputs": []}, "outputs: none given"),
         ({"windows": [(2.0, 1.0)]}, "must rise"),
         ({"unit": "furlong"}, "no signal can be shown in 'furlong'"),
         ({"stop": 0.5}, "before the last window"),
@@ -134,7 +134,7 @@ def test_a_run_without_bound_is_reported_and_the_others_count() -> None:
 )
 def test_mistakes_are_one_line(options: dict[str, Any], message: str) -> None:
     with load("fmu:FirstOrderLag") as lag, pytest.raises(InputError, match=message):
-        compare_motions({"lag": lag}, **{"signals": ["y"], "windows": [(0.0, 1.0)], **options})
+        compare_motions({"lag": lag}, **{"outputs": ["y"], "windows": [(0.0, 1.0)], **options})
 
 
 # -- the aircraft --------------------------------------------------------------------------------
@@ -148,7 +148,7 @@ def test_the_comfort_control_calms_the_cockpit_while_the_cycle_grows() -> None:
     models = {n: load(folder / f"{file}.toml") for n, file in names.items()}
     try:
         result = compare_motions(
-            models, signals=[cockpit, tip], windows=[(20.0, 30.0)], unit="g", interval=0.01,
+            models, outputs=[cockpit, tip], windows=[(20.0, 30.0)], unit="g", interval=0.01,
             inputs={"pulse": parse_signal("gust:value=100,duration=0.5")},
         )  # fmt: skip
     finally:
@@ -168,7 +168,7 @@ def test_command_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture
         for o, s in (("--json", "json"), ("--csv", "csv"), ("--plot", "png"), ("--report", "html"))
     }
     arguments = [
-        "compare", "fmu:FirstOrderLag", "fmu:FirstOrderLag@3", "--signal", "y", "--signal", "x", "--window", "0:1",
+        "simulate", "fmu:FirstOrderLag", "fmu:FirstOrderLag@3", "--output", "y", "--output", "x", "--window", "0:1",
         "--window", "1:2", "--input", "u=step:time=0,value=2", "--label", "two", "--label", "three", "--in-process",
     ]  # fmt: skip
     assert run([*arguments, *(x for pair in files.items() for x in pair)]) == 0
@@ -186,14 +186,14 @@ def test_command_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--signal", "y", "--window", "3"], "BEGIN:END"),
-        (["--signal", "yy", "--window", "0:1"], "did you mean y"),
-        (["--signal", "y", "--window", "0:1", "--input", "v=1"], "no input 'v'"),
-        (["--signal", "y", "--window", "0:1", "--label", "a", "--label", "b"], "2 names for 1 models"),
+        (["--output", "y", "--window", "3"], "BEGIN:END"),
+        (["--output", "yy", "--window", "0:1"], "did you mean y"),
+        (["--output", "y", "--window", "0:1", "--input", "v=1"], "no input 'v'"),
+        (["--output", "y", "--window", "0:1", "--label", "a", "--label", "b"], "2 names for 1 models"),
     ],
 )
 def test_command_refuses_in_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["compare", "fmu:FirstOrderLag", *arguments]) == 2
+    assert run(["simulate", "fmu:FirstOrderLag", *arguments]) == 2
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1

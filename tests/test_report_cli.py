@@ -24,15 +24,15 @@ from workbench.show.page import write_page
 LAG = hashlib.sha256(locate("fmu:FirstOrderLag").read_bytes()).hexdigest()
 
 COMMANDS = {
-    **{name: [name, *line.split()] for name, (line, _) in LINES.items()},
+    **{name: line.split() for name, (line, _) in LINES.items()},
     "info of a system": ["info", "loop.toml"],
     "simulate a sine": ["simulate", LAG_FMU, "--stop", "1", "--input", "u=sine:amplitude=1,frequency=2"],
     "lin of a system": ["lin", "braked.toml", "--inputs", "u"],
     "lin --compare": ["lin", LAG_FMU, "--compare", "--freq", "0.1,1"],
     "lin --snapshot": ["lin", LAG_FMU, "--snapshot", "0.5,1", "--input", "u=1"],
-    "delays of none": ["delays", "loop.toml"],
+    "delays of none": ["check", "loop.toml", "--delays"],
     "limit-cycle from rest": ["limit-cycle", "loop.toml", "--block", "block", "--free-run", "30", "--set", "a.x=0.01"],
-    "export of a system": ["export", "lags.toml", "--out", "out.fmu", "--step", "0.125"],
+    "export of a system": ["build", "lags.toml", "--out", "out.fmu", "--step", "0.125"],
 }
 WITHOUT_FMU = {"identify", "export", "export of a system", "fit", "build", "compile", "blocks", "onset"}
 

@@ -120,8 +120,9 @@ def asked_at_random(name: str, chance: random.Random) -> tuple[Request[Any, Any]
 def test_a_line_is_read_back_as_the_same_request(name: str, seed: int) -> None:
     asked, loading = asked_at_random(name, random.Random(f"{name} {seed}"))
     words = shlex.split(command_line_of(asked, "a model.fmu", loading))
-    assert words[:3] == ["workbench", name, "a model.fmu"]
-    found = program(name).make_context(name, words[2:]).params
+    command = asked.command
+    assert words[:3] == ["workbench", command, "a model.fmu"]
+    found = program(command).make_context(command, words[2:]).params
     again, opened = request_from(type(asked), {k: v for k, v in found.items() if v not in ([], ())})
     assert asked_of(again) == asked_of(asked)
     assert asked_of(opened) == asked_of(loading)
@@ -158,7 +159,7 @@ def tell_subject(subject: list[str], asked: OnSeveral, job: object) -> object:
 @pytest.mark.parametrize("files", [["a.mo"], ["a.mo", "b c.mo"]])
 def test_a_request_on_several_files_gets_them_in_order(files: list[str]) -> None:
     app = typer.Typer()
-    app.command()(command(OnSeveral))
+    app.command()(command([OnSeveral]))
     with pytest.raises(InputError) as told:
         typer.main.get_command(app).main(files, "on-several", standalone_mode=False)
     assert str(told.value) == f"on-several: {files}"

@@ -301,7 +301,7 @@ def test_an_exported_system_runs_as_the_blocks_do(kind: str, suffix: str, tmp_pa
 def test_an_export_that_cannot_be_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = wb.identify_structure(recorded("wiener", 0, samples=300), structure="wiener", order=2, knots=6)
     (tmp_path / "w.json").write_text(json.dumps(found.to_dict()), encoding="utf-8")
-    command = ["export", str(tmp_path / "w.json"), "--out"]
+    command = ["build", str(tmp_path / "w.json"), "--out"]
     assert run([*command, str(tmp_path / "w.toml")]) == 0
     assert "the linear block starts at the state of the first sample" in capsys.readouterr().err
     for out, more, said in (

@@ -250,7 +250,7 @@ y = "b.y"
 def test_the_command_takes_a_system(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     system, out, report = tmp_path / "chain.toml", tmp_path / "chain.fmu", tmp_path / "out.json"
     system.write_text(CHAIN, encoding="utf-8")
-    assert run(["export", str(system), "--out", str(out), "--step", "0.125", "--fmi", "3", "--json", str(report)]) == 0
+    assert run(["build", str(system), "--out", str(out), "--step", "0.125", "--fmi", "3", "--json", str(report)]) == 0
     said = capsys.readouterr().out
     for fact in ("System chain as a container FMU", "parts: a, b", "inputs: r", "outputs: y", "parameters: 2"):
         assert fact in said
@@ -287,7 +287,7 @@ def test_the_command_refuses_in_one_line(
 ) -> None:
     file = tmp_path / ("model.json" if text is None else "chain.toml")
     file.write_text(text or "{}", encoding="utf-8")
-    assert run(["export", str(file), "--out", str(tmp_path / "x.fmu"), *options]) == 2
+    assert run(["build", str(file), "--out", str(tmp_path / "x.fmu"), *options]) == 2
     shown = capsys.readouterr().err
     assert said in shown
     assert shown.count("\n") == 1

@@ -11,7 +11,7 @@ import workbench as wb
 from tests.command_lines import BRAKED, ENVELOPE, LAG_FMU, LAGS, LINES, LOOP, MASTER
 from tests.misbehaving_fmus import build_misbehaving
 from workbench.cli.app import run
-from workbench.commands import REQUESTS
+from workbench.commands import REQUESTS, request_of
 
 # Commands that run no FMU.
 WITHOUT = {"identify", "fit", "blocks", "build", "compile", "export"}
@@ -33,7 +33,7 @@ y = "integral.y"
 """
 # The misbehaving FMU has no parameters; what varies is its input.
 ARGUMENTS = {
-    **{name: line for name, (line, _) in LINES.items() if name not in WITHOUT},
+    **{name: line.split(maxsplit=1)[1] for name, (line, _) in LINES.items() if name not in WITHOUT},
     "info": f"{LAG_FMU}",
     "simulate": f"{LAG_FMU} --stop 1 --input u=1",
     "lin": f"{LAG_FMU}",
@@ -62,7 +62,8 @@ def words_of(folder: Path, what: str, way: str, call: str) -> list[str]:
         bad = text.replace(LAG_FMU, made.name).replace('"lag.tau" = {range', '"lag.u" = {range')
         (folder / f"{name}.toml").write_text(bad, encoding="utf-8")
     line = ARGUMENTS[what].replace(LAG_FMU, made.name).replace(" --in-process", "")
-    return [what.split(maxsplit=1)[0], *line.split()]
+    name = what.split(maxsplit=1)[0]
+    return [request_of(name).command, *line.split()]
 
 
 def test_every_command_that_runs_an_fmu_is_here() -> None:

@@ -63,7 +63,7 @@ class CompiledFmu(Result):
     binaries: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
-    _WHAT, _COMMAND = "a result of compile", "compile"
+    _WHAT, _COMMAND = "a compiled FMU", "build"
 
 
 def add_binaries(

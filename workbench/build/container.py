@@ -60,7 +60,7 @@ class ContainerResult(Result):
     parameters: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
-    _WHAT, _COMMAND = "a result of export", "export"
+    _WHAT, _COMMAND = "a container", "build"
 
     def derived(self) -> Mapping[str, Any]:
         return {"interface": "cs", "solver": None}

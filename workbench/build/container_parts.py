@@ -32,7 +32,7 @@ from workbench.system.order import plan
 __all__ = ["ContainerPart", "container_part", "container_wires", "word"]
 
 _BLOCKS: Mapping[type, str] = {
-    LinearComponent: "a linear system is not an FMU; make it one with `workbench export` and connect that",
+    LinearComponent: "a linear system is not an FMU; make it one with `workbench build` and connect that",
     GainComponent: "a gain is not an FMU, and a container holds only FMUs",
     SumComponent: "a sum is not an FMU, and a container holds only FMUs",
     BlockComponent: "a block is not an FMU, and a container holds only FMUs",

@@ -57,7 +57,7 @@ class ExportResult(Result):
     renamed: Mapping[str, str]
     notes: tuple[str, ...] = ()
 
-    _WHAT, _COMMAND = "a result of export", "export"
+    _WHAT, _COMMAND = "an exported model", "build"
 
     def derived(self) -> Mapping[str, Any]:
         return {"interface": None, "solver": None}

@@ -48,7 +48,7 @@ def compiled_page(result: CompiledFmu) -> Page:
         facts={"new binaries": ", ".join(result.binaries)},
         sections=[_files([result.file])],
         notes=result.notes,
-        kind="compile",
+        kind="build",
     )
 
 
@@ -66,7 +66,7 @@ def export_page(result: ExportResult) -> Page:
         },
         sections=[_files([result.file]), *([Section("Renamed", items=renamed)] if renamed else [])],
         notes=result.notes,
-        kind="export",
+        kind="build",
     )
 
 
@@ -83,7 +83,7 @@ def container_page(result: ContainerResult) -> Page:
         },
         sections=[_files([result.file])],
         notes=result.notes,
-        kind="export",
+        kind="build",
     )
 
 
@@ -99,7 +99,7 @@ def system_file_page(result: SystemFile) -> Page:
         },
         sections=[_files([result.file])],
         notes=result.notes,
-        kind="export",
+        kind="build",
     )
 
 

@@ -88,11 +88,12 @@ class Compile(Request[str | Path, "CompiledFmu"]):
         ('binaries/linux64/FirstOrderLag.so',)
     """
 
-    command = "compile"
+    command = "build"
+    case = "an FMU with sources"
     written = "workbench.build.written:ExportFiles"
     called = "compile_fmu"
     algorithm = "workbench.build.run:run_compile"
-    example = "workbench compile fmu:FirstOrderLag --out FirstOrderLag_here.fmu"
+    example = "workbench build fmu:FirstOrderLag --out FirstOrderLag_here.fmu"
     subject = Subject(
         name="path",
         type="str | Path",
@@ -115,6 +116,16 @@ class Compile(Request[str | Path, "CompiledFmu"]):
         metavar="host|all|NAME,..",
         default=None,
     )
+
+    @classmethod
+    def takes(cls, given: Sequence[str]) -> bool:
+        """Return whether an FMU is given.
+
+        Args:
+            given: as the command line names it.
+        """
+        path = Path(given[0])
+        return path.suffix.lower() == ".fmu" or given[0].startswith("fmu:") or (path / "modelDescription.xml").is_file()
 
 
 compile_fmu = function(Compile)
@@ -149,10 +160,12 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
         1 1 1
     """
 
-    command = "export"
+    command = "build"
+    called = "export"
+    case = "a linear model or a system"
     written = "workbench.build.written:ExportFiles"
     algorithm = "workbench.build.run:run_export"
-    example = "workbench export identified.json --out identified.fmu --fmi 3"
+    example = "workbench build identified.json --out identified.fmu --fmi 3"
     details = (
         "The container is for co-simulation: it steps the FMUs inside by --step and passes values on in between, so "
         "that every connection carries a delay of one step, which the system itself does not have. Blocks, gains, "
@@ -199,6 +212,19 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
         default=None,
         python=True,
     )
+
+    @classmethod
+    def takes(cls, given: Sequence[str]) -> bool:
+        """Return whether a linear model or a system is given.
+
+        Args:
+            given: as the command line names it.
+        """
+        path = Path(given[0])
+        models = (".json", ".toml", ".ssp", ".ssd")
+        return (
+            path.suffix.lower() in models or given[0].startswith("system:") or (path / "SystemStructure.ssd").is_file()
+        )
 
 
 export = function(Export)

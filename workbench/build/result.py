@@ -37,7 +37,7 @@ class SystemFile(Result):
     dt: float
     notes: tuple[str, ...] = ()
 
-    _WHAT, _COMMAND = "a result of export", "export"
+    _WHAT, _COMMAND = "a system file that was written", "build"
 
     def derived(self) -> Mapping[str, Any]:
         return {"interface": None, "solver": None}

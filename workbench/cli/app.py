@@ -12,7 +12,7 @@ from workbench.cli import command_line as asked
 from workbench.cli import notes
 from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
 from workbench.cli.program import completing, options_of, program, said
-from workbench.commands import MOVED, REQUESTS, request_of
+from workbench.commands import COMMANDS, MOVED, requests_of
 from workbench.errors import InputError, WorkbenchError, one_line
 from workbench.jobs.end_signals import INTERRUPTED
 from workbench.jobs.options import InWorker
@@ -75,13 +75,19 @@ def _run(words: Sequence[str], own: type[Request[Any, Any]] | None, called: str)
 
 
 def _expect(name: str | None, words: Sequence[str]) -> None:
-    """Start the worker process that a command will need while the command line is read; an old name ends it here."""
+    """Start the worker process that a command will need while the command line is read.
+
+    Raises:
+        InputError: it was a command once.
+    """
+    if name is None:
+        return
     if name in MOVED:
         raise InputError(f"{name} is now {MOVED[name]}")
     given = {word.partition("=")[0] for word in words}
-    if name is None or not _NEEDS_NONE.isdisjoint(given):
+    if not _NEEDS_NONE.isdisjoint(given):
         return
-    request = request_of(name) if name in REQUESTS else None
+    request = next(iter(requests_of(name) if name in COMMANDS else ()), None)
     if request is not None and (request.isolated or issubclass(request, InWorker)):
         from workbench.jobs.worker_process import prepare
 

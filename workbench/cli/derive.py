@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 _OUTPUT = ("json", "csv", "plot", "report")
+_SUBJECT = "subject"  # name of the argument
 _NOT_WELL = 1  # exit code of a record that says so
 
 
@@ -45,39 +47,74 @@ class _Json(Options):
     json: File | None = option("Write the result as JSON; - is standard output.", default=None)
 
 
-def command(request: type[Request[Any, Any]], before: Before | None = None) -> Callable[..., int]:
-    """Return the command of a request, as typer takes it.
+def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None = None) -> Callable[..., int]:
+    """Return a command as typer takes it.
 
     Args:
-        request: what is asked for.
+        requests: what it may mean, see `Request.takes`; the first is what it means without more.
         before: returns the request that is run, see `workbench.cli.questions`.
     """
-    kind = written_of(request)
+    first = requests[0]
 
     def run(**given: Any) -> int:  # noqa: ANN401 - what typer read
         from workbench.cli.notes import note
         from workbench.cli.output import Output
 
-        out = Output(request.command, **{name: given.get(name) for name in _OUTPUT})
+        out = Output(first.command, **{name: given.get(name) for name in _OUTPUT})
         with out.failing():
+            request, subject = _meant(requests, given)
+            kind = written_of(request)
             asked, loading = request_from(request, given)
             written = put_together(kind, values_from(_files(request, kind), given))
             written.check(asked)
             asked = asked if out.report is None else asked.for_page()
             if before is not None:
                 asked = before(asked, given, out)
-            with request.opened(given[request.subject.spelt] or (), loading) as (subject, notes):
+            with request.opened(subject, loading) as (opened, notes):
                 for text in notes:
                     note(text)
                 with _under_way() as work:
-                    work.record = asked.run(subject, work.job)
-                return _ended(subject, asked, work, out, written)
+                    work.record = asked.run(opened, work.job)
+                return _ended(opened, asked, work, out, written)
 
-    run.__doc__ = _help(request)
-    run.__name__ = request.command.replace("-", "_")
-    run.__signature__ = _signature(request, kind)  # type: ignore[attr-defined]
-    run.__annotations__ = {p.name: p.annotation for p in _signature(request, kind).parameters.values()}
+    signature = _signature(requests)
+    run.__doc__ = _help(requests)
+    run.__name__ = first.command.replace("-", "_")
+    run.__signature__ = signature  # type: ignore[attr-defined]
+    run.__annotations__ = {p.name: p.annotation for p in signature.parameters.values()}
     return run
+
+
+def _meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) -> tuple[type[Request[Any, Any]], Any]:
+    """Return the request that is meant and what it is run on; options that are not its own leave `given`.
+
+    Raises:
+        InputError: an option of another request is given, one of its own is missing, or it is run on one thing.
+    """
+    named = given.pop(_SUBJECT) or []
+    words = [named] if isinstance(named, str) else list(named)
+    flags = {r: given.pop(_named(r.chosen_by)) for r in requests if r.chosen_by}
+    request = next(
+        (r for r in requests[1:] if flags.get(r) or (words and not r.chosen_by and r.takes(words))), requests[0]
+    )
+    own = _options(request)
+    for other in requests:
+        for name, (declared, _) in _options(other).items():
+            if name not in own and given.get(name) not in (None, declared.default, []):
+                raise InputError(f"{declared.flag} is for {other.case or other.subject.metavar}; leave it out")
+    for name, (declared, _) in own.items():
+        if given.get(name) is not None:
+            given[name] = _as_read(declared, given[name])
+    missing = next((d for name, (d, _) in own.items() if d.required and given.get(name) is None), None)
+    if missing is not None:
+        raise InputError(f"{missing.flag} is missing: {missing.help}")
+    if not words and not request.subject.optional:
+        raise InputError(f"name a {request.subject.metavar}; workbench {request.command} --help has an example")
+    if request.subject.several:
+        return request, words
+    if len(words) > 1:
+        raise InputError(f"takes one {request.subject.metavar}, not {', '.join(words)}")
+    return request, words[0] if words else ()
 
 
 @dataclass
@@ -180,47 +217,64 @@ def _show(
 # -- options -----------------------------------------------------------------------------------
 
 
-def _signature(request: type[Request[Any, Any]], written: type[Written]) -> inspect.Signature:
-    """Return the options of the request, then those by which models are opened, then the files."""
-    subject = request.subject
-    own = {**asked_options(request), **_files(request, written)}
-    typed: Any = list[str] if subject.several else str
-    typed = typed | None if subject.optional else typed
-    argument = Annotated[typed, typer.Argument(metavar=subject.metavar, help=subject.words)]
-    parameters = [_parameter(subject.spelt, argument, None if subject.optional else inspect.Parameter.empty)]
-    parameters += [
-        _parameter(name, _annotation(declared, group), _default(declared)) for name, (declared, group) in own.items()
-    ]
+def _signature(requests: Sequence[type[Request[Any, Any]]]) -> inspect.Signature:
+    """Return the options of the requests, then those by which models are opened, then the files."""
+    parameters = [_argument(requests)]
+    for request in requests:
+        if request.chosen_by:
+            flag = typer.Option(request.chosen_by, help=_first_sentence(request))
+            parameters.append(_parameter(_named(request.chosen_by), Annotated[bool, flag], default=False))
+    own = [_options(request) for request in requests]
+    for name in dict.fromkeys(chain.from_iterable(own)):
+        known = [(request, *options[name]) for request, options in zip(requests, own, strict=True) if name in options]
+        request, _, group = known[0]
+        declared = [d for _, d, _ in known]
+        parameters.append(_merged(name, declared, group or _heading(request), everywhere=len(known) == len(own)))
     return inspect.Signature(sorted(parameters, key=lambda p: p.default is not inspect.Parameter.empty))
+
+
+def _argument(requests: Sequence[type[Request[Any, Any]]]) -> inspect.Parameter:
+    subject, several = requests[0].subject, any(r.subject.several for r in requests)
+    optional = any(r.subject.optional for r in requests)
+    kind: Any = list[str] if several else str
+    kind = kind | None if optional else kind
+    metavar = f"{subject.metavar}.." if several and not subject.several else subject.metavar
+    words = " Or: ".join(dict.fromkeys(request.subject.words for request in requests))
+    annotation = Annotated[kind, typer.Argument(metavar=metavar, help=words)]
+    return _parameter(_SUBJECT, annotation, None if optional else inspect.Parameter.empty)
+
+
+def _merged(name: str, known: Sequence[DeclaredOption], group: str, *, everywhere: bool) -> inspect.Parameter:
+    """Return an option that requests of one command share, as the first declares it; what differs is read later."""
+    first = known[0]
+    needed = everywhere and all(d.required for d in known)
+    usual = {repr(d.default) for d in known}
+    default = None if len(usual) > 1 or first.form is not None or first.required else first.default
+    kinds = {_typer_type(d) for d in known}
+    kind: Any = kinds.pop() if len(kinds) == 1 else list[str] if list[str] in kinds else str
+    kind = kind if needed or (kind is bool and default is not None) else kind | None
+    annotation = _annotation(first, group, kind, both=first.type is bool and any(d.default for d in known))
+    return _parameter(name, annotation, inspect.Parameter.empty if needed else default)
 
 
 def _parameter(name: str, kind: Any, default: Any) -> inspect.Parameter:  # noqa: ANN401
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
 
 
-def _default(declared: DeclaredOption) -> Any:  # noqa: ANN401
-    if declared.required:
-        return inspect.Parameter.empty
-    return None if declared.form is not None else declared.default
-
-
-def _annotation(declared: DeclaredOption, group: str) -> Any:  # noqa: ANN401 - a type for typer
-    flag = declared.flag
-    if declared.type is bool and declared.default:
-        flag = f"{flag}/--no-{flag.removeprefix('--')}"
+def _annotation(declared: DeclaredOption, group: str, kind: Any, *, both: bool) -> Any:  # noqa: ANN401 - types for typer
+    flag = f"{declared.flag}/--no-{declared.flag.removeprefix('--')}" if both else declared.flag
     form = declared.form
     choices = declared.option.choices
     metavar = declared.option.metavar or (form.metavar if form is not None else "|".join(choices) or None)
-    flags = [flag, *filter(None, [declared.option.also])]
     option = typer.Option(
-        *flags,
+        *[flag, *filter(None, [declared.option.also])],
         help=f"{declared.help} Repeatable." if form is not None and form.repeated else declared.help,
         metavar=metavar,
         rich_help_panel=group or None,
         hidden=declared.option.hidden,
         parser=partial(_one_of, choices) if choices and form is None else None,
     )
-    return Annotated[_typer_type(declared), option]
+    return Annotated[kind, option]
 
 
 def _one_of(choices: tuple[str, ...], text: str) -> str:
@@ -231,13 +285,30 @@ def _one_of(choices: tuple[str, ...], text: str) -> str:
 
 def _typer_type(declared: DeclaredOption) -> Any:  # noqa: ANN401
     if declared.form is not None:
-        kind: Any = list[str] if declared.form.repeated else str
-    else:
-        kind = declared.type
-    return kind if declared.required or kind is bool else kind | None
+        return list[str] if declared.form.repeated else str
+    return declared.type
 
 
 # -- values ------------------------------------------------------------------------------------
+
+
+def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[DeclaredOption, str]]:
+    """Return name → option and heading of all that a command line can give to a request."""
+    return {**asked_options(request), **_files(request, written_of(request))}
+
+
+def _as_read(declared: DeclaredOption, given: Any) -> Any:  # noqa: ANN401
+    """Return what typer read as another request's option of that name has it."""
+    kind = _typer_type(declared)
+    if kind == list[str]:
+        return [given] if isinstance(given, str) else given
+    last = given[-1] if isinstance(given, list) and given else given
+    if isinstance(last, str) and kind in (int, float):
+        try:
+            return kind(last)
+        except ValueError:
+            raise InputError(f"{declared.flag}: '{last}' is not a number") from None
+    return last
 
 
 def _files(request: type[Request[Any, Any]], written: type[Written]) -> dict[str, tuple[DeclaredOption, str]]:
@@ -247,6 +318,26 @@ def _files(request: type[Request[Any, Any]], written: type[Written]) -> dict[str
     return {name: every[name] for name in sorted(known, key=lambda n: _OUTPUT.index(n) if n in _OUTPUT else -1)}
 
 
-def _help(request: type[Request[Any, Any]]) -> str:
-    first = inspect.cleandoc(request.__doc__ or "").split("\n\n")[0]
-    return "\n\n".join(filter(None, [first, request.details, f"Example: `{request.example}`"]))
+# -- help --------------------------------------------------------------------------------------
+
+
+def _named(flag: str) -> str:
+    return flag.lstrip("-").replace("-", "_")
+
+
+def _heading(request: type[Request[Any, Any]]) -> str:
+    return f"{request.case[:1].upper()}{request.case[1:]}"
+
+
+def _first_sentence(request: type[Request[Any, Any]]) -> str:
+    first = " ".join(inspect.cleandoc(request.__doc__ or "").split("\n\n")[0].split())
+    return f"{first.partition('. ')[0].removesuffix('.')}."
+
+
+def _help(requests: Sequence[type[Request[Any, Any]]]) -> str:
+    """Return what each request does, and its example."""
+    parts = [(r, inspect.cleandoc(r.__doc__ or "").split("\n\n")[0]) for r in requests]
+    texts = [f"**{_heading(r)}:** {text}" if r.case else text for r, text in parts]
+    details = [r.details for r in requests if r.details]
+    examples = [f"Example: `{r.example}`" for r in requests]
+    return "\n\n".join([*texts, *details, *examples])

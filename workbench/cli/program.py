@@ -15,7 +15,7 @@ import typer
 import typer.core
 
 from workbench import __version__
-from workbench.commands import REQUESTS, request_of
+from workbench.commands import COMMANDS, GROUPS, requests_of
 from workbench.core.records.named import named
 from workbench.errors import one_line
 from workbench.requests.request import Request
@@ -23,9 +23,6 @@ from workbench.requests.request import Request
 __all__ = ["COMMANDS", "completing", "function_of", "options_of", "program", "said"]
 
 _FUNCTIONS = {"run": "cli.run:run", "ui": "cli.ui:ui"}
-# Of requests, and of functions that typer calls.
-COMMANDS = (*(name for one in REQUESTS for name in (("run", one) if one == "blocks" else (one,))), "ui")
-
 
 _WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses
 _NO_PARTS = r"No such option: (--scheduler\S*).*"
@@ -76,8 +73,9 @@ class _Program(_Plain, typer.core.TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
         """Write the commands."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, _unquoted(one.help or "")) for name, one in self.commands.items()])
+        for group, names in GROUPS.items():
+            with formatter.section(group):
+                formatter.write_dl([(name, _unquoted(self.commands[name].help or "")) for name in names])
 
 
 def _unquoted(text: str) -> str:
@@ -121,17 +119,13 @@ def function_of(name: str, own: type[Request[Any, Any]] | None = None) -> Callab
         name: of the command.
         own: see `program`.
     """
-    found: Callable[..., Any] = own or _declared(name)
-    if not isinstance(found, type):
-        return found
+    if own is None and name in _FUNCTIONS:
+        function: Callable[..., int | None] = named(f"workbench.{_FUNCTIONS[name]}")
+        return function
     from workbench.cli.derive import command
     from workbench.cli.questions import before
 
-    return command(found, before(name))
-
-
-def _declared(name: str) -> Any:  # noqa: ANN401 - a class or a function
-    return named(f"workbench.{_FUNCTIONS[name]}") if name in _FUNCTIONS else request_of(name)
+    return command(requests_of(name) if own is None else [own], before(name))
 
 
 def _words(name: str) -> Callable[[], None]:
@@ -140,7 +134,8 @@ def _words(name: str) -> Callable[[], None]:
     def shown() -> None:
         pass
 
-    shown.__doc__ = inspect.cleandoc(_declared(name).__doc__ or "").split("\n\n")[0]
+    declared = function_of(name) if name in _FUNCTIONS else requests_of(name)[0]
+    shown.__doc__ = inspect.cleandoc(declared.__doc__ or "").split("\n\n")[0]
     return shown
 
 

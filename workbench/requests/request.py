@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, fields, is_dataclass, replace
 from functools import partial
@@ -123,6 +123,8 @@ class Request(Options, Generic[_Subject, _Record]):
         called: name of the function in Python; empty: that of the command.
         algorithm: where it is, "module:function".
         example: a command line that works.
+        case: what it is for, if it is not the first request of its command: "several models".
+        chosen_by: flag by which the command means this request, if it is not seen by what it is run on: "--delays".
         details: further paragraph of `--help`; empty: none.
         subject: what it is run on.
         usual_tolerance: relative tolerance of the integration on the command line and in studies where none is given;
@@ -143,6 +145,8 @@ class Request(Options, Generic[_Subject, _Record]):
     called: ClassVar[str] = ""
     algorithm: ClassVar[str]
     example: ClassVar[str]
+    case: ClassVar[str] = ""
+    chosen_by: ClassVar[str] = ""
     details: ClassVar[str] = ""
     subject: ClassVar[Subject]
     usual_tolerance: ClassVar[float | None] = None
@@ -250,6 +254,15 @@ class Request(Options, Generic[_Subject, _Record]):
             if words:
                 job.say(words)
             yield replace(self, workers=workers)  # type: ignore[call-arg]
+
+    @classmethod
+    def takes(cls, given: Sequence[str]) -> bool:
+        """Return whether a command with several requests means this one, by what it is run on; else it means the first.
+
+        Args:
+            given: as the command line names it, one or more.
+        """
+        return not given  # never
 
     @classmethod
     def loading(cls, given: Mapping[str, Any]) -> Loading:
@@ -384,7 +397,7 @@ def command_line_of(asked: Request[Any, Any], subject: str, loading: Loading | N
     if models.get("tolerance") == [f"--tolerance={asked.usual_tolerance}"]:
         del models["tolerance"]
     every = {word: None for words in (*own.values(), *models.values()) for word in words}
-    return shlex.join(["workbench", asked.command, subject, *every])
+    return shlex.join(["workbench", asked.command, subject, *filter(None, [asked.chosen_by]), *every])
 
 
 def function(

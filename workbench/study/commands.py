@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from workbench.commands import REQUESTS, request_of
+from workbench.commands import COMMANDS as EVERY
+from workbench.commands import request_of
 from workbench.core.records.forms import Form
 from workbench.core.records.option import DeclaredOption, options_of, parts_of, put_together
 from workbench.errors import InputError, suggest
@@ -15,11 +16,11 @@ from workbench.model.loading import Loading
 from workbench.requests.request import Request, asked_options
 from workbench.show.files_written import Written, written_of
 
-__all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "references"]
+__all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "meant", "references"]
 
-COMMANDS = tuple(REQUESTS)
+COMMANDS = tuple(name for name, requests in EVERY.items() if requests and name != "envelope")
 _MODEL = "model"
-_ON_MODELS = (_MODEL, "systems")
+_ON_MODELS = (_MODEL, "models")
 _KINDS = {float: "a number", int: "a whole number", str: "text"}
 
 
@@ -46,7 +47,7 @@ class Command:
     """One command.
 
     Attributes:
-        name: as it is called.
+        name: of its request, see `workbench.commands.REQUESTS`.
         subject: key of what it works on.
         request: what is run.
         options: key in a study → name and option.
@@ -69,6 +70,20 @@ class Command:
         """Whether it works on several of them."""
         return self.request.subject.several
 
+    def chosen(self, table: Mapping[str, Any]) -> bool:
+        """Return whether a table asks for this one, if its command has several.
+
+        Args:
+            table: key → value as TOML has it.
+        """
+        flag = self.request.chosen_by.lstrip("-")
+        return bool(table.get(flag)) if flag else self.subject in table
+
+    @property
+    def head(self) -> list[str]:
+        """Words with which its command line begins."""
+        return [self.request.command, *filter(None, [self.request.chosen_by])]
+
     def key(self, given: str) -> str:
         """Return the key as the command spells it; underscores stand for hyphens.
 
@@ -80,7 +95,7 @@ class Command:
                 return key
         if given == self.request.subject.spelt:
             return self.subject
-        raise InputError(f"key '{given}' is not an option of '{self.name}'; {suggest(given, self.options)}")
+        raise InputError(f"key '{given}' is not an option of '{self.request.command}'; {suggest(given, self.options)}")
 
     def values(self, table: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of a request's options by name.
@@ -186,9 +201,20 @@ class Command:
         return asked if written.report is None else asked.for_page(), written, self.request.loading(values)
 
 
+def meant(name: str, table: Mapping[str, Any]) -> Command:
+    """Return what a table of a study asks a command for.
+
+    Args:
+        name: one of `COMMANDS`.
+        table: key → value as TOML has it.
+    """
+    known = [command(request) for request in EVERY[name]]
+    return next((c for c in known[1:] if c.chosen(table)), known[0])
+
+
 @cache
 def command(name: str) -> Command:
-    """Return what is known of one of `COMMANDS`."""
+    """Return what is known of a request by its name, see `workbench.commands.REQUESTS`."""
     request = request_of(name)
     subject = _MODEL if request.subject.metavar == _MODEL.upper() else request.subject.spelt
     written = written_of(request)

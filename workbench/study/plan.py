@@ -107,7 +107,7 @@ class RunResult:
 def _words(command: Command, models: Sequence[Change], options: Mapping[str, Any]) -> list[str]:
     ordered = sorted(options, key=lambda key: key != command.subject)
     words = [word for key in ordered for word in command.words(key, options[key])]
-    return [command.name, *(str(model.model) for model in models), *words]
+    return [*command.head, *(str(model.model) for model in models), *words]
 
 
 @dataclass(frozen=True, kw_only=True)

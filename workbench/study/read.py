@@ -14,7 +14,7 @@ from workbench.core.machine.bundled_files import bundled_files, find_bundled
 from workbench.core.machine.files import named_path
 from workbench.core.records.record import read_toml_table
 from workbench.errors import InputError, suggest
-from workbench.study.commands import COMMANDS, Command, Reference, command
+from workbench.study.commands import COMMANDS, Command, Reference, meant
 from workbench.study.description import Approval, Change, Study, StudyAnalysis
 from workbench.study.position_in_file import known, place
 from workbench.study.requirements import read_requirement
@@ -287,12 +287,13 @@ def _analysis(name: str, given: object, models: dict[str, Change], folder: Path)
         raise InputError(f'{where}: must be a table with a command, as in command = "nfr"')
     name_of = read_table(AnalysisTable, {k: v for k, v in given.items() if k == "command"}, where).command
     known(where, "command", name_of, COMMANDS)
-    facts = command(name_of)
+    facts = meant(name_of, given)
+    own = {"command", facts.request.chosen_by.lstrip("-")}
     with place(where):
         for key in given:
             if key in _OURS:
                 raise InputError(f"leave '{key}' out: {_OURS[key]}")
-        options = {facts.key(key): _referring(key, value) for key, value in given.items() if key != "command"}
+        options = {facts.key(key): _referring(key, value) for key, value in given.items() if key not in own}
     asked: list[object] = []
     if facts.on_models and not isinstance(options.get(facts.subject), Reference):
         asked = _asked(where, facts, options.pop(facts.subject, None), models)

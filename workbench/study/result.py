@@ -201,7 +201,7 @@ def _run_dict(run: PlannedRun, outcome: RunResult) -> dict[str, Any]:
         "point": run.point.label,
         "configuration": run.point.configuration,
         "parameters": dict(run.point.values),
-        "command": run.analysis.command.name,
+        "command": run.analysis.command.request.command,
         "command_line": run.command_line,
         "files": dict(run.subject["files"]),
         "code": outcome.code,

@@ -43,7 +43,7 @@ class CommandJob:
 
     Attributes:
         number: of the run, for whoever sent it.
-        command: its name.
+        command: name of its request.
         subject: the models.
         options: of the command, by its keys, as TOML has them; files in place of references.
         command_line: that does the same.
@@ -113,7 +113,7 @@ def _by_request(known: Command, job: CommandJob) -> RunResult:
         record = asked.run(subject, work)
         page = page_of(record, **written.told(written.drawn))
         seconds = round(time.monotonic() - begin, 3)
-        head = {"command": job.command, "version": __version__, "seconds": seconds, "asked": asked_in_json(asked)}
+        head = {"command": asked.command, "version": __version__, "seconds": seconds, "asked": asked_in_json(asked)}
         data = {**head, **record.to_dict()}
         data = {key: plain(value) for key, value in data.items()}
         files = _write(record, written, job)
@@ -122,7 +122,7 @@ def _by_request(known: Command, job: CommandJob) -> RunResult:
         notes = tuple(dict.fromkeys([*model_notes, *work.notes, *page.notes]))
         if written.report is not None:
             origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=seconds)
-            known_of = replace(origin, command=job.command, call=job.command_line, notes=notes, data=data)
+            known_of = replace(origin, command=asked.command, call=job.command_line, notes=notes, data=data)
             write_report(page, written.report, known_of)
     return RunResult(result=data, code=0 if asked.went_well(record) else _NOT_WELL, notes=notes)
 

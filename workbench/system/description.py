@@ -130,7 +130,7 @@ class FunctionComponent:
 
 @dataclass(frozen=True, kw_only=True)
 class BlockComponent:
-    """A limit, a hysteresis, a table, a controller, a delay … : see `workbench blocks` for all of them.
+    """A limit, a hysteresis, a table, a controller, a delay … : see `workbench info --blocks` for all of them.
 
     Attributes:
         name: name of the component.

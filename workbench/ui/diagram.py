@@ -22,7 +22,7 @@ __all__ = ["BLOCKS", "EDITS", "PALETTE", "drawn", "edited"]
 
 # What can be added: name → entry in the file.
 BLOCKS: Mapping[str, str] = {"gain": "1.0", "sum": '{sum = "+-"}', **{kind: entry_of(kind) for kind in KINDS}}
-# Heading → names in BLOCKS, in the order of `workbench blocks`.
+# Heading → names in BLOCKS, in the order of `workbench info --blocks`.
 PALETTE: Mapping[str, list[str]] = {
     "linear": ["gain", "sum"],
     **{

@@ -16,10 +16,10 @@ def blocks_page(result: BlocksResult) -> Page:
     lead = "In a system file: NAME = {block = KIND, parameters}. "
     return Page(
         title=", ".join(b.kind for b in result.blocks) if result.detailed else "Blocks",
-        lead=lead + ("" if result.detailed else "`workbench blocks KIND` shows one with its parameters."),
+        lead=lead + ("" if result.detailed else "`workbench info --blocks KIND` shows one with its parameters."),
         facts={},
         sections=[_detail(b) for b in result.blocks] if result.detailed else listed,
-        kind="blocks",
+        kind="info",
     )
 
 

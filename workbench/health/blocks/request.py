@@ -27,9 +27,12 @@ class Blocks(Request[Sequence[str], "BlocksResult"]):
         dy/dt = min(max((u − y) / lag, falling), rising)
     """
 
-    command = "blocks"
+    command = "info"
+    called = "blocks"
+    case = "blocks"
+    chosen_by = "--blocks"
     algorithm = "workbench.health.blocks.run:run"
-    example = "workbench blocks rate_limiter"
+    example = "workbench info --blocks rate_limiter"
     subject = Subject(
         name="kinds",
         type="Sequence[str]",

@@ -26,7 +26,7 @@ def delays_page(result: DelayReport) -> Page:
         sections=[_connections(result), *_loops(result), *_outputs(result)],
         summary=[*(_verdict(c) for c in result.connections), *(Verdict("watch", w) for w in result.conclusions)],
         notes=result.notes,
-        kind="delays",
+        kind="check",
     )
 
 
@@ -34,7 +34,7 @@ def no_delays_page(result: NoDelays) -> Page:
     """Return the page of a model without a master."""
     verdict = Verdict("good", result.words)
     notes = [result.words, *result.notes]
-    return Page(f"Delays in {result.model}", "", {}, [], summary=[verdict], notes=notes, kind="delays")
+    return Page(f"Delays in {result.model}", "", {}, [], summary=[verdict], notes=notes, kind="check")
 
 
 def _verdict(c: ConnectionDelay) -> Verdict:

@@ -39,9 +39,12 @@ class Delays(AtPoint, ModelRequest["DelayReport | NoDelays"]):
         NoDelays
     """
 
-    command = "delays"
+    command = "check"
+    called = "delays"
+    case = "delays of a system"
+    chosen_by = "--delays"
     algorithm = "workbench.health.delays.run:run"
-    example = "workbench delays system:rudder_loop --stop 2 --input reference=1 --step 0.01"
+    example = "workbench check system:rudder_loop --stop 2 --input reference=1 --step 0.01 --delays"
     withheld = ("step",)
     unwritten = ("csv", "plot")
 

@@ -90,7 +90,7 @@ class DelayReport(Result):
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
-    _WHAT, _COMMAND = "a report of delays", "delays"
+    _WHAT, _COMMAND = "a report of delays", "check --delays"
 
     def derived(self) -> dict[str, Any]:
         """Return the name by which other results have the system."""

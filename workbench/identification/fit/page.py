@@ -29,7 +29,7 @@ def fit_page(result: FitResult) -> Page:
             ]),
         ],
         notes=result.notes,
-        kind="fit",
+        kind="identify",
     )  # fmt: skip
 
 

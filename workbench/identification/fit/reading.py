@@ -23,7 +23,7 @@ from workbench.response.nfr.result import NfrResult
 if TYPE_CHECKING:
     from control import FrequencyResponseData
 
-__all__ = ["Measured", "measured"]
+__all__ = ["Measured", "is_response", "measured"]
 
 
 _HERTZ = {"hz": 1.0, "rad/s": 0.5 / math.pi, "khz": 1e3, "rpm": 1.0 / 60.0}
@@ -69,6 +69,21 @@ class Measured:
             (c.output or "y", c.output_unit) for c in self.curves
         ]
         return {name: next((u for n, u in sides if n == name and u), None) for name, _ in sides}
+
+
+def is_response(path: str | Path) -> bool:
+    """Return whether a file holds a frequency response, and not a record of time.
+
+    Args:
+        path: of a file that need not be there.
+    """
+    if Path(path).suffix.lower() == ".json":
+        return True
+    try:
+        _file(path)
+    except InputError:
+        return False
+    return True
 
 
 def measured(response: Response | NfrResult | BlaResult | FrequencyResponseData | str | Path, asked: Fit) -> Measured:

@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from workbench.core.records.forms import FILES, Form
+from workbench.core.records.named import named
 from workbench.core.records.option import option
 from workbench.requests.request import Request, Subject, function
 
@@ -79,9 +80,11 @@ class Fit(Request["Response | NfrResult | BlaResult | FrequencyResponseData | st
         [-1.] [1. 2.]
     """
 
-    command = "fit"
+    command = "identify"
+    called = "fit"
+    case = "measured frequency responses"
     algorithm = "workbench.identification.fit.run:run"
-    example = "workbench fit nfr.json --amplitude 1 --order 4 --json model.json"
+    example = "workbench identify nfr.json --amplitude 1 --order 4 --json model.json"
     counts = "steps"
     subject = Subject(
         name="response",
@@ -114,6 +117,15 @@ class Fit(Request["Response | NfrResult | BlaResult | FrequencyResponseData | st
     delay: float = option("Known delay, which is taken out of the response.", unit="s", least=0.0, default=0.0)
     feedthrough: bool = option("Fit the direct feedthrough D; otherwise it is zero.", default=True)
     stable: bool = option("Keep the poles stable.", default=True)
+
+    @classmethod
+    def takes(cls, given: Sequence[str]) -> bool:
+        """Return whether a measured response is given, and not a record of time.
+
+        Args:
+            given: as the command line names it.
+        """
+        return bool(given) and bool(named("workbench.identification.fit.reading:is_response")(given[0]))
 
 
 fit = function(Fit)

@@ -59,7 +59,7 @@ class FitResult(Linear, Result):
     of_input: NDArray[np.int64] = field(default_factory=_nothing, metadata=entry(dims=("frequency_hz",)))
     notes: tuple[str, ...] = ()
 
-    _WHAT, _COMMAND = "a fit to a frequency response", "fit"
+    _WHAT, _COMMAND = "a fit to a frequency response", "identify"
 
     @property
     def fitted(self) -> Complex:

@@ -136,7 +136,7 @@ class FeedForwardResult(Result):
         return drawn("workbench.limit_cycles.feed_forward.picture:plot_feed_forward", path, self, figure=figure)
 
     def filter_dict(self) -> dict[str, Any]:
-        """Return the filter as `workbench export` and the components of system files take it."""
+        """Return the filter as `workbench build` and the components of system files take it."""
         part = self.part
         units = {"u": self.filter_units[0], "y": self.filter_units[1]}
         return {

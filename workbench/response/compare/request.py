@@ -67,17 +67,18 @@ class CompareMotions(InWorker, Request["Mapping[str, DescribedModel]", "MotionCo
 
         >>> with wb.load("fmu:FirstOrderLag") as fast, wb.load("fmu:FirstOrderLag", start_values={"tau": 2.0}) as slow:
         ...     found = wb.compare_motions(
-        ...         {"fast": fast, "slow": slow}, signals=["y"], windows=[(0, 1)], inputs={"u": wb.Constant(1.0)}
+        ...         {"fast": fast, "slow": slow}, outputs=["y"], windows=[(0, 1)], inputs={"u": wb.Constant(1.0)}
         ...     )
         >>> print({motion.system: round(motion.measure.peak, 4) for motion in found.motions})
         {'fast': 0.6321, 'slow': 0.3935}
     """
 
-    command = "compare"
+    command = "simulate"
     called = "compare_motions"
+    case = "several models"
     algorithm = "workbench.response.compare.run:run"
     example = (
-        "workbench compare system:failed_aileron system:failed_aileron_feedback --signal z_wing_tip "
+        "workbench simulate system:failed_aileron system:failed_aileron_feedback --output z_wing_tip "
         "--input pulse=pulse:value=0.8,duration=0.1 --window 120:140 --window 200:260"
     )
     subject = Subject(
@@ -86,6 +87,7 @@ class CompareMotions(InWorker, Request["Mapping[str, DescribedModel]", "MotionCo
         help="Name for tables and pictures → FMU or system; they stay open. The first is what the others are compared "
         "with.",
         metavar="MODEL..",
+        argument="models",
         words="Systems (.toml, .ssp, system:NAME) or FMUs; the first is the reference.",
         several=True,
         opened=True,
@@ -93,12 +95,16 @@ class CompareMotions(InWorker, Request["Mapping[str, DescribedModel]", "MotionCo
     counts = "models"
 
     _: KW_ONLY
-    signals: Names = option(
-        "Variable to compare, which each of the models has; of systems also component.variable.",
-        flag="--signal",
+    outputs: Names | None = option(
+        "Variables to compare, which each of the models has, of systems also component.variable; by default all "
+        "outputs that the models have in common.",
+        flag="--output",
         metavar="NAME",
+        default=None,
     )
-    windows: Windows = option("Part of the runs to measure, begin and end.", unit="s", flag="--window")
+    windows: Windows = option(
+        "Part of the runs to measure, begin and end; by default the whole run.", unit="s", flag="--window", default=()
+    )
     inputs: Signals = option(
         "Force an input, which each of the models has: pulse:value=1,duration=0.1, gust:.., file.csv. The other inputs "
         "keep their start values.",
@@ -123,11 +129,23 @@ class CompareMotions(InWorker, Request["Mapping[str, DescribedModel]", "MotionCo
         "Unit in which signals are shown as well, if they can be converted; g is the standard gravity.", default=None
     )
     stop: float | None = option(
-        "End of the runs; by default that of the last window.", unit="s", metavar="T", default=None
+        "End of the runs; by default that of the last window, or of the first model's default experiment.",
+        unit="s",
+        metavar="T",
+        default=None,
     )
     interval: float | None = option(
         "Interval between rows; by default 1/40000 of the run.", unit="s", metavar="S", positive=True, default=None
     )
+
+    @classmethod
+    def takes(cls, given: Sequence[str]) -> bool:
+        """Return whether several models are given.
+
+        Args:
+            given: as the command line names it.
+        """
+        return len(given) > 1
 
     def went_well(self, record: MotionComparison) -> bool:
         """Return whether no run ended early.

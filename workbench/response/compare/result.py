@@ -102,7 +102,7 @@ class MotionComparison(Result):
     operating_points: Mapping[str, OperatingPoint | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
-    _WHAT, _COMMAND = "a comparison of motions", "compare"
+    _WHAT, _COMMAND = "a comparison of motions", "simulate"
 
     def measure(self, system: str, signal: str, window: int = 0) -> Measure | None:
         """Return one entry; None: the run did not reach that window.

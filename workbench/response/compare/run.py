@@ -36,10 +36,15 @@ def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) 
     points = _points(list(systems), asked.at or {})
     placed = {name: start_at(model, points.get(name)) for name, model in systems.items()}
     systems = {name: model for name, (model, _) in placed.items()}
-    windows = [(float(begin), float(end)) for begin, end in asked.windows]
-    signals = tuple(dict.fromkeys(asked.signals))
-    _check(systems, signals, windows)
+    if not systems:
+        raise InputError("compare: give at least one model")
     first = next(iter(systems.values()))
+    signals = _signals(systems) if asked.outputs is None else tuple(dict.fromkeys(asked.outputs))
+    if not signals:
+        raise InputError("outputs: none given; leave it out for all that the models have in common")
+    for model in systems.values():
+        check_variables(model, signals, "variable", what="outputs")
+    windows = [(float(begin), float(end)) for begin, end in asked.windows] or [(0.0, _stop(first, asked.stop))]
     forced = {name: forced_inputs(model, asked.inputs) for name, model in systems.items()}
     units = {v.name: v.unit for v in first.description.variables if v.name in signals}
     shown = {s: shown_unit(units.get(s), asked.unit) for s in signals}
@@ -113,15 +118,21 @@ def _points(names: Sequence[str], at: Mapping[str, At] | Sequence[At]) -> Mappin
     return dict(zip(names, at, strict=True))
 
 
-def _check(
-    systems: Mapping[str, DescribedModel],
-    signals: Sequence[str],
-    windows: Sequence[Window],
-) -> None:
-    if not systems or not signals or not windows:
-        raise InputError("compare: give at least one system, one signal and one window")
-    for model in systems.values():
-        check_variables(model, signals, "variable", what="signals")
+def _signals(systems: Mapping[str, DescribedModel]) -> tuple[str, ...]:
+    """Return the outputs that all models have, in the order of the first."""
+    names = [[v.name for v in model.outputs] for model in systems.values()]
+    common = tuple(name for name in names[0] if all(name in others for others in names[1:]))
+    if not common:
+        raise InputError("compare: the models have no output in common; name variables with --output")
+    return common
+
+
+def _stop(first: DescribedModel, stop: float | None) -> float:
+    """Return where runs without a window end."""
+    end = first.stop_time if stop is None else stop
+    if end is None:
+        raise InputError(f"compare: {first.name} has no default experiment; give --stop or --window")
+    return end
 
 
 def _run(

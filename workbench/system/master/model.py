@@ -320,7 +320,7 @@ def _master_note(order: str, units: Units, recipe: SystemRecipe) -> str:
     )
     groups = [u.name for u in units.units if u.group is not None and len(u.members) > 1]
     one = f"; one equation with one solver: {', '.join(groups)}" if groups else ""
-    return f"master: {order}; connected values are {held} (workbench delays shows what that costs){one}"
+    return f"master: {order}; connected values are {held} (workbench check shows --delays what that costs){one}"
 
 
 def _step_note(setup: Setup, described: ModelDescription) -> str:
