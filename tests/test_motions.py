@@ -189,11 +189,11 @@ def test_command_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture
         (["--output", "y", "--window", "3"], "BEGIN:END"),
         (["--output", "yy", "--window", "0:1"], "did you mean y"),
         (["--output", "y", "--window", "0:1", "--input", "v=1"], "no input 'v'"),
-        (["--output", "y", "--window", "0:1", "--label", "a", "--label", "b"], "2 names for 1 models"),
+        (["--output", "y", "--window", "0:1", "--label", "a"], "1 names for 2 models"),
     ],
 )
 def test_command_refuses_in_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["simulate", "fmu:FirstOrderLag", *arguments]) == 2
+    assert run(["simulate", "fmu:FirstOrderLag", "fmu:FirstOrderLag@3", *arguments]) == 2
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 import typer
 
-from workbench.cli.derive import command
+from workbench.cli.derive import command, meant
 from workbench.cli.program import program
-from workbench.commands import REQUESTS, request_of
+from workbench.commands import REQUESTS, request_of, requests_of
 from workbench.core.records.option import DeclaredOption, asked_of, put_together, recast
 from workbench.data.excite.multisine import MultisineDesign
 from workbench.data.excite.prbs import PrbsDesign
@@ -115,15 +115,21 @@ def asked_at_random(name: str, chance: random.Random) -> tuple[Request[Any, Any]
             share *= 0.98
 
 
+SUBJECTS = {"build": "a model.mo", "export": "a model.json", "fit": "a response.json"}
+
+
 @pytest.mark.parametrize("name", REQUESTS)
 @pytest.mark.parametrize("seed", range(8))
 def test_a_line_is_read_back_as_the_same_request(name: str, seed: int) -> None:
     asked, loading = asked_at_random(name, random.Random(f"{name} {seed}"))
-    words = shlex.split(command_line_of(asked, "a model.fmu", loading))
-    command = asked.command
-    assert words[:3] == ["workbench", command, "a model.fmu"]
-    found = program(command).make_context(command, words[2:]).params
-    again, opened = request_from(type(asked), {k: v for k, v in found.items() if v not in ([], ())})
+    subject, command = SUBJECTS.get(name, "a model.fmu"), asked.command
+    words = shlex.split(command_line_of(asked, subject, loading))
+    assert words[:3] == ["workbench", command, subject]
+    others = [subject] if name == "compare" else []
+    given = program(command).make_context(command, [*words[2:], *others]).params
+    request, _ = meant(requests_of(command), given)
+    assert request is type(asked)
+    again, opened = request_from(request, {k: v for k, v in given.items() if v not in ([], ())})
     assert asked_of(again) == asked_of(asked)
     assert asked_of(opened) == asked_of(loading)
     for key, value in vars(asked).items():

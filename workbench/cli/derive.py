@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from workbench.requests.origin import Origin
     from workbench.show.page import Page
 
-__all__ = ["command"]
+__all__ = ["command", "meant"]
 
 _OUTPUT = ("json", "csv", "plot", "report")
 _SUBJECT = "subject"  # name of the argument
@@ -62,7 +62,7 @@ def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None =
 
         out = Output(first.command, **{name: given.get(name) for name in _OUTPUT})
         with out.failing():
-            request, subject = _meant(requests, given)
+            request, subject = meant(requests, given)
             kind = written_of(request)
             asked, loading = request_from(request, given)
             written = put_together(kind, values_from(_files(request, kind), given))
@@ -85,8 +85,12 @@ def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None =
     return run
 
 
-def _meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) -> tuple[type[Request[Any, Any]], Any]:
-    """Return the request that is meant and what it is run on; options that are not its own leave `given`.
+def meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) -> tuple[type[Request[Any, Any]], Any]:
+    """Return the request that is meant and what it is run on.
+
+    Args:
+        requests: of a command.
+        given: what typer read; the options of the request are as it reads them afterwards.
 
     Raises:
         InputError: an option of another request is given, one of its own is missing, or it is run on one thing.
@@ -100,7 +104,7 @@ def _meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) -
     own = _options(request)
     for other in requests:
         for name, (declared, _) in _options(other).items():
-            if name not in own and given.get(name) not in (None, declared.default, []):
+            if name not in own and given.get(name) not in (None, declared.default, [], ()):
                 raise InputError(f"{declared.flag} is for {other.case or other.subject.metavar}; leave it out")
     for name, (declared, _) in own.items():
         if given.get(name) is not None:
