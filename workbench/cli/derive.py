@@ -341,7 +341,7 @@ def _first_sentence(request: type[Request[Any, Any]]) -> str:
 def _help(requests: Sequence[type[Request[Any, Any]]]) -> str:
     """Return what each request does, and its example."""
     parts = [(r, inspect.cleandoc(r.__doc__ or "").split("\n\n")[0]) for r in requests]
-    texts = [f"**{_heading(r)}:** {text}" if r.case else text for r, text in parts]
+    texts = [f"{_heading(r)}: {text}" if r.case else text for r, text in parts]
     details = [r.details for r in requests if r.details]
     examples = [f"Example: `{r.example}`" for r in requests]
     return "\n\n".join([*texts, *details, *examples])
