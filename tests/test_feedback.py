@@ -13,10 +13,10 @@ from tests.random_systems import pole_error
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.limit_cycles.feedback.gains import CriticalGain, crossings, fixed_modes, intervals, stable_gains
-from workbench.limit_cycles.feedback.initial_motion import mean_magnitude
+from workbench.limit_cycles.feedback.initial_motion import InitialMotion, mean_magnitude
 from workbench.limit_cycles.feedback.locus import fastest, locus
-from workbench.limit_cycles.feedback.optimum import optimum_of
-from workbench.limit_cycles.feedback.result import GainRun
+from workbench.limit_cycles.feedback.result import GainRun, SettlingStudy
+from workbench.limit_cycles.feedback.settling import with_optimum
 
 ALL = (-math.inf, math.inf)
 HZ = 2.0 * math.pi
@@ -302,7 +302,7 @@ def test_mean_magnitude_of_a_sine_is_two_over_pi() -> None:
 def gain_run(gain: float, seconds: float) -> GainRun:
     none = np.zeros(0)
     return GainRun(
-        gain=gain, settled={0.01: seconds}, seconds=100.0, left=0.0, peak_deflection=0.0, peak_rate=0.0,
+        gain=gain, settling_seconds=seconds, seconds=100.0, left=0.0, peak_deflection=0.0, peak_rate=0.0,
         deflection_limited=None, rate_limited=None, why="", time=none, magnitude=none,
     )  # fmt: skip
 
@@ -310,6 +310,13 @@ def gain_run(gain: float, seconds: float) -> GainRun:
 @pytest.mark.parametrize("order", [2, 4, 6])
 def test_optimum_of_an_exact_parabola_by_polynomials_of_any_order(order: int) -> None:
     """Coefficients that are rounding have roots far away, which must not spoil the near one."""
-    found = optimum_of([gain_run(g, 3.0 + (g - 0.4) ** 2) for g in np.linspace(-1.0, 2.0, 13).tolist()], 0.01, order)
-    assert (found.gain, found.seconds) == pytest.approx((0.4, 3.0), abs=1e-9)
-    assert not found.at_end
+    none = np.zeros(0)
+    motion = InitialMotion(0.0, 0.0, {}, {}, 1.0, 1.0, 0.0, "", none, none)
+    runs = tuple(gain_run(g, 3.0 + (g - 0.4) ** 2) for g in np.linspace(-1.0, 2.0, 13).tolist())
+    study = SettlingStudy(
+        variable="y", unit=None, target="u", target_unit=None, threshold=0.01, polynomial_order=order, motion=motion,
+        actuator=None, runs=runs,
+    )  # fmt: skip
+    found = with_optimum(study)
+    assert (found.optimum, found.optimum_seconds) == pytest.approx((0.4, 3.0), abs=1e-9)
+    assert not found.optimum_at_end

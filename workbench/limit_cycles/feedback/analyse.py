@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
-from workbench.core.records.forms import several
 from workbench.core.records.quantity import quantity
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.conversion import named_conversion
@@ -27,7 +26,7 @@ from workbench.limit_cycles.feedback.initial_motion import InitialMotion, from_c
 from workbench.limit_cycles.feedback.locus import fastest
 from workbench.limit_cycles.feedback.plant import Standing, linear, standing
 from workbench.limit_cycles.feedback.request import Feedback, Range
-from workbench.limit_cycles.feedback.result import FeedbackResult, SettlingSettings, SettlingStudy, interval_words
+from workbench.limit_cycles.feedback.result import FeedbackResult, SettlingStudy, interval_words
 from workbench.limit_cycles.feedback.run import FeedbackRun, feedback_run
 from workbench.limit_cycles.feedback.settling import settling_study
 from workbench.loops.nyquist.grid import adaptive_grid
@@ -40,15 +39,11 @@ from workbench.point.lin.result import LinResult
 __all__ = ["curve", "run"]
 
 _INSIDE = 0.03  # of a stable interval, left out at its ends in a study
-_MOVES = 0.02  # of the range of gains: an optimum that moves by more is told
 _REACH = 10.0  # times the finite end, where a stable interval has one only
 
 
 def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
     """Investigate a feedback; see `Feedback`."""
-    settings = SettlingSettings(
-        threshold=asked.threshold, thresholds=several(asked.thresholds), order=asked.order, longest=asked.longest
-    )
     system, remarks = placing.start_at(system, asked.at)
     time = system.start_time if asked.time is None else asked.time
     with one_thread(), ExitStack() as keep:
@@ -58,7 +53,7 @@ def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
         between = _actuator(system, asked)
         found = linear(place, where, time=time, actuator=between, method=asked.method)
         seen = found.operating_point.y.get(SEEN, 0.0)
-        work = _FeedbackRun(place, where, seen, between, time, settings, asked, keep)
+        work = _FeedbackRun(place, where, seen, between, time, asked, keep)
         result = work.linear_result(found)
         job.partial = lambda: result  # what is known, should a run of the study fail or somebody end it
         chosen = work.study_gains(result) if asked.settle else ()
@@ -114,7 +109,6 @@ class _FeedbackRun:
     y0: float
     actuator: Actuator | None
     time: float
-    settings: SettlingSettings
     asked: Feedback
     keep: ExitStack
 
@@ -188,19 +182,19 @@ class _FeedbackRun:
         return _spread(_finite(nearest), self.asked.count)
 
     def start(self, two: TwoPorts | None, watch: str) -> InitialMotion:
-        tolerance, centre = self.settings.tolerance, self._centre(watch)
+        centre = self._centre(watch)
         if self.asked.start_after is not None:
             return from_signals(
                 self.place, self.where, watch, centre=centre,
                 signals=forced_inputs(self.place.model, self.asked.signals or {}, what="signals"), time=self.time,
-                start_after=self.asked.start_after, tolerance=tolerance,
+                start_after=self.asked.start_after,
             )  # fmt: skip
         if two is None:
             raise InputError(
                 f"{self.place.model.name}: no nonlinear block is known, so no limit cycle is predicted; name it "
                 "(block), or excite a motion (pulse, start_after)"
             )
-        return from_cycle(self.place, self.where, two, watch, centre=centre, time=self.time, tolerance=tolerance)
+        return from_cycle(self.place, self.where, two, watch, centre=centre, time=self.time)
 
     def _centre(self, watch: str) -> float:
         """Return the value of a variable at rest."""
@@ -219,13 +213,9 @@ class _FeedbackRun:
         if not gains:
             return result
         study = settling_study(
-            self.place, start, gains, watch=watch, y0=self.y0, actuator=self.actuator, settings=self.settings,
-            workers=self.asked.place.apart, job=job,
-        )  # fmt: skip
-        result = replace(result, settling=study)
-        for note in _study_notes(study):
-            result = _noted(result, note)
-        return result
+            self.place, start, gains, watch, y0=self.y0, actuator=self.actuator, asked=self.asked, job=job
+        )
+        return _noted(replace(result, settling=study), *_study_notes(study))
 
     def with_run(self, result: FeedbackResult, start: InitialMotion, watch: str) -> FeedbackResult:
         if self.asked.gain is None:
@@ -237,8 +227,8 @@ class _FeedbackRun:
         return replace(result, run=run)
 
 
-def _noted(result: FeedbackResult, note: str) -> FeedbackResult:
-    return replace(result, notes=tuple(dict.fromkeys([*result.notes, note]))) if note else result
+def _noted(result: FeedbackResult, *notes: str) -> FeedbackResult:
+    return replace(result, notes=tuple(dict.fromkeys(filter(None, [*result.notes, *notes]))))
 
 
 def _finite(pair: Range) -> Range:
@@ -285,22 +275,14 @@ def _doubts(parts: Sequence[Interval]) -> list[str]:
 
 
 def _study_notes(study: SettlingStudy) -> list[str]:
-    best, notes = study.best, []
-    if best.at_end and best.gain is not None:
+    notes, below = [], f"{100.0 * study.threshold:g} %"
+    if study.optimum_at_end:
         notes.append(
-            f"settling to {100.0 * best.threshold:g} %: the polynomial still falls at the end of the measured gains, "
-            "so "
-            f"the optimum is that end, {best.gain:.4g}"
+            f"settling to {below}: the polynomial still falls at the end of the measured gains, so the optimum is that "
+            f"end, {study.optimum:.4g}"
         )
-    optima = [o for o in study.optima if o.gain is not None]
-    moved = [o.gain for o in optima if o.gain is not None]
-    if moved and max(moved) - min(moved) > _MOVES * (study.gains[-1] - study.gains[0]):
-        notes.append(
-            f"the optimum depends on the threshold: {moved[0]:.4g} at {100.0 * optima[0].threshold:g} %, "
-            f"{moved[-1]:.4g} at {100.0 * optima[-1].threshold:g} %"
-        )
-    if best.unsettled:
-        notes.append(f"{best.unsettled} of {len(study.runs)} gains did not settle to {100.0 * best.threshold:g} %")
+    if unsettled := len(study.runs) - len(study.settled):
+        notes.append(f"{unsettled} of {len(study.runs)} gains did not settle to {below}")
     hit = [r.gain for r in study.runs if r.deflection_limited]
     if hit:
         notes.append(f"the deflection reached its limit with gains {', '.join(f'{g:.4g}' for g in hit)}")

@@ -124,6 +124,18 @@ class FeedbackPath:
         """
         return {self._input(n): v for n, v in values.items()}
 
+    def start_values(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return states and inputs of the model by the names that they have in the systems with feedback.
+
+        Args:
+            values: by the model's names.
+        """
+        inputs = {v.name for v in self.model.inputs}
+        return {
+            **{self.full(n): v for n, v in values.items()},
+            **self.inputs({n: v for n, v in values.items() if n in inputs}),
+        }
+
     def _input(self, name: str) -> str:
         return _OTHER if name == self.target else name
 

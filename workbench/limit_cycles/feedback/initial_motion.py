@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,9 +17,10 @@ from workbench.limit_cycles.limit_cycle.harmonic_balance import balance, states_
 from workbench.response.simulate.zero_crossings import pass_rate, rising_passes
 from workbench.signals.kinds import Signal
 
-__all__ = ["PER_CYCLE", "InitialMotion", "from_cycle", "from_signals", "mean_magnitude"]
+__all__ = ["PER_CYCLE", "TOLERANCE", "InitialMotion", "from_cycle", "from_signals", "mean_magnitude"]
 
 PER_CYCLE = 64  # recorded points
+TOLERANCE = 1e-8  # relative, of the integration
 _PERIODS = 40  # that a predicted cycle is simulated for, so that what the prediction left out has settled
 _SHOWN = 6  # periods kept for pictures
 _PASSES = 11
@@ -57,7 +58,7 @@ class InitialMotion:
 
 
 def from_cycle(
-    place: FeedbackPath, where: Standing, two: TwoPorts, watch: str, *, centre: float, time: float, tolerance: float
+    place: FeedbackPath, where: Standing, two: TwoPorts, watch: str, *, centre: float, time: float
 ) -> InitialMotion:
     """Return the largest stable limit cycle of the system without feedback, by harmonic balance and then simulated.
 
@@ -68,20 +69,16 @@ def from_cycle(
         watch: variable whose magnitude decides, by the model's name.
         centre: of it at rest.
         time: session time at which the simulation begins [s].
-        tolerance: relative, of the integration.
 
     Raises:
         InputError: no stable limit cycle is predicted.
         SimulationError: the simulation fails.
     """
     states, frequency = _predicted(place, two)
-    length = _PERIODS / frequency
-    values = {**where.point.x, **where.point.u, **states}
-    start = _simulated(
-        place, where, watch, centre=centre, values=values, signals={}, begin=time, closes=time + length,
-        guess=frequency, tolerance=tolerance,
+    return _simulated(
+        place, where, watch, centre=centre, states=states, signals={}, begin=time, closes=time + _PERIODS / frequency,
+        guess=frequency, how=f"starting from the predicted limit cycle, simulated for {_PERIODS} periods",
     )  # fmt: skip
-    return replace(start, how=f"starting from the predicted limit cycle, simulated for {_PERIODS} periods")
 
 
 def _predicted(place: FeedbackPath, two: TwoPorts) -> tuple[dict[str, float], float]:
@@ -117,7 +114,6 @@ def from_signals(
     signals: Mapping[str, Signal],
     time: float,
     start_after: float,
-    tolerance: float,
 ) -> InitialMotion:
     """Return the motion after some time under signals from rest.
 
@@ -129,18 +125,15 @@ def from_signals(
         signals: input → signal, such as a short pulse.
         time: session time at which the simulation begins [s].
         start_after: how long it runs before the feedback closes [s].
-        tolerance: relative, of the integration.
 
     Raises:
         InputError: nothing oscillates at the end.
         SimulationError: the simulation fails.
     """
-    values = {**where.point.x, **where.point.u}
-    start = _simulated(
-        place, where, watch, centre=centre, values=values, signals=signals, begin=time, closes=time + start_after,
-        guess=None, tolerance=tolerance,
+    return _simulated(
+        place, where, watch, centre=centre, states={}, signals=signals, begin=time, closes=time + start_after,
+        guess=None, how=f"after {start_after:g} s under {', '.join(signals) or 'no signal'}",
     )  # fmt: skip
-    return replace(start, how=f"after {start_after:g} s under {', '.join(signals) or 'no signal'}")
 
 
 def _simulated(
@@ -149,19 +142,19 @@ def _simulated(
     watch: str,
     *,
     centre: float,
-    values: Mapping[str, float],
+    states: Mapping[str, float],
     signals: Mapping[str, Signal],
     begin: float,
     closes: float,
     guess: float | None,
-    tolerance: float,
+    how: str,
 ) -> InitialMotion:
     """Run the system without feedback; where its states are all there is to know, the runs may begin at the end."""
-    model = place.model
+    model, values = place.model, {**where.point.x, **where.point.u, **states}
     interval = (closes - begin) / 20_000 if guess is None else 1.0 / (guess * PER_CYCLE)
     count = max(1, round((closes - begin) / interval))
     points = np.append(begin + (closes - begin) * np.arange(1, count) / count, closes)
-    with model.open_at(time=begin, values=values, tolerance=tolerance) as session:
+    with model.open_at(time=begin, values=values, tolerance=TOLERANCE) as session:
         if guess is not None and where.hidden:
             raise InputError(
                 f"{model.name}: its sessions cannot start at a given point, so a predicted cycle cannot be started; "
@@ -188,7 +181,7 @@ def _simulated(
         frequency=frequency,
         magnitude=magnitude,
         centre=centre,
-        how="",
+        how=how,
         time=time[last],
         motion=motion[last],
     )

@@ -25,7 +25,7 @@ def feedback_page(result: FeedbackResult) -> Page:
             "convention": CONVENTION,
             "from": bracketed(result.source, result.source_unit),
             "to": bracketed(result.target, result.target_unit),
-            "gains considered": _limits(result.gains),
+            "gains considered": interval_words(result.gains),
             "open": f"{result.unstable_open} unstable poles, linearised by {result.lin_method}",
             **({"nonlinear block": result.block} if result.block else {}),
         },
@@ -44,17 +44,12 @@ def feedback_page(result: FeedbackResult) -> Page:
     )
 
 
-def _limits(pair: tuple[float, float]) -> str:
-    return interval_words(pair)
-
-
 def _verdicts(result: FeedbackResult) -> list[Verdict]:
     if not result.stable_gains:
         return [Verdict("unstable", result.words)]
     found = [Verdict("stable", f"gain {interval_words(pair)}") for pair in result.stable_gains]
     if result.settling is not None and result.settling.optimum is not None:
-        best = result.settling.best
-        found.append(Verdict("best", f"gain {best.gain:.5g} settles in {best.seconds:.4g} s by the polynomial"))
+        found.append(Verdict("best", f"{_best(result.settling)} by the polynomial"))
     return found
 
 
@@ -104,57 +99,36 @@ def _cycles(result: FeedbackResult) -> list[Section]:
 
 
 def _settling(study: SettlingStudy) -> Section:
-    levels = [o.threshold for o in study.optima]
-    unit = study.target_unit or "-"
-    headings = (
-        "gain",
-        *(f"settled to {100.0 * t:g} % [s]" for t in levels),
-        "left [%]",
-        f"peak [{unit}]",
-        f"[{unit}/s]",
-        "at a limit",
-    )
-    optima = [
+    unit, below = study.target_unit or "-", f"{100.0 * study.threshold:g} %"
+    headings = ("gain", f"settled to {below} [s]", "left [%]", f"peak [{unit}]", f"[{unit}/s]", "at a limit")
+    rows = [
         (
-            f"{100.0 * o.threshold:g}",
-            "–" if o.gain is None else f"{o.gain:.5g}{' (end)' if o.at_end else ''}",
-            number(o.seconds, ".4g"),
-            number(o.fastest_gain),
-            number(o.fastest_seconds, ".4g"),
-            str(o.unsettled),
+            f"{r.gain:.5g}",
+            number(r.settling_seconds, ".4g"),
+            f"{100.0 * r.left:.3g}",
+            f"{r.peak_deflection:.4g}",
+            f"{r.peak_rate:.4g}",
+            _limited(r),
         )
-        for o in study.optima
+        for r in study.runs
     ]
     return Section(
         "Settling",
         paragraphs=[
-            f"Magnitude of {study.variable} after closing, compared with that before: {study.start.how}.",
-            f"The best gain is that of a polynomial of order {study.settings.order} through the measured times.",
+            f"Magnitude of {study.variable} after closing, compared with that before: {study.motion.how}.",
+            f"By a polynomial of order {study.polynomial_order} through the measured times: {_best(study)}.",
         ],
         figures=[(study.plot, "Settling times over the gain.")],
-        tables=[
-            PageTable(
-                (
-                    "settled to [%]",
-                    "best gain",
-                    "settles in [s]",
-                    "fastest measured",
-                    "settled in [s]",
-                    "gains that did not settle",
-                ),
-                optima,
-                title="Optima",
-                right=range(6),
-            ),
-            PageTable(headings, [_gain(r, levels) for r in study.runs], title="Runs", right=range(len(headings))),
-        ],
+        tables=[PageTable(headings, rows, right=range(len(headings)))],
     )
 
 
-def _gain(run: GainRun, levels: list[float]) -> tuple[str, ...]:
-    times = (number(run.settled[t], ".4g") for t in levels)
-    rest = (f"{100.0 * run.left:.3g}", f"{run.peak_deflection:.4g}", f"{run.peak_rate:.4g}", _limited(run))
-    return (f"{run.gain:.5g}", *times, *rest)
+def _best(study: SettlingStudy) -> str:
+    """Return the best gain in words."""
+    if study.optimum is None:
+        return f"none, as {counted(len(study.settled), 'gain')} settled"
+    end = ", the end of the measured gains," if study.optimum_at_end else ""
+    return f"gain {study.optimum:.5g}{end} settles in {study.optimum_seconds:.4g} s"
 
 
 def _limited(run: GainRun) -> str:
@@ -181,11 +155,9 @@ def _run(run: FeedbackRun) -> Section:
 
 def settling_page(study: SettlingStudy) -> Page:
     """Return the page of settling times over the gain."""
-    best = study.best
-    found = "no best gain" if best.gain is None else f"gain {best.gain:.5g} is best, by the polynomial"
     return Page(
         title=f"Settling of {study.variable}",
-        lead=f"{counted(len(study.runs), 'gain')}, settled below {100.0 * best.threshold:g} % of the motion: {found}.",
+        lead=f"{counted(len(study.runs), 'gain')}, settled below {100.0 * study.threshold:g} % of the motion.",
         facts={"to": bracketed(study.target, study.target_unit)},
         sections=[_settling(study)],
         kind="feedback",

@@ -9,94 +9,51 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.polynomial import Polynomial
 
 from workbench.show.figure import COLOURS, LEGEND, panels
 
 if TYPE_CHECKING:
-    from workbench.limit_cycles.feedback.result import Optimum, SettlingStudy
+    from workbench.limit_cycles.feedback.result import SettlingStudy
 
 __all__ = ["draw_settling", "plot_settling"]
 
 
 def plot_settling(study: SettlingStudy) -> Figure:
-    """Draw settling times with their polynomials, the optimum over the threshold, and the motions as they decay.
+    """Draw settling times with their polynomial, and the motions as they decay.
 
     Args:
         study: what was measured.
     """
     title = f"settling of {study.variable} after the feedback closes"
-    figure, ((times, optima), (decay, efforts)) = panels(2, 2, title=title, width=11.0, height=3.5)
+    figure, ((times, decay, efforts),) = panels(1, 3, title=title, width=13.0, height=3.5)
     draw_settling(times, study)
-    _optima(optima, study)
     _decay(decay, study)
     _efforts(efforts, study)
     return figure
 
 
 def draw_settling(ax: Axes, study: SettlingStudy) -> None:
-    """Draw the settling times of the chosen threshold, and those of the smallest, with their polynomials.
+    """Draw the settling times with their polynomial.
 
     Args:
         ax: where.
         study: what was measured.
     """
-    chosen = [study.best]
-    fitted = [o for o in study.optima if o.gain is not None]
-    if fitted and fitted[-1] is not study.best:
-        chosen.append(fitted[-1])
-    for optimum, colour in zip(chosen, COLOURS, strict=False):
-        _times(ax, study, optimum, colour)
+    g = np.array([r.gain for r in study.settled])
+    t = np.array([r.settling_seconds for r in study.settled])
+    ax.plot(g, t, "o", color=COLOURS[0], markersize=5.0, label=f"to {100.0 * study.threshold:.3g} %")
+    if study.optimum is not None and study.optimum_seconds is not None:
+        x = np.linspace(g[0], g[-1], 300)
+        ax.plot(x, Polynomial(study.coefficients)(x), color=COLOURS[0], linewidth=1.2)
+        at = (study.optimum, study.optimum_seconds)
+        ax.plot(*at, "*", color=COLOURS[0], markersize=12.0, markeredgecolor="black", zorder=5)
+        side, shift = ("left", 4) if study.optimum < 0.5 * (study.gains[0] + study.gains[-1]) else ("right", -4)
+        words = f"{study.optimum:.3f}" + (" (end)" if study.optimum_at_end else "")
+        ax.annotate(words, at, xytext=(shift, -14), textcoords="offset points", fontsize=8.5, ha=side)
     ax.set_ylim(bottom=0.0)
     ax.set(xlabel="gain g", ylabel="settling time [s]")
     ax.legend(**{**LEGEND, "loc": "best"})
-
-
-def _times(ax: Axes, study: SettlingStudy, optimum: Optimum, colour: str) -> None:
-    found = [(r.gain, t) for r in study.runs if (t := r.settled[optimum.threshold]) is not None]
-    if not found:
-        return
-    g, t = np.array(found).T
-    ax.plot(g, t, "o", color=colour, markersize=5.0, label=f"to {_percent(optimum.threshold)}")
-    if optimum.gain is None or optimum.seconds is None:
-        return
-    x = np.linspace(g[0], g[-1], 300)
-    ax.plot(x, Polynomial(optimum.coefficients)(x), color=colour, linewidth=1.2)
-    ax.plot(optimum.gain, optimum.seconds, "*", color=colour, markersize=12.0, markeredgecolor="black", zorder=5)
-    where = f"{optimum.gain:.3f}" + (" (end)" if optimum.at_end else "")
-    side = "left" if optimum.gain < 0.5 * (study.gains[0] + study.gains[-1]) else "right"
-    ax.annotate(
-        where, (optimum.gain, optimum.seconds), xytext=(4 if side == "left" else -4, -14), textcoords="offset points",
-        fontsize=8.5, ha=side,
-    )  # fmt: skip
-
-
-def _percent(part: float) -> str:
-    return f"{100.0 * part:.3g} %"
-
-
-def _optima(ax: Axes, study: SettlingStudy) -> None:
-    """Draw how the best gain moves with the threshold."""
-    found = [o for o in study.optima if o.gain is not None]
-    best = [o.gain for o in found if o.gain is not None]
-    for o, gain in zip(found, best, strict=True):
-        fill = "white" if o.at_end else COLOURS[0]
-        ax.plot(100.0 * o.threshold, gain, "o", color=COLOURS[0], markerfacecolor=fill, markersize=6.5)
-    ax.plot([100.0 * o.threshold for o in found], best, color=COLOURS[0], linewidth=1.0, zorder=1)
-    quick = [(100.0 * o.threshold, o.fastest_gain) for o in study.optima if o.fastest_gain is not None]
-    ax.plot([x for x, _ in quick], [g for _, g in quick], "x", color=COLOURS[1], markersize=6.0)
-    handles = [
-        Line2D([], [], marker="o", color=COLOURS[0], label="minimum of the polynomial"),
-        Line2D(
-            [], [], marker="o", color=COLOURS[0], markerfacecolor="white", linestyle="", label="… at the end measured"
-        ),
-        Line2D([], [], marker="x", color=COLOURS[1], linestyle="", label="fastest measured"),
-    ]
-    ax.set_xscale("log")
-    ax.margins(y=0.25)
-    ax.set(xlabel="threshold [% of the motion before]", ylabel="best gain g")
-    ax.legend(handles=handles, **{**LEGEND, "loc": "best"})
 
 
 def _decay(ax: Axes, study: SettlingStudy) -> None:
@@ -106,9 +63,9 @@ def _decay(ax: Axes, study: SettlingStudy) -> None:
     for number, r in enumerate(study.runs):
         name = f"g = {r.gain:.3g}" if number in {0, len(study.runs) // 2, len(study.runs) - 1} else None
         ax.plot(r.time, 100.0 * r.magnitude, color=shades(limits(r.gain)), linewidth=1.2, label=name)
-    ax.axhline(100.0 * study.settings.threshold, color="#444444", linewidth=0.9, linestyle="--")
+    ax.axhline(100.0 * study.threshold, color="#444444", linewidth=0.9, linestyle="--")
     ax.set_yscale("log")
-    ax.set_ylim(50.0 * study.settings.every[-1], 300.0)
+    ax.set_ylim(50.0 * study.threshold, 300.0)
     ax.set(xlabel="time after closing [s]", ylabel="mean magnitude [% of before]")
     ax.legend(**{**LEGEND, "loc": "upper right"})
 

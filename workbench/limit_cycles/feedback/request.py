@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated
 
-from workbench.core.records.forms import MODEL, Form, Names, Numbers, two_numbers
+from workbench.core.records.forms import MODEL, Form, Names, two_numbers
 from workbench.core.records.option import option
 from workbench.core.records.quantity import quantity
 from workbench.core.values.operating_point import AtPoint
@@ -20,9 +20,7 @@ from workbench.signals.text import Signals
 if TYPE_CHECKING:
     from workbench.limit_cycles.feedback.result import FeedbackResult  # noqa: F401 - the record's type, below
 
-__all__ = ["THRESHOLDS", "Feedback", "Range", "feedback"]
-
-THRESHOLDS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
+__all__ = ["Feedback", "Range", "feedback"]
 
 _ANALYSIS = "Linear model and limit cycles"
 _MOTION = "Motion that the feedback closes on"
@@ -75,8 +73,8 @@ class Feedback(AtPoint, InParts, ModelRequest["FeedbackResult"]):
     - limit cycles left: for gains in the stable intervals, the crossings of the linear part that the block sees (the
       feedback closed) with −1/N(A), and whether small and large motions grow;
     - settling: the feedback closes on a limit cycle of the nonlinear system, once for each of several gains; the time
-      until the mean magnitude over a cycle stays below a part of what it was, a polynomial through these times, its
-      minimum, and how that moves with the threshold;
+      until the mean magnitude over a cycle stays below a part of what it was, a polynomial through these times, and
+      its minimum;
     - one simulation in which the feedback closes (`gain`).
 
     Signals that already act on the target stay; the feedback is added to them, as g times the deviation of the source
@@ -185,14 +183,6 @@ class Feedback(AtPoint, InParts, ModelRequest["FeedbackResult"]):
         below=1.0,
         group=_SETTLING,
         default=0.01,
-    )
-    thresholds: Numbers = option(
-        "Other thresholds, to show how the best gain depends on the threshold.",
-        metavar="PART,..",
-        positive=True,
-        below=1.0,
-        group=_SETTLING,
-        default=THRESHOLDS,
     )
     order: int = option("Order of the polynomial through the settling times.", least=2, group=_SETTLING, default=4)
     longest: float | None = option(

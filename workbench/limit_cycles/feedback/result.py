@@ -26,7 +26,7 @@ from workbench.show.result import Result, drawn
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CONVENTION", "FeedbackResult", "GainRun", "Optimum", "SettlingSettings", "SettlingStudy"]
+__all__ = ["CONVENTION", "FeedbackResult", "GainRun", "SettlingStudy"]
 
 CONVENTION = (
     "u = g·y is added to the target, y the deviation of the source from rest: negative g is negative feedback where "
@@ -180,7 +180,7 @@ class FeedbackResult(Result):
             "stable_gains": [_ends(pair) for pair in data["stable_gains"]],
             "frequency_hz": curve["frequency_hz"],
             "response": complex_of(curve),
-            "settling": SettlingStudy.from_dict(data) if "thresholds" in data else None,
+            "settling": SettlingStudy.from_dict(data) if "runs" in data else None,
         }
 
     def rows(self) -> Iterable[Sequence[Any]]:
@@ -232,8 +232,8 @@ class GainRun(RecordPart):
 
     Attributes:
         gain: g.
-        settled: threshold → time after closing from which the mean magnitude over a cycle stays below it [s]; None:
-            it did not come to that.
+        settling_seconds: time after closing from which the mean magnitude over a cycle stays below the threshold [s];
+            None: it did not come to that.
         seconds: how long was simulated.
         left: mean magnitude at the end over that at the beginning.
         peak_deflection: largest size of what is handed to the target [its unit], behind the actuator if there is one.
@@ -246,7 +246,7 @@ class GainRun(RecordPart):
     """
 
     gain: float
-    settled: Mapping[float, float | None] = field(metadata=entry(kept=False))
+    settling_seconds: float | None
     seconds: float
     left: float
     peak_deflection: float
@@ -263,57 +263,29 @@ class GainRun(RecordPart):
         return bool(self.deflection_limited) or bool(self.rate_limited)
 
     def derived(self) -> dict[str, Any]:
-        """Return the settling times in a list."""
-        settled = [{"threshold": k, "seconds": v} for k, v in self.settled.items()]
-        return {"settled": settled, "limit_reached": self.limit_reached}
-
-    @classmethod
-    def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return threshold → time."""
-        return {**data, "settled": {s["threshold"]: s["seconds"] for s in data["settled"]}}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Optimum(RecordPart):
-    """The best gain for one threshold.
-
-    Attributes:
-        threshold: see `SettlingSettings`.
-        gain: at which the fitted polynomial is smallest, between the lowest and the highest gain measured; None: too
-            few gains settled.
-        seconds: of the polynomial there [s].
-        at_end: it is the lowest or highest gain: the polynomial has no smaller minimum inside.
-        fastest_gain, fastest_seconds: the quickest one measured; None: none settled.
-        unsettled: how many did not settle.
-        coefficients: of the polynomial in g, from g⁰ on.
-        misfit: root mean square of what the polynomial misses [s]; None: there is none.
-    """
-
-    threshold: float
-    gain: float | None
-    seconds: float | None
-    at_end: bool
-    fastest_gain: float | None
-    fastest_seconds: float | None
-    unsettled: int
-    coefficients: tuple[float, ...] = ()
-    misfit: float | None = None
+        """Return whether it came to a limit."""
+        return {"limit_reached": self.limit_reached}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SettlingStudy(Result):
-    """Settling times over the gain.
+    """Settling times over the gain, and the gain at which a polynomial through them is smallest.
 
     Attributes:
         variable: the one whose magnitude decides that the motion has settled.
         unit: unit of the variable.
         target: what the feedback drives.
         target_unit: unit of the target.
-        settings: how it was made.
-        start: the motion before the feedback closes.
+        threshold: part of the magnitude at the beginning below which the motion has settled.
+        polynomial_order: order of the polynomial.
+        motion: the motion before the feedback closes.
         actuator: between gain and target; None: none.
         runs: one for each gain, rising.
-        optima: one for each threshold, falling.
+        optimum: gain at which the polynomial is smallest, between the lowest and the highest gain; None: too few gains
+            settled.
+        optimum_seconds: the polynomial there [s].
+        optimum_at_end: whether that is the lowest or highest gain: there is no smaller minimum inside.
+        coefficients: of the polynomial in g, from g⁰ on.
     """
 
     _page = "workbench.limit_cycles.feedback.page:settling_page"
@@ -323,11 +295,15 @@ class SettlingStudy(Result):
     unit: str | None
     target: str
     target_unit: str | None
-    settings: SettlingSettings
-    start: InitialMotion = field(metadata=entry(key="beginning"))
+    threshold: float
+    polynomial_order: int
+    motion: InitialMotion = field(metadata=entry(key="beginning"))
     actuator: Actuator | None
     runs: tuple[GainRun, ...]
-    optima: tuple[Optimum, ...] = field(metadata=entry(key="thresholds"))
+    optimum: float | None = None
+    optimum_seconds: float | None = None
+    optimum_at_end: bool = False
+    coefficients: tuple[float, ...] = ()
 
     @property
     def gains(self) -> tuple[float, ...]:
@@ -336,65 +312,30 @@ class SettlingStudy(Result):
 
     @property
     def settling_seconds(self) -> tuple[float | None, ...]:
-        """For the chosen threshold [s]; None: did not settle."""
-        return tuple(r.settled[self.settings.threshold] for r in self.runs)
+        """For each gain [s]; None: it did not settle."""
+        return tuple(r.settling_seconds for r in self.runs)
 
     @property
-    def best(self) -> Optimum:
-        """For the chosen threshold."""
-        return next(o for o in self.optima if o.threshold == self.settings.threshold)
-
-    @property
-    def optimum(self) -> float | None:
-        """Gain at which the polynomial of the chosen threshold is smallest."""
-        return self.best.gain
+    def settled(self) -> tuple[GainRun, ...]:
+        """The runs that came below the threshold."""
+        return tuple(r for r in self.runs if r.settling_seconds is not None)
 
     def derived(self) -> dict[str, Any]:
-        """Return the optimum and where it begins."""
-        best, start = self.best, self.start
+        """Return the settling times, the fastest measured, and where the motion begins."""
+        motion = self.motion
+        fastest = min(self.settled, key=lambda r: r.settling_seconds or 0.0, default=None)
         return {
             "gains": self.gains,
             "settling_seconds": self.settling_seconds,
-            "optimum": self.optimum,
-            "optimum_seconds": best.seconds,
-            "optimum_at_end": best.at_end,
-            "fastest_gain": best.fastest_gain,
-            "threshold": self.settings.threshold,
-            "polynomial_order": self.settings.order,
-            "start": start.how,
-            "closes_at": start.closes,
-            "frequency_hz": start.frequency,
-            "magnitude": start.magnitude,
+            "fastest_gain": None if fastest is None else fastest.gain,
+            "start": motion.how,
+            "closes_at": motion.closes,
+            "frequency_hz": motion.frequency,
+            "magnitude": motion.magnitude,
         }
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each gain."""
-        levels = [o.threshold for o in self.optima]
-        rest = ("left", "peak_deflection", "peak_rate", "limit_reached")
-        yield ("gain", *(f"settling_seconds_{t:g}" for t in levels), *rest)
-        for run in self.runs:
-            yield (run.gain, *(run.settled[t] for t in levels), *(getattr(run, name) for name in rest))
-
-
-@dataclass(frozen=True, kw_only=True)
-class SettlingSettings:
-    """How a settling study is made.
-
-    Attributes:
-        threshold: part of the magnitude at the beginning below which the motion counts as settled.
-        thresholds: others, for the table.
-        order: order of the polynomial.
-        longest: after which a run is given up [s]; None: 250 cycles.
-        tolerance: relative, of the integration.
-    """
-
-    threshold: float = 0.01
-    thresholds: tuple[float, ...]
-    order: int = 4
-    longest: float | None = None
-    tolerance: float = 1e-8
-
-    @property
-    def every(self) -> tuple[float, ...]:
-        """All thresholds, falling."""
-        return tuple(sorted({self.threshold, *self.thresholds}, reverse=True))
+        names = ("gain", "settling_seconds", "left", "peak_deflection", "peak_rate", "limit_reached")
+        yield names
+        yield from ([getattr(run, name) for name in names] for run in self.runs)

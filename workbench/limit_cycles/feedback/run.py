@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath, FeedbackSpec
-from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, InitialMotion, mean_magnitude
+from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, TOLERANCE, InitialMotion, mean_magnitude
 from workbench.show.result import Result
 
 __all__ = ["HANDED", "FeedbackRun", "feedback_run"]
@@ -21,7 +21,6 @@ __all__ = ["HANDED", "FeedbackRun", "feedback_run"]
 _LEAD = 12  # cycles shown before the feedback closes, where the motion begins in the cycle
 _AFTER = 160  # cycles simulated after that, unless an end is asked for
 _MOST = 400_000  # points
-_TOLERANCE = 1e-8
 HANDED = "handed to the target"
 
 
@@ -127,18 +126,18 @@ def feedback_run(
     stop = closes + _AFTER / start.frequency if stop is None else stop
     if not stop > closes:
         raise InputError(f"stop: {stop:g} s is not after the feedback closes at {closes:g} s")
-    wish = FeedbackSpec(gain, y0, actuator, closes)
-    command, handed, scale = place.command(wish)
+    law = FeedbackSpec(gain, y0, actuator, closes)
+    command, handed, scale = place.command(law)
     shown = {n: place.inner(n) for n in dict.fromkeys([place.shown[0], watch, *outputs])}
     count = min(_MOST, round((stop - opens) * start.frequency * PER_CYCLE))
     points = np.append(opens + (stop - opens) * np.arange(1, count) / count, stop)
-    with place.opened(place.closed(wish)) as model:
-        inputs = place.inputs({n: v for n, v in values.items() if n in {i.name for i in place.model.inputs}})
-        states = {place.full(n): v for n, v in values.items()}
-        with model.open_at(time=opens, values={**states, **inputs}, tolerance=_TOLERANCE) as session:
-            record = session.advance(
-                stop, signals=place.inputs(start.signals), record=[*shown.values(), command, handed], points=points
-            )
+    with (
+        place.opened(place.closed(law)) as model,
+        model.open_at(time=opens, values=place.start_values(values), tolerance=TOLERANCE) as session,
+    ):
+        record = session.advance(
+            stop, signals=place.inputs(start.signals), record=[*shown.values(), command, handed], points=points
+        )
     record = record.right_limits()
     known = {v.name: v.unit for v in place.model.description.variables}
     signals = {n: record.values[full] for n, full in shown.items()}

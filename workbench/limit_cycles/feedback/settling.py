@@ -5,176 +5,172 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.jobs.job import Job
-from workbench.jobs.options import Workers
-from workbench.jobs.runner import Lost
+from workbench.jobs.runner import Lost, WorkItem, perform
 from workbench.jobs.runner_choice import at_work
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath, FeedbackSpec, find_place
-from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, InitialMotion, mean_magnitude
-from workbench.limit_cycles.feedback.optimum import optimum_of
-from workbench.limit_cycles.feedback.result import GainRun, SettlingSettings, SettlingStudy
-from workbench.model.described_model import DescribedModel
+from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, TOLERANCE, InitialMotion, mean_magnitude
+from workbench.limit_cycles.feedback.request import Feedback
+from workbench.limit_cycles.feedback.result import GainRun, SettlingStudy
+from workbench.model.base import Model
 from workbench.session.base import Recorded, Session
 from workbench.signals.kinds import Signal
 
-__all__ = ["settling_study"]
+__all__ = ["settling_study", "with_optimum"]
 
 _CHUNK = 10  # cycles
 _FINE = 10  # times more points in the first cycle, in which the feedback engages
 _GROWN = 100.0  # times the motion at the beginning: it does not settle
 _AT_LIMIT = 0.98
 _DRAWN = 400  # points kept of each run
+_ROUNDING = 1e-11  # of the largest coefficient of a slope
 
 
 def settling_study(
-    place: FeedbackPath,
-    start: InitialMotion,
-    gains: Sequence[float],
-    *,
-    watch: str,
-    y0: float,
-    actuator: Actuator | None,
-    settings: SettlingSettings,
-    workers: Workers,
-    job: Job,
-) -> SettlingStudy:
+    place: FeedbackPath, motion: InitialMotion, gains: Sequence[float], watch: str, *, y0: float,
+    actuator: Actuator | None, asked: Feedback, job: Job,
+) -> SettlingStudy:  # fmt: skip
     """Close the feedback with each gain on the same motion and measure how fast it settles.
 
     Args:
         place: place of the feedback.
-        start: the motion.
+        motion: before the feedback closes.
         gains: rising.
         watch: variable whose magnitude decides, by the model's name.
         y0: value of the source at rest.
         actuator: between gain and target; None: none.
-        settings: threshold, polynomial, patience.
-        workers: where the motions run.
+        asked: threshold, order of the polynomial, longest run, where the motions run.
         job: is told each gain.
 
     Raises:
         InputError, FmuError: the system with feedback cannot be opened.
     """
-    closes = start.closes if start.opens < start.closes else None
-    wishes = [FeedbackSpec(gain, y0, actuator, closes) for gain in gains]
-    jobs = [_Closing(path=place.shown, start=start, wish=wish, watch=watch, settings=settings) for wish in wishes]
+    closes = motion.closes if motion.opens < motion.closes else None
+    jobs = [
+        _GainJob(place.shown, motion, FeedbackSpec(gain, y0, actuator, closes), watch, asked.threshold, asked.longest)
+        for gain in gains
+    ]
     found: dict[float, GainRun] = {}
-    with at_work(place.model, workers, job) as runner:
-        for event in runner.run(_closed, deque(jobs)):
-            gain = event.job.wish.gain
+    with at_work(place.model, asked.place.apart, job) as runner:
+        for event in runner.run(perform, deque(jobs)):
+            gain = event.job.law.gain
             if isinstance(event, Lost):
                 raise event.error
             found[gain] = event.value
             job.done(f"gain {gain:.4g}", len(found), len(gains))
-    runs = [found[gain] for gain in gains]
-    units = {v.name: v.unit for v in place.model.description.variables}
-    return SettlingStudy(
-        variable=watch,
-        unit=units.get(watch) or None,
-        target=place.shown[1],
-        target_unit=place.target_unit,
-        settings=settings,
-        start=start,
-        actuator=actuator,
-        runs=tuple(runs),
-        optima=tuple(optimum_of(runs, threshold, settings.order) for threshold in settings.every),
+    return with_optimum(
+        SettlingStudy(
+            variable=watch,
+            unit=next((v.unit for v in place.model.description.variables if v.name == watch), None) or None,
+            target=place.shown[1],
+            target_unit=place.target_unit,
+            threshold=asked.threshold,
+            polynomial_order=asked.order,
+            motion=motion,
+            actuator=actuator,
+            runs=tuple(found[gain] for gain in gains),
+        )
     )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Closing:
-    """A run of the study, for a worker."""
+def with_optimum(study: SettlingStudy) -> SettlingStudy:
+    """Return a study with the gain at which a polynomial through its settling times is smallest.
+
+    Args:
+        study: with its runs; without an optimum where fewer gains settled than the polynomial has coefficients.
+    """
+    if len(study.settled) <= study.polynomial_order:
+        return study
+    g, t = np.array([(r.gain, r.settling_seconds) for r in study.settled]).T
+    fit = Polynomial.fit(g, t, study.polynomial_order)
+    slope = fit.deriv()
+    # Over its domain scaled to −1 … 1 a coefficient so small is rounding; its far roots would spoil the near ones.
+    slope = slope.trim(_ROUNDING * float(np.abs(slope.coef).max()))
+    inner = [float(r.real) for r in slope.roots() if abs(r.imag) < 1e-9 and g[0] < r.real < g[-1]]
+    best = min([float(g[0]), float(g[-1]), *inner], key=lambda x: float(fit(x)))
+    return replace(
+        study, optimum=best, optimum_seconds=float(fit(best)), optimum_at_end=best not in inner,
+        coefficients=tuple(fit.convert().coef.tolist()),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _GainJob(WorkItem):
+    """The run with one gain, for a worker."""
 
     path: tuple[str, str]
-    start: InitialMotion
-    wish: FeedbackSpec
+    motion: InitialMotion
+    law: FeedbackSpec
     watch: str
-    settings: SettlingSettings
+    threshold: float
+    longest: float | None
 
+    def run(self, model: Model) -> Iterator[GainRun]:
+        """Close the feedback and yield what becomes of the motion."""
+        place, motion = find_place(model, *self.path), self.motion
+        command, handed, scale = place.command(self.law)
+        names = list(dict.fromkeys([place.full(self.watch), command, handed]))
+        with place.opened(place.closed(self.law)) as system:
+            values = place.start_values(motion.values)
+            with system.open_at(time=motion.opens, values=values, tolerance=TOLERANCE) as session:
+                time, columns, why = self._decay(session, names, place.inputs(motion.signals))
+        # In the first cycle the motion before the feedback closed counts along.
+        earlier = motion.time < motion.closes - 1e-9
+        every = np.concatenate([motion.time[earlier] - motion.closes, time])
+        x = np.concatenate([motion.motion[earlier], columns[names[0]]]) - motion.centre
+        size = (mean_magnitude(every, x, 1.0 / motion.frequency) / motion.magnitude)[-len(time) :]
+        deflection, limited_d, limited_r, rate = _effort(time, scale * columns[handed], self.law.actuator)
+        thin = np.unique(np.linspace(0, len(time) - 1, _DRAWN).astype(int))
+        yield GainRun(
+            gain=self.law.gain,
+            settling_seconds=_settled(time, size, self.threshold),
+            seconds=float(time[-1]),
+            left=float(size[-1]),
+            peak_deflection=deflection,
+            peak_rate=rate,
+            deflection_limited=limited_d,
+            rate_limited=limited_r,
+            why=why,
+            time=time[thin],
+            magnitude=size[thin],
+        )
 
-def _closed(model: DescribedModel, job: _Closing) -> Iterator[GainRun]:
-    """Do one run of the study; what a worker runs."""
-    place = find_place(model, *job.path)
-    with place.opened(place.closed(job.wish)) as system:
-        yield _run(system, place, job.start, job.wish, job.watch, job.settings)
-
-
-def _run(  # noqa: PLR0917 - one run of the study
-    model: DescribedModel,
-    place: FeedbackPath,
-    start: InitialMotion,
-    wish: FeedbackSpec,
-    watch: str,
-    settings: SettlingSettings,
-) -> GainRun:
-    command, handed, scale = place.command(wish)
-    names = list(dict.fromkeys([place.full(watch), command, handed]))
-    values = {place.full(n): v for n, v in start.values.items()}
-    inputs = place.inputs({n: v for n, v in start.values.items() if n in {i.name for i in place.model.inputs}})
-    signals = place.inputs(start.signals)
-    with model.open_at(time=start.opens, values={**values, **inputs}, tolerance=settings.tolerance) as session:
-        if start.opens < start.closes:
-            session.advance(start.closes, signals=signals)
-        time, columns, why = _watched(session, start, names, signals, settings)
-    # In the first cycle the motion before the feedback closed counts along.
-    earlier = start.time < start.closes - 1e-9
-    every = np.concatenate([start.time[earlier] - start.closes, time])
-    x = np.concatenate([start.motion[earlier], columns[names[0]]]) - start.centre
-    size = (mean_magnitude(every, x, 1.0 / start.frequency) / start.magnitude)[-len(time) :]
-    deflection, limited_d, limited_r, rate = _effort(time, scale * columns[handed], wish.actuator)
-    thin = np.unique(np.linspace(0, len(time) - 1, _DRAWN).astype(int))
-    return GainRun(
-        gain=wish.gain,
-        settled={t: _settled(time, size, t) for t in settings.every},
-        seconds=float(time[-1]),
-        left=float(size[-1]),
-        peak_deflection=deflection,
-        peak_rate=rate,
-        deflection_limited=limited_d,
-        rate_limited=limited_r,
-        why=why,
-        time=time[thin],
-        magnitude=size[thin],
-    )
-
-
-def _watched(
-    session: Session,
-    start: InitialMotion,
-    names: Sequence[str],
-    signals: Mapping[str, Signal],
-    settings: SettlingSettings,
-) -> tuple[Floats, dict[str, Floats], str]:
-    """Advance until the smallest threshold is passed, the motion grows, or patience ends; times from closing on."""
-    period = 1.0 / start.frequency
-    longest = settings.longest or 250.0 * period
-    pieces: list[Recorded] = []
-    why = "given up"
-    begin = session.time
-    while session.time < begin + longest * (1.0 - 1e-9):
-        until = min(session.time + _CHUNK * period, begin + longest)
-        points = _points(session.time, until, period, first=not pieces)
-        try:
-            pieces.append(session.advance(until, signals=signals, record=names, points=points))
-        except SimulationError as error:
-            why = f"the simulation failed: {error}"
-            break
-        last = pieces[-1].values[names[0]][-PER_CYCLE:] - start.centre
-        left = float(np.mean(np.abs(last))) / start.magnitude
-        if left < 0.5 * settings.every[-1] or left > _GROWN:
-            why = "" if left < 1.0 else "the motion grows"
-            break
-    if not pieces:
-        raise SimulationError(f"the feedback cannot be closed: {why}")
-    time = np.concatenate([p.time for p in pieces]) - begin
-    keep = np.append(time[1:] > time[:-1], True)
-    return time[keep], {n: np.concatenate([p.values[n] for p in pieces])[keep] for n in names}, why
+    def _decay(
+        self, session: Session, names: Sequence[str], signals: Mapping[str, Signal]
+    ) -> tuple[Floats, dict[str, Floats], str]:
+        """Advance until the threshold is passed, the motion grows, or patience ends; times from closing on."""
+        motion, why = self.motion, "given up"
+        if motion.opens < motion.closes:
+            session.advance(motion.closes, signals=signals)
+        period, begin = 1.0 / motion.frequency, session.time
+        end = begin + (self.longest or 250.0 * period)
+        pieces: list[Recorded] = []
+        while session.time < end - 1e-9 * period:
+            until = min(session.time + _CHUNK * period, end)
+            points = _points(session.time, until, period, first=not pieces)
+            try:
+                pieces.append(session.advance(until, signals=signals, record=names, points=points))
+            except SimulationError as error:
+                why = f"the simulation failed: {error}"
+                break
+            last = pieces[-1].values[names[0]][-PER_CYCLE:] - motion.centre
+            left = float(np.mean(np.abs(last))) / motion.magnitude
+            if left < 0.5 * self.threshold or left > _GROWN:
+                why = "" if left < 1.0 else "the motion grows"
+                break
+        if not pieces:
+            raise SimulationError(f"the feedback cannot be closed: {why}")
+        time = np.concatenate([p.time for p in pieces]) - begin
+        keep = np.append(time[1:] > time[:-1], True)
+        return time[keep], {n: np.concatenate([p.values[n] for p in pieces])[keep] for n in names}, why
 
 
 def _points(begin: float, until: float, period: float, *, first: bool) -> Floats:
