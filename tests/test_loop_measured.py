@@ -12,11 +12,10 @@ from tests.loop_models import SATURATION, S, saturation_gain, transfer, unity
 from workbench.core.values.linear import Linear, LinearPart
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
-from workbench.loops.loop.curve_margins import curve_margins
-from workbench.loops.loop.margins import margins_of
+from workbench.loops.loop.injecting import first_guess
+from workbench.loops.loop.margins import curve_margins, margins_of
 from workbench.loops.loop.request import loop
 from workbench.loops.loop.result import LoopResult
-from workbench.loops.loop.settings import LoopSettings
 from workbench.point.trim.request import trim
 from workbench.system.connect import connect
 
@@ -214,5 +213,5 @@ def test_only_a_sampled_loop_is_told_to_be_sampled(saturated: LoopResult) -> Non
 @pytest.mark.parametrize("back", [-0.9985, -0.7, 4.0, 700.0])
 def test_the_injected_amplitude_is_sought_where_a_linear_loop_has_it(back: float) -> None:
     """Injected is z + L z where z is passed on."""
-    settings = LoopSettings(loop=LinearPart.from_lin(Linear.from_state_space(control.ss([], [], [], [[back]]))))
-    assert settings.guess(0.3) == pytest.approx(abs(1.0 + back), rel=1e-9)
+    part = LinearPart.from_lin(Linear.from_state_space(control.ss([], [], [], [[back]])))
+    assert first_guess(part, 0.3) == pytest.approx(abs(1.0 + back), rel=1e-9)

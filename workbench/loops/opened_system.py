@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,11 +12,11 @@ from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
 from workbench.point.lin.request import lin_result
 from workbench.point.lin.result import LinResult
-from workbench.system.description import LinearComponent, SystemDescription
+from workbench.system.description import Component, LinearComponent, SystemDescription
 from workbench.system.model import SystemModel
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["Ports", "find_ports", "linear_between", "recipe_of", "system_of", "without_block"]
+__all__ = ["Ports", "find_ports", "free_name", "linear_between", "recipe_of", "system_of", "without_block"]
 
 
 _INTO = "opened"  # the second input of what stands in for a block
@@ -100,6 +100,17 @@ def find_ports(model: Model, component: str, *, needs: str = "limit cycles need"
             listed = f" ({', '.join(sorted(found))})" if found else ""
             raise InputError(f"{model.name}: component {component} has {len(found)} connected {what}s{listed}, not one")
     return Ports(component, inputs.pop(), outputs.pop())
+
+
+def free_name(wanted: str, components: Iterable[Component]) -> str:
+    """Return a name that no component has.
+
+    Args:
+        wanted: taken if it is free, else with a number.
+        components: of the system.
+    """
+    taken = {c.name for c in components}
+    return next(n for n in (wanted, *(f"{wanted}{k}" for k in range(2, len(taken) + 3))) if n not in taken)
 
 
 def without_block(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,23 +11,17 @@ from workbench.core.records.names_in_text import check_names
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.limit_cycles.feedback.actuator import Actuator
+from workbench.loops.opened_system import free_name
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
 from workbench.model.load import FmuModel
 from workbench.system.components import open_parts
 from workbench.system.connection_units import declared_unit
-from workbench.system.description import (
-    Component,
-    Connection,
-    FmuComponent,
-    GainComponent,
-    SumComponent,
-    SystemDescription,
-)
+from workbench.system.description import Connection, FmuComponent, GainComponent, SumComponent, SystemDescription
 from workbench.system.openable import OpenableSystem
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["DRIVE", "SEEN", "FeedbackPath", "FeedbackSpec", "find_place", "free_name"]
+__all__ = ["DRIVE", "SEEN", "FeedbackPath", "FeedbackSpec", "find_place"]
 
 DRIVE = "feedback.drive"  # input of the opened system
 SEEN = "feedback.seen"  # its output
@@ -223,17 +217,6 @@ class FeedbackPath:
             Connection(source=f"{name}.y", destination=self.target),
         ]
         return replace(base, components=(*base.components, both), connections=tuple(ways), inputs=inputs)
-
-
-def free_name(wanted: str, components: Iterable[Component]) -> str:
-    """Return a name that no component has.
-
-    Args:
-        wanted: taken if it is free, else with a number.
-        components: of the system.
-    """
-    taken = {c.name for c in components}
-    return next(n for n in (wanted, *(f"{wanted}{k}" for k in range(2, len(taken) + 3))) if n not in taken)
 
 
 def find_place(model: Model, source: str, target: str) -> FeedbackPath:

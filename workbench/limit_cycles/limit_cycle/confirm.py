@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
+from workbench.limit_cycles.limit_cycle.result import SimulatedCycle
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.zero_crossings import half_range, pass_rate, rising_passes
 
-__all__ = ["Simulated", "confirm"]
+__all__ = ["confirm"]
 
 _PER_PERIOD = 200
 _CHUNK = 20  # periods
@@ -21,39 +21,9 @@ _VANISHED = 1e-3  # of the predicted amplitude
 _TOLERANCE = 1e-8
 
 
-@dataclass(frozen=True, eq=False)
-class Simulated:
-    """What a simulation showed.
-
-    Attributes:
-        frequency: of the block's input [Hz].
-        amplitude: variable → half its peak-to-peak value over the last periods.
-        fundamental: variable → amplitude of its fundamental.
-        mean: variable → its mean.
-        steady: whether the fundamental changed by less than 1e-4 over the last twenty periods.
-        periods: how many were run.
-        time: shape (n,), of the last periods [s].
-        values: variable → shape (n,).
-        states: state → its value at the end.
-        sizes: state → how far it moved in the last periods.
-        note: what was wrong; "": nothing.
-    """
-
-    frequency: float
-    amplitude: Mapping[str, float]
-    fundamental: Mapping[str, float]
-    mean: Mapping[str, float]
-    steady: bool
-    periods: int
-    time: Floats
-    values: Mapping[str, Floats]
-    states: Mapping[str, float] = field(default_factory=dict)
-    sizes: Mapping[str, float] = field(default_factory=dict)
-    note: str = ""
-
-
 def confirm(
     model: DescribedModel,
+    crossing: int | None,
     *,
     states: Mapping[str, float],
     inputs: Mapping[str, float],
@@ -63,12 +33,12 @@ def confirm(
     outputs: Sequence[str],
     time: float,
     periods: int,
-    end: Sequence[str] = (),
-) -> Simulated | str:
+) -> SimulatedCycle | str:
     """Simulate until the motion is steady; return what it is, or in words why there is none.
 
     Args:
         model: the system.
+        crossing: number of the crossing that predicts the motion; None: none does.
         states: where it starts; those left out keep their start values.
         inputs: held values.
         frequency: predicted [Hz].
@@ -77,12 +47,11 @@ def confirm(
         outputs: others to measure.
         time: session time at which it begins [s].
         periods: at most.
-        end: states whose values at the end are wanted.
     """
-    names = list(dict.fromkeys([watch, *outputs]))
-    end = list(dict.fromkeys(end))
+    names, end = list(dict.fromkeys([watch, *outputs])), [v.name for v in model.states]
+    recorded = list(dict.fromkeys([*names, *end]))
     steady, run, last, f = False, 0, 0.0, frequency
-    at, values = np.zeros(0), dict.fromkeys([*names, *end], np.zeros(0))
+    at, values = np.zeros(0), dict.fromkeys(recorded, np.zeros(0))
     rows: Mapping[str, Floats] = values
     with model.open_at(time=time, values={**inputs, **states}, tolerance=_TOLERANCE) as session:
         while run < periods and not steady:
@@ -90,9 +59,7 @@ def confirm(
             begin = session.time
             points = begin + np.arange(1, count * _PER_PERIOD + 1) / (f * _PER_PERIOD)
             try:
-                record = session.advance(
-                    float(points[-1]), signals={}, record=list(dict.fromkeys([*names, *end])), points=points
-                )
+                record = session.advance(float(points[-1]), signals={}, record=recorded, points=points)
             except SimulationError as error:
                 return f"the simulation failed: {error}"
             run += count
@@ -103,10 +70,10 @@ def confirm(
             steady, last = abs(size - last) < _STEADY * size, size
             if size < _VANISHED * amplitude:
                 return f"the motion dies out: {watch} has fallen to {size:.2g} after {run} periods"
-    note = "" if steady else f"not steady after {run} periods"
-    shown = {n: values[n] for n in names}
-    return Simulated(
-        frequency=f,
+    shown, units = {n: values[n] for n in names}, {v.name: v.unit for v in model.description.variables}
+    return SimulatedCycle(
+        crossing=crossing,
+        frequency_hz=f,
         # Corners are at events, between the even rows.
         amplitude={n: max(half_range(v), 0.5 * float(np.ptp(rows[n]))) for n, v in shown.items()},
         fundamental={n: _fundamental(at, v, f) for n, v in shown.items()},
@@ -117,7 +84,9 @@ def confirm(
         values=shown,
         states={n: float(values[n][-1]) for n in end},
         sizes={n: float(np.ptp(values[n])) for n in end},
-        note=note,
+        units={n: units.get(n) for n in names},
+        predicted_frequency_hz=frequency,
+        predicted_amplitude=amplitude,
     )
 
 

@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 
-import numpy as np
-
 from workbench.core.values.arrays import Complex
-from workbench.limit_cycles.limit_cycle.confirm import Simulated
 from workbench.limit_cycles.limit_cycle.cut import SplitLoop
 from workbench.limit_cycles.limit_cycle.harmonic_balance import Cycle
 from workbench.limit_cycles.limit_cycle.request import DESCRIBING_FUNCTION, HARMONIC_BALANCE, SHOOTING, SIMULATION
 from workbench.limit_cycles.limit_cycle.result import LimitCycle, SimulatedCycle
-from workbench.limit_cycles.limit_cycle.shooting import Orbit
-from workbench.model.described_model import DescribedModel
-from workbench.response.periodic.stability import is_stable
+from workbench.response.periodic.stability import is_stable, largest
 
-__all__ = ["contradictions", "from_balance", "from_orbit", "from_run", "same_cycle", "simulated_cycle"]
+__all__ = ["contradictions", "from_balance", "from_run", "same_cycle"]
 
 _SAME = 1e-4  # relative difference of two cycles that are one
 _ROUGH = 0.1  # relative error that a describing function may have
@@ -33,11 +28,6 @@ def same_cycle(other: LimitCycle, cycle: Cycle) -> bool:
     """
     near = abs(other.frequency_hz / cycle.frequency - 1.0) < _SAME
     return near and abs(other.fundamental / cycle.fundamental - 1.0) < _SAME
-
-
-def _largest(across: Complex | None) -> float | None:
-    """Return the size of the largest multiplier besides the one at 1; None: there is none, or it is not known."""
-    return float(np.abs(across).max()) if across is not None and len(across) else None
 
 
 def from_balance(
@@ -62,81 +52,29 @@ def from_balance(
         mean=loop.centre + float(cycle.v[0, 0].real),
         amplitudes=dict(zip((p.v for p in loop.every), cycle.amplitudes.tolist(), strict=True)),
         stable=is_stable(across, doubt=doubt),
-        multiplier=_largest(across),
+        multiplier=largest(across),
         residual=cycle.residual,
         states=states,
     )
 
 
-def from_orbit(number: int | None, orbit: Orbit) -> LimitCycle:
-    """Return the entry of a closed orbit.
-
-    Args:
-        number: of its crossing; None: no crossing predicted it.
-        orbit: by shooting.
-    """
-    return LimitCycle(
-        method=SHOOTING,
-        crossing=number,
-        frequency_hz=orbit.frequency,
-        amplitude=orbit.amplitude,
-        fundamental=orbit.fundamental,
-        mean=orbit.mean,
-        amplitudes=orbit.amplitudes,
-        stable=is_stable(orbit.multipliers, doubt=orbit.doubt),
-        multiplier=_largest(orbit.multipliers),
-        residual=orbit.residual,
-        states=orbit.states,
-    )
-
-
-def from_run(number: int | None, run: Simulated, watch: Sequence[str]) -> LimitCycle:
+def from_run(run: SimulatedCycle, watch: Sequence[str]) -> LimitCycle:
     """Return the entry of a simulation.
 
     Args:
-        number: of its crossing; None: no crossing predicted it.
-        run: what it showed.
+        run: what it ended in.
         watch: the blocks' inputs.
     """
     first = watch[0]
     return LimitCycle(
         method=SIMULATION,
-        crossing=number,
-        frequency_hz=run.frequency,
+        crossing=run.crossing,
+        frequency_hz=run.frequency_hz,
         amplitude=run.amplitude[first],
         fundamental=run.fundamental[first],
         mean=run.mean[first],
         amplitudes={n: run.amplitude[n] for n in watch},
         stable=True if run.steady else None,
-    )
-
-
-def simulated_cycle(
-    system: DescribedModel, number: int | None, run: Simulated, frequency: float, amplitude: float
-) -> SimulatedCycle:
-    """Return what a simulation ended in.
-
-    Args:
-        system: what was simulated.
-        number: of the crossing; None: no crossing predicted it.
-        run: what it showed.
-        frequency: where it began [Hz].
-        amplitude: of the block's input, where it began.
-    """
-    units = {v.name: v.unit for v in system.description.variables}
-    return SimulatedCycle(
-        crossing=number,
-        frequency_hz=run.frequency,
-        amplitude=run.amplitude,
-        fundamental=run.fundamental,
-        mean=run.mean,
-        units={n: units.get(n) for n in run.amplitude},
-        steady=run.steady,
-        periods=run.periods,
-        time=run.time,
-        values=run.values,
-        predicted_frequency_hz=frequency,
-        predicted_amplitude=amplitude,
     )
 
 

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
+from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
 from workbench.limit_cycles.limit_cycle.cut import SplitLoop, only_block
 from workbench.limit_cycles.limit_cycle.harmonic_balance import Cycle
-from workbench.limit_cycles.limit_cycle.measure import measured_crossings, measured_table
 from workbench.limit_cycles.limit_cycle.request import LimitCycles
 from workbench.limit_cycles.limit_cycle.several_blocks import Gain, ManyBlocks, tabulated
+from workbench.loops.describing.base import Block
+from workbench.loops.describing.measured import MeasuredBlock
 from workbench.loops.nyquist.nyquist import AMPLITUDES, nyquist
-from workbench.loops.nyquist.result import NyquistResult
+from workbench.loops.nyquist.result import Crossing, NyquistResult
 from workbench.model.described_model import DescribedModel
+from workbench.response.nfr.request import nfr
 
 __all__ = ["Prediction", "predict"]
 
 _PER_DECADE = 10  # amplitudes of the first of several blocks that are looked at
+_AMPLITUDES, _FREQUENCIES = 10, 12  # at which a block with a memory is measured
+_ERRCRIT = 0.005
+_NEAR_AMPLITUDE, _NEAR_FREQUENCY = 1.1, 1.05  # measured again so far around a crossing
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +87,11 @@ def predict(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> Pred
         curve = nyquist(loop.part, known[0], band=band, amplitudes=amplitudes or AMPLITUDES, name=name)
         return Prediction(loop, curve, None)
     with only_block(system, loop.ports, centre=loop.centre) as alone:
-        curve = measured_crossings(
-            alone, loop.part, amplitudes=amplitudes or AMPLITUDES, band=band, name=names, workers=asked.workers
-        )
-    return Prediction(loop, curve, None)
+        table = _measured(alone, asked, names)
+        grid = np.geomspace(*(amplitudes or AMPLITUDES), 8 * _AMPLITUDES)
+        curve = nyquist(loop.part, table, band=band, amplitudes=grid, name=names)
+        crossings = [_closer(alone, loop.part, c, asked, names) for c in curve.crossings]
+    return Prediction(loop, replace(curve, crossings=tuple(crossings)), None)
 
 
 def _several(system: DescribedModel, loop: SplitLoop, asked: LimitCycles, name: str) -> Prediction:
@@ -107,9 +115,35 @@ def _gains(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> list[
             found.append(tabulated(closed))
             continue
         with only_block(system, ports, centre=centre) as alone:
-            table = measured_table(
-                alone, amplitudes=asked.amplitudes or AMPLITUDES, band=asked.band, name=ports.component,
-                workers=asked.workers,
-            )  # fmt: skip
-        found.append(table.gains)
+            found.append(_measured(alone, asked, ports.component).gains)
     return found
+
+
+# -- a block with a memory of its own: its describing function is measured where it matters -------
+
+
+def _measured(block: DescribedModel, asked: LimitCycles, name: str) -> Block:
+    """Return a block, with the input v and the output w, whose N(A, f) is measured over a grid."""
+    amplitudes = np.geomspace(*(asked.amplitudes or AMPLITUDES), _AMPLITUDES)
+    return _table(block, amplitudes, np.geomspace(*asked.band, _FREQUENCIES), asked, name)
+
+
+def _table(block: DescribedModel, amplitudes: Floats, frequencies: Floats, asked: LimitCycles, name: str) -> Block:
+    response = nfr(block, "v", "w", frequencies, amplitudes, errcrit=_ERRCRIT, workers=asked.workers)
+    return MeasuredBlock(response, name=name)
+
+
+def _closer(block: DescribedModel, part: LinearPart, c: Crossing, asked: LimitCycles, name: str) -> Crossing:
+    """Return a crossing found again with the block measured around it."""
+    if c.amplitude is None:
+        return c
+    around = np.array([1.0 / _NEAR_AMPLITUDE, 1.0, _NEAR_AMPLITUDE])
+    beside = np.array([1.0 / _NEAR_FREQUENCY, 1.0, _NEAR_FREQUENCY])
+    try:
+        table = _table(block, c.amplitude * around, c.frequency_hz * beside, asked, name)
+    except InputError:
+        return c
+    band = (c.frequency_hz / _NEAR_FREQUENCY, c.frequency_hz * _NEAR_FREQUENCY)
+    amplitudes = np.geomspace(c.amplitude / _NEAR_AMPLITUDE, c.amplitude * _NEAR_AMPLITUDE, 24)
+    again = [x for x in nyquist(part, table, band=band, amplitudes=amplitudes).crossings if x.amplitude is not None]
+    return min(again, key=lambda x: abs(x.frequency_hz - c.frequency_hz)) if again else c

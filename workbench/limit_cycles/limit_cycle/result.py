@@ -73,6 +73,8 @@ class SimulatedCycle(RecordPart):
         values: variable → shape (n,).
         predicted_frequency_hz: where it began [Hz].
         predicted_amplitude: predicted amplitude of the block's input, where it began.
+        states: state → its value at the end; not kept in files.
+        sizes: state → how far it moved in the last periods; not kept in files.
     """
 
     crossing: int | None
@@ -87,6 +89,8 @@ class SimulatedCycle(RecordPart):
     values: Mapping[str, Floats]
     predicted_frequency_hz: float
     predicted_amplitude: float
+    states: Mapping[str, float] = field(default_factory=dict, metadata=entry(kept=False))
+    sizes: Mapping[str, float] = field(default_factory=dict, metadata=entry(kept=False))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

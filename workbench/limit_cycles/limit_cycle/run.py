@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,17 +12,10 @@ from workbench.core.machine.blas import one_thread
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
 from workbench.limit_cycles.limit_cycle.branch import Branch
-from workbench.limit_cycles.limit_cycle.confirm import Simulated, confirm
+from workbench.limit_cycles.limit_cycle.confirm import confirm
 from workbench.limit_cycles.limit_cycle.cut import SplitLoop, cut, driven_block
 from workbench.limit_cycles.limit_cycle.driven import DrivenBlock
-from workbench.limit_cycles.limit_cycle.entries import (
-    contradictions,
-    from_balance,
-    from_orbit,
-    from_run,
-    same_cycle,
-    simulated_cycle,
-)
+from workbench.limit_cycles.limit_cycle.entries import contradictions, from_balance, from_run, same_cycle
 from workbench.limit_cycles.limit_cycle.floquet import multipliers, others
 from workbench.limit_cycles.limit_cycle.free_run import FreeRun, free_run
 from workbench.limit_cycles.limit_cycle.harmonic_balance import Cycle, balance, states_of
@@ -196,7 +189,7 @@ class _LimitCycleRun:
         run = self._confirmed(number, last.states or states, frequency=last.frequency_hz, amplitude=last.amplitude)
         if run is None or not run.steady or not shootable or shot:
             return
-        if self._shot(number, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v]):
+        if self._shot(number, run.states, run.sizes, run.frequency_hz, run.amplitude[self.loop.ports.v]):
             self.notes = [n for n in self.notes if n not in failed]
 
     def _is_shootable(self, states: Mapping[str, float]) -> bool:
@@ -248,7 +241,7 @@ class _LimitCycleRun:
     def _unpredicted(self, seen: Observation, frequency: float) -> None:
         run = self._confirmed(None, seen.states, frequency=frequency, amplitude=seen.swing)
         if run is not None and run.steady and self._is_shootable(run.states):
-            self._shot(None, run.states, run.sizes, run.frequency, run.amplitude[self.loop.ports.v])
+            self._shot(None, run.states, run.sizes, run.frequency_hz, run.amplitude[self.loop.ports.v])
 
     def _blocks(self) -> tuple[Block, ...]:
         """Return the blocks as harmonic balance asks them; none where one has a memory, and only N is asked for."""
@@ -388,33 +381,32 @@ class _LimitCycleRun:
         if isinstance(orbit, str):
             self.notes.append(f"{_named(number)}: {orbit}")
             return False
-        self.found.append(from_orbit(number, orbit))
+        self.found.append(replace(orbit, crossing=number))
         return True
 
     def _confirmed(
         self, number: int | None, states: Mapping[str, float], *, frequency: float, amplitude: float
-    ) -> Simulated | None:
+    ) -> SimulatedCycle | None:
         """Simulate from a predicted state; None: no oscillation stays."""
         run = confirm(
             self.system,
+            number,
             states=states,
             inputs=self.loop.point.u,
             frequency=frequency,
             amplitude=amplitude,
             watch=self.loop.ports.v,
             outputs=[*(p.v for p in self.loop.every), *self.outputs],
-            end=[v.name for v in self.system.states],
             time=self.time,
             periods=self.asked.max_periods,
         )
         if isinstance(run, str):
             self.notes.append(f"{_named(number)}: {run}")
             return None
-        if run.note:
-            self.notes.append(f"{_named(number)}: simulation {run.note}")
-        self.found.append(from_run(number, run, [p.v for p in self.loop.every]))
-        if self.simulated is None:
-            self.simulated = simulated_cycle(self.system, number, run, frequency, amplitude)
+        if not run.steady:
+            self.notes.append(f"{_named(number)}: simulation not steady after {run.periods} periods")
+        self.found.append(from_run(run, [p.v for p in self.loop.every]))
+        self.simulated = self.simulated or run
         return run
 
 

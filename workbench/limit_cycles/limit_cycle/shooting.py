@@ -11,50 +11,25 @@ import numpy as np
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, SimulationError
 from workbench.limit_cycles.limit_cycle.branch import Bifurcation, Branch, BranchPoint
+from workbench.limit_cycles.limit_cycle.request import SHOOTING
+from workbench.limit_cycles.limit_cycle.result import LimitCycle
 from workbench.model.described_model import DescribedModel
 from workbench.response.periodic.continuation import ContinuedBranch, Manner, both_ways
 from workbench.response.periodic.fourier import fundamental
 from workbench.response.periodic.monodromy import VariationalEquation
 from workbench.response.periodic.period_map import Lap, PeriodMap, differences
 from workbench.response.periodic.place import Family, Place, arrive
-from workbench.response.periodic.stability import is_stable
+from workbench.response.periodic.stability import is_stable, largest
 from workbench.response.simulate.zero_crossings import half_range, told_mean
 from workbench.session.compiled import CompiledMeSession
 
-__all__ = ["Orbit", "Orbits", "follow_orbits", "shoot"]
+__all__ = ["Orbits", "follow_orbits", "shoot"]
 
 _TOLERANCE = 1e-10
 _NUDGE = 1e-4  # of the span of a parameter
 _MOST_STATES = 200
 _SAMPLES = 1000
 _DOUBT = 1e-3  # by which the flow may fail to be mapped onto itself where the slopes along the orbit are believed
-
-
-@dataclass(frozen=True, eq=False)
-class Orbit:
-    """A closed orbit of a system.
-
-    Attributes:
-        frequency: [Hz].
-        states: state → value at one point of it.
-        multipliers: Floquet multipliers besides the one at 1, largest first, shape (n − 1,), complex.
-        doubt: by how much the flow after a period is not what it was, relative: that multiplier is 1, exactly.
-        mean: of the first watched variable over the orbit.
-        amplitude: half its peak-to-peak value.
-        amplitudes: the same of each watched variable.
-        fundamental: amplitude of its fundamental.
-        residual: distance after one period over the size of the orbit.
-    """
-
-    frequency: float
-    states: Mapping[str, float]
-    multipliers: Complex
-    doubt: float
-    mean: float
-    amplitude: float
-    amplitudes: Mapping[str, float]
-    fundamental: float
-    residual: float
 
 
 def shoot(
@@ -66,7 +41,7 @@ def shoot(
     inputs: Mapping[str, float],
     watch: Sequence[str],
     time: float,
-) -> Orbit | str:
+) -> LimitCycle | str:
     """Return the closed orbit near a predicted state; in words why there is none.
 
     Newton's method on φ(x, T) = x, the step kept orthogonal to the flow; the Jacobian by the slopes along the orbit, or
@@ -221,7 +196,7 @@ class Orbits(Family):
         place = {v.name: i for i, v in enumerate(model.states)}
         return [place[n] for n in self.names]
 
-    def orbit(self, place: Place, p: float = 0.0, *, further: Sequence[str] = ()) -> Orbit:
+    def orbit(self, place: Place, p: float = 0.0, *, further: Sequence[str] = ()) -> LimitCycle:
         """Return what a place is, measured along it, `further` variables, too."""
         names = [self.watch, *further]
         x, period = place.x[:-1], float(np.exp(place.x[-1]))
@@ -231,11 +206,13 @@ class Orbits(Family):
         values = record.right_limits(points).values
         v = values[self.watch]
         residual = float(np.max(np.abs(place.lap.defect[:-1] / place.lap.unit[:-1])))
-        return Orbit(
-            frequency=1.0 / period,
+        return LimitCycle(
+            method=SHOOTING,
+            crossing=None,
+            frequency_hz=1.0 / period,
             states=dict(zip(self.names, x.tolist(), strict=True)),
-            multipliers=place.multipliers,
-            doubt=place.at.doubt,
+            stable=is_stable(place.multipliers, doubt=place.at.doubt),
+            multiplier=largest(place.multipliers),
             mean=told_mean(float(np.mean(v)), amplitude=half_range(v), residual=residual),
             amplitude=half_range(v),
             amplitudes={n: half_range(values[n]) for n in names},
@@ -286,23 +263,17 @@ def follow_orbits(
     """
     measured: dict[bytes, BranchPoint] = {}
 
+    def value(p: float) -> float:
+        return limits[0] + (limits[1] - limits[0]) * p
+
     def point(place: Place) -> BranchPoint:
         key = np.append(place.x, place.p).tobytes()  # a place that is turned is another object
         if key not in measured:
-            measured[key] = measure(place)
+            p = min(max(place.p, 0.0), 1.0)
+            cycle = orbits.orbit(place, p)
+            names = ("frequency_hz", "amplitude", "fundamental", "mean", "stable")
+            measured[key] = BranchPoint(value=value(p), **{n: getattr(cycle, n) for n in names})
         return measured[key]
-
-    def measure(place: Place) -> BranchPoint:
-        p = min(max(place.p, 0.0), 1.0)
-        found = orbits.orbit(place, p)
-        return BranchPoint(
-            value=limits[0] + (limits[1] - limits[0]) * p,
-            frequency_hz=found.frequency,
-            amplitude=found.amplitude,
-            fundamental=found.fundamental,
-            mean=found.mean,
-            stable=is_stable(found.multipliers, doubt=found.doubt),
-        )
 
     def turning(place: Place) -> BranchPoint:
         return replace(point(place), stable=None)
@@ -310,15 +281,13 @@ def follow_orbits(
     begin = point(first)
 
     def branch(track: ContinuedBranch) -> Branch:
-        points = tuple(map(point, track.places))
+        points, special = tuple(map(point, track.places)), [(s.kind, turning(s.place)) for s in track.special]
         outwards = [points[::step] for why, step in zip(track.ends, (1, -1), strict=True) if why == VANISHES]
         return Branch(
             parameter=parameter,
             points=points,
-            folds=tuple(turning(s.place) for s in track.special if s.kind == "fold"),
-            bifurcations=tuple(
-                Bifurcation(**vars(turning(s.place)), kind=s.kind) for s in track.special if s.kind != "fold"
-            ),
+            folds=tuple(p for kind, p in special if kind == "fold"),
+            bifurcations=tuple(Bifurcation(**vars(p), kind=kind) for kind, p in special if kind != "fold"),
             hopf=tuple(h for way in outwards for h in _vanished(way)),
             ends=track.ends,
             start=begin,
@@ -327,7 +296,7 @@ def follow_orbits(
     manner = replace(manner, most=_MOST_ORBITS, begun=lambda so_far: begun(lambda: branch(so_far())))
     track = both_ways(orbits, first, manner)
     for missed in track.missed:
-        low, high = (limits[0] + (limits[1] - limits[0]) * p for p in sorted(missed.p))
+        low, high = map(value, sorted(missed.p))
         noted(f"{parameter}: a {missed.kind} between the places at {low:.6g} and {high:.6g} could not be located")
     return branch(track)
 

@@ -11,6 +11,7 @@ from workbench.errors import InputError
 from workbench.loops.loop.place import find_place
 from workbench.loops.loop.request import Open
 from workbench.loops.loop.result import Opening
+from workbench.loops.opened_system import free_name
 from workbench.model import Model
 from workbench.model.described_model import DescribedModel
 from workbench.system.components import open_parts
@@ -169,8 +170,7 @@ def _summed(name: str, source: str) -> _Made:
 
 def _cut(system: SystemDescription, place: Opening, make: _Make) -> SystemDescription:
     """Return the system with a block behind the source; gains, offsets and units stay behind the block."""
-    taken = {c.name for c in system.components}
-    name = next(n for n in ("loop_cut", *(f"loop_cut{k}" for k in range(2, len(taken) + 3))) if n not in taken)
+    name = free_name("loop_cut", system.components)
     block, leads, inputs, outputs = make(name, place.source)
     connections = [
         replace(c, source=f"{name}.y", closes_at=None) if i in place.wires else c

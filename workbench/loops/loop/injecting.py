@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from workbench.core.values.linear import LinearPart
 from workbench.errors import SimulationError
 from workbench.loops.loop.cut import INJECTED, PASSED, RETURNED
 from workbench.loops.loop.measured import LoopPoint
 from workbench.loops.loop.points import Bench
-from workbench.loops.loop.settings import LoopSettings
 from workbench.response.nfr.point import NfrPoint
 
-__all__ = ["injected"]
+__all__ = ["first_guess", "injected"]
 
 # Relative: how near the amplitude of the signal passed on is to the one that is asked for. Where the gain falls with
 # the amplitude, as behind a limit, a gain crossover moves by as much, and the phase margin there by 0.05°.
@@ -78,7 +78,7 @@ class _Try:
         return replace(self, injected=math.exp(aim), passed=None)
 
 
-def injected(bench: Bench, settings: LoopSettings, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
+def injected(bench: Bench, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
     """Measure points of the closed loop.
 
     With d the injected sine, y returned and z = y + d passed on, L = -Y/Z at the fundamental. d is changed until Z has
@@ -89,21 +89,32 @@ def injected(bench: Bench, settings: LoopSettings, wanted: Sequence[tuple[float,
     Not for a closed loop that is unstable or in a limit cycle: its periods do not repeat.
 
     Args:
-        bench: on the system with the sum.
-        settings: how long to wait; its linear loop, where there is one, gives the first amplitudes.
+        bench: on the system with the sum; its linear loop, where there is one, gives the first amplitudes.
         wanted: frequency [Hz] and amplitude of the signal passed on.
     """
-    tries = [_Try(f, a, a * settings.guess(f)) for f, a in wanted]
+    tries = [_Try(f, a, a * first_guess(bench.loop, f)) for f, a in wanted]
     for _ in range(_ROUNDS):
         open_ones = [i for i, t in enumerate(tries) if not t.done]
         fresh = [tries[i] if tries[i].passed is None else tries[i].next() for i in open_ones]
-        found = bench.measure([settings.task(INJECTED, PASSED, t.frequency, t.injected) for t in fresh])
+        found = bench.measure(INJECTED, PASSED, [(t.frequency, t.injected) for t in fresh])
         for i, t, point in zip(open_ones, fresh, found, strict=True):
             tries[i] = t.with_point(point)
         if not open_ones:
             break
-    returned = bench.measure([settings.task(INJECTED, RETURNED, t.frequency, t.injected) for t in tries])
+    returned = bench.measure(INJECTED, RETURNED, [(t.frequency, t.injected) for t in tries])
     return [_point(t, y) for t, y in zip(tries, returned, strict=True)]
+
+
+def first_guess(loop: LinearPart | None, frequency: float) -> float:
+    """Return |1 + L|: the injected amplitude that passes an amplitude of 1 on, were the loop linear.
+
+    Args:
+        loop: linear L; None: not known.
+        frequency: [Hz].
+    """
+    found = 1.0 if loop is None else abs(1.0 + loop.at(frequency))
+    # At a pole or zero of 1 + L the guess is anything; the search begins nearby.
+    return min(max(found, 1e-3), 1e3) if math.isfinite(found) else 1.0
 
 
 def _point(tried: _Try, y: NfrPoint) -> LoopPoint:

@@ -5,42 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.core.values.margins import Margins
 from workbench.jobs.job import Job
-from workbench.jobs.options import Workers
-from workbench.loops.loop.curve_margins import curve_margins
 from workbench.loops.loop.cut import PASSED, RETURNED, CutLoop
 from workbench.loops.loop.injecting import injected
+from workbench.loops.loop.margins import curve_margins
 from workbench.loops.loop.measured import LoopCurve, LoopPoint
 from workbench.loops.loop.points import Bench
+from workbench.loops.loop.request import Loop
 from workbench.loops.loop.result import LinearLoop
-from workbench.loops.loop.settings import LoopSettings
 from workbench.model.described_model import DescribedModel
 from workbench.response.nfr.point import NfrPoint
 
-__all__ = ["MEASUREMENTS", "LoopMeasurement", "broken", "choose_measurement", "measure"]
+__all__ = ["MEASUREMENTS", "broken", "choose_measurement", "measure"]
 
 _SAME = 1e-4  # relative: a frequency so near to one that was measured is not measured again
 _HANDFUL = 4
 
 Points = dict[tuple[float, float], LoopPoint]
-
-
-@dataclass(frozen=True)
-class LoopMeasurement:
-    """One way to measure.
-
-    Attributes:
-        cut: gives the system prepared for it.
-        run: measures (frequency [Hz], amplitude) pairs.
-    """
-
-    cut: Callable[[CutLoop], AbstractContextManager[DescribedModel]]
-    run: Callable[[Bench, LoopSettings, Sequence[tuple[float, float]]], list[LoopPoint]]
 
 
 def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, ...], str]:
@@ -66,38 +51,38 @@ def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, 
 def measure(
     cut: CutLoop,
     name: str,
-    settings: LoopSettings,
+    asked: Loop,
     *,
     frequencies: Sequence[float],
     amplitudes: Sequence[float],
-    refine: int,
-    workers: Workers,
     linear: LinearLoop | None,
     job: Job,
-    stopped: Callable[[], bool],
 ) -> list[LoopCurve]:
     """Return a curve for each amplitude.
 
     Args:
         cut: the loop.
         name: of the measurement.
-        settings: settings of the points.
+        asked: where points are measured, how long to wait for each, and how many rounds of more points there are, at
+            the crossovers that the points so far show; what may end it between handfuls of points.
         frequencies: [Hz], rising.
         amplitudes: of the signal passed on, rising.
-        refine: so many rounds of more points, at the crossovers that the points so far show.
-        workers: where the system runs.
         linear: the linear loop, for the verdict on stability.
         job: is told each new point, the number done and the number in all that is known of.
-        stopped: asked between handfuls of points; true ends the measurement, a note says so.
     """
-    way, points = MEASUREMENTS[name], Points()
-    with way.cut(cut) as model, Bench(model, workers, job) as bench:
+    (changed, run), points = MEASUREMENTS[name], Points()
+    loop = None if linear is None else linear.transfer
+
+    def stopped() -> bool:
+        return job.stopped or (asked.stopped is not None and asked.stopped())
+
+    with changed(cut) as model, Bench(model, asked, job, value=cut.value, loop=loop) as bench:
         wanted = [(f, a) for a in amplitudes for f in frequencies]
-        for _ in range(1 + refine):
+        for _ in range(1 + asked.refine):
             for part in _parts(wanted):
                 if stopped():
                     break
-                for key, point in zip(part, way.run(bench, settings, part), strict=True):
+                for key, point in zip(part, run(bench, part), strict=True):
                     points[key] = point
                     job.done(point, len(points), len({*points, *wanted}))
             wanted = [] if stopped() else _closer(points, amplitudes)
@@ -187,7 +172,7 @@ def _worst(sizes: Sequence[tuple[float, LoopPoint]], limit: float, words: str) -
 # -- measure the loop transfer with the loop broken: a sine is passed on, what returns is measured --
 
 
-def broken(bench: Bench, settings: LoopSettings, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
+def broken(bench: Bench, wanted: Sequence[tuple[float, float]]) -> list[LoopPoint]:
     """Measure points of the broken loop.
 
     The signal passed on is a pure sine around its value at the operating point: L is the describing function of the
@@ -196,11 +181,9 @@ def broken(bench: Bench, settings: LoopSettings, wanted: Sequence[tuple[float, f
 
     Args:
         bench: on the opened system.
-        settings: how long to wait.
         wanted: frequency [Hz] and amplitude of the signal passed on.
     """
-    tasks = [settings.task(PASSED, RETURNED, f, a) for f, a in wanted]
-    return [_point(p, settings.value) for p in bench.measure(tasks)]
+    return [_point(p, bench.value) for p in bench.measure(PASSED, RETURNED, wanted)]
 
 
 def _point(found: NfrPoint, mean: float) -> LoopPoint:
@@ -220,7 +203,11 @@ def _point(found: NfrPoint, mean: float) -> LoopPoint:
     )
 
 
-MEASUREMENTS: Mapping[str, LoopMeasurement] = {
-    "break": LoopMeasurement(CutLoop.opened, broken),
-    "inject": LoopMeasurement(CutLoop.injected, injected),
-}
+# Name → how the system is prepared, and what measures (frequency [Hz], amplitude) pairs.
+MEASUREMENTS: Mapping[
+    str,
+    tuple[
+        Callable[[CutLoop], AbstractContextManager[DescribedModel]],
+        Callable[[Bench, Sequence[tuple[float, float]]], list[LoopPoint]],
+    ],
+] = {"break": (CutLoop.opened, broken), "inject": (CutLoop.injected, injected)}

@@ -6,10 +6,11 @@ from collections import deque
 from collections.abc import Sequence
 
 from workbench.core.machine.closable import Closable
+from workbench.core.values.linear import LinearPart
 from workbench.jobs.job import Job
-from workbench.jobs.options import Workers
 from workbench.jobs.runner import Lost, perform
 from workbench.jobs.runner_choice import choose
+from workbench.loops.loop.request import Loop
 from workbench.model import Model
 from workbench.response.nfr.job import PointsJob
 from workbench.response.nfr.point import NfrPoint, PointTask, failed_point
@@ -22,20 +23,33 @@ class Bench(Closable):
 
     Args:
         model: what is measured; it stays open.
-        workers: where.
+        asked: where, and how long to wait for a point.
         job: gets what the user should know of how they ran.
+        value: of the signal at the operating point [unit of the source].
+        loop: linear L; None: not known.
     """
 
-    def __init__(self, model: Model, workers: Workers, job: Job) -> None:
-        self._runner, self.notes = choose(model, workers)
-        self._job = job
+    def __init__(self, model: Model, asked: Loop, job: Job, *, value: float, loop: LinearPart | None) -> None:
+        self._runner, self.notes = choose(model, asked.place)
+        self._asked, self._job = asked, job
+        self.value, self.loop = value, loop
 
-    def measure(self, tasks: Sequence[PointTask]) -> list[NfrPoint]:
-        """Return the points of the tasks, in their order; one whose worker was lost has failed.
+    def measure(self, input: str, output: str, wanted: Sequence[tuple[float, float]]) -> list[NfrPoint]:
+        """Return points in their order; one whose worker was lost has failed.
+
+        Args:
+            input: what is forced.
+            output: what is measured.
+            wanted: frequency [Hz] and amplitude of each.
 
         Raises:
             FmuError, SimulationError: the model cannot be started.
         """
+        errcrit, most = self._asked.errcrit, self._asked.max_periods
+        tasks = [
+            PointTask(input=input, output=output, frequency=f, amplitude=a, errcrit=errcrit, max_periods=most)
+            for f, a in wanted
+        ]
         jobs = [PointsJob(tasks=(task,), carry=False, step=None) for task in tasks]
         found: dict[int, NfrPoint] = {}
         for event in self._runner.run(perform, deque(jobs)):

@@ -12,7 +12,6 @@ from workbench.loops.loop.measure import choose_measurement, measure
 from workbench.loops.loop.measured import LoopCurve
 from workbench.loops.loop.request import Loop
 from workbench.loops.loop.result import LinearLoop, LoopResult
-from workbench.loops.loop.settings import LoopSettings
 from workbench.model import Model
 from workbench.model.operating_point import find_point, named, standing
 from workbench.point.lin.task import Width
@@ -68,27 +67,10 @@ def _measured(
     names, why = choose_measurement(asked.how, linear)
     band = _own_band(linear) if asked.frequencies is None and asked.band is None else asked.band
     grid = frequency_grid(asked.frequencies, band, asked.ratio, falling=False)
-    settings = LoopSettings(
-        errcrit=asked.errcrit,
-        max_periods=asked.max_periods,
-        value=cut.value,
-        loop=None if linear is None else linear.transfer,
-    )
     curves: list[LoopCurve] = []
     for number, name in enumerate(names, 1):
         job.stage(number, len(names))
-        curves += measure(
-            cut,
-            name,
-            settings,
-            frequencies=grid,
-            amplitudes=amplitudes,
-            refine=asked.refine,
-            workers=asked.place,
-            linear=linear,
-            job=job,
-            stopped=lambda: job.stopped or (asked.stopped is not None and asked.stopped()),
-        )
+        curves += measure(cut, name, asked, frequencies=grid, amplitudes=amplitudes, linear=linear, job=job)
     return curves, why
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Complex
 
-__all__ = ["NEUTRAL", "is_stable"]
+__all__ = ["NEUTRAL", "is_stable", "largest"]
 
 # So near to 1 a multiplier is that of an integrator, or of a family of motions. Along slopes that of an integrator is 1
 # exactly; from differences, of periods integrated at 1e-6, it is off by some 1e-6. One that were to grow by 1e-5 in a
@@ -30,3 +30,12 @@ def is_stable(multipliers: Complex | None, doubt: float = 0.0) -> bool | None:
     if (size - doubt > 1.0).any():
         return False
     return True if (size + doubt < 1.0).all() else None
+
+
+def largest(multipliers: Complex | None) -> float | None:
+    """Return the size of the largest multiplier; None: there is none, or it is not known.
+
+    Args:
+        multipliers: besides the one along the orbit, shape (n,); None: not known.
+    """
+    return float(np.abs(multipliers).max()) if multipliers is not None and len(multipliers) else None
