@@ -84,6 +84,7 @@ GIVEN: dict[str, dict[str, Any]] = {
     "TargetResult": {"target": TARGET},
     "PoleRegion": {"shape": np.diag([4.0, 1.0])},
     "SettlingStudy": {"target_unit": "deg"},
+    "SimulatedCycle": {"states": {}, "sizes": {}},  # which files do not hold
     "InitialMotion": {"signals": {}},
     "TargetList": {"targets": (TARGET,)},
     "WindowSettings": {"window": "hann", "length": 8, "overlap": 0.5, "averages": 3},
