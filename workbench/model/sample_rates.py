@@ -17,7 +17,7 @@ import numpy as np
 
 from workbench.core.records.forms import several
 from workbench.core.values.arrays import Floats
-from workbench.core.values.calendar import TOGETHER, PeriodsError, check_periods, exact
+from workbench.core.values.calendar import LONGEST, TOGETHER, PeriodsError, check_periods, exact, simplest_between
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import FmuError, InputError, SimulationError, WorkbenchError
 from workbench.model import DescribedModel, Model
@@ -25,7 +25,6 @@ from workbench.model.repetition import repetition
 
 __all__ = ["NoRatesError", "Rates", "basic_period", "rates_of", "sample_periods", "sampled"]
 
-_LARGEST_FACTOR = 10_000  # of a period in the basic period
 _AGREE = 1e-6  # of the smallest distance: how exactly events keep their rate
 _LOOKS = (100, 400, 2000)  # events that are looked at, until each belongs to a rate
 _SINGLE = 2  # events that may belong to no rate; three make one, or do not
@@ -366,11 +365,11 @@ def basic_period(periods: Sequence[float], btptol: float) -> float:
     for ratio in ratios:
         top = math.lcm(multiple.numerator * ratio.denominator, ratio.numerator * multiple.denominator)
         multiple = Fraction(top, multiple.denominator * ratio.denominator)
-    if multiple > _LARGEST_FACTOR:
+    if multiple > LONGEST:
         listed = ", ".join(f"{p:.12g}" for p in periods)
         raise InputError(
             f"sample periods {listed} s repeat together after {float(multiple):.3g} times the shortest only (within "
-            f"btptol {btptol:g}), more than the {_LARGEST_FACTOR} that can be run; round them, or enlarge btptol"
+            f"btptol {btptol:g}), more than the {LONGEST} that can be run; round them, or enlarge btptol"
         )
     # The period fits best where most samples are: the mean over all of period · whole number of samples.
     fits = [p * round(float(multiple) / float(r)) for p, r in zip(periods, ratios, strict=True)]
@@ -379,10 +378,10 @@ def basic_period(periods: Sequence[float], btptol: float) -> float:
 
 def _simplest(ratio: float, tolerance: float) -> Fraction:
     """Return the fraction with the smallest denominator within a relative tolerance."""
-    for denominator in range(1, _LARGEST_FACTOR):
-        candidate = Fraction(round(ratio * denominator), denominator)
-        if abs(float(candidate) - ratio) <= tolerance * ratio:
-            return candidate
+    reach = Fraction(tolerance) * Fraction(ratio)
+    found = simplest_between(Fraction(ratio) - reach, Fraction(ratio) + reach)
+    if found.denominator < LONGEST:
+        return found
     raise InputError(
         f"the ratio {ratio:.9g} of two sample periods is no fraction of small numbers: they never repeat together; "
         "round them"

@@ -16,6 +16,7 @@ from itertools import pairwise
 from workbench.errors import InputError
 
 __all__ = [
+    "LONGEST",
     "TOGETHER",
     "Calendar",
     "PeriodsError",
@@ -36,7 +37,7 @@ TOGETHER = 1e-9
 _BY_CHANCE = 1e-3  # expected number of fractions as simple within rounding, below which one is taken as meant
 _MOST_ROUNDED = 2.0**20  # ulps; whoever adds up its period is off by half of one a tick at most: two million ticks
 _MOST = 1e8  # samples of one run; the kernel makes about a million a second
-_LONGEST = 10_000  # instants of one sampler in a basic period; beyond that nobody wants to wait for it
+LONGEST = 10_000  # instants of one sampler in a basic period; beyond that nobody wants to wait for it
 
 
 def exact(value: float, ulps: float = 2.0) -> Fraction:
@@ -217,7 +218,7 @@ class Calendar:
         """
         periods = [s.period for s in self.samplers]
         found = 1 / _gcd(1 / p for p in periods)
-        if found > _LONGEST * min(periods):
+        if found > LONGEST * min(periods):
             listed = ", ".join(f"{float(p):.12g}" for p in sorted(set(periods)))
             raise InputError(
                 f"the sample periods {listed} s repeat together after {float(found):.6g} s only, "
