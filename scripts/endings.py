@@ -36,7 +36,7 @@ _LINES = {
     "trim": "trim fmu:Aircraft",
     "identify": "identify data.csv --input u --output y",
     "study": "run study.toml --store store",
-    "envelope": "envelope envelope.toml --store store",
+    "envelope": "run envelope.toml --store store",
 }
 _SWEEPS = ("sweep", "cluster")
 _STUDY = """

@@ -101,7 +101,7 @@ LINES = {
     "feed-forward": (f"feed-forward {DESIGN} --input u=pulse:value=1,duration=0.1 --stop 2 --crude", "filter"),
     "modes": (f"modes {LAG_FMU} --vary tau=0.5:2 --points 3 --against tau=1 --in-process", ""),
     "compare": (f"simulate {LAG_FMU} {LAG_FMU} --label one --label two --output y --input u=1 --window 0:1", "motions"),
-    "envelope": ("envelope envelope.toml --jobs 1", "points"),
+    "envelope": ("run envelope.toml --jobs 1", "points"),
     "check": (f"check {LAG_FMU} --interface me --only runs,reset", "checks"),
     "excite": (f"excite {LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
     "identify": ("identify data.csv --input u --output y --order 1", ""),

@@ -44,7 +44,7 @@ def facts(tmp_path: Path) -> Path:
 
 
 def test_every_command_with_a_result_can_be_an_analysis() -> None:
-    assert set(COMMANDS) | {"run", "envelope", "ui"} == set(PROGRAM)
+    assert set(COMMANDS) | {"run", "ui"} == set(PROGRAM)
     assert all(command(name).options for name in REQUESTS)
 
 

@@ -27,7 +27,6 @@ SLOW = {
     "check",
     "identify",
     "run",
-    "envelope",
     "build",
 }
 # Files of the user's own, an FMU that has to be compiled, and measurements of many seconds.

@@ -212,7 +212,7 @@ def test_a_worst_case_that_only_the_search_met_is_not_passed(
 ) -> None:
     text = ENVELOPE.replace("[envelope]\n", '[envelope]\nplan = "random"\npoints = 1\nseed = 3\n', 1)
     path, out = study(text), tmp_path / "e.json"
-    words = ["envelope", str(path), "--no-keep", "--jobs", "1", "--json", str(out)]
+    words = ["run", str(path), "--no-keep", "--jobs", "1", "--json", str(out)]
     assert run_command([*words, "--search", "0"]) == 0
     assert run_command([*words, "--search", "12"]) == 1
     told = json.loads(out.read_text(encoding="utf-8"))
@@ -275,7 +275,7 @@ def test_what_is_wrong_is_told_in_a_line(study: Callable[[str], Path], text: str
 
 
 def test_run_says_who_runs_an_envelope(study: Callable[[str], Path]) -> None:
-    with pytest.raises(wb.InputError, match="workbench envelope"):
+    with pytest.raises(wb.InputError, match=r"wb\.envelope"):
         wb.run_study(study(ENVELOPE))
 
 
@@ -314,7 +314,7 @@ def test_borders_pictures_and_pages(study: Callable[[str], Path], tmp_path: Path
     names = ("--json", "--csv", "--plot", "--report", "--worst")
     files = [str(tmp_path / f"made{suffix}") for suffix in (".json", ".csv", ".png", ".html", ".toml")]
     words = [word for pair in zip(names, files, strict=True) for word in pair]
-    assert run_command(["envelope", str(path), "--no-keep", "--jobs", "1", *words]) == 1  # not met everywhere
+    assert run_command(["run", str(path), "--no-keep", "--jobs", "1", *words]) == 1  # not met everywhere
     assert all(Path(f).stat().st_size > 100 for f in files)
     found = wb.EnvelopeResult.read(files[0])
     assert len(found.points) == 9

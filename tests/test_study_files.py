@@ -132,5 +132,4 @@ def test_every_bundled_study_is_explained() -> None:
     assert {"rudder_specification", "rudder_loop", "failed_aileron", "elevator_law"} <= set(studies)
     for name, path in studies.items():
         text = path.read_text(encoding="utf-8")
-        command = "envelope" if "[envelope]" in text else "run"
-        assert f"workbench {command} study:{name}" in text
+        assert f"workbench run study:{name}" in text

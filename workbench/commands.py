@@ -12,7 +12,8 @@ from workbench.requests.request import Request
 __all__ = ["COMMANDS", "GROUPS", "MOVED", "REQUESTS", "request_of", "requests_of"]
 
 # Group of `workbench --help` → command → its requests by name. The first is what the command does unless it is given
-# what another one takes, see `Request.takes`. Those without any are functions of the command line.
+# what another one takes, see `Request.takes`. `run` and `ui` are functions of the command line; behind `run` is the
+# request for studies with an envelope.
 GROUPS: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     "Look": {
         "info": {"info": "health.info.request:Info", "blocks": "health.blocks.request:Blocks"},
@@ -49,8 +50,7 @@ GROUPS: Mapping[str, Mapping[str, Mapping[str, str]]] = {
         },
     },
     "Projects": {
-        "run": {},
-        "envelope": {"envelope": "study.envelope.request:EnvelopeOf"},
+        "run": {"envelope": "study.envelope.request:EnvelopeOf"},
         "build": {
             "build": "build.request:Build",
             "compile": "build.request:Compile",
@@ -68,6 +68,7 @@ MOVED: Mapping[str, str] = {
     "compare": "workbench simulate, with several models",
     "compile": "workbench build, with an FMU",
     "delays": "workbench check --delays",
+    "envelope": "workbench run",
     "export": "workbench build, with a linear model or a system",
     "fit": "workbench identify, with a measured response",
     "reproduce": "python scripts/dev.py reproduce, in the project's source",

@@ -50,6 +50,7 @@ def _run(words: Sequence[str], own: type[Request[Any, Any]] | None, called: str)
     try:
         if not begun and own is None:
             _expect(name, words)
+            own = _study_of_its_own(name, words)
         command = program(name, own)
         asked.keep(words, options_of(command), called)
         alone = command.name == name
@@ -92,6 +93,12 @@ def _expect(name: str | None, words: Sequence[str]) -> None:
         from workbench.jobs.worker_process import prepare
 
         prepare(request.algorithm.partition(":")[0])
+
+
+def _study_of_its_own(name: str | None, words: Sequence[str]) -> type[Request[Any, Any]] | None:
+    """Return the request behind `run` where a study among the words is for it, as its options are others."""
+    studies = requests_of("run") if name == "run" else ()
+    return next((request for request in studies if any(request.takes([word]) for word in words)), None)
 
 
 def _complain(message: str) -> int:

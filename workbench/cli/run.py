@@ -85,7 +85,7 @@ def run(
 
     A study file names models, analyses (any command with its options) and requirements; `workbench run --example`
     prints one, `workbench run study:NAME --example` a bundled one. What an unchanged FMU with unchanged options already
-    gave is not measured again.
+    gave is not measured again. A study with a table [envelope] has options of its own: `workbench run STUDY --help`.
 
     Example: `workbench run study:rudder_specification --junit junit.xml --report rudder.html`
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from workbench.study.requirements import read_requirement
 from workbench.study.requirements.base import Requirement, Scalar
 from workbench.system.files.toml_schema import TomlTable, read_table
 
-__all__ = ["bundled_studies", "is_bundled_study", "locate_study", "read_study"]
+__all__ = ["bundled_studies", "has_envelope", "is_bundled_study", "locate_study", "read_study"]
 
 _PREFIX = "study:"
 # The runner gives these itself.
@@ -87,6 +88,21 @@ def is_bundled_study(name: str) -> bool:
 def bundled_studies() -> dict[str, Path]:
     """Return the bundled studies, name → file."""
     return bundled_files("studies")
+
+
+def has_envelope(name: str) -> bool:
+    """Return whether a name is that of a study with a table [envelope], as far as it can be read.
+
+    Args:
+        name: a path or `study:NAME`; any other word has none.
+    """
+    if not (is_bundled_study(name) or name.lower().endswith(".toml")):
+        return False
+    try:
+        with locate_study(name).open("rb") as file:
+            return "envelope" in tomllib.load(file)
+    except (InputError, OSError, ValueError):
+        return False
 
 
 def locate_study(name: str | Path) -> Path:

@@ -49,7 +49,7 @@ class StudyRun:
     def __init__(self, name: str | Path, *, store: Path | None, fresh: bool = False) -> None:
         self.study: Study = read_study(name)
         if self.study.envelope is not None:
-            raise InputError(f"{name}: has an [envelope]: run it by `workbench envelope {name}`")
+            raise InputError(f"{name}: has an [envelope]: wb.envelope runs it, or `workbench run {name}`")
         self._store, self._fresh = store, fresh
         with place(str(self.study.path)):
             self.plan: Plan = make_plan(self.study)

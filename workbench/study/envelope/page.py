@@ -60,7 +60,7 @@ def envelope_page(result: EnvelopeResult) -> Page:
             Section("Files", tables=[PageTable(("file", "SHA-256"), list(result.files.items()))], explains=True),
         ],
         notes=result.notes,
-        kind="envelope",
+        kind="run",
     )
 
 

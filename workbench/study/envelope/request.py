@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Literal, get_args
 
 from workbench.core.records.forms import File
+from workbench.core.records.named import named
 from workbench.core.records.option import option
 from workbench.jobs.options import Workers
 from workbench.requests.request import Request, Subject, function
@@ -58,10 +60,12 @@ class EnvelopeOf(Request["str | Path", "EnvelopeResult"]):
         [0.5, 0.5, 0.5]
     """
 
-    command = "envelope"
+    command = "run"
+    called = "envelope"
+    case = "a study with an [envelope]"
     written = "workbench.study.envelope.written:EnvelopeFiles"
     algorithm = "workbench.study.envelope.run:run"
-    example = "workbench envelope study:aileron_envelope --report envelope.html"
+    example = "workbench run study:aileron_envelope --report envelope.html"
     subject = Subject(
         name="study",
         type="str | Path",
@@ -101,6 +105,15 @@ class EnvelopeOf(Request["str | Path", "EnvelopeResult"]):
         default=None,
         group="Where it runs",
     )
+
+    @classmethod
+    def takes(cls, given: Sequence[str]) -> bool:
+        """Return whether a study with a table [envelope] is given.
+
+        Args:
+            given: as the command line names it.
+        """
+        return bool(named("workbench.study.read:has_envelope")(given[0]))
 
     @property
     def place(self) -> Workers:

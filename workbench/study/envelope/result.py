@@ -152,7 +152,7 @@ class EnvelopeResult(Result):
     files: Mapping[str, str]
     notes: tuple[str, ...] = ()
 
-    _WHAT, _COMMAND = "an envelope", "envelope"
+    _WHAT, _COMMAND = "an envelope", "run"
 
     @property
     def failed(self) -> tuple[EnvelopePoint, ...]:

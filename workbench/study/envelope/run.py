@@ -35,7 +35,7 @@ def run(name: str | Path, asked: EnvelopeOf, job: Job) -> EnvelopeResult:
     """Map, search and count; see `EnvelopeOf`."""
     study = read_study(name)
     if study.envelope is None:
-        raise InputError(f"{name}: has no [envelope]; it is a study that `workbench run {name}` runs")
+        raise InputError(f"{name}: has no [envelope]; wb.run_study runs it")
     envelope = _as_asked(study.envelope, asked)
     folder = (Path(asked.store) if asked.store is not None else default_store(name)) if asked.keep else None
     with (
