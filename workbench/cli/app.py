@@ -97,7 +97,7 @@ def _expect(name: str | None, words: Sequence[str]) -> None:
 
 def _study_of_its_own(name: str | None, words: Sequence[str]) -> type[Request[Any, Any]] | None:
     """Return the request behind `run` where a study among the words is for it, as its options are others."""
-    studies = requests_of("run") if name == "run" else ()
+    studies = requests_of("run") if name == "run" and "--example" not in words else ()
     return next((request for request in studies if any(request.takes([word]) for word in words)), None)
 
 
