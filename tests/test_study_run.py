@@ -17,6 +17,7 @@ from tests.fmi3_fmus import build_sized
 from tests.hostile_fmus import build_hostile
 from workbench.cli.app import run
 from workbench.fmi.bundled import bundled_path
+from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
 from workbench.study import worker
 from workbench.study.plan import RunResult
@@ -356,8 +357,10 @@ def test_a_signal_before_the_store_is_open_ends_the_study(tmp_path: Path) -> Non
     """It came while the first file was read, and was forgotten."""
     shutil.copy(bundled_path("fmu:FirstOrderLag"), tmp_path / "lag.fmu")
     prepared = StudyRun(study(tmp_path, GRID), store=tmp_path / "store")
-    prepared.stop()
-    result = prepared.run(lambda: Workers(jobs=1))
+    job = Job()
+    with job.ended_by():
+        job.stop()
+    result = prepared.run(lambda: Workers(jobs=1), job)
     assert (result.measured, result.missing) == (0, prepared.total)
 
 

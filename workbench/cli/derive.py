@@ -172,8 +172,8 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _CommandRun, out: Outpu
         except InputError:
             if stopped is None:  # else the picture or file that cannot be made is not the error to tell
                 raise
-        if stopped is None:
-            return 0 if asked.went_well(record) else _NOT_WELL
+    if stopped is None:
+        return 0 if asked.went_well(record) else _NOT_WELL
     if isinstance(stopped, KeyboardInterrupt):
         done, total = work.job.reached
         far = f" after {done} of {total} {asked.counts}" if total else ": there is no result"
@@ -182,7 +182,6 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _CommandRun, out: Outpu
         if record is None:
             out.tell_failure(stopped)
         return INTERRUPTED
-    assert stopped is not None  # noqa: S101
     raise stopped
 
 

@@ -137,9 +137,10 @@ def _run(prepared: StudyRun, workers: Workers) -> StudyResult:
     from workbench.cli.command_line import command_line
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
+    from workbench.jobs.job import Job
 
-    with _ProgressLines(prepared.total) as progress, OnInterrupt(prepared.stop):
-        result = prepared.run(lambda: workers, progress=progress.update, command=command_line())
+    with _ProgressLines() as progress, (job := Job(progress.tell)).ended_by(), OnInterrupt(job.stop):
+        result = prepared.run(lambda: workers, job, command=command_line())
     for text in result.notes:
         note(text)
     if result.missing:
@@ -149,24 +150,19 @@ def _run(prepared: StudyRun, workers: Workers) -> StudyResult:
 
 
 class _ProgressLines(Closable):
-    """A bar that is loaded when there is something to tell: a study in its store is quick.
+    """A bar that is loaded when there is something to tell: a study in its store is quick."""
 
-    Args:
-        total: number of analyses.
-    """
-
-    def __init__(self, total: int) -> None:
-        self._total = total
+    def __init__(self) -> None:
         self._stack = ExitStack()
         self._bar: Bar | None = None
 
-    def update(self, done: int, label: str) -> None:
+    def tell(self, label: object, done: int, total: int) -> None:
         """Tell what was done; before anything is, with an empty label."""
         from workbench.requests.progress_bar import Bar
 
         if self._bar is None:
-            self._bar = self._stack.enter_context(Bar(self._total))
-        self._bar.update(done, label)
+            self._bar = self._stack.enter_context(Bar(total))
+        self._bar.update(done, str(label))
 
     def close(self) -> None:
         self._stack.close()

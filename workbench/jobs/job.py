@@ -105,11 +105,12 @@ class Job:
             end()
 
     @contextmanager
-    def ended_by(self, end: Callable[[], None]) -> Iterator[None]:
-        """Let `stop` call a function while this is entered.
+    def ended_by(self, end: Callable[[], None] = lambda: None) -> Iterator[None]:
+        """Let `stop` call a function while this is entered, in place of a KeyboardInterrupt.
 
         Args:
-            end: ends the work soon; it is called at once where `stop` came before.
+            end: ends the work soon; it is called at once where `stop` came before. By default nothing: the work looks
+                at `stopped`.
         """
         self._ends.append(end)
         try:

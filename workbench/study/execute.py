@@ -18,6 +18,7 @@ from workbench.study.finished_store import Finished
 from workbench.study.plan import Plan, PlannedRun, RunResult
 
 if TYPE_CHECKING:  # a study that is in its store as a whole needs no workers
+    from workbench.jobs.job import Job
     from workbench.jobs.runner import Runner
     from workbench.study.worker import CommandJob
 
@@ -45,8 +46,6 @@ class Execution:
         self._plan, self._patient = plan, patient
         self._finished, self._folder = finished, folder
         self._jobs, self._confine = 1, False
-        self._runner: Runner | None = None
-        self._stopped = False
         self.afterwards: tuple[str, ...] = ()
         self.outcomes: dict[PlannedRun, RunResult] = {}
         self.measured = 0
@@ -63,18 +62,12 @@ class Execution:
         """Runs that are not done."""
         return [run for run in self._plan.runs if run not in self.outcomes]
 
-    def stop(self) -> None:
-        """Let `execute` end soon; a signal handler may call it."""
-        self._stopped = True
-        if self._runner is not None:
-            self._runner.stop()
-
-    def execute(self, workers: Workers, progress: Progress) -> None:
+    def execute(self, workers: Workers, job: Job) -> None:
         """Run what is missing.
 
         Args:
             workers: how many at a time, and the time for each analysis.
-            progress: is told after each.
+            job: is told after each, and can end it.
 
         Raises:
             InputError: an analysis asks for what cannot be done, at every point.
@@ -82,14 +75,17 @@ class Execution:
         """
         from workbench.jobs.runner_choice import runner_for  # noqa: PLC0415
 
+        total = len(self._plan.runs)
+
+        def progress(done: int, label: str) -> None:
+            job.done(label, done, total)
+
         progress(len(self.outcomes), "")
         # The worker of an analysis writes its files; that of the FMU, which it begins, is confined.
-        with runner_for(recast(Workers, workers, confine=False)) as self._runner:
-            if self._stopped:
-                self._runner.stop()
-            with suppress(KeyboardInterrupt):  # what is missing tells
-                self.execute_on(self._runner, workers, progress)
-            self.afterwards = tuple(dict.fromkeys(self._runner.afterwards))
+        with runner_for(recast(Workers, workers, confine=False)) as runner:
+            with job.ended_by(runner.stop), suppress(KeyboardInterrupt):  # what is missing tells
+                self.execute_on(runner, workers, progress)
+            self.afterwards = tuple(dict.fromkeys(runner.afterwards))
 
     def execute_on(self, runner: Runner, workers: Workers, progress: Progress) -> None:
         """Run what is missing on a runner that stays open.

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.errors import InputError
+from workbench.jobs.job import Job
 from workbench.jobs.options import Scheduler
 from workbench.study.description import GridPoint, Study
-from workbench.study.execute import Execution, Progress
+from workbench.study.execute import Execution
 from workbench.study.finished_store import FOLDER, Finished
 from workbench.study.plan import Plan, PlannedRun, RunResult, make_plan
 from workbench.study.position_in_file import place
@@ -53,8 +54,6 @@ class StudyRun:
         self._store, self._fresh = store, fresh
         with place(str(self.study.path)):
             self.plan: Plan = make_plan(self.study)
-        self._execution: Execution | None = None
-        self._stopped = False
 
     @property
     def total(self) -> int:
@@ -73,38 +72,25 @@ class StudyRun:
             finished.save_findings(checked)
         return checked
 
-    def stop(self) -> None:
-        """Let `run` end soon, also one that has not begun; a signal handler may call it."""
-        self._stopped = True
-        if self._execution is not None:
-            self._execution.stop()
-
-    def run(
-        self,
-        workers: Callable[[], Workers],
-        *,
-        progress: Progress = lambda _done, _label: None,
-        command: str = "",
-    ) -> StudyResult:
-        """Run what is missing and return how the study came out.
+    def run(self, workers: Callable[[], Workers], job: Job | None = None, *, command: str = "") -> StudyResult:
+        """Run what is missing and return how the study came out; a stop leaves out what was not done by then.
 
         Args:
             workers: asked for only if something is to be measured.
-            progress: is told after each analysis.
+            job: is told after each analysis; None: nobody is.
             command: that started it, for the report.
 
         Raises:
             InputError: an analysis asks for what cannot be done at any point, a requirement for what its result cannot
                 hold; what was measured is in the store.
         """
-        with Finished(self._store, fresh=self._fresh) as finished, place(str(self.study.path)):
-            self._execution = execution = Execution(self.plan, finished=finished, folder=self.study.folder)
-            if self._stopped:
-                execution.stop()
+        job = job or Job()
+        with job.ended_by(), Finished(self._store, fresh=self._fresh) as finished, place(str(self.study.path)):
+            execution = Execution(self.plan, finished=finished, folder=self.study.folder)
             reused = len(execution.outcomes)
             if execution.missing:
                 check_runs(self.study, execution.missing)
-                execution.execute(workers(), progress)
+                execution.execute(workers(), job)
             checked = self._checked(finished, execution)
             damage = finished.remarks()
         return StudyResult(

@@ -149,14 +149,9 @@ def _played(
         inputs=(asked.input,), outputs=(asked.output,), signal=design, dt=dt, samples=design.length * design.periods,
         validation_samples=0,
     )  # fmt: skip
-    begin: Begin | None = None
-    pieces: list[Samples] = []
-    for item in measure(model, wish, point):
-        if isinstance(item, Begin):
-            begin = item
-        else:
-            pieces.append(item)
-    assert begin is not None  # noqa: S101 - `measure` begins with it
+    items = list(measure(model, wish, point))
+    begin = next(item for item in items if isinstance(item, Begin))
+    pieces = [item for item in items if isinstance(item, Samples)]
     skip = design.transient * design.length
     u, y = (np.vstack([getattr(p, side) for p in pieces])[skip:, 0] for side in ("u", "y"))
     shape = design.periods, design.length

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from workbench.core.machine.closable import Closable
 from workbench.core.records.option import recast
 from workbench.errors import InputError
+from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
 from workbench.study.description import GridPoint, Study
 from workbench.study.execute import Execution, Progress
@@ -30,6 +31,7 @@ class Evaluator(Closable):
         study: whose analyses are run.
         finished: the store.
         workers: where they run.
+        job: can end it.
 
     Attributes:
         measured: how many analyses were run.
@@ -38,11 +40,11 @@ class Evaluator(Closable):
         afterwards: what went wrong at the workers when all was told.
     """
 
-    def __init__(self, study: Study, finished: Finished, workers: Workers) -> None:
-        self._study, self._finished, self._workers = study, finished, workers
+    def __init__(self, study: Study, finished: Finished, workers: Workers, job: Job) -> None:
+        self._study, self._finished, self._workers, self._job = study, finished, workers, job
         self._stack = ExitStack()
         self._runner: Runner | None = None
-        self._stopped = False
+        self._interrupted = False
         self.measured = self.reused = 0
         self.files: dict[str, str] = {}
 
@@ -50,12 +52,6 @@ class Evaluator(Closable):
     def afterwards(self) -> tuple[str, ...]:
         """What went wrong at the workers when all was told."""
         return () if self._runner is None else tuple(dict.fromkeys(self._runner.afterwards))
-
-    def stop(self) -> None:
-        """Let what runs end; a signal handler may call it."""
-        self._stopped = True
-        if self._runner is not None:
-            self._runner.stop()
 
     def outcomes(
         self,
@@ -85,13 +81,13 @@ class Evaluator(Closable):
         for run in plan.runs:
             self.files.update(run.subject["files"])
         progress(len(execution.outcomes), "")
-        if execution.missing and not self._stopped:
+        if execution.missing and not self.stopped:
             if self._runner is None:
                 check_runs(self._study, execution.missing)
             try:
                 execution.execute_on(self._open(), self._workers, progress)
             except KeyboardInterrupt:
-                self._stopped = True
+                self._interrupted = True
         self.measured += execution.measured
         return plan, execution.outcomes
 
@@ -137,7 +133,7 @@ class Evaluator(Closable):
     @property
     def stopped(self) -> bool:
         """Whether it was interrupted."""
-        return self._stopped
+        return self._interrupted or self._job.stopped
 
     def _open(self) -> Runner:
         from workbench.jobs.runner_choice import runner_for  # noqa: PLC0415 - what is in the store needs no workers
@@ -145,8 +141,7 @@ class Evaluator(Closable):
         if self._runner is None:
             # The worker of an analysis writes its files; that of the FMU, which it begins, is confined.
             self._runner = self._stack.enter_context(runner_for(recast(Workers, self._workers, confine=False)))
-            if self._stopped:
-                self._runner.stop()
+            self._stack.enter_context(self._job.ended_by(self._runner.stop))
         return self._runner
 
     def close(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,7 @@ from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, sentence
 from workbench.show.verdicts import Verdict
 from workbench.study.envelope.surface import Surface
-from workbench.study.requirements.base import number
+from workbench.study.requirements.base import Scalar, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,8 +90,7 @@ def _verdicts(result: EnvelopeResult) -> Iterator[Verdict]:
         yield Verdict("watch", f"the search failed at {counted(result.worst.failed, 'point')}, which may be worse")
 
 
-def _values(values: object) -> str:
-    assert isinstance(values, dict)  # noqa: S101
+def _values(values: Mapping[str, Scalar]) -> str:
     return ", ".join(f"{name} = {v:.8g}" if isinstance(v, float) else f"{name} = {v}" for name, v in values.items())
 
 
@@ -175,16 +174,14 @@ def _parameters(result: EnvelopeResult) -> Section:
 def _points(result: EnvelopeResult) -> Iterator[Section]:
     failed = result.failed[:_MOST]
     if failed:
-        without = [(p.failure or "–", _values(dict(p.values)), p.reason) for p in failed]
+        without = [(p.failure or "–", _values(p.values), p.reason) for p in failed]
         more = len(result.failed) - len(failed)
         words = [f"{more} more are in the JSON and the CSV."] if more else []
         table = PageTable(("failure", "point", "reason"), without)
         yield Section("Points without a value", paragraphs=words, tables=[table])
     ordered = sorted((p for p in result.points if p.margin is not None), key=_margin)[:_MOST]
     if ordered:
-        rows = [
-            (p.failure or "–", _values(dict(p.values)), number(p.value), f"{p.margin:+.4g}", p.where) for p in ordered
-        ]
+        rows = [(p.failure or "–", _values(p.values), number(p.value), f"{p.margin:+.4g}", p.where) for p in ordered]
         title = f"The {len(ordered)} points with the smallest margins"
         yield Section(title, tables=[PageTable(("failure", "point", "value", "margin", "where"), rows)])
 

@@ -122,7 +122,6 @@ def _round_ticks(norm: TwoSlopeNorm) -> list[float]:
 def _map(ax: Axes, panel: EnvelopePanel, axes: Sequence[tuple[str, float, float]], norm: TwoSlopeNorm) -> Any:  # noqa: ANN401
     """Draw margins as colours, the limit as a line with the band in which it may lie, and the points."""
     drawn: Any = None
-    assert panel.y is not None  # noqa: S101
     if panel.surface is not None:
         side = np.linspace(0.0, 1.0, _FINE)
         across, up = np.meshgrid(side, side)
@@ -140,7 +139,7 @@ def _map(ax: Axes, panel: EnvelopePanel, axes: Sequence[tuple[str, float, float]
         if np.nanmin(value) < 0.0 < np.nanmax(value):
             ax.contour(x, y, value, levels=[0.0], colors="black", linewidths=1.6)
             ax.plot([], [], color="black", linewidth=1.6, label="limit, interpolated")
-    _points(ax, panel, panel.x, panel.y)
+    _points(ax, panel)
     for kind in dict.fromkeys(kind for kind, _, _ in panel.borders):
         there = [(at, line) for k, at, line in panel.borders if k == kind]
         mark: dict[str, Any] = {
@@ -165,8 +164,9 @@ def _map(ax: Axes, panel: EnvelopePanel, axes: Sequence[tuple[str, float, float]
     return drawn
 
 
-def _points(ax: Axes, panel: EnvelopePanel, x: Floats, y: Floats) -> None:
+def _points(ax: Axes, panel: EnvelopePanel) -> None:
     """Mark the points: met, not met, nothing measured."""
+    x, y = panel.x, panel.margin if panel.y is None else panel.y
     unknown = ~np.isfinite(y) if panel.y is None else ~np.isfinite(panel.margin) & ~panel.passed
     small: dict[str, Any] = {
         "linestyle": "",
@@ -197,7 +197,7 @@ def _curve(ax: Axes, panel: EnvelopePanel, words: str, axis: tuple[str, float, f
     """Draw margins over one parameter."""
     order = np.argsort(panel.x)
     ax.plot(panel.x[order], panel.margin[order], color=QUIET, linewidth=0.8)
-    _points(ax, panel, panel.x, panel.margin)
+    _points(ax, panel)
     ax.axhline(0.0, color="black", linewidth=1.2, label="limit")
     for kind, at, _ in panel.borders:
         ax.axvline(at, color=COLOURS[2], linestyle="--", linewidth=0.9, label=kind)

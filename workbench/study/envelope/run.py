@@ -41,8 +41,8 @@ def run(name: str | Path, asked: EnvelopeOf, job: Job) -> EnvelopeResult:
     with (
         place(str(study.path)),
         Finished(folder) as finished,
-        Evaluator(study, finished, asked.place) as evaluator,
-        job.ended_by(evaluator.stop),
+        job.ended_by(),
+        Evaluator(study, finished, asked.place, job) as evaluator,
     ):
         return _EnvelopeRun(study, envelope, evaluator, job).done()
 
