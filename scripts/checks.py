@@ -204,7 +204,7 @@ CHECKS = (
     tested(
         "an import goes up",
         "tests/test_layers.py",
-        {"workbench/core/values/units.py": add("\nfrom workbench.analysis import request\n")},
+        {"workbench/core/values/conversion.py": add("\nfrom workbench.analysis import request\n")},
         "core.*analysis",
     ),
     tested(

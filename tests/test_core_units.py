@@ -2,7 +2,7 @@
 
 import pytest
 
-from workbench.core.values.units import rate_unit
+from workbench.core.values.conversion import rate_unit
 
 
 @pytest.mark.parametrize(

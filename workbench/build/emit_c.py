@@ -9,8 +9,8 @@ from workbench.build.differentiate import tangent
 from workbench.build.emit_expressions import Writer, bare, uses_of
 from workbench.build.emit_tables import c_number, c_string, indicator_references, tables
 from workbench.build.loops import Shapes
-from workbench.build.output_cone import output_cone
 from workbench.build.scalar_model import TIME, ScalarModel
+from workbench.build.structure import output_cone
 
 
 class _Emitter:

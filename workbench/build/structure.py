@@ -1,4 +1,4 @@
-"""What depends on what: the dependency lists of the model description."""
+"""What depends on what: the dependency lists of the model description, and what the outputs need between events."""
 
 from __future__ import annotations
 
@@ -33,3 +33,30 @@ def of_variable(model: ScalarModel, found: dict[tuple[str, int], frozenset[int]]
     if model.variables[reference].kind == "state":
         return [reference]
     return sorted(found.get(("variable", reference), frozenset()))
+
+
+# Of all operations: derivatives that are asked for after the outputs repeat these.
+_MOST = 0.5
+
+
+def output_cone(model: ScalarModel, order: Sequence[Assignment]) -> list[Assignment] | None:
+    """Return the assignments that lead to the outputs in continuous time, in their order; None: not worth while.
+
+    Relations, quotients and discrete variables stand still there; they are read and not assigned.
+
+    Args:
+        model: the scalar model.
+        order: all of its assignments, in an order of evaluation.
+    """
+    needed = {reference for reference, variable in enumerate(model.variables) if variable.output}
+    cone: list[Assignment] = []
+    for step in reversed(order):
+        if step.kind == "variable" and step.target in needed:
+            cone.append(step)
+            needed |= set() if step.expression is None else model.graph.variables(step.expression)
+    cone.reverse()
+    return cone if _operations(model, cone) <= _MOST * _operations(model, order) else None
+
+
+def _operations(model: ScalarModel, steps: Sequence[Assignment]) -> int:
+    return len(model.graph.reachable(s.expression for s in steps if s.expression is not None))

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.values.conversion import rate_unit
 from workbench.core.values.poles import POLE_HEADINGS, pole_rows
-from workbench.core.values.units import rate_unit
 from workbench.show.page import PageTable, Section
 
 __all__ = [

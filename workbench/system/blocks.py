@@ -25,7 +25,7 @@ from workbench.fmi.instance import EventInfo, Instance, StepResult
 from workbench.fmi.instants import Instants
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
-from workbench.kernel.native_lti import Lti, call_back, lti_addresses
+from workbench.kernel.native_blocks import Lti, call_back, lti_addresses
 from workbench.system.description import (
     BlockComponent,
     FunctionComponent,

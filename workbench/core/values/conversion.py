@@ -9,7 +9,16 @@ from dataclasses import dataclass
 
 from workbench.core.records.names_in_text import plain_unit
 
-__all__ = ["BASE_UNITS", "Unit", "conversion", "in_other_unit", "is_same_unit", "known_unit", "named_conversion"]
+__all__ = [
+    "BASE_UNITS",
+    "Unit",
+    "conversion",
+    "in_other_unit",
+    "is_same_unit",
+    "known_unit",
+    "named_conversion",
+    "rate_unit",
+]
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _NONE = (0,) * len(BASE_UNITS)
@@ -237,3 +246,27 @@ def _exponents(text: str) -> tuple[int, ...]:
 def _times(left: _Power, right: _Power, sign: int) -> _Power:
     exponents = tuple(a + sign * b for a, b in zip(left[0], right[0], strict=True))
     return exponents, left[1] * right[1] ** sign
+
+
+_PER_SECONDS = re.compile(r"(?<=/)s([2-8]?)$")
+
+
+def rate_unit(unit: str | None) -> str | None:
+    """Return the unit of the time derivative of something in a unit; None: that is not known.
+
+    Args:
+        unit: as a model declares it; None or empty: it declares none.
+
+    Examples:
+        >>> rate_unit("1"), rate_unit("1/s"), rate_unit("rad/s2"), rate_unit("N.m")
+        ('1/s', '1/s2', 'rad/s3', 'N.m/s')
+    """
+    if not unit:
+        return None
+    unit = unit.replace(" ", "")
+    if "/" not in unit:
+        return f"{unit}/s"
+    seconds = _PER_SECONDS.search(unit)
+    if seconds and unit.count("/") == 1:
+        return f"{unit[: seconds.start()]}s{int(seconds[1] or 1) + 1}"
+    return f"({unit})/s"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.values.arrays import Floats
+from workbench.core.values.conversion import rate_unit
 from workbench.core.values.operating_point import OperatingPoint
-from workbench.core.values.units import rate_unit
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.session.point import ModelPoint

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from workbench.core.records.record import RecordPart, entry
+from workbench.core.values.conversion import rate_unit
 from workbench.core.values.operating_point import OperatingPoint
-from workbench.core.values.units import rate_unit
 from workbench.show.result import Result
 
 __all__ = ["NullDirection", "Residual", "TrimResult"]
