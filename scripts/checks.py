@@ -204,8 +204,14 @@ CHECKS = (
     tested(
         "an import goes up",
         "tests/test_layers.py",
-        {"workbench/core/values/conversion.py": add("\nfrom workbench.analysis import request\n")},
-        "core.*analysis",
+        {"workbench/core/values/conversion.py": add("\nfrom workbench.point.lin import request\n")},
+        "core.*point.lin",
+    ),
+    tested(
+        "two files name each other, one for a type",
+        "tests/test_layers.py",
+        {"workbench/fmi/access.py": add("\nif TYPE_CHECKING:\n    from workbench.fmi.instance import Instance\n")},
+        "fmi.access.*fmi.instance|fmi.instance.*fmi.access",
     ),
     tested(
         "a parameter is not documented",
