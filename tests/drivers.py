@@ -15,7 +15,8 @@ from tests.oracle.master.session import OracleMasterSession
 from tests.oracle.me import OracleMeSession
 from workbench.model import described_model as described
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
-from workbench.session.fmu import FmuSession, Setup
+from workbench.session.fmu import FmuSession
+from workbench.session.setup import Setup
 from workbench.system.master import model as master_model
 from workbench.system.master.group_unit import CompiledGroupSession
 from workbench.system.master.instance import MasterInstance

@@ -19,8 +19,9 @@ from workbench.fmi.fmi2 import Instance2
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library, _signatures
 from workbench.fmi.variable import Variable
-from workbench.session.fmu import FmuSession, Setup
+from workbench.session.fmu import FmuSession
 from workbench.session.probe import why_state_fails
+from workbench.session.setup import Setup
 
 OK, DISCARD, ERROR = 0, 2, 3
 

@@ -19,7 +19,8 @@ from workbench.fmi.fmi1 import Instance1
 from workbench.fmi.instance import Instance
 from workbench.fmi.library import Library, _signatures
 from workbench.fmi.variable import Variable
-from workbench.session.fmu import FmuSession, Setup
+from workbench.session.fmu import FmuSession
+from workbench.session.setup import Setup
 from workbench.signals.kinds import Constant, Sine, Step
 
 

@@ -26,60 +26,76 @@ __all__ = ["run"]
 
 _NOT_MET = 1
 
+# The options, each with its help.
+_Study = Annotated[
+    str | None, typer.Argument(metavar="STUDY", help="Study file (.toml), or a bundled one: study:NAME.")
+]
+_Store = Annotated[
+    Path | None,
+    typer.Option(
+        "--store",
+        metavar="DIR",
+        help="Folder in which finished analyses are kept; by default .workbench-store beside the study.",
+    ),
+]
+_NoStore = Annotated[bool, typer.Option("--no-store", help="Keep nothing, and reuse nothing.")]
+_Fresh = Annotated[bool, typer.Option("--fresh", help="Measure again what is in the store.")]
+_Jobs = Annotated[
+    int | None, typer.Option("--jobs", metavar="N", help="Number of worker processes; by default one per core.")
+]
+_Timeout = Annotated[
+    float,
+    typer.Option("--timeout", metavar="S", help="Time limit for one result [s]; inf for no limit."),
+]
+_Confine = Annotated[
+    bool,
+    typer.Option("--confine", help="Keep FMUs from networks, and from writing files; see any analysis's --help."),
+]
+_SchedulerAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="tcp://..",
+        help="Dask cluster on which the analyses run, as for nfr; the study must lie on a shared file system.",
+    ),
+]
+_SchedulerFiles = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler-tls",
+        metavar="CA,CERT,KEY",
+        help="Files for tls://..: certificate of the authority, own certificate, own key.",
+    ),
+]
+_Example = Annotated[bool, typer.Option("--example", help="Print a small example study, or the one named.")]
+_Json = Annotated[
+    str | None, typer.Option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
+]
+_Csv = Annotated[str | None, typer.Option("--csv", metavar="PATH", help="Write the result as CSV.")]
+_Junit = Annotated[
+    Path | None, typer.Option("--junit", metavar="PATH", help="Write the requirements as JUnit XML, for CI.")
+]
+_Report = Annotated[
+    str | None,
+    typer.Option("--report", metavar="PATH", help="Write one self-contained page, .html: pictures, tables, data."),
+]
+
 
 def run(
-    study: Annotated[
-        str | None, typer.Argument(metavar="STUDY", help="Study file (.toml), or a bundled one: study:NAME.")
-    ] = None,
-    store: Annotated[
-        Path | None,
-        typer.Option(
-            "--store",
-            metavar="DIR",
-            help="Folder in which finished analyses are kept; by default .workbench-store beside the study.",
-        ),
-    ] = None,
-    no_store: Annotated[bool, typer.Option("--no-store", help="Keep nothing, and reuse nothing.")] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Measure again what is in the store.")] = False,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", help="Number of worker processes; by default one per core.")
-    ] = None,
-    timeout: Annotated[
-        float,
-        typer.Option("--timeout", metavar="S", help="Time limit for one result [s]; inf for no limit."),
-    ] = DEFAULT_TIMEOUT,
-    confine: Annotated[
-        bool,
-        typer.Option("--confine", help="Keep FMUs from networks, and from writing files; see any analysis's --help."),
-    ] = False,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler",
-            metavar="tcp://..",
-            help="Dask cluster on which the analyses run, as for nfr; the study must lie on a shared file system.",
-        ),
-    ] = None,
-    scheduler_tls: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler-tls",
-            metavar="CA,CERT,KEY",
-            help="Files for tls://..: certificate of the authority, own certificate, own key.",
-        ),
-    ] = None,
-    example: Annotated[bool, typer.Option("--example", help="Print a small example study, or the one named.")] = False,
-    json: Annotated[
-        str | None, typer.Option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
-    ] = None,
-    csv: Annotated[str | None, typer.Option("--csv", metavar="PATH", help="Write the result as CSV.")] = None,
-    junit: Annotated[
-        Path | None, typer.Option("--junit", metavar="PATH", help="Write the requirements as JUnit XML, for CI.")
-    ] = None,
-    report: Annotated[
-        str | None,
-        typer.Option("--report", metavar="PATH", help="Write one self-contained page, .html: pictures, tables, data."),
-    ] = None,
+    study: _Study = None,
+    store: _Store = None,
+    no_store: _NoStore = False,
+    fresh: _Fresh = False,
+    jobs: _Jobs = None,
+    timeout: _Timeout = DEFAULT_TIMEOUT,
+    confine: _Confine = False,
+    scheduler: _SchedulerAddress = None,
+    scheduler_tls: _SchedulerFiles = None,
+    example: _Example = False,
+    json: _Json = None,
+    csv: _Csv = None,
+    junit: _Junit = None,
+    report: _Report = None,
 ) -> int:
     """Run a study: analyses over a grid of parameters, compared with requirements. Exit code 1: one is not met.
 

@@ -6,8 +6,7 @@ import ctypes
 import math
 import re
 from abc import ABC, abstractmethod
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +20,7 @@ from workbench.errors import FmuError, InputError, SimulationError
 from workbench.fmi.access import TypeCalls, VariableAccess, is_good
 from workbench.fmi.c_array import array_type, c_array
 from workbench.fmi.description import Capabilities, ModelDescription
+from workbench.fmi.ended import are_waiting, end, end_now
 from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.library import Library, load_alone, load_library
 from workbench.fmi.log import InstanceLog, open_log
@@ -34,8 +34,6 @@ __all__ = [
     "EventInfo",
     "Instance",
     "StepResult",
-    "end_later",
-    "end_now",
     "no_event_time",
 ]
 
@@ -44,7 +42,6 @@ _STATUS = {2: "discard", 3: "error", 4: "fatal error", 5: "pending"}
 _OTHER_WAY = " (with interface me the workbench integrates in its place)"
 _TROUBLE = re.compile("error|fatal|warning|discard", re.IGNORECASE)
 MAX_EVENT_ITERATIONS = 1000
-_MOST_ENDED = 768  # instances that wait for their end: a process has 1024 keys of thread-specific data
 _EVENT_UPDATE = {1: "fmiEventUpdate", 2: "fmi2NewDiscreteStates", 3: "fmi3UpdateDiscreteStates"}
 
 
@@ -87,39 +84,6 @@ class StepResult:
     time: float
     event: bool = False
     terminate: bool = False
-
-
-class _InstanceTerminated:
-    """Instances that are closed, and not yet terminated and freed.
-
-    Attributes:
-        most: so many may wait.
-        room: whether more may.
-    """
-
-    most = 0
-    room: ClassVar[Callable[[], bool]] = staticmethod(lambda: False)
-    waiting: ClassVar[deque[Instance]] = deque()
-
-
-def end_later(most: int, room: Callable[[], bool]) -> None:
-    """Let instances that are closed wait for `end_now`: what an FMU does then cannot spoil what is not yet told.
-
-    Args:
-        most: so many wait in any case.
-        room: whether more may; where not, those that have waited longest are ended.
-    """
-    _InstanceTerminated.most, _InstanceTerminated.room = most, staticmethod(room)
-
-
-def end_now(but: int = 0) -> None:
-    """Terminate and free instances that are closed.
-
-    Args:
-        but: so many of the last ones may wait.
-    """
-    while len(_InstanceTerminated.waiting) > but:
-        _InstanceTerminated.waiting.popleft()._end()  # noqa: SLF001 - of this module
 
 
 class Instance(ABC):
@@ -178,7 +142,7 @@ class Instance(ABC):
         self.component: Any = self._made(logging=False)
         if not self.component and interface == "cs" and self.event_mode:
             self._instantiate_without_event_mode()
-        if not self.component and _InstanceTerminated.waiting:
+        if not self.component and are_waiting():
             # Some allow one instance only without saying so; one that waits for its end may stand in the way.
             end_now()
             self.component = self._made(logging=False)
@@ -348,11 +312,7 @@ class Instance(ABC):
         if self._closed:
             return
         self._closed = True
-        _InstanceTerminated.waiting.append(self)
-        if len(_InstanceTerminated.waiting) > _InstanceTerminated.most and not (
-            len(_InstanceTerminated.waiting) <= _MOST_ENDED and _InstanceTerminated.room()
-        ):
-            end_now(_InstanceTerminated.most)
+        end(self._end)
 
     def _end(self) -> None:
         if self._worst >= FATAL:

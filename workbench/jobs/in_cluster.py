@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import Any
 
 from workbench.errors import InputError, LostError
-from workbench.fmi.instance import end_now
+from workbench.fmi.ended import end_now
 from workbench.jobs.options import Limits
 from workbench.jobs.pool import Pool
 from workbench.jobs.runner import Lost

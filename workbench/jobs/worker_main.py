@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 from workbench.core.machine.arithmetic import Arithmetic
 from workbench.core.machine.scratch import remove_if_dead
 from workbench.errors import LostError, WorkbenchError
-from workbench.fmi.instance import end_later, end_now
+from workbench.fmi.ended import end_later, end_now
 from workbench.jobs.answers import in_records
 from workbench.jobs.channel import HUNG_UP, MARK_BYTES, Channel
 from workbench.jobs.confine import confined

@@ -28,10 +28,11 @@ from workbench.model.loading import DEFAULT_TOLERANCE, Loading
 from workbench.model.operating_point import start_at
 from workbench.model.starts import check_starts
 from workbench.session.compiled import CompiledCsSession, CompiledMeSession
-from workbench.session.fmu import FmuSession, Lead, Setup
+from workbench.session.fmu import FmuSession
 from workbench.session.point import FmuPoint
 from workbench.session.probe import begins_at_zero, slopes_act, why_state_fails
 from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, STEP_PARTS, Settled, settle
+from workbench.session.setup import Lead, Setup
 from workbench.session.start_values import RELATIVE, NotReachedError, check_values, starts_of
 from workbench.signals.kinds import Signal
 

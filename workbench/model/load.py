@@ -30,7 +30,7 @@ from workbench.model.described_model import DescribedModel, LoadRecipe
 from workbench.model.loading import DEFAULT_TOLERANCE, Loading
 from workbench.model.starts import check_biases, check_starts
 from workbench.session.directional import newton_note
-from workbench.session.fmu import Setup
+from workbench.session.setup import Setup
 
 __all__ = [
     "FmuModel",

@@ -6,8 +6,9 @@ import math
 from dataclasses import replace
 
 from workbench.errors import InputError
-from workbench.session.fmu import FmuSession, Lead
+from workbench.session.fmu import FmuSession
 from workbench.session.forcing import convert
+from workbench.session.setup import Lead
 from workbench.session.start_values import COMPUTED, StartPoint
 
 __all__ = ["CsSession", "off_grid"]

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from workbench.core.values.arrays import Floats
 from workbench.errors import WorkbenchError
 from workbench.fmi.variable import FLOAT_TYPES
-from workbench.session.fmu import FmuSession, Setup
+from workbench.session.fmu import FmuSession
+from workbench.session.setup import Setup
 from workbench.signals.kinds import Constant, Signal, Sine
 
 __all__ = ["begins_at_zero", "forced", "slopes_act", "why_state_fails"]

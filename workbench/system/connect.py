@@ -15,7 +15,6 @@ from workbench.core.values.linear import Linear
 from workbench.errors import InputError, one_line, suggest
 from workbench.fmi.archive import locate
 from workbench.fmi.bundled import is_bundled
-from workbench.fmi.description import DefaultExperiment
 from workbench.fmi.variable import Value
 from workbench.model.described_model import DescribedModel, LoadRecipe
 from workbench.model.load import FmuModel
@@ -124,33 +123,48 @@ def connect(
         [[-4.]]
     """
     parts = [_part(n, value) for n, value in components.items()]
-    description = SystemDescription(
-        name=name,
-        components=(),
-        connections=tuple(_connection(c) for c in connections),
-        inputs=_inputs(inputs),
-        outputs=_outputs(outputs),
-        default_experiment=DefaultExperiment(),
-        master=MasterOptions(
-            order=order, extrapolation=extrapolation, step_tolerance=step_tolerance, hold_inputs=hold_inputs
-        ),
+    master = MasterOptions(
+        order=order, extrapolation=extrapolation, step_tolerance=step_tolerance, hold_inputs=hold_inputs
     )
-    starts = {
-        f"{name}.{inner}": value
-        for name, model in components.items()
-        if isinstance(model, SystemModel)
-        for inner, value in model.recipe.start_values.items()
-    }
+    starts = {**_own_starts(components), **(start_values or {})}
     asked = Loading(
         solver=solver,
         step=step,
         tolerance=tolerance,
         start=start,
         periods=periods,
-        start_values={**starts, **(start_values or {})},
+        start_values=starts,
         bias=bias or {},
     )
-    return open_description(embed(description, parts), asked)
+    return open_description(embed(_described(name, connections, inputs, outputs, master), parts), asked)
+
+
+def _described(
+    name: str,
+    connections: Sequence[Wanted],
+    inputs: Mapping[str, str | Sequence[str]] | Sequence[str],
+    outputs: Mapping[str, str] | Sequence[str],
+    master: MasterOptions,
+) -> SystemDescription:
+    """Return the system without its components."""
+    return SystemDescription(
+        name=name,
+        components=(),
+        connections=tuple(_connection(c) for c in connections),
+        inputs=_inputs(inputs),
+        outputs=_outputs(outputs),
+        master=master,
+    )
+
+
+def _own_starts(components: Mapping[str, object]) -> dict[str, Value]:
+    """Return what the systems among the components were loaded with, by full names."""
+    return {
+        f"{name}.{inner}": value
+        for name, model in components.items()
+        if isinstance(model, SystemModel)
+        for inner, value in model.recipe.start_values.items()
+    }
 
 
 def open_description(description: SystemDescription, asked: Loading | None = None) -> DescribedModel:

@@ -14,8 +14,8 @@ from workbench.core.values.calendar import is_due
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.session.base import Recorded
-from workbench.session.fmu import Setup
 from workbench.session.pauses import pause
+from workbench.session.setup import Setup
 from workbench.system.master.session import RehearsingSession
 
 __all__ = ["OracleMasterSession", "UndoableRows"]

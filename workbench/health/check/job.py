@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from workbench.errors import WorkbenchError
-from workbench.fmi.instance import end_now
+from workbench.fmi.ended import end_now
 from workbench.health.check.registry import CHECKS
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.fmi.instance import end_now
+from workbench.fmi.ended import end_now
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu
 

@@ -83,6 +83,16 @@ def response(task: LinTask) -> LinResult:
 
     Source: J.-N. Juang and R. S. Pappa, J. Guidance 8 (1985).
     """
+    _check(task)
+    recipe = _tighter(task)
+    runs = _PulseRuns(task.job, 1 if recipe is None else 2)
+    first = _tried(task, runs)
+    better = None if first.error <= DOUBT or recipe is None else _better(first, task, recipe, runs)
+    return first.given() if better is None else better
+
+
+def _check(task: LinTask) -> None:
+    """Refuse what the method cannot do."""
     if task.dx is not None:
         raise InputError("method response: it perturbs only inputs; leave out dx, or use another method")
     lacking = [kind for kind, names in (("input", task.inputs), ("output", task.outputs)) if not names]
@@ -93,24 +103,23 @@ def response(task: LinTask) -> LinResult:
         )
     if task.points < 8:
         raise InputError(f"points: {task.points} are too few for a realisation; at least 8 are needed")
-    recipe = _tighter(task)
-    runs = _PulseRuns(task.job, 1 if recipe is None else 2)
-    first = _tried(task, runs)
-    if first.error <= DOUBT or recipe is None:
-        return first.given()
+
+
+def _better(first: _Tried, task: LinTask, recipe: LoadRecipe, runs: _PulseRuns) -> LinResult | None:
+    """Return the linear model with another tolerance where it predicts better; None: it does not."""
     try:
         with recipe.open() as model:
             second = _tried(replace(task, model=model), runs)
     except WorkbenchError:  # it takes no such tolerance
-        return first.given()
+        return None
     if second.result is None or not second.error < first.error:
-        return first.given()
+        return None
     before = f"missed by {100.0 * first.error:.2g} %" if np.isfinite(first.error) else "not predicted"
     why = (
         f"tolerance: {recipe.tolerance:g} in place of the FMU's own, with which other pulses and a step are {before}; "
         "--tolerance sets another"
     )
-    return replace(second.given(), notes=(*second.given().notes, why))
+    return replace(second.result, notes=(*second.result.notes, why))
 
 
 @dataclass

@@ -15,8 +15,8 @@ from workbench.errors import SimulationError
 from workbench.kernel.structs import Me
 from workbench.session.base import Recorded, Snapshot
 from workbench.session.compiled import CompiledMeSession
-from workbench.session.fmu import Setup
 from workbench.session.me import MeSession
+from workbench.session.setup import Setup
 from workbench.signals.kinds import Signal
 from workbench.system.master.group_instance import GroupInstance
 

@@ -17,7 +17,8 @@ from workbench.model.described_model import DescribedModel
 from workbench.model.load import choose_solver, experiment_notes, start_of
 from workbench.model.loading import DEFAULT_TOLERANCE
 from workbench.model.starts import check_biases
-from workbench.session.fmu import FmuSession, Setup
+from workbench.session.fmu import FmuSession
+from workbench.session.setup import Setup
 from workbench.system.components import Opened, circle_notes, declared_rates, starts_of, system_starts
 from workbench.system.joint_description import joint_description, joint_ports
 from workbench.system.loops import closed_loops

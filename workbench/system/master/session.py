@@ -14,8 +14,8 @@ from workbench.fmi.variable import Variable
 from workbench.kernel.structs import Cs
 from workbench.session.compiled import CompiledCsSession
 from workbench.session.cs import CsSession
-from workbench.session.fmu import Setup
 from workbench.session.loop import InnerLoop
+from workbench.session.setup import Setup
 from workbench.signals.kinds import Signal
 from workbench.system.master.instance import MasterInstance
 from workbench.system.master.native import NativeMaster
