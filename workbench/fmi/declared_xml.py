@@ -66,18 +66,18 @@ def read_declared(data: bytes) -> Declared:
     Raises:
         FmuError: not well-formed, an unknown version of FMI, or text where a number should be.
     """
-    found = Declared()
+    result = Declared()
     try:
-        _read_root(data, found)
-        if _read_elements(data, found):
-            found.problems = _problems(data, found.root.fmi_version)
+        _read_root(data, result)
+        if _read_elements(data, result):
+            result.problems = _problems(data, result.root.fmi_version)
     except etree.XMLSyntaxError as error:
         raise FmuError(f"not well-formed: {error.msg or 'empty'}") from None
-    if found.major == 1:
-        found.interfaces = found.interfaces or {"ModelExchange": Interface()}
-        for interface in found.interfaces.values():
-            interface.model_identifier = found.root.model_identifier
-    return found
+    if result.major == 1:
+        result.interfaces = result.interfaces or {"ModelExchange": Interface()}
+        for interface in result.interfaces.values():
+            interface.model_identifier = result.root.model_identifier
+    return result
 
 
 def _read_root(data: bytes, found: Declared) -> None:

@@ -1,4 +1,4 @@
-"""Instances that are closed, and not yet terminated and freed: what an FMU does then cannot spoil what is not yet told."""
+"""Instances that are closed, and not yet ended: what an FMU does then cannot spoil what is not yet told."""
 
 from __future__ import annotations
 

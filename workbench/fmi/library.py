@@ -266,10 +266,10 @@ def _has_key_left() -> bool:
     if sys.platform == "win32":
         return True
     key = ctypes.c_ulong(0)  # unsigned int or unsigned long
-    found: bool = _loader().pthread_key_create(ctypes.byref(key), None) == 0
-    if found:
+    result: bool = _loader().pthread_key_create(ctypes.byref(key), None) == 0
+    if result:
         _loader().pthread_key_delete(key)
-    return found
+    return result
 
 
 @lru_cache(maxsize=1)

@@ -93,16 +93,16 @@ def _described(data: bytes, source: str, structure: Mapping[str, int]) -> ModelD
         if digest in _known:
             _known.move_to_end(digest)
             return _known[digest]
-    found = kept(digest) if len(data) > _LARGE else None
-    if found is None:
-        found = _read(data, source, structure)
+    result = kept(digest) if len(data) > _LARGE else None
+    if result is None:
+        result = _read(data, source, structure)
         if len(data) > _LARGE:
-            keep(digest, found)
+            keep(digest, result)
     with _reading:
-        _known[digest] = found
+        _known[digest] = result
         while len(_known) > _MOST:
             _known.popitem(last=False)
-    return found
+    return result
 
 
 def _read(data: bytes, source: str, structure: Mapping[str, int]) -> ModelDescription:

@@ -25,15 +25,15 @@ def structural_values(description: ModelDescription, values: Mapping[str, Value]
         InputError: one is not a whole number, or outside what the FMU allows.
     """
     known = {v.name: v for v in description.variables if v.causality == STRUCTURAL}
-    found = {}
+    result = {}
     for name in known.keys() & values.keys():
         variable = known[name]
-        found[name] = _whole(name, values[name])
+        result[name] = _whole(name, values[name])
         lowest, highest = variable.minimum or 0.0, variable.maximum
-        if found[name] < lowest or (highest is not None and found[name] > highest):
+        if result[name] < lowest or (highest is not None and result[name] > highest):
             most = "" if highest is None else f" and at most {highest:g}"
-            raise InputError(f"{name}: the FMU takes at least {lowest:g}{most}, not {found[name]}")
-    return found
+            raise InputError(f"{name}: the FMU takes at least {lowest:g}{most}, not {result[name]}")
+    return result
 
 
 def _whole(name: str, value: Value) -> int:

@@ -126,10 +126,10 @@ def _take_scheduler(value: object) -> object:
 
 
 def _take_files(value: Sequence[str]) -> tuple[str, ...]:
-    found = tuple(str(name).strip() for name in (value.split(",") if isinstance(value, str) else value))
-    if len(found) != 3 or not all(found):
+    result = tuple(str(name).strip() for name in (value.split(",") if isinstance(value, str) else value))
+    if len(result) != 3 or not all(result):
         raise ValueError("takes three files: certificate of the authority, own certificate, own key")
-    return found
+    return result
 
 
 _ADDRESS = Form(

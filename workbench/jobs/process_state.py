@@ -121,11 +121,11 @@ def _many_mappings(size: int) -> bool:
 
 def _environment() -> object:
     """Return the environment as the C library has it: `os.environ` does not see what others set."""
-    found: list[bytes] = []
+    result: list[bytes] = []
     try:
         texts = ctypes.POINTER(ctypes.c_char_p).in_dll(ctypes.CDLL(None), "environ")
-        while (text := texts[len(found)]) is not None:
-            found.append(text)
+        while (text := texts[len(result)]) is not None:
+            result.append(text)
     except ValueError:  # this system has no such name, or somebody has cleared it
         return dict(os.environ)
-    return found
+    return result

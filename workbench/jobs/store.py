@@ -156,12 +156,12 @@ class Store(Closable):
         rows = self._database.execute("SELECT id, subject, effort, text FROM settings ORDER BY id DESC").fetchall()
         keys = {number: key for number, *key, text in rows if key == _keys(text)}
         sound = {number for number, key in keys.items() if key not in [keys[n] for n in keys if n > number]}
-        found: list[str] = []
+        result: list[str] = []
         number = -math.inf
         while (number := self._database.execute(_NEXT, (number,)).fetchone()[0]) is not None:
             if number not in sound:
-                found += [repr(point) for (point,) in self._database.execute(_OF_NUMBER, (number,))]
-        return found
+                result += [repr(point) for (point,) in self._database.execute(_OF_NUMBER, (number,))]
+        return result
 
     def save(self, point: str, value: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
         """Keep the value of a point; an earlier one under the same settings is replaced.
@@ -298,9 +298,9 @@ def _remarks(path: Path, damaged: list[str]) -> list[str]:
 
 
 def _connected(name: str | Path, *, uri: bool = False) -> sqlite3.Connection:
-    found = sqlite3.connect(name, uri=uri, timeout=_PATIENCE, isolation_level=None)
-    found.text_factory = lambda text: text.decode("utf-8", "replace")  # damaged text is for the check sum to notice
-    return found
+    result = sqlite3.connect(name, uri=uri, timeout=_PATIENCE, isolation_level=None)
+    result.text_factory = lambda text: text.decode("utf-8", "replace")  # damaged text is for the check sum to notice
+    return result
 
 
 def _is_sound(row: _Row) -> bool:

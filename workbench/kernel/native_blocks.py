@@ -56,13 +56,13 @@ _FUNCTIONS: Mapping[str, tuple[str, list[Any]]] = {
 @lru_cache(maxsize=1)
 def block_functions() -> Mapping[str, Callable[..., int]]:
     """Return the kernel's functions for blocks, by the names that FMUs give them."""
-    library, found = kernel(), {}
+    library, result = kernel(), {}
     for name, (own, arguments) in _FUNCTIONS.items():
         function = getattr(library, own)
         function.restype = None if own == "block_free" else c_int
         function.argtypes = [c_void_p, *arguments]
-        found[name] = function
-    return found
+        result[name] = function
+    return result
 
 
 def new_element(

@@ -105,12 +105,12 @@ class FmuModel(DescribedModel):
         self._unpacked.close()
 
 
-def load_fmu(path: str | Path, asked: Loading) -> FmuModel:
+def load_fmu(path: str | Path, request: Loading) -> FmuModel:
     """Load an FMU.
 
     Args:
         path: an `.fmu` file, the folder of an unpacked FMU, `fmu:NAME` or `fmu:NAME@3`.
-        asked: how.
+        request: how.
 
     Returns:
         The model; close it, or use it in a `with` block, to remove its temporary folder.
@@ -124,7 +124,7 @@ def load_fmu(path: str | Path, asked: Loading) -> FmuModel:
         recipe = FmuRecipe(
             source=str(unpacked.source.absolute()),
             folder=str(unpacked.folder.absolute()),
-            **values_of(asked),
+            **values_of(request),
         )
         return open_unpacked(unpacked, recipe)
     except BaseException:

@@ -160,11 +160,11 @@ def _by_own_names(names: Mapping[str, str], value: Any, told: set[str]) -> Any: 
         return type(value)(_by_own_names(names, part, told) for part in value)
     if type(value) is not dict:
         return value
-    found = {_by_own_names(names, key, told): part for key, part in value.items()}
-    if len(found) < len(value):
+    result = {_by_own_names(names, key, told): part for key, part in value.items()}
+    if len(result) < len(value):
         twice = next(name for name in value if names.get(name) in value)
         raise InputError(f"{twice} is another name of {names[twice]}: give one of them")
-    return found
+    return result
 
 
 def _other_names(model: Model) -> dict[str, str]:

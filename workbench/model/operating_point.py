@@ -120,10 +120,10 @@ def _read(session: Session, names: list[str]) -> dict[str, float]:
     try:
         return session.values(names)
     except (InputError, SimulationError):
-        found: dict[str, float] = {}
+        result: dict[str, float] = {}
         for name in names if len(names) > 1 else ():
-            found |= _read(session, [name])
-        return found
+            result |= _read(session, [name])
+        return result
 
 
 # -- what was given ----------------------------------------------------------------------------

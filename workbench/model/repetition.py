@@ -130,8 +130,8 @@ class _Runs:
 
     @cached_property
     def _sizes(self) -> Floats:
-        found: Floats = np.abs(self._played(None)).max(axis=0)
-        return found
+        result: Floats = np.abs(self._played(None)).max(axis=0)
+        return result
 
     @property
     def least(self) -> int:
@@ -177,8 +177,8 @@ class _Runs:
     @cached_property
     def _ends(self) -> Floats:
         """Ends of the periods, just before their last sample, shape (length,) [s]."""
-        found: Floats = self.start + (np.arange(1.0, self.length + 1.0) - BEFORE) * self.period
-        return found
+        result: Floats = self.start + (np.arange(1.0, self.length + 1.0) - BEFORE) * self.period
+        return result
 
     def _stops(self, first: int | None) -> list[int]:
         """Return the numbers of periods after which a run is stopped, so that states can be moved."""
@@ -214,5 +214,5 @@ class _Runs:
 
 def _widths(variables: Sequence[Variable], values: Floats) -> Floats:
     nominal = np.array([v.nominal or _UNDECLARED for v in variables], dtype=np.float64)
-    found: Floats = _WIDTH * np.maximum(np.abs(values), nominal)
-    return found
+    result: Floats = _WIDTH * np.maximum(np.abs(values), nominal)
+    return result

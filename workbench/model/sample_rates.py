@@ -108,14 +108,14 @@ def rates_of(
         return Rates(notes=_of_single(single))
     ticks = _ticks(model, start, values, _LOOKS[0])
     _check_given(model, ticks)
-    found = _found([*known, *shown], start, ticks, btptol)
-    found = replace(found, phase=start) if model.declared_rates().clocks else found
-    found = replace(found, begin=max(found.begin, *single)) if single else found
-    found = _confirmed(model, found, start, values) if shown else found
-    found = replace(found, notes=(*found.notes, *_of_single(single)))
-    if len(ticks) == _LOOKS[0] and ticks[-1] < found.start(start) + 2.0 * found.period:
-        return replace(found, ticks=_ticks(model, start, values, _LOOKS[-1]))
-    return found
+    result = _found([*known, *shown], start, ticks, btptol)
+    result = replace(result, phase=start) if model.declared_rates().clocks else result
+    result = replace(result, begin=max(result.begin, *single)) if single else result
+    result = _confirmed(model, result, start, values) if shown else result
+    result = replace(result, notes=(*result.notes, *_of_single(single)))
+    if len(ticks) == _LOOKS[0] and ticks[-1] < result.start(start) + 2.0 * result.period:
+        return replace(result, ticks=_ticks(model, start, values, _LOOKS[-1]))
+    return result
 
 
 def sampled(model: Model, at: OperatingPoint | None = None) -> Rates:
@@ -130,14 +130,14 @@ def sampled(model: Model, at: OperatingPoint | None = None) -> Rates:
     """
     where = model.at if at is None else at
     try:
-        found = rates_of(model) if where is None else rates_of(model, time=where.time, values=where.values)
+        result = rates_of(model) if where is None else rates_of(model, time=where.time, values=where.values)
     except PeriodsError:
         raise
     except WorkbenchError as error:
-        found = Rates(notes=(str(error),), complete=not isinstance(error, InputError))
-    if found.periods or where is None or where.period is None:
-        return found
-    return replace(found, periods=(where.period,), period=where.period, complete=True)
+        result = Rates(notes=(str(error),), complete=not isinstance(error, InputError))
+    if result.periods or where is None or where.period is None:
+        return result
+    return replace(result, periods=(where.period,), period=where.period, complete=True)
 
 
 _Sequence = tuple[float, float]  # first instant, period [s]
@@ -213,28 +213,28 @@ def _sequences(
     return found, single
 
 
-def _confirmed(model: Model, found: Rates, start: float, values: Mapping[str, float] | None) -> Rates:
+def _confirmed(model: Model, result: Rates, start: float, values: Mapping[str, float] | None) -> Rates:
     """Return the rates with those that no event shows."""
-    begin, period = found.start(start), found.period
-    inside = int(np.count_nonzero((found.ticks > begin) & (found.ticks < begin + 1.5 * period)))
+    begin, period = result.start(start), result.period
+    inside = int(np.count_nonzero((result.ticks > begin) & (result.ticks < begin + 1.5 * period)))
     try:
         seen = repetition(model, begin, period, values, events=inside)
     except WorkbenchError as error:
-        return replace(found, notes=(f"whether the model repeats every {period:.6g} s could not be seen: {error}",))
+        return replace(result, notes=(f"whether the model repeats every {period:.6g} s could not be seen: {error}",))
     if seen.count is None:
         note = (
             f"small deviations do not repeat every {period:.6g} s, nor after any number of such periods that shows in "
             f"{seen.periods} of them: the model is not the same from period to period (a motion on the way, a limit, a "
             "slower rate); give periods where they are known"
         )
-        return replace(found, notes=(note,))
+        return replace(result, notes=(note,))
     if seen.late:
-        found = replace(found, begin=begin + period)
+        result = replace(result, begin=begin + period)
     if seen.count == 1:
-        return found
+        return result
     whole = meant(seen.count * period)
     note = f"events come every {period:.6g} s, but what they do repeats every {whole:.6g} s only"
-    return replace(found, periods=(*found.periods, whole), period=whole, notes=(note,))
+    return replace(result, periods=(*result.periods, whole), period=whole, notes=(note,))
 
 
 # -- events --------------------------------------------------------------------------------------------------------

@@ -51,16 +51,16 @@ def check_starts(
     Raises:
         InputError: no such variable, it cannot be set, the value is not of its type, or its unit does not fit.
     """
-    found: dict[str, Value] = {}
+    result: dict[str, Value] = {}
     for name, value in values.items():
         elements = elements_of(name, variables)
         for one, part in _parts(name, value, elements).items() if elements else ((name, value),):
             own = own_name(one, variables)
-            if own in found:
+            if own in result:
                 by = "by another name" if own != one else "with the whole array"
                 raise InputError(f"{own} is set twice: by itself, and {by}")
-            found[own] = _start(own, part, variables, enumerations, units)
-    return found
+            result[own] = _start(own, part, variables, enumerations, units)
+    return result
 
 
 def own_name(name: str, variables: Mapping[str, Variable]) -> str:
@@ -226,7 +226,7 @@ def check_biases(
     Raises:
         InputError: no such real input, the value is not finite, or its unit does not fit.
     """
-    found = {}
+    result = {}
     bias = {own_name(name, variables): value for name, value in bias.items()}
     inputs = {n: v for n, v in variables.items() if v.causality == "input"}
     check_names(bias, inputs, kinds=("input",), what="bias", others={n: v.causality for n, v in variables.items()})
@@ -234,9 +234,9 @@ def check_biases(
         if inputs[name].type not in FLOAT_TYPES:
             raise InputError(f"bias: input '{name}' is a {inputs[name].type}; only real inputs take a bias")
         try:
-            found[name] = in_its_unit(inputs[name], value, units, "height")
+            result[name] = in_its_unit(inputs[name], value, units, "height")
         except (InputError, ValueError) as error:
             raise InputError(f"bias: {name}: {error}") from None
-        if not math.isfinite(found[name]):
+        if not math.isfinite(result[name]):
             raise InputError(f"bias: {name} must be a finite number, not {value}")
-    return found
+    return result

@@ -71,9 +71,9 @@ def newton_sparsity(description: ModelDescription) -> NativeSparsity | None:
     Args:
         description: of an FMU or a system.
     """
-    for other, found in tuple(_known):
+    for other, result in tuple(_known):
         if other is description:
-            return found
+            return result
     made = _newton_sparsity(description)
     _known.append((description, made))
     return made

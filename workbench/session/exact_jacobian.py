@@ -118,6 +118,6 @@ class ExactJacobian:
 
 def _numbered(places: NDArray[np.intp], size: int) -> NDArray[np.intp]:
     """Return for each place its number among those given; -1: it is none of them."""
-    found = np.full(size, -1)
-    found[places] = np.arange(len(places))
-    return found
+    result = np.full(size, -1)
+    result[places] = np.arange(len(places))
+    return result

@@ -151,13 +151,13 @@ def _under_sines(
 
 def _sines(session: FmuSession, step: float) -> dict[str, Signal]:
     """Sines about the start values of the continuous inputs."""
-    found: dict[str, Signal] = {}
+    result: dict[str, Signal] = {}
     for name, variable in session.inputs.items():
         if variable.is_continuous_input:
             start = float(variable.start or 0.0)
             size = 0.01 * (abs(variable.nominal or start) or 1.0)
-            found[name] = Sine(amplitude=size, frequency=1.0 / (_PERIOD * step), offset=start)
-    return found
+            result[name] = Sine(amplitude=size, frequency=1.0 / (_PERIOD * step), offset=start)
+    return result
 
 
 # -- does the solver of a co-simulation FMU begin at the start time -------------------------------

@@ -20,12 +20,12 @@ def find(names: Sequence[str], variables: Mapping[str, Variable]) -> list[Variab
         InputError: unknown name, or a text.
     """
     check_names(names, variables, kinds=("variable",))
-    found = []
+    result = []
     for name in names:
         if not (variables[name].is_number or variables[name].type == "Clock"):  # whose ticks are counted
             raise InputError(f"'{name}' is a {variables[name].type}; only numbers can be recorded")
-        found.append(variables[name])
-    return found
+        result.append(variables[name])
+    return result
 
 
 def read_finite(access: VariableAccess, variables: Sequence[Variable], time: float) -> list[float]:

@@ -95,18 +95,18 @@ def misses(
     ]
 
 
-def _in_type(variable: Variable, asked: Value) -> Value:
-    return asked if isinstance(asked, str) or not variable.is_number else convert(variable, asked)
+def _in_type(variable: Variable, wanted: Value) -> Value:
+    return wanted if isinstance(wanted, str) or not variable.is_number else convert(variable, wanted)
 
 
-def _took(variable: Variable, asked: Value, found: Value, near: float) -> bool:
-    if isinstance(asked, str) or isinstance(found, str):
-        return str(asked) == str(found)
+def _took(variable: Variable, wanted: Value, found: Value, near: float) -> bool:
+    if isinstance(wanted, str) or isinstance(found, str):
+        return str(wanted) == str(found)
     if not math.isfinite(found):
         return False
     # Where a value is tiny for its variable, rounding of larger terms may be all that it is.
-    small = near if variable.causality != "parameter" or asked == 0.0 else 0.0
-    return abs(found - asked) <= RELATIVE * abs(asked) + small
+    small = near if variable.causality != "parameter" or wanted == 0.0 else 0.0
+    return abs(found - wanted) <= RELATIVE * abs(wanted) + small
 
 
 def starts_of(variables: Mapping[str, Variable], values: Mapping[str, float]) -> dict[str, Value]:
@@ -162,15 +162,15 @@ class StartPoint:
 
     def missed_states(self) -> list[Miss]:
         """Return the states that are not where they are asked to be."""
-        found = misses(self._instance, self.states, self.values, near=self.near, sizes=self.sizes)
+        result = misses(self._instance, self.states, self.values, near=self.near, sizes=self.sizes)
         named = {v.name for v in self.states}
         unnamed = {n: i for n, i in self._positions.items() if n in self.values and n not in named}
         if unnamed:
             self._instance.get_states()
             x = self._instance.x
             plain = ((Variable(n), self.values[n], float(x[i])) for n, i in unnamed.items())
-            found += [Miss(v.name, asked, value) for v, asked, value in plain if not _took(v, asked, value, self.near)]
-        return found
+            result += [Miss(v.name, asked, value) for v, asked, value in plain if not _took(v, asked, value, self.near)]
+        return result
 
     def missed(self, some: Iterable[Variable]) -> list[Miss]:
         """Return those of `some` that do not have the values asked for."""

@@ -298,11 +298,11 @@ def system_starts(values: Mapping[str, Value], described: ModelDescription) -> d
     Raises:
         InputError: see `check_starts`; a structural parameter, which a component is opened with.
     """
-    found = check_starts(values, {v.name: v for v in described.variables}, described.enumerations, described.units)
+    result = check_starts(values, {v.name: v for v in described.variables}, described.enumerations, described.units)
     sizes = {v.name for v in described.variables if v.causality == STRUCTURAL}
-    for name in found.keys() & sizes:
+    for name in result.keys() & sizes:
         raise InputError(f"{name}: a structural parameter is set with its component: set = {{…}} in the system file")
-    return found
+    return result
 
 
 def starts_of(parts: Sequence[OpenComponent]) -> dict[str, Value]:

@@ -360,12 +360,12 @@ class CompositeAccess(VariableAccess):
 
     def _group(self, pairs: Sequence[tuple[tuple[int, Variable], int]]) -> list[tuple[VariableAccess, list[int]]]:
         """Return for each part its access, and where its variables stand in the list."""
-        found = []
+        result = []
         for part in dict.fromkeys(number for (number, _), _ in pairs):
             own = [(variable, i) for (number, variable), i in pairs if number == part]
             access = self._instance.parts[part].access([v for v, _ in own])
-            found.append((access, [i for _, i in own]))
-        return found
+            result.append((access, [i for _, i in own]))
+        return result
 
     def read(self) -> list[Any]:
         self._instance.refresh()

@@ -167,19 +167,19 @@ def _own_starts(components: Mapping[str, object]) -> dict[str, Value]:
     }
 
 
-def open_description(description: SystemDescription, asked: Loading | None = None) -> DescribedModel:
+def open_description(description: SystemDescription, request: Loading | None = None) -> DescribedModel:
     """Open a system as it is written down.
 
     Args:
         description: the system.
-        asked: how; None: all at its default.
+        request: how; None: all at its default.
 
     Raises:
         InputError, FmuError: see `connect`.
     """
     source = description.source or description.name
-    asked = replace(asked or Loading(), hold_inputs=description.master.hold_inputs)
-    return OpenableSystem(source=source, system=description, **values_of(asked)).open()
+    request = replace(request or Loading(), hold_inputs=description.master.hold_inputs)
+    return OpenableSystem(source=source, system=description, **values_of(request)).open()
 
 
 # -- components -------------------------------------------------------------------------------

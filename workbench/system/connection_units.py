@@ -35,11 +35,11 @@ def declared_unit(component: Component, variable: Variable) -> str | None:
 
 def all_units(description: SystemDescription) -> dict[str, Unit]:
     """Return the definitions of the file and of all FMUs; where names clash, the first one."""
-    found = dict(description.units)
+    result = dict(description.units)
     for component in description.components:
         if isinstance(component, FmuComponent):
-            found = {**_fmu_units(component), **found}
-    return found
+            result = {**_fmu_units(component), **result}
+    return result
 
 
 def _fmu_units(component: FmuComponent) -> Mapping[str, Unit]:
@@ -111,13 +111,13 @@ class UnitCheck:
                 )
         if mine is None or named is None:
             return 1.0, 0.0
-        found = conversion(mine, named) if forwards else conversion(named, mine)
-        if found is None:
+        result = conversion(mine, named) if forwards else conversion(named, mine)
+        if result is None:
             raise InputError(
                 f"'{port.variable.name}' is in {own}, which is not compatible with {name}; convert = false hands the "
                 "number over as it is"
             )
-        return found
+        return result
 
     # -- units that nobody named ----------------------------------------------------------------------
 
@@ -137,19 +137,19 @@ class UnitCheck:
             )
         if is_same_unit(left, right):
             return 1.0, 0.0
-        found = conversion(left, right)
-        if found is None:
+        result = conversion(left, right)
+        if result is None:
             raise InputError(
                 f"units {given} → {taken} measure different things; if the number is right as it is (times gain), set "
                 "convert = false"
             )
         if given not in self._definitions(source) or taken not in self._definitions(target):
             raise InputError(
-                f'units differ: {given} → {taken}; unit = "{taken}" converts (× {found[0]:g}{_signed(found[1])}), '
+                f'units differ: {given} → {taken}; unit = "{taken}" converts (× {result[0]:g}{_signed(result[1])}), '
                 "convert = false passes the number on unchanged"
             )
-        self._note(source, target, given, taken, found)
-        return found
+        self._note(source, target, given, taken, result)
+        return result
 
     def _note(self, source: Port, target: Port, given: str, taken: str, found: _Linear) -> None:
         self._converted.append(

@@ -87,14 +87,14 @@ def read_units(root: etree._Element) -> dict[str, Unit]:
     Args:
         root: of an SSD or of an SSP parameter set.
     """
-    found = {}
+    result = {}
     for element in root.iterfind("{*}Units/{*}Unit"):
         name, base = element.get("name"), element.find("{*}BaseUnit")
         if name is not None and base is not None:
             unit = _unit(plain_unit(name), base)
             if unit is not None:
-                found[plain_unit(name)] = unit
-    return found
+                result[plain_unit(name)] = unit
+    return result
 
 
 def _unit(name: str, base: etree._Element) -> Unit | None:

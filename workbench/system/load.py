@@ -17,38 +17,38 @@ from workbench.system.files.read import is_system_file, read_system
 __all__ = ["load", "open_file", "open_files"]
 
 
-def open_file(path: str | Path, asked: Loading) -> DescribedModel:
+def open_file(path: str | Path, request: Loading) -> DescribedModel:
     """Load an FMU or a system; see `load`.
 
     Args:
         path: of either.
-        asked: how.
+        request: how.
     """
     if not is_system_file(path):
-        return load_fmu(path, asked)
+        return load_fmu(path, request)
     from workbench.system.connect import open_description  # noqa: PLC0415  loading a single FMU stays quick
 
-    if asked.hold_inputs:
+    if request.hold_inputs:
         raise InputError(f"{path}: hold_inputs is for one co-simulation FMU, not for a system")
     system = read_system(path)
-    if asked.step is not None and system.master.step_tolerance is not None:
-        note = f"step_tolerance of the file is not used: the communication step is given, {asked.step:g} s"
+    if request.step is not None and system.master.step_tolerance is not None:
+        note = f"step_tolerance of the file is not used: the communication step is given, {request.step:g} s"
         system = replace(system, master=replace(system.master, step_tolerance=None), notes=(*system.notes, note))
-    return open_description(system, asked)
+    return open_description(system, request)
 
 
 @contextmanager
-def open_files(paths: Sequence[str | Path], asked: Loading) -> Iterator[dict[str, DescribedModel]]:
+def open_files(paths: Sequence[str | Path], request: Loading) -> Iterator[dict[str, DescribedModel]]:
     """Open FMUs and systems; name of the file, numbered where it occurs twice → model.
 
     Args:
         paths: of each.
-        asked: how, all of them.
+        request: how, all of them.
     """
     names = [Path(str(path).removeprefix("fmu:").removeprefix("system:")).stem for path in paths]
     with ExitStack() as stack:
         yield {
-            f"{name} ({k})" if names.count(name) > 1 else name: stack.enter_context(open_file(path, asked))
+            f"{name} ({k})" if names.count(name) > 1 else name: stack.enter_context(open_file(path, request))
             for k, (name, path) in enumerate(zip(names, paths, strict=True), 1)
         }
 

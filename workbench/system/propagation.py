@@ -133,8 +133,8 @@ class _Bundle:
 
 
 def _accesses(parts: Sequence[Instance], wanted: Sequence[tuple[int, Variable]]) -> list[_Part]:
-    found = []
+    result = []
     for number in dict.fromkeys(n for n, _ in wanted):
         places = [i for i, (n, _) in enumerate(wanted) if n == number]
-        found.append((parts[number].access([wanted[i][1] for i in places]), places))
-    return found
+        result.append((parts[number].access([wanted[i][1] for i in places]), places))
+    return result

@@ -53,11 +53,11 @@ class SystemRecipe(LoadRecipe):
 
     def tighter(self, factor: float) -> Self:
         """Return the recipe with `factor` times the tolerances of integration and, where it is given, of the steps."""
-        found, master = super().tighter(factor), self.system.master
+        result, master = super().tighter(factor), self.system.master
         if master.step_tolerance is None:
-            return found
+            return result
         master = replace(master, step_tolerance=factor * master.step_tolerance)
-        return replace(found, system=replace(self.system, master=master))
+        return replace(result, system=replace(self.system, master=master))
 
     @abstractmethod
     def open(self) -> DescribedModel:

@@ -40,16 +40,16 @@ class SystemJacobian:
             seeds[number][variable.name] = (variable, seed)
         for group in self._wiring.continuous:
             self._pass_on(group, seeds)
-        found = np.zeros(len(wanted))
+        result = np.zeros(len(wanted))
         for number, own in enumerate(seeds):
             # All of a part at once: one product of matrices, or one call of the FMU.
             asked = [i for i, (owner, v) in enumerate(wanted) if owner == number and v.name not in own]
             if own and asked:
-                found[asked] = self._of_part(number, [wanted[i][1] for i in asked], own)
+                result[asked] = self._of_part(number, [wanted[i][1] for i in asked], own)
         for i, (owner, variable) in enumerate(wanted):
             if variable.name in seeds[owner]:
-                found[i] = seeds[owner][variable.name][1]
-        return found
+                result[i] = seeds[owner][variable.name][1]
+        return result
 
     def _pass_on(self, group: AlgebraicGroup, seeds: list[dict[str, tuple[Variable, float]]]) -> None:
         connections = [self._wiring.connections[i] for i in group.members]

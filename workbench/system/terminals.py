@@ -90,12 +90,12 @@ class _Terminals:
 
     def _members(self, component: str, terminal: Terminal) -> dict[str, TerminalMember]:
         """Return name → member, those of terminals inside as "inner.member"."""
-        found = {m.name: m for m in terminal.members}
+        result = {m.name: m for m in terminal.members}
         for name, inner in self._terminals[component].items():
             if name.startswith(f"{terminal.name}."):
                 begin = name.removeprefix(f"{terminal.name}.")
-                found.update({f"{begin}.{m.name}": m for m in inner.members})
-        return found
+                result.update({f"{begin}.{m.name}": m for m in inner.members})
+        return result
 
     def _one(
         self, connection: Connection, ends: Sequence[tuple[str, str]], pair: tuple[TerminalMember, TerminalMember]

@@ -89,14 +89,14 @@ def places(subject: CheckedFmu) -> Iterator[EvaluationPoint]:
 
 def _visited(subject: CheckedFmu) -> list[tuple[Floats, dict[str, float]]]:
     """Return states and inputs at some instants of a test run."""
-    found = []
+    result = []
     signals = subject.sines()
     with subject.model.open_session(start_time=subject.start) as session:
         for share in _AT:
             session.advance(subject.start + share * subject.span, signals=signals)
             session.instance.get_states()
-            found.append((session.instance.x.copy(), session.values(list(signals))))
-    return found
+            result.append((session.instance.x.copy(), session.values(list(signals))))
+    return result
 
 
 def _fast(point: ModelPoint) -> tuple[int, ...]:

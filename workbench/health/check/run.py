@@ -49,10 +49,10 @@ class _CheckedInterface:
     loading: Loading
 
 
-def run(path: str | Path, asked: Check, job: Job) -> HealthCard:
+def run(path: str | Path, request: Check, job: Job) -> HealthCard:
     """Check an FMU, or the FMUs of a system; see `Check`."""
-    names = choose(asked.only, asked.skip)
-    given = Loading(**{d.name: getattr(asked, d.name) for d in options_of(Loading)})
+    names = choose(request.only, request.skip)
+    given = Loading(**{d.name: getattr(request, d.name) for d in options_of(Loading)})
     system = read_system(path) if is_system_file(path) else None  # an .ssp stays unpacked as long as this lives
     parts = (
         [_CheckedInterface(component="", file=str(path), loading=given)]
@@ -63,7 +63,7 @@ def run(path: str | Path, asked: Check, job: Job) -> HealthCard:
     for number, part in enumerate(parts, 1):
         job.stage(number, len(parts))
         joined = partial(_joined, str(path), tuple(cards))
-        cards.append(_card(part, names, asked.place, job, joined))
+        cards.append(_card(part, names, request.place, job, joined))
     return _joined(str(path), tuple(cards[:-1]), cards[-1])
 
 

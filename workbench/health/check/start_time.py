@@ -51,14 +51,14 @@ def start_time(subject: CheckedFmu) -> Answer:
         first, later = (_run(subject, subject.start + t, h) for t in (0.0, shift))
     except (FmuError, SimulationError) as error:
         return Answer("watch", f"a run that begins at {subject.start + shift:.4g} s fails: {error}", _FAILS)
-    found = _judge(subject, first, replace(later, time=first.time), shift, period)
+    result = _judge(subject, first, replace(later, time=first.time), shift, period)
     if subject.model.start_note:
-        return Answer("broken", subject.model.start_note, _AT_ZERO, found.numbers)
-    if found.verdict == "good":
-        return found
+        return Answer("broken", subject.model.start_note, _AT_ZERO, result.numbers)
+    if result.verdict == "good":
+        return result
     if not same_bits(first, _run(subject, subject.start, h)):
         return Answer("not applicable", "even the same run at the same time does not repeat itself (see determinism)")
-    return found if _remains(subject, found, shift, h) else replace(found, verdict="good", consequence=_NUMERICAL)
+    return result if _remains(subject, result, shift, h) else replace(result, verdict="good", consequence=_NUMERICAL)
 
 
 def _judge(subject: CheckedFmu, first: Trajectory, later: Trajectory, shift: float, period: float) -> Answer:

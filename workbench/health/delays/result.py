@@ -121,18 +121,18 @@ class DelayReport(Result):
     @property
     def conclusions(self) -> list[str]:
         """What these figures say of the FMUs and of the step, one statement each."""
-        found = []
+        result = []
         late = [c for c in self.connections if c.mean_s != 0.0]
         orders = [o.order for o in self.outputs if o.order is not None]
         if not late and orders and min(orders) < 1.5:
-            found.append(
+            result.append(
                 "no connection is delayed on average, but the error only falls in proportion to the step: an FMU makes "
                 "one explicit Euler step in each communication step, or ignores the slopes of its inputs"
             )
         worst = max(self.outputs, key=lambda o: o.error / o.span if o.span else 0.0, default=None)
         if worst is not None and worst.error > _SMALL * worst.span:
-            found.append(f"the error of {worst.name} is more than {100 * _SMALL:g} % of its range: use a shorter step")
-        return found
+            result.append(f"the error of {worst.name} is more than {100 * _SMALL:g} % of its range: use a shorter step")
+        return result
 
 
 def _connection_words(c: ConnectionDelay, frequency: float | None) -> str:

@@ -29,23 +29,23 @@ _EXTRAPOLATED = {1: "extrapolated from the step before", 2: "extrapolated from t
 _DIVISORS = (1.0, 2.0, 4.0)  # of the step: the error is told from how the answers differ
 
 
-def run(model: Model, asked: Delays, job: Job) -> DelayReport | NoDelays:
+def run(model: Model, request: Delays, job: Job) -> DelayReport | NoDelays:
     """Tell what the master of a system costs; see `Delays`."""
     if not isinstance(model, MasterModel):
         if model.interface == "me":
             return NoDelays(model=model.name, interface=model.interface, solver=model.solver)
         raise InputError(f"{model.name}: a single co-simulation FMU has no connections; connect it into a system first")
-    system, remarks = start_at(model, asked.at)
-    return _report(system, asked, forced_inputs(system, asked.inputs), remarks, job)
+    system, remarks = start_at(model, request.at)
+    return _report(system, request, forced_inputs(system, request.inputs), remarks, job)
 
 
 def _report(
-    model: MasterModel, asked: Delays, inputs: Mapping[str, Signal], remarks: tuple[str, ...], job: Job
+    model: MasterModel, request: Delays, inputs: Mapping[str, Signal], remarks: tuple[str, ...], job: Job
 ) -> DelayReport:
-    stop, frequency = asked.stop, asked.frequency
+    stop, frequency = request.stop, request.frequency
     if stop is None and model.stop_time is not None and model.stop_time > model.start_time:
         stop = model.stop_time - model.start_time
-    step = asked.step or _usual_step(model, stop, inputs)
+    step = request.step or _usual_step(model, stop, inputs)
     stop = stop or _STEPS * step
     outputs, takes = _outputs(model, stop, inputs, step, job)
     decided = model.decided
@@ -103,12 +103,12 @@ def _connections(
 ) -> dict[int, ConnectionDelay]:
     units = model.decided.units
     place = {k: i for i, stage in enumerate(model.decided.stages) for k in stage}
-    found = {}
+    result = {}
     for i in sorted(units.outer()):
         how, mean, longest = _judged(model, i, takes, place, step)
         lost = None if frequency is None else 360.0 * frequency * mean
-        found[i] = ConnectionDelay(units.connections[i].label, how, mean, longest, lost)
-    return found
+        result[i] = ConnectionDelay(units.connections[i].label, how, mean, longest, lost)
+    return result
 
 
 def _judged(
@@ -194,17 +194,17 @@ def _cycles(units: Units) -> list[tuple[int, ...]]:
     for i in units.outer():
         a, b = units.ends(i)
         after[a].add(b)
-    found: list[tuple[int, ...]] = []
+    result: list[tuple[int, ...]] = []
 
     def walk(way: Sequence[int]) -> None:
         for following in sorted(after[way[-1]]):
-            if len(found) >= _MOST_LOOPS:
+            if len(result) >= _MOST_LOOPS:
                 return
             if following == way[0]:
-                found.append(tuple(way))
+                result.append(tuple(way))
             elif following > way[0] and following not in way:
                 walk([*way, following])
 
     for k in after:
         walk([k])
-    return found
+    return result

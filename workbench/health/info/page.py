@@ -77,14 +77,14 @@ def _experiment(experiment: DefaultExperiment) -> str:
 
 
 def _snapshots(capabilities: Mapping[str, InterfaceFacts]) -> list[Verdict]:
-    found = []
+    result = []
     for interface, abilities in capabilities.items():
         probed = abilities.snapshots
         if probed is not None:
             why = f": {probed.why}" if probed.why else ""
             word = "good" if probed.method == "state" else "watch"
-            found.append(Verdict(word, f"{interface}: snapshots by {probed.method}{why}"))
-    return found
+            result.append(Verdict(word, f"{interface}: snapshots by {probed.method}{why}"))
+    return result
 
 
 def _capabilities(capabilities: Mapping[str, InterfaceFacts]) -> list[Section]:
@@ -97,15 +97,15 @@ def _capabilities(capabilities: Mapping[str, InterfaceFacts]) -> list[Section]:
 
 
 def _variables(record: FmuInfo | SystemInfo) -> list[Section]:
-    found = []
+    result = []
     items = record.enumerations if isinstance(record, FmuInfo) else {}
     for group, title in _GROUPS.items():
         variables: tuple[VariableFacts, ...] = getattr(record, group, ())
         if variables:
             rows = _Rows(variables, items)
             table = PageTable(("name", "type", "unit", "start", "description"), rows, right=(3,))
-            found.append(Section(f"{title} ({len(rows)})", tables=[table], folded=len(rows) > _MANY))
-    return found
+            result.append(Section(f"{title} ({len(rows)})", tables=[table], folded=len(rows) > _MANY))
+    return result
 
 
 class _Rows(Sequence[tuple[str, ...]]):

@@ -45,12 +45,12 @@ from workbench.system.load import load
 __all__ = ["run"]
 
 
-def run(path: str | Path, asked: Info, job: Job) -> FmuInfo | SystemInfo:
+def run(path: str | Path, request: Info, job: Job) -> FmuInfo | SystemInfo:
     """Read an FMU or a system; see `Info`."""
     if is_system_file(path):
         return _system(path)
     with undisturbed():
-        return _fmu(path, job, probe=asked.probe)
+        return _fmu(path, job, probe=request.probe)
 
 
 def _fmu(path: str | Path, job: Job, *, probe: bool) -> FmuInfo:

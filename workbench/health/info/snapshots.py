@@ -56,20 +56,20 @@ def probe_snapshots(
         interfaces: those to be probed; they must be able to run on this platform.
         told: gets what the user should know of how they ran.
     """
-    found = {
+    result = {
         name: Snapshots("replay", "the FMU does not claim to save its state")
         for name in interfaces
         if not claims[name].state
     }
-    jobs: deque[_Probe] = deque(_Probe(name) for name in interfaces if name not in found)
+    jobs: deque[_Probe] = deque(_Probe(name) for name in interfaces if name not in result)
     with Pool(recipe, jobs=1, limits=Limits(timeout=_PATIENCE)) as pool:
         try:
             for event in pool.run(perform, jobs):
                 if isinstance(event, Reply):
-                    found[event.job.interface] = event.value
+                    result[event.job.interface] = event.value
                 elif isinstance(event, Lost):
-                    found[event.job.interface] = Snapshots("replay", f"the probe failed: {event.reason}")
+                    result[event.job.interface] = Snapshots("replay", f"the probe failed: {event.reason}")
         except WorkbenchError as error:
-            found |= {n: Snapshots("replay", f"the probe failed: {error}") for n in interfaces if n not in found}
+            result |= {n: Snapshots("replay", f"the probe failed: {error}") for n in interfaces if n not in result}
     told.notes += pool.remarks()
-    return found
+    return result

@@ -23,10 +23,10 @@ def _listed(value: object) -> list[str]:
 
 
 def _rows(value: Any) -> tuple[tuple[float, ...], ...]:  # noqa: ANN401 - what Python or a TOML file holds
-    found = tuple(several(row) for row in value)
-    if len({len(row) for row in found}) > 1:
+    result = tuple(several(row) for row in value)
+    if len({len(row) for row in result}) > 1:
         raise ValueError("has rows of different lengths")
-    return found
+    return result
 
 
 def _values(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - what Python or a TOML file holds

@@ -180,8 +180,8 @@ class Lookup(Block):
             raise InputError(f"the table ends at {x[0]:g} and {x[-1]:g}, and extrapolation is 'error'")
         i = np.clip(np.searchsorted(x, u) - 1, 0, len(x) - 2)
         at = np.clip(u, x[0], x[-1]) if self.extrapolation == "hold" else u
-        found: Floats = y[i] + (at - x[i]) * (y[i + 1] - y[i]) / (x[i + 1] - x[i])
-        return found
+        result: Floats = y[i] + (at - x[i]) * (y[i + 1] - y[i]) / (x[i + 1] - x[i])
+        return result
 
     def levels(self) -> tuple[float, ...]:
         return self.x

@@ -108,8 +108,8 @@ class Quantiser(Block):
         return (self.step,)
 
     def static(self, u: Floats) -> Floats:
-        found: Floats = self.step * np.floor(u / self.step + 0.5)
-        return found
+        result: Floats = self.step * np.floor(u / self.step + 0.5)
+        return result
 
     def described(self) -> Described | None:
         return Described("quantiser", {"resolution": self.step})
@@ -160,8 +160,8 @@ class Relay(Block):
         Args:
             u: inputs, shape (n,).
         """
-        found: Floats = self.lower + (self.upper - self.lower) * np.heaviside(u - self.on_above, 0.5)
-        return found
+        result: Floats = self.lower + (self.upper - self.lower) * np.heaviside(u - self.on_above, 0.5)
+        return result
 
     def levels(self) -> tuple[float, ...]:
         return self.off_below, self.on_above

@@ -220,10 +220,10 @@ class Flattener:
     def _convert(self, hop: Hop, unit: str | None, following: str | None) -> tuple[float, float]:
         if unit is None or following is None or unit == following:
             return 1.0, 0.0
-        found = named_conversion(unit, following, self.units)
-        if found is None:
+        result = named_conversion(unit, following, self.units)
+        if result is None:
             raise InputError(
                 f"connection {full_name(hop.start)} → {full_name(hop.end)}: {unit} cannot be converted to {following}; "
                 "define both in the SSD's Units or set suppressUnitConversion"
             )
-        return found
+        return result

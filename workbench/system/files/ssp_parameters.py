@@ -56,7 +56,7 @@ def bound_parameters(root: SspComponent, notes: list[str]) -> dict[Key, Paramete
     Raises:
         InputError: a file that is missing or broken, a kind of source that is not read.
     """
-    found: dict[Key, Parameter] = {}
+    result: dict[Key, Parameter] = {}
     for node in sorted(root.walk(), key=lambda n: -len(n.path)):
         for binding, origin in node.bindings:
             files = Files(origin.package, None if node.is_system else node.element.get("source"))
@@ -65,8 +65,8 @@ def bound_parameters(root: SspComponent, notes: list[str]) -> dict[Key, Paramete
                 if key is None:
                     notes.append(f"{parameter.where}: '{name}' is not a parameter of system '{node.name}'; ignored")
                 else:
-                    found[key] = parameter
-    return found
+                    result[key] = parameter
+    return result
 
 
 def _target(node: SspComponent, name: str) -> Key | None:

@@ -242,12 +242,12 @@ class _SspReader:
                 handed = _handed_over(end, flattener, bound)
                 if handed is not None:
                     bound[end] = handed
-        found: dict[str, dict[str, Value]] = {}
+        result: dict[str, dict[str, Value]] = {}
         for key, parameter in bound.items():
             node = flattener.nodes[key[0]]
             if not node.is_system:
-                found.setdefault(node.name, {}).update(self._value(node, key, parameter))
-        return found
+                result.setdefault(node.name, {}).update(self._value(node, key, parameter))
+        return result
 
     def _value(self, node: SspComponent, key: Key, parameter: Parameter) -> dict[str, Value]:
         fmu = self.fmus.get(key[0])

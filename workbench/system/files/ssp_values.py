@@ -105,10 +105,10 @@ def _conversion(
     given = parameter.unit
     if not parameter.convert or given is None or unit is None or given == unit:
         return 1.0, 0.0
-    found = named_conversion(given, unit, parameter.units, {**parameter.units, **definitions})
-    if found is None:
+    result = named_conversion(given, unit, parameter.units, {**parameter.units, **definitions})
+    if result is None:
         raise InputError(
             f"{parameter.where}: {variable.name}: the value is in {given}, the variable in {unit}, which cannot be "
             "converted"
         )
-    return found
+    return result

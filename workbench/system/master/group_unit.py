@@ -34,14 +34,14 @@ class GroupSession(MeSession):
         record: Sequence[str] = (),
         points: Floats | None = None,
     ) -> Recorded:
-        found = super().advance(until, signals=signals, record=record, points=points)
+        result = super().advance(until, signals=signals, record=record, points=points)
         del self._calls[:-1]  # replay begins with the master
-        return found
+        return result
 
     def snapshot(self) -> Snapshot:
-        found = super().snapshot()
+        result = super().snapshot()
         self._states.clear()  # there is nothing to free
-        return found
+        return result
 
     @abstractmethod
     def due(self) -> float:
@@ -180,6 +180,6 @@ def _of(name: str, error: Exception) -> Exception:
     """Return an error with the group's name in its message."""
     if not isinstance(error, SimulationError):
         return error
-    found = type(error)(str(error) if name in str(error) else f"{name}: {error}")
-    found.time = error.time
-    return found
+    result = type(error)(str(error) if name in str(error) else f"{name}: {error}")
+    result.time = error.time
+    return result

@@ -210,14 +210,14 @@ class NativeMaster:
     def _forced_inlets(self, forcing: Forcing) -> Mapping[int, list[_Inlet]]:
         """Return for each unit its forced inputs that may move; where inputs are held there are none."""
         decided = self._instance.decided
-        found: dict[int, list[_Inlet]] = {}
+        result: dict[int, list[_Inlet]] = {}
         if decided.hold_inputs:
-            return found
+            return result
         for place, (variable, _, _) in enumerate(forcing.inputs()):
             for component, inner in self._instance.ports(variable) if variable.is_continuous_input else ():
                 inlet = _Inlet(component, inner, len(decided.units.connections) + place)
-                found.setdefault(decided.units.of[component], []).append(inlet)
-        return found
+                result.setdefault(decided.units.of[component], []).append(inlet)
+        return result
 
     def _unit(self, number: int, inlets: Sequence[_Inlet]) -> tuple[Unit, NativeForcing | None]:
         decided, n = self._instance.decided, len(inlets)

@@ -56,12 +56,12 @@ def find_ticks(parts: Sequence[OpenComponent], units: Units) -> dict[int, Sample
         parts: the components.
         units: what is stepped.
     """
-    found: dict[int, Sampled] = {}
+    result: dict[int, Sampled] = {}
     for k, unit in enumerate(units.units):
         sampled = _sampled(parts[unit.members[0]]) if unit.group is None else None
         if sampled is not None:
-            found[k] = sampled
-    return found
+            result[k] = sampled
+    return result
 
 
 def _sampled(part: OpenComponent) -> Sampled | None:

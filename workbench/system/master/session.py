@@ -56,11 +56,11 @@ class RehearsingSession(CsSession):
     def _set_out(
         self, until: float, signals: Mapping[str, Signal], record: Sequence[str], points: Floats | None
     ) -> tuple[Floats, list[Variable], bool]:
-        found = super()._set_out(until, signals, record, points)
+        result = super()._set_out(until, signals, record, points)
         unknown = self._rehearses and not self.master.spans.any() and until > self.time
         if unknown and self.setup.state_works():
-            self._rehearse(until, new=found[2])
-        return found
+            self._rehearse(until, new=result[2])
+        return result
 
     def _rehearse(self, until: float, *, new: bool) -> None:
         """Find the slopes of the first step towards `until` [s]."""

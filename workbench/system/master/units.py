@@ -173,12 +173,12 @@ def _direct(of: Sequence[int], connections: Sequence[Wire]) -> dict[int, frozens
 
 def _reached(start: int, after: Sequence[Sequence[int]], crosses: Sequence[bool]) -> set[int]:
     """Return the crossing connections that follow `start` along those inside the unit."""
-    found, waiting, seen = set[int](), [start], {start}
+    result, waiting, seen = set[int](), [start], {start}
     while waiting:
         for j in after[waiting.pop()]:
             if crosses[j]:
-                found.add(j)
+                result.add(j)
             elif j not in seen:
                 seen.add(j)
                 waiting.append(j)
-    return found
+    return result
