@@ -16,10 +16,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the workbench an
 from docs.tools.command_pages import command_names, command_page
 from docs.tools.mathematics import with_mathml
 from docs.tools.python_pages import python_page, python_pages
+from docs.tools.record_keys import with_keys
 from docs.tools.study_pages import requirements_page
 from docs.tools.target_pages import targets_page
 
-__all__ = ["on_config", "on_files", "on_page_content", "on_post_build"]
+__all__ = ["on_config", "on_files", "on_page_content", "on_page_markdown", "on_post_build"]
 
 _COMMANDS, _PYTHON = "commands (generated)", "python (generated)"
 _FETCHED = re.compile(r"<(?:script|img|iframe|link)\b[^>]*?\b(?:src|href)=[\"']?((?:https?:)?//[^\"' >]+)[^>]*>")
@@ -57,6 +58,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path, text in texts.items():
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001 - see below
+    """Put the tables of keys in their places."""
+    return with_keys(markdown)
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001 - as MkDocs calls it

@@ -63,6 +63,11 @@ class ContainerResult(Result):
     _WHAT, _COMMAND = "a container", "build"
 
     def derived(self) -> Mapping[str, Any]:
+        """Return what other records have, too.
+
+        Keys:
+            interface, solver: `cs` of a container, `null` otherwise; `null`.
+        """
         return {"interface": "cs", "solver": None}
 
 

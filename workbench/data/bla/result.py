@@ -164,7 +164,15 @@ class BlaResult(Result):
         )  # fmt: skip
 
     def derived(self) -> dict[str, Any]:
-        """Return gains, phases and the verdict."""
+        """Return gains, phases and the verdict.
+
+        Keys:
+            input, output: `name` and `unit`.
+            gain, gain_db, phase_deg: `[rms][frequency]`: best linear approximation of the sampled
+                model.
+            left, worth, words: `[rms]`: part of the output that distortion leaves, whether that is
+                less than a tenth (`null`: a transient hides it); in words.
+        """
         gain = np.abs(self.response)
         return {
             "input": {"name": self.input, "unit": self.input_unit},

@@ -115,7 +115,15 @@ class ExciteResult(Result):
         return (first, second)
 
     def derived(self) -> dict[str, Any]:
-        """Return the signals of the identification part."""
+        """Return the signals of the identification part.
+
+        Keys:
+            dt, time, u, y, units: the identification part.
+            files: remarks; files written.
+            data_name, data_notes: name of the data, and remarks on them.
+            closed_loops: of a system: the `components` of each, and which signals are `acting` on it,
+                `inside` it, `showing` it.
+        """
         first = self.identification.to_dict()
         same = ("time", "u", "y", "units", "closed_loops")
         own = {"data_name": first["name"], "data_notes": first["notes"], "dt": self.design.dt, "files": ()}

@@ -131,7 +131,12 @@ class HealthCard(Result):
         raise InputError(f"the card has no check '{name}' of {interface}; {suggest(name, known)}")
 
     def derived(self) -> dict[str, Any]:
-        """Return the verdict."""
+        """Return the verdict.
+
+        Keys:
+            verdict, passed: worst verdict; whether no promise is broken and every check came to its
+                end.
+        """
         return {"verdict": self.worst, "passed": self.passed}
 
     def rows(self) -> Iterator[Sequence[Any]]:

@@ -185,5 +185,9 @@ class NoDelays(Result):
         return "all parts are model exchange, one set of equations: no connection carries a delay"
 
     def derived(self) -> dict[str, Any]:
-        """Return what other systems have here."""
+        """Return what other systems have here.
+
+        Keys:
+            connections, loops: empty for Model Exchange: no connection carries a delay.
+        """
         return {"connections": [], "loops": []}

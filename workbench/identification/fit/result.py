@@ -116,7 +116,15 @@ class FitResult(Linear, Result):
         return (words,)
 
     def derived(self) -> dict[str, Any]:
-        """Return poles and misfits."""
+        """Return poles and misfits.
+
+        Keys:
+            poles, natural_frequency_hz, damping, damped_frequency_hz: poles, and the standard
+                deviation of each [1/s].
+            fitted, misfit, chi_squared: measured and fitted response (pairs), relative distance,
+                standard deviations that weighted it; mean of their squares.
+            words: how well it follows; remarks.
+        """
         keys = pole_keys(self.poles, self.dt)
         return {
             "poles": self.poles, **keys, "fitted": self.fitted, "misfit": self.misfit, "chi_squared": self.chi_squared,

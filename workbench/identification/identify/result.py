@@ -162,7 +162,24 @@ class IdentifyResult(Result):
         return self.model.to_ss()
 
     def derived(self) -> dict[str, Any]:
-        """Return what the parts say together, and those on the same data, which stand in the file once."""
+        """Return what the parts say together, and those on the same data, which stand in the file once.
+
+        Keys:
+            model: of the data.
+            poles: pairs.
+            natural_frequency_hz, damping, damped_frequency_hz: of each pole; `null`: a delay, or no
+                damping ratio at 0.
+            warnings: what has to be known before any number is used; mostly empty.
+            closed_loop: true: the data come from a closed loop (they say so, or the advice finds it),
+                the model is not that of the plant unless `closed_loop_method` says how it was
+                identified; null: the data cannot tell.
+            failed: `where` (data, output) and `reason`: no fit there; exit code 1.
+            fit_percent, error_percent, residual_tests, validated_on: on the other data where there
+                are any; null where `failed` says why.
+            identification: the same in full, for both parts.
+            advice: judgement of the data.
+            model_notes: singular values up to it are rounding; remarks on estimate and model.
+        """
         return {
             "advice": _beside(self.advice, self.data),
             "identification": _beside(self.own, self.data),

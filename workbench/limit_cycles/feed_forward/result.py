@@ -152,7 +152,12 @@ class FeedForwardResult(Result):
         }
 
     def derived(self) -> dict[str, Any]:
-        """Return the filter as system files take it."""
+        """Return the filter as system files take it.
+
+        Keys:
+            reduced: balanced reduction of *G* and *H*.
+            filter: zeros, poles and gain; `A`, `B`, `C`, `D` with names and units.
+        """
         return {"filter": self.filter_dict()}
 
     def rows(self) -> Iterator[Sequence[Any]]:

@@ -164,7 +164,13 @@ class FeedbackResult(Result):
         return drawn("workbench.limit_cycles.feedback.picture_nyquist:plot_cycles", path, self)
 
     def derived(self) -> dict[str, Any]:
-        """Return what stands beside the fields, and the settling study."""
+        """Return what stands beside the fields, and the settling study.
+
+        Keys:
+            convention, words: sign; the answer in words; lowest and highest gain.
+            dt: of the linear model.
+            nyquist: `frequency_hz`, `real`, `imag`.
+        """
         curve = {"frequency_hz": self.frequency_hz, "real": self.response.real, "imag": self.response.imag}
         study = {} if self.settling is None else self.settling.to_dict()
         own = {"convention": CONVENTION, "words": self.words, "dt": self.plant.dt, "nyquist": curve}

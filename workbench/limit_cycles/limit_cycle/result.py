@@ -153,7 +153,14 @@ class LimitCycleResult(Result):
         return f"describing functions predict no limit cycle, −1/N(A) is met nowhere in the band; {seen}"
 
     def derived(self) -> dict[str, Any]:
-        """Return what the describing function says."""
+        """Return what the describing function says.
+
+        Keys:
+            criterion, unstable_open: what *stable* means; poles of the linear part in the right
+                half-plane.
+            crossings: `frequency_hz`, `real`, `imag`, `gain`, `amplitude`, `stable`,
+                `unstable_below`, `unstable_above`, `distortion`.
+        """
         curve = self.nyquist
         return {"criterion": curve.criterion, "unstable_open": curve.unstable_open, "crossings": curve.crossings}
 

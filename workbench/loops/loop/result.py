@@ -127,7 +127,12 @@ class LoopResult(Result):
         return self._linear().frequencies(count)
 
     def derived(self) -> dict[str, Any]:
-        """Return the place in words."""
+        """Return the place in words.
+
+        Keys:
+            model, at, connections, unit: where it was opened, and the signal there.
+            convention: in words: negative feedback.
+        """
         place = self.place
         return {
             "model": self.system,

@@ -261,7 +261,16 @@ class LinResult(Linear, Result):
         return replace(self, why=why)
 
     def derived(self) -> dict[str, Any]:
-        """Return the poles, and the point by the names it has beside matrices."""
+        """Return the poles, and the point by the names it has beside matrices.
+
+        Keys:
+            poles: pairs.
+            all_poles: whether `poles` are all: of a sparse model of more than 1,000 states they are
+                those nearest to this frequency [Hz].
+            natural_frequency_hz, damping, damped_frequency_hz: of each pole; `null`: a delay, or no
+                damping ratio at 0.
+            x0, u0, y0, discrete0, dx0, time: the point.
+        """
         point = self.operating_point
         at = {"x0": point.x, "u0": point.u, "y0": point.y, "discrete0": point.discrete, "dx0": point.dx}
         poles = {"poles": self.shown_poles, "all_poles": self.shows_all_poles}

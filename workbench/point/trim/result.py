@@ -96,7 +96,13 @@ class TrimResult(Result):
         return self.operating_point
 
     def derived(self) -> dict[str, Any]:
-        """Return the point's own keys, by which `OperatingPoint.from_dict` reads it, too."""
+        """Return the point's own keys, by which `OperatingPoint.from_dict` reads it, too.
+
+        Keys:
+            x, u, y, dx, discrete: name → value at the point.
+            units, time, period: of these; session time [s]; basic period of a sampled model [s].
+            model_sha256, parameters: whose point it is: hash of the model; parameters that were set.
+        """
         return self.operating_point.to_dict()
 
     @classmethod

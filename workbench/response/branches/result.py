@@ -185,7 +185,12 @@ class BranchesResult(Result):
         return tuple(sorted(found, key=lambda r: (r.amplitude, -r.gain)))
 
     def derived(self) -> dict[str, Any]:
-        """Return the responses at the frequencies that were asked for."""
+        """Return the responses at the frequencies that were asked for.
+
+        Keys:
+            responses: all responses at each frequency of `--freq`: `frequency_hz`, `amplitude`,
+                `gain`, `phase_deg`, `stable`, `order`, `branch`.
+        """
         return {"responses": [r for f in self.asked_hz for r in self.at(f)]}
 
     def rows(self) -> Iterator[Sequence[Any]]:

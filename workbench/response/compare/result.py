@@ -127,7 +127,12 @@ class MotionComparison(Result):
         return own.peak / first.peak if own is not None and first is not None and first.peak > 0.0 else None
 
     def derived(self) -> dict[str, Any]:
-        """Return the motions in the units they are shown in, too."""
+        """Return the motions in the units they are shown in, too.
+
+        Keys:
+            motions: `system`, `signal`, `window`, `peak`, `peak_time`, `rms`, `mean`, `half_range`,
+                `peak_shown`, `rms_shown`, `peak_ratio`.
+        """
         return {"motions": [self._entry(m) for m in self.motions]}
 
     def _entry(self, m: Motion) -> dict[str, Any]:

@@ -161,7 +161,22 @@ class NfrResult(Result):
         return decibels(self.response)
 
     def derived(self) -> dict[str, Any]:
-        """Return gain, what the points are worth, and the signals with their units."""
+        """Return gain, what the points are worth, and the signals with their units.
+
+        Keys:
+            input, output: `name` and `unit`.
+            gain, gain_db: `[amplitude][frequency]`.
+            stable: `[amplitude][frequency]`: whether the periodic motion is stable; `null`: not
+                known.
+            certificate: `[amplitude][frequency]`: `status`, `errcrit`, `max_periods`,
+                `delta_phase_deg`, `delta_gain`, `defect`, `drift`, `harmonics` (2 … 10) and `thd`
+                (known to about `error`), `check`, `check_gain`, `check_phase_deg`, `why` (it has not
+                settled), `method` (`solved` or `settled`), `multipliers` (Floquet, at most six, pairs
+                of real and imaginary part), `fold_distance` (of the nearest one from 1), `reached`
+                (`run`: it is what the run from the operating point comes to; `contracts`: that run is
+                known to end there; null: not known), `other_gain` and `other_phase_deg` (of a
+                periodic response that was solved for and that this run has not come to).
+        """
         stable = [[None if np.isnan(x) else bool(x) for x in row] for row in self.stable.tolist()]
         names = [f.name for f in fields(Certificate)]
         certificate = {n: [[getattr(c, n, None) for c in row] for row in self.certificates] for n in names}

@@ -192,7 +192,12 @@ class EnvelopeResult(Result):
         return next(p for p in self.parameters if p.name == name)
 
     def derived(self) -> dict[str, Any]:
-        """Return how many points meet the requirement, do not, or failed, and whether all is met."""
+        """Return how many points meet the requirement, do not, or failed, and whether all is met.
+
+        Keys:
+            met, violated, failed: how many points.
+            passed: whether every point meets the requirement, and the worst case of the search, too.
+        """
         met = sum(p.passed is True for p in self.points)
         return {"met": met, "violated": len(self.violated), "failed": len(self.failed), "passed": self.passed}
 
