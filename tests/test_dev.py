@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
+import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
@@ -162,3 +164,26 @@ def test_each_fault_can_still_be_planted(check: checks.Check, tmp_path: Path) ->
     with checks.changed(check.faults, tmp_path):
         assert all((tmp_path / name).read_bytes() != b for name, b in zip(check.faults, before, strict=True))
     assert [(tmp_path / n).read_bytes() if (tmp_path / n).exists() else None for n in check.faults] == before
+
+
+def test_words_behind_reproduce_and_evidence_are_their_own(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They run where they were called, with the project on the path; other commands know their options."""
+    called: list[tuple[list[str], str]] = []
+
+    def call(words: Sequence[str], *, env: Mapping[str, str]) -> int:
+        called.append(([str(word) for word in words[1:]], env["PYTHONPATH"].split(os.pathsep)[0]))
+        return 3
+
+    monkeypatch.setattr(dev, "_ensure_installed", lambda *_: None)
+    monkeypatch.setattr(subprocess, "call", call)
+    for words in (["reproduce", "3.3", "--json", "x.json", "--help"], ["evidence", "nfr", "--cases", "5"]):
+        monkeypatch.setattr(sys, "argv", ["dev.py", *words])
+        assert dev.main() == 3
+        assert called.pop() == (["-m", f"scripts.{words[0]}", *words[1:]], str(ROOT))
+    monkeypatch.setattr(sys, "argv", ["dev.py", "build", "--chek"])
+    with pytest.raises(SystemExit):
+        dev.main()
+    assert "unrecognized arguments: --chek" in capsys.readouterr().err
+    assert called == []
