@@ -13,7 +13,6 @@ import workbench as wb
 from tests.fakes import DeadTimeSession, FakeModel, LinearSession, Rows, SampledSession, StaticSession, lag, linear
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.response.nfr import transient
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.run import NfrSweep
 from workbench.response.nfr.settling import Settling, SettlingOutcome
@@ -185,16 +184,6 @@ def test_extrapolation_is_exact_for_two_modes() -> None:
     assert found.modes == 2
     assert found.defect < 1e-4
     np.testing.assert_allclose(found.harmonics, limit, atol=1e-4)
-
-
-@pytest.mark.parametrize("ridge", [0.0, 1e-3])
-def test_two_modes_are_predicted_as_general_least_squares_predicts_them(ridge: float) -> None:
-    changes = np.random.default_rng(5).standard_normal((4, 11))
-    columns = np.column_stack([changes[1:3].ravel(), changes[2:4].ravel()])
-    matrix = np.vstack([columns, ridge * np.eye(2)])
-    expected = np.linalg.lstsq(matrix, np.concatenate([-changes[:2].ravel(), [0.0, 0.0]]), rcond=None)[0]
-    np.testing.assert_allclose(transient._prediction(changes, 2, ridge), [1.0, *expected], rtol=1e-12)
-    assert transient._prediction(np.zeros((4, 11)), 2, 0.0).tolist() == [1.0, 0.0, 0.0]
 
 
 def test_an_undamped_alternation_is_no_transient() -> None:

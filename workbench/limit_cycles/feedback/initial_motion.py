@@ -13,14 +13,14 @@ from workbench.errors import InputError
 from workbench.limit_cycles.feedback.block import TwoPorts
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath
 from workbench.limit_cycles.feedback.plant import Standing
+from workbench.limit_cycles.limit_cycle.confirm import TOLERANCE
 from workbench.limit_cycles.limit_cycle.harmonic_balance import balance, states_of
 from workbench.response.simulate.zero_crossings import pass_rate, rising_passes
 from workbench.signals.kinds import Signal
 
-__all__ = ["PER_CYCLE", "TOLERANCE", "InitialMotion", "from_cycle", "from_signals", "mean_magnitude"]
+__all__ = ["PER_CYCLE", "InitialMotion", "from_cycle", "from_signals", "mean_magnitude"]
 
 PER_CYCLE = 64  # recorded points
-TOLERANCE = 1e-8  # relative, of the integration
 _PERIODS = 40  # that a predicted cycle is simulated for, so that what the prediction left out has settled
 _SHOWN = 6  # periods kept for pictures
 _PASSES = 11

@@ -13,7 +13,8 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath, FeedbackSpec
-from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, TOLERANCE, InitialMotion, mean_magnitude
+from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, InitialMotion, mean_magnitude
+from workbench.limit_cycles.limit_cycle.confirm import TOLERANCE
 from workbench.show.result import Result
 
 __all__ = ["HANDED", "FeedbackRun", "feedback_run"]

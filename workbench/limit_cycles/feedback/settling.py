@@ -17,9 +17,10 @@ from workbench.jobs.runner import Lost, WorkItem, perform
 from workbench.jobs.runner_choice import at_work
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath, FeedbackSpec, find_place
-from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, TOLERANCE, InitialMotion, mean_magnitude
+from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, InitialMotion, mean_magnitude
 from workbench.limit_cycles.feedback.request import Feedback
 from workbench.limit_cycles.feedback.result import GainRun, SettlingStudy
+from workbench.limit_cycles.limit_cycle.confirm import TOLERANCE
 from workbench.model.base import Model
 from workbench.session.base import Recorded, Session
 from workbench.signals.kinds import Signal

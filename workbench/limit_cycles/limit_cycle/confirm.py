@@ -12,13 +12,13 @@ from workbench.limit_cycles.limit_cycle.result import SimulatedCycle
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.zero_crossings import half_range, pass_rate, rising_passes
 
-__all__ = ["confirm"]
+__all__ = ["TOLERANCE", "VANISHED", "confirm"]
 
 _PER_PERIOD = 200
 _CHUNK = 20  # periods
 _STEADY = 1e-4  # relative change of the fundamental from chunk to chunk
-_VANISHED = 1e-3  # of the predicted amplitude
-_TOLERANCE = 1e-8
+VANISHED = 1e-3  # of the predicted amplitude
+TOLERANCE = 1e-8  # relative, of the integration
 
 
 def confirm(
@@ -53,7 +53,7 @@ def confirm(
     steady, run, last, f = False, 0, 0.0, frequency
     at, values = np.zeros(0), dict.fromkeys(recorded, np.zeros(0))
     rows: Mapping[str, Floats] = values
-    with model.open_at(time=time, values={**inputs, **states}, tolerance=_TOLERANCE) as session:
+    with model.open_at(time=time, values={**inputs, **states}, tolerance=TOLERANCE) as session:
         while run < periods and not steady:
             count = min(_CHUNK, periods - run)
             begin = session.time
@@ -68,7 +68,7 @@ def confirm(
             f = _frequency(at, values[watch], f)
             size = _fundamental(at, values[watch], f)
             steady, last = abs(size - last) < _STEADY * size, size
-            if size < _VANISHED * amplitude:
+            if size < VANISHED * amplitude:
                 return f"the motion dies out: {watch} has fallen to {size:.2g} after {run} periods"
     shown, units = {n: values[n] for n in names}, {v.name: v.unit for v in model.description.variables}
     return SimulatedCycle(

@@ -12,7 +12,7 @@ from workbench.core.machine.blas import one_thread
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
 from workbench.limit_cycles.limit_cycle.branch import Branch
-from workbench.limit_cycles.limit_cycle.confirm import confirm
+from workbench.limit_cycles.limit_cycle.confirm import VANISHED, confirm
 from workbench.limit_cycles.limit_cycle.cut import SplitLoop, cut, driven_block
 from workbench.limit_cycles.limit_cycle.driven import DrivenBlock
 from workbench.limit_cycles.limit_cycle.entries import contradictions, from_balance, from_run, same_cycle
@@ -46,7 +46,6 @@ __all__ = ["run"]
 
 _FAR = 0.2  # logarithm of a ratio of frequencies
 _OUTSIDE = 3.0  # times: so far beyond the band a cycle of harmonic balance may lie
-_VANISHED = 1e-3  # of the predicted amplitude: an orbit smaller than that is the equilibrium
 _FASTEST = 10.0  # [Hz], where no crossing says what to expect
 _SMALL_PUSH, _LARGE_PUSH = 0.1, 10.0  # nominal values of the block's input
 _TIME_CONSTANTS = 40.0  # of the slowest pole: length of the first stretch of a free run
@@ -376,7 +375,7 @@ class _LimitCycleRun:
             self.system, states=states, sizes=sizes, frequency=frequency, inputs=self.loop.point.u,
             watch=[p.v for p in self.loop.every], time=self.time,
         )  # fmt: skip
-        if not isinstance(orbit, str) and orbit.amplitude < _VANISHED * amplitude:
+        if not isinstance(orbit, str) and orbit.amplitude < VANISHED * amplitude:
             orbit = "shooting leads to an equilibrium, not to a cycle"
         if isinstance(orbit, str):
             self.notes.append(f"{_named(number)}: {orbit}")

@@ -17,7 +17,7 @@ from workbench.model.described_model import DescribedModel
 from workbench.response.periodic.continuation import ContinuedBranch, Manner, both_ways
 from workbench.response.periodic.fourier import fundamental
 from workbench.response.periodic.monodromy import VariationalEquation
-from workbench.response.periodic.period_map import Lap, PeriodMap, differences
+from workbench.response.periodic.period_map import NUDGE, Lap, PeriodMap, differences
 from workbench.response.periodic.place import Family, Place, arrive
 from workbench.response.periodic.stability import is_stable, largest
 from workbench.response.simulate.zero_crossings import half_range, told_mean
@@ -26,7 +26,6 @@ from workbench.session.compiled import CompiledMeSession
 __all__ = ["Orbits", "follow_orbits", "shoot"]
 
 _TOLERANCE = 1e-10
-_NUDGE = 1e-4  # of the span of a parameter
 _MOST_STATES = 200
 _SAMPLES = 1000
 _DOUBT = 1e-3  # by which the flow may fail to be mapped onto itself where the slopes along the orbit are believed
@@ -136,8 +135,8 @@ class Orbits(Family):
         lap = self._run(x, p, self.fine if exact else self.intervals)
         if not self.varied:
             return lap, np.zeros(len(x))
-        moved = self._run(x, p + _NUDGE, 0)
-        return lap, (moved.x1 - lap.x1) / _NUDGE
+        moved = self._run(x, p + NUDGE, 0)
+        return lap, (moved.x1 - lap.x1) / NUDGE
 
     def _run(self, z: Floats, p: float, intervals: int) -> Lap:
         """Run one period of the extended map, with its derivative if that takes intervals."""

@@ -15,15 +15,12 @@ from workbench.errors import InputError, SimulationError
 from workbench.model import Model
 from workbench.model.varied import with_parameters
 from workbench.response.periodic.fourier import fundamental
-from workbench.response.periodic.period_map import FEW_STATES, Lap, PeriodMap
+from workbench.response.periodic.period_map import FEW_STATES, NUDGE, Lap, PeriodMap
 from workbench.response.periodic.place import Family
 from workbench.response.periodic.timed import changes_with_time
 from workbench.session.compiled import CompiledMeSession
 
 __all__ = ["ForcedPeriodMaps", "near"]
-
-# Of the varied quantity, for its derivative by the difference of two periods.
-_NUDGE = 1e-4
 
 
 @dataclass
@@ -159,8 +156,8 @@ class ForcedPeriodMaps(Family):
         if self.vary == "frequency" and lap.tangent is not None and not self.by_differences:
             longer = -self.order / self.value(p) * math.log(self.high / self.low)
             return lap, lap.tangent.stretch * longer
-        moved = self.run(x, p + _NUDGE)
-        return lap, (moved.x1 - lap.x1) / _NUDGE
+        moved = self.run(x, p + NUDGE)
+        return lap, (moved.x1 - lap.x1) / NUDGE
 
     def _at(self, p: float) -> PeriodMap:
         value = None if self.is_logarithmic else self.value(p)

@@ -10,12 +10,12 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.response.periodic.fourier import fundamental
 
-__all__ = ["BEAT", "Beat", "mean_over_beats", "repeats_every", "spread_words"]
+__all__ = ["BEAT", "BEGIN", "Beat", "mean_over_beats", "repeats_every", "spread_words"]
 
 BEAT = "sampling and forcing beat"
 
 # Harmonics of the beat and decaying modes that are fitted, not to the first periods, where quick modes are alive.
-_MOST_HARMONICS, _MODES, _BEGIN = 4, 2, 2
+_MOST_HARMONICS, _MODES, BEGIN = 4, 2, 2
 
 # Multipliers of decaying modes: time constants of a quarter of a period to a hundred.
 _MULTIPLIERS = np.exp(-(10.0 ** np.linspace(-2.0, 0.6, 40)))
@@ -86,7 +86,7 @@ class Beat:
         if known:
             return told
         beat = max(self.length, self.turn)
-        seen = self.seen_in(len(_newest(np.empty(max(_BEGIN + 1, count)))))
+        seen = self.seen_in(len(_newest(np.empty(max(BEGIN + 1, count)))))
         cause = "a transient decays slowly" if seen else f"a whole beat takes {beat:.3g} periods or more"
         return f"{told}; how far off that is, is not known: {cause} (wait longer: --max-periods)"
 
@@ -126,7 +126,7 @@ def mean_over_beats(periods: Floats, beat: Beat) -> tuple[Floats, float]:
     Source: G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
     variables separate, SIAM Journal on Numerical Analysis 10 (1973), 413-432 (the amplitudes are eliminated).
     """
-    seen = periods[_BEGIN:]
+    seen = periods[BEGIN:]
     newest = _newest(periods)
     harmonics = min(_MOST_HARMONICS, (len(newest) - 2 - _MODES) // 3)
     if harmonics < 1 or not beat.seen_in(len(newest)):
@@ -143,7 +143,7 @@ def mean_over_beats(periods: Floats, beat: Beat) -> tuple[Floats, float]:
 
 def _newest(periods: Floats) -> Floats:
     """Return the periods that are to show a whole beat."""
-    seen = periods[_BEGIN:]
+    seen = periods[BEGIN:]
     return seen[max(1, len(seen) // 4) :]
 
 

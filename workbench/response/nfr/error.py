@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.response.nfr.beats import Beat
-from workbench.response.nfr.prior_knowledge import Twin
+from workbench.response.nfr.beats import BEGIN, Beat
+from workbench.response.nfr.prior_knowledge import LinearSineResponse, Twin
 from workbench.response.nfr.transient import MOST_MODES, Limit, directions, multipliers, weigh
 from workbench.response.periodic.fourier import NOTHING, fundamental
 
 __all__ = [
     "BELIEVED",
-    "CANCELLED",
-    "INTEGRATION",
+    "MARGIN",
     "PER_PERIOD",
+    "ROUNDING",
     "Evidence",
     "below_scale",
     "beyond",
@@ -27,6 +27,7 @@ __all__ = [
     "error_of_limit",
     "error_of_mean",
     "follows",
+    "of_integration",
     "quadrature",
     "relative_to_true",
     "wanders",
@@ -34,23 +35,23 @@ __all__ = [
 
 # One period's integration at a relative tolerance ε turns the multipliers by less than this many ε: the
 # largest of 30 resonances with both solvers at 1e-4 … 1e-8 was 73.
-INTEGRATION = 100.0
+_INTEGRATION = 100.0
 
 # The integration gets the sum of terms that cancel wrong by less than so many relative tolerances of the terms: the
 # largest of 48 runs at 12 zeros of transmission, with both solvers at 1e-6 and 1e-8, was 17.
-CANCELLED = 20.0
+_CANCELLED = 20.0
 
-# In a period the integration moves a state by so many times the tolerance of its size at most; see `INTEGRATION`.
+# In a period the integration moves a state by so many times the tolerance of its size at most; see `_INTEGRATION`.
 PER_PERIOD = 30.0
 
-# As if the integration were exact to this, what the rounding of such terms leaves of their sum.
-_ROUNDING = 2e-14
+# What rounding leaves of the sums over a period and of terms that cancel, relative to the largest.
+ROUNDING = 2e-14
 
 # From two periods alone nothing is known of the multipliers: the slowest mode is assumed to need this many.
 _UNKNOWN = 1000.0
 
-# The newest changes show the slowest multiplier only so well.
-_MARGIN = 2.0
+# The newest changes show the slowest multiplier, and the last step what another one would change, only so well.
+MARGIN = 2.0
 
 # A linear model whose periods are the measured ones to this part of the response describes the resonance, too.
 _ALIKE = 0.1
@@ -65,9 +66,8 @@ _CHECKS = 2
 # The mean of a transient that is known is known to this.
 _CLEAR = 1.2
 
-# Periods that wander have von Neumann's ratio above this; in the first ones there are transients, and of fewer than so
-# many nothing is said.
-_ROUGH, _BEGIN, _FEWEST_WANDERING = 0.5, 2, 4
+# Periods that wander have von Neumann's ratio above this; of fewer than so many nothing is said.
+_ROUGH, _FEWEST_WANDERING = 0.5, 4
 
 # From this harmonic on the tail tells of jumps and kinks.
 _TAIL = 6
@@ -105,7 +105,7 @@ class Evidence:
         if self.twin is None:
             return NOTHING * largest
         terms = drive * self.twin.forced.terms
-        return max(NOTHING * max(largest, terms), CANCELLED * self.rtol * terms if self.twin.forced.vanishes else 0.0)
+        return max(NOTHING * max(largest, terms), _CANCELLED * self.rtol * terms if self.twin.forced.vanishes else 0.0)
 
 
 def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidence) -> float:
@@ -139,28 +139,45 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
         slowness_of_products(limit),
         1.0 if evidence.beat is None else evidence.beat.slowness,
     )
-    measured = _MARGIN * max(limit.defect, _unchecked(limit, sampled=evidence.sampled)) * slowest
+    measured = MARGIN * max(limit.defect, _unchecked(limit, sampled=evidence.sampled)) * slowest
     transient, slow = measured, slowness(limit, None)
     if evidence.twin is not None:
         known, apart = _by_twin(limit, drive, evidence.twin)
         transient = min(known + apart, max(measured, known))
         if apart <= _ALIKE:
             slow = 1.0 + evidence.twin.forced.sensitivity
-    integration = INTEGRATION * evidence.rtol * slow * max(1.0, largest / size)
-    integration += _cancelled(drive, size, evidence) + below_scale(size, evidence)
+    forced = None if evidence.twin is None else evidence.twin.forced
+    integration = of_integration(forced, evidence.rtol, slow, drive=drive, size=size, largest=largest)
     return relative_to_true(transient + integration + quadrature(limit.harmonics, evidence.rows))
 
 
-def below_scale(size: float, evidence: Evidence) -> float:
+def of_integration(
+    forced: LinearSineResponse | None, rtol: float, slow: float, *, drive: float, size: float, largest: float
+) -> float:
+    """Return what integration and rounding get wrong of a response, relative to it.
+
+    The multipliers turn, terms that cancel leave their errors, and states may move by less than the solver looks at.
+
+    Args:
+        forced: the linear model under the sine; None: not known, nor then the last two parts.
+        rtol: relative tolerance of the integration.
+        slow: 1/|1 − μ| for the slowest multiplier μ that the response shows.
+        drive: amplitude of the forced input.
+        size: of the output's fundamental [its unit].
+        largest: largest magnitude of the output [its unit].
+    """
+    found = _INTEGRATION * rtol * slow * max(1.0, largest / size)
+    return found + _cancelled(forced, rtol, drive, size) + below_scale(forced, rtol, size)
+
+
+def below_scale(forced: LinearSineResponse | None, rtol: float, size: float) -> float:
     """Return the error of a response of that size where the states move by less than what the solver looks at."""
-    return 0.0 if evidence.twin is None else PER_PERIOD * evidence.rtol * evidence.twin.forced.smallest / size
+    return 0.0 if forced is None else PER_PERIOD * rtol * forced.smallest / size
 
 
-def _cancelled(drive: float, size: float, evidence: Evidence) -> float:
+def _cancelled(forced: LinearSineResponse | None, rtol: float, drive: float, size: float) -> float:
     """Return what integration and rounding leave of terms that cancel, relative to a response of that size."""
-    if evidence.twin is None:
-        return 0.0
-    return CANCELLED * max(evidence.rtol, _ROUNDING) * max(0.0, drive * evidence.twin.forced.terms / size - 1.0)
+    return 0.0 if forced is None else _CANCELLED * max(rtol, ROUNDING) * max(0.0, drive * forced.terms / size - 1.0)
 
 
 def _unchecked(limit: Limit, *, sampled: bool) -> float:
@@ -188,7 +205,7 @@ def _by_twin(limit: Limit, drive: float, twin: Twin) -> tuple[float, float]:
     ends = range(count, max(n, count - 3), -1)
     errors = [abs(fundamental(weigh(free[:end], limit.weights))) for end in ends]
     weight = float(np.sum(np.abs(limit.weights)))
-    return _MARGIN * max(errors) / size, weight * _apart(limit, drive, twin, n + 1) / size
+    return MARGIN * max(errors) / size, weight * _apart(limit, drive, twin, n + 1) / size
 
 
 def _apart(limit: Limit, drive: float, twin: Twin, newest: int) -> float:
@@ -284,7 +301,8 @@ def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) 
         apart = _apart(limit, drive, evidence.twin, len(half))
         if size > 0.0 and apart <= _ALIKE * min(max(size, left), abs(mean)):
             return (_CLEAR * left + apart * len(half)) / size
-    wandering = _wandering(z) + _cancelled(drive, abs(mean), evidence)
+    forced = None if evidence.twin is None else evidence.twin.forced
+    wandering = _wandering(z) + _cancelled(forced, evidence.rtol, drive, abs(mean))
     extrapolated = fundamental(limit.harmonics)
     if error > BELIEVED or extrapolated == 0.0:
         return wandering
@@ -349,7 +367,7 @@ def _wandering(z: NDArray[np.complex128]) -> float:
     Annals of Mathematical Statistics 12 (1941), 367-395.
     """
     half, before = np.split(z, [len(z) // 2])[::-1]
-    before = before[_BEGIN:]
+    before = before[BEGIN:]
     if len(half) < _FEWEST_WANDERING or len(before) == 0:
         return math.inf
     if not _is_rough(z):
@@ -363,7 +381,7 @@ def _wandering(z: NDArray[np.complex128]) -> float:
 
 def _is_rough(z: NDArray[np.complex128]) -> bool:
     """Whether von Neumann's ratio tells that periods go to and fro."""
-    return min(_roughness(z[len(z) // 2 :]), _roughness(z[_BEGIN:])) >= _ROUGH
+    return min(_roughness(z[len(z) // 2 :]), _roughness(z[BEGIN:])) >= _ROUGH
 
 
 def _roughness(z: NDArray[np.complex128]) -> float:

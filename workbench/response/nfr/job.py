@@ -29,7 +29,7 @@ from workbench.response.nfr.communication_step import (
     refine,
     wider,
 )
-from workbench.response.nfr.error import CANCELLED, INTEGRATION, PER_PERIOD, Evidence
+from workbench.response.nfr.error import Evidence, of_integration
 from workbench.response.nfr.own_motion import OWN
 from workbench.response.nfr.own_solver import hidden, own_step
 from workbench.response.nfr.period_solver import NotSolvedError, Search, can_solve, solve_point
@@ -311,9 +311,8 @@ def _factor(task: PointTask) -> float:
     forced = None if task.linear is None else task.linear.forced(task.frequency)
     if forced is None or task.rtol == 0.0 or forced.vanishes:
         return 1.0
-    error = INTEGRATION * task.rtol * (1.0 + forced.sensitivity)
-    error += CANCELLED * task.rtol * (forced.terms / abs(forced.response) - 1.0)
-    error += PER_PERIOD * task.rtol * forced.smallest / (task.amplitude * abs(forced.response))
+    slow, size = 1.0 + forced.sensitivity, task.amplitude * abs(forced.response)
+    error = of_integration(forced, task.rtol, slow, drive=task.amplitude, size=size, largest=size)
     allowed = _SHARE * task.errcrit / 10.0
     return 1.0 if error <= allowed else 10.0 ** -math.ceil(math.log10(error / allowed))
 

@@ -16,11 +16,12 @@ from workbench.errors import WorkbenchError
 from workbench.response.nfr.certificate import Certificate, finite
 from workbench.response.nfr.error import (
     BELIEVED,
-    CANCELLED,
-    INTEGRATION,
+    MARGIN,
     PER_PERIOD,
+    ROUNDING,
     Evidence,
     below_scale,
+    of_integration,
     quadrature,
     relative_to_true,
 )
@@ -33,7 +34,7 @@ from workbench.response.periodic.timed import changes_with_time
 from workbench.session.base import Session
 from workbench.session.compiled import CompiledMeSession
 
-__all__ = ["NotSolvedError", "Search", "Solved", "can_solve", "solve_point"]
+__all__ = ["REACHED", "NotSolvedError", "Search", "Solved", "can_solve", "solve_point"]
 
 # Intervals in which the slopes along a period are taken, one level after the other: a coarse derivative does for
 # Newton's method while it converges.
@@ -59,7 +60,7 @@ _ALIKE = 0.02
 _POOR, _WORSE = 0.2, 2.0
 
 # The periodic motion is reached where the states are no farther from it than this part of their motion.
-_REACHED = 0.02
+REACHED = 0.02
 
 # What of a defect may lie in directions that a period leaves as they are.
 _LEFT = 0.05
@@ -68,12 +69,6 @@ _LEFT = 0.05
 _TOO_SMALL = (
     "the states move by too little of their nominal values for the tolerance: raise the amplitude or tighten it"
 )
-
-# The error is so many times what one more step would have changed.
-_MARGIN = 2.0
-
-# What rounding leaves of the sums over a period, relative to the largest value.
-_ROUNDING = 2e-14
 
 
 def can_solve(session: Session, task: PointTask) -> TypeGuard[CompiledMeSession]:
@@ -260,7 +255,7 @@ class Search:
         before, rate = self._before, 0.0
         if before is not None:
             rate = distance / max(before[1], 1e-300)
-        good = change <= self._tolerance and distance <= _REACHED and (left <= _LEFT or self._is_small(lap))
+        good = change <= self._tolerance and distance <= REACHED and (left <= _LEFT or self._is_small(lap))
         self._quiet = self._quiet + 1 if good else 0
         trusted = at is not self._linear or self._alike(lap)
         if self._checking is not None:
@@ -376,11 +371,12 @@ class Search:
         step = at.rows @ e
         harmonics[:3] += step
         size = abs(fundamental(harmonics))
-        change = _MARGIN * abs(complex(step[1], step[2])) / size + _ROUNDING * lap.period.size / size
+        change = MARGIN * abs(complex(step[1], step[2])) / size + ROUNDING * lap.period.size / size
         error = relative_to_true(
             change + self._integration(lap, at, harmonics) + quadrature(harmonics, self._task.rows)
         )
-        coarse = below_scale(size, self._evidence) > BELIEVED
+        twin = self._evidence.twin
+        coarse = below_scale(None if twin is None else twin.forced, self._evidence.rtol, size) > BELIEVED
         stable = is_stable(at.multipliers, at.doubt)
         return Solved(lap, at, harmonics, error, self._count, stable, lap.x0 + e, coarse)
 
@@ -392,9 +388,8 @@ class Search:
             return 0.0
         found = math.inf
         if twin is not None and self._alike(lap):
-            drive, forced = abs(lap.period.drive), twin.forced
-            found = INTEGRATION * rtol * (1.0 + forced.sensitivity) * max(1.0, lap.period.size / size)
-            found += CANCELLED * rtol * max(0.0, drive * forced.terms / size - 1.0) + below_scale(size, self._evidence)
+            drive, slow = abs(lap.period.drive), 1.0 + twin.forced.sensitivity
+            found = of_integration(twin.forced, rtol, slow, drive=drive, size=size, largest=lap.period.size)
         if at.through is None:
             return found
         smallest, _ = self.periods.session.scales()

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import WorkbenchError
-from workbench.response.nfr.period_solver import Solved
+from workbench.response.nfr.period_solver import REACHED, Solved
 from workbench.response.nfr.point import NfrPoint, PointTask
 from workbench.response.nfr.prior_knowledge import LinearSineResponse, LinearStart
 from workbench.response.periodic.fourier import Period, fundamental
@@ -24,8 +24,6 @@ __all__ = ["Approach", "contracts"]
 # less than this part of the way: it then contracts as the linear one does, and ever more so.
 _FOLLOWS = 0.2
 
-# The motion is reached where the states were no farther from it than this part of their motion for two periods.
-_REACHED = 0.02
 
 # Instants of the linear run at which the model itself is asked; besides, the extremes of so many states.
 _GRID, _EVENLY, _EXTREMES = 400, 8, 8
@@ -150,7 +148,7 @@ class Approach:
         if len(distances) < 2:
             return False
         sizes = [modes.size(x) for x, _ in self.seen]
-        if max(sizes[-2:]) <= _REACHED and distances[-1] @ distances[-1].conj() <= distances[-2] @ distances[-2].conj():
+        if max(sizes[-2:]) <= REACHED and distances[-1] @ distances[-1].conj() <= distances[-2] @ distances[-2].conj():
             return modes.sounds(*self.seen[-2:])
         streak = 0
         while streak + 1 < len(distances) and modes.follows(*self.seen[-2 - streak :][:2]):

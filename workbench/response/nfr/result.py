@@ -42,7 +42,6 @@ _CSV_FIELDS = (
 _COLUMNS = (
     "amplitude", "frequency_hz", "gain", "gain_db", "phase_deg", "offset", "error", "stable", "averaged", "periods"
 )  # fmt: skip
-_TWO_DIGITS = 0.995  # errors from here on have three digits as percent
 _SIGNAL = {"": "name", "_unit": "unit"}
 _POINTS = entry(dims=("amplitude", "frequency_hz"))
 _NOTHING_KNOWN = Certificate(errcrit=math.nan, max_periods=0)
@@ -382,7 +381,7 @@ def _unsettled_line(why: str, points: Sequence[NfrPoint], path: str) -> str:
 
 def percent(error: float) -> str:
     """Return a relative error as a number of percent, two digits of it: 0.0123 is "1.2", 2.6 is "260"."""
-    return f"{100.0 * error:.2g}" if error < _TWO_DIGITS else f"{float(f'{100.0 * error:.2g}'):.0f}"
+    return f"{float(f'{100.0 * error:.2g}'):g}"
 
 
 def _unit(variables: Sequence[Variable], name: str) -> str | None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -127,7 +125,8 @@ def multipliers(changes: Floats, modes: int) -> Sequence[complex]:
         changes: newest first, twice as many as modes at least.
         modes: number of modes, at least 1.
     """
-    return _roots(_prediction(changes, modes, 0.0))
+    found: list[complex] = np.roots(_prediction(changes, modes, 0.0)).tolist()
+    return found
 
 
 def _by_defect(candidate: tuple[float, Floats]) -> float:
@@ -197,25 +196,9 @@ class _Shrinkage:
 
     def agrees(self, polynomial: Floats, unexplained: float) -> bool:
         """Whether all multipliers are clearly inside the unit circle and the changes shrank as they say."""
-        slowest = _slowest(polynomial)
+        slowest = float(np.abs(np.roots(polynomial)).max(initial=0.0))
         margin = max(_UNCERTAINTY * unexplained, _LEAST_LOSS)
         return slowest <= 1.0 - margin and self.late <= _SLACK * self.early * slowest**self.periods
-
-
-def _slowest(polynomial: Floats) -> float:
-    """Return the largest magnitude of a polynomial's roots; its first coefficient is 1."""
-    return max(map(abs, _roots(polynomial)))
-
-
-def _roots(polynomial: Floats) -> Sequence[complex]:
-    """Return the roots of a polynomial; its first coefficient is 1."""
-    if len(polynomial) == 2:
-        return [-float(polynomial[1])]
-    if len(polynomial) == 3:
-        _, b, c = polynomial.tolist()
-        root = cmath.sqrt(b * b - 4.0 * c)
-        return [0.5 * (-b + root), 0.5 * (-b - root)]
-    return [complex(root) for root in np.roots(polynomial)]
 
 
 def _size(values: Floats) -> float:
@@ -225,34 +208,11 @@ def _size(values: Floats) -> float:
 
 def _prediction(changes: Floats, modes: int, ridge: float) -> Floats:
     """Coefficients 1, c(1) … c(m), newest first, that predict each of the last m changes from the m before it."""
-    if modes == 1:  # most points end here
-        return _prediction_of_one(changes[0], changes[1], ridge)
     earlier = [changes[i + 1 : i + 1 + modes].ravel() for i in range(modes)]
-    if modes == 2:
-        return _prediction_of_two(changes[:2].ravel(), earlier[0], earlier[1], ridge)
     matrix = np.vstack([np.column_stack(earlier), ridge * np.eye(modes)])
     right = np.concatenate([-changes[:modes].ravel(), np.zeros(modes)])
     c, *_ = np.linalg.lstsq(matrix, right, rcond=None)
     return np.concatenate([[1.0], c])
-
-
-def _prediction_of_one(newest: Floats, before: Floats, ridge: float) -> Floats:
-    square = float(before @ before) + ridge * ridge
-    return np.array([1.0, -float(before @ newest) / square if square > 0.0 else 0.0])
-
-
-def _prediction_of_two(newest: Floats, a: Floats, b: Floats, ridge: float) -> Floats:
-    """Least squares of a·c(1) + b·c(2) = −newest, ridge·c(1) = 0, ridge·c(2) = 0 by modified Gram–Schmidt."""
-    damping = ridge * ridge
-    square = float(a @ a) + damping
-    if square == 0.0:
-        return np.array([1.0, 0.0, 0.0])
-    shared, first = float(a @ b) / square, -float(a @ newest) / square
-    # What is left of the second column and of the right-hand side; of the ridge's equations by their products.
-    b, right = b - shared * a, -newest - first * a
-    square = float(b @ b) + (1.0 + shared * shared) * damping
-    second = (float(b @ right) + shared * first * damping) / square if square > 0.0 else 0.0
-    return np.array([1.0, first - shared * second, second])
 
 
 def weigh(periods: Floats, weights: Floats) -> Floats:
@@ -261,12 +221,5 @@ def weigh(periods: Floats, weights: Floats) -> Floats:
     n = weights.size
     harmonics: Floats = weights @ newest_first[:n]
     ramp = float(weights @ (newest_first[:n, 0] - newest_first[1 : n + 1, 0]))
-    harmonics[1::2] += ramp * _ramp_parts((harmonics.size - 1) // 2)
+    harmonics[1::2] += ramp * _RAMP / np.arange(1.0, (harmonics.size + 1) // 2)
     return harmonics
-
-
-@lru_cache(maxsize=4)
-def _ramp_parts(orders: int) -> Floats:
-    """Return what a ramp that rises by −1 in a period has in phase, shape (orders,)."""
-    parts: Floats = _RAMP / np.arange(1.0, orders + 1.0)
-    return parts

@@ -20,6 +20,7 @@ from workbench.signals.kinds import Signal, Sine
 
 __all__ = [
     "FEW_STATES",
+    "NUDGE",
     "ROWS",
     "Lap",
     "PeriodMap",
@@ -45,8 +46,9 @@ _AT_ONCE = 1e-9
 # A state that moves by no more than this part of its size is at rest.
 _AT_REST = 1e-6
 
-# Of the motion of each state, for differences of whole periods; with more states than this they cost too many.
-_NUDGE = 1e-4
+# Of the motion of each state, or of the range of a parameter, for differences of whole periods; with more states than
+# `FEW_STATES` they cost too many.
+NUDGE = 1e-4
 FEW_STATES = 24
 
 
@@ -228,7 +230,7 @@ def _motion(points: Floats) -> Floats:
     return found
 
 
-def differences(lap: Lap, run: Callable[[Floats], Lap], part: float = _NUDGE) -> VariationalEquation:
+def differences(lap: Lap, run: Callable[[Floats], Lap], part: float = NUDGE) -> VariationalEquation:
     """Return the derivative of the period map by differences of whole periods, one for each state.
 
     Args:
