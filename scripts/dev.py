@@ -4,7 +4,7 @@
     python3 scripts/dev.py demo       measure the bundled rudder, print the table, draw the Bode picture
     python3 scripts/dev.py test       lint, types, documentation, tests (--quick: those that take four minutes), or only
                                       the named ones: lint, types, docs, tests, tests/test_loop.py …
-    python3 scripts/dev.py all        test, numerical, build --check, and the published figures: what CI does
+    python3 scripts/dev.py all        test, numerical, build --check, evidence, reproduce: what CI does
     python3 scripts/dev.py reproduce  the published figures, measured now (CHAPTER …, --json PATH, --report PATH)
     python3 scripts/dev.py evidence   how often promises are kept over random models, in short (NAME …: one in full)
     python3 scripts/dev.py upgrade    move requirements.lock to the newest versions (of PACKAGE …), if all of that holds

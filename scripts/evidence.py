@@ -29,7 +29,7 @@ SHORT: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "disturbed": ({"cases": 14},),
     "cosimulation": ({"cases": 8},),
     "motion": ({"cases": 2},),
-    "multirate": ({"cases": 20},),
+    "multirate": ({"cases": 8},),
     "trim": ({"cases": 150},),
     "bla": ({"cases": 3},),
     "sessions": (),  # the tests have it
@@ -72,10 +72,10 @@ def short() -> int:
         for form in forms:
             words = " ".join(f"--{key} {value}" for key, value in form.items()).replace(" True", "")
             print(f"-- {name} {words}", flush=True)
-            begin = time.process_time()
+            begin = time.monotonic()
             if run_of(name)(**form):
                 broken.append(name)
-            print(f"   {time.process_time() - begin:.0f} s of processor time", flush=True)
+            print(f"   {time.monotonic() - begin:.0f} s", flush=True)
     print(f"not kept: {', '.join(broken)}" if broken else "all kept")
     return int(bool(broken))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import re
@@ -19,9 +17,9 @@ import pytest
 
 from scripts.reproduce import reproduce
 from scripts.reproduce.__main__ import reproduce_command
-from scripts.reproduce.measurement import Measured, Measurement, Picture
+from scripts.reproduce.measurement import Measured, Measurement
 from scripts.reproduce.registry import experiments
-from scripts.reproduce.result import ReproduceResult, TargetList, TargetResult, plain
+from scripts.reproduce.result import ReproduceResult, TargetList, TargetResult
 from scripts.reproduce.run import _runner
 from scripts.reproduce.targets import MET, MISSED, NOT_REACHABLE, parse_targets, read_targets
 from workbench.cli.app import run
@@ -230,12 +228,6 @@ def test_a_known_miss_alone_is_exit_code_0(change: Changed, code: int, tmp_path:
     assert found["counts"]["predicted"] == {MET: 0, MISSED: 1, NOT_REACHABLE: 0}
 
 
-def test_predictions_are_counted_first() -> None:
-    result = reproduce(["3.3.6", "3.3.7", "lag-rule"], workers=HERE)
-    counted = "2 predicted: 2 met; 1 fitted: 1 met; 1 structural: 1 met; "
-    assert result.words.startswith(counted)
-
-
 def test_no_executor_and_no_pictures_from_a_cluster(tmp_path: Path) -> None:
     with ThreadPoolExecutor(1) as threads, pytest.raises(InputError, match="no executor"):
         reproduce(["hysteresis"], workers=Workers(executor=threads))
@@ -264,14 +256,6 @@ def test_json(few: ReproduceResult) -> None:
     assert [p["figures"] for p in found["pictures"]] == [[1, 2], [3], [7, 8]]
 
 
-def test_csv(few: ReproduceResult) -> None:
-    text = io.StringIO()
-    few.to_csv(text)
-    rows = list(csv.DictReader(io.StringIO(text.getvalue())))
-    assert len(rows) == len(few.outcomes)
-    assert {r["verdict"] for r in rows} == {MET, NOT_REACHABLE}
-
-
 def test_page(few: ReproduceResult, tmp_path: Path) -> None:
     few.report(tmp_path / "page.html")
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -285,37 +269,6 @@ def test_page(few: ReproduceResult, tmp_path: Path) -> None:
     assert not re.search(r'(src|href)="https?:', text.replace("xlink:href", ""))
     with pytest.raises(InputError, match=r"\.html"):
         few.report(tmp_path / "page.txt")
-
-
-def test_only_pictures_of_the_figures_that_were_asked_for() -> None:
-    result = reproduce(["fig3"], drawings=True, workers=HERE)
-    assert [d.figures for d in result.drawings] == [(1, 2), (3,)]  # those targets stand for figures 1 to 3
-    assert reproduce(["fig3"], workers=HERE).drawings == ()
-
-
-def test_a_picture_that_fails_is_told(change: Changed) -> None:
-    def draw() -> None:
-        raise ValueError("no ink")
-
-    picture = Picture((51,), "w", draw)  # type: ignore[arg-type]
-    change("rate feedback", lambda: Measurement(values(), pictures=[picture]))
-    assert reproduce(["fig51"], workers=HERE).missed == ()
-    broken = reproduce(["fig51"], drawings=True, workers=HERE)
-    assert "no ink" in str(broken.missed[0].reason)
-
-
-@pytest.mark.parametrize(
-    ("measured", "text"),
-    [
-        ([1.0, 2.0, 3.0, 4.0, 9.0], "1 … 9 dB"),
-        ([1.0] * 5, "1 dB"),
-        ([1.0, 2.0], "1, 2 dB"),
-        (1.5, "1.5 dB"),
-    ],
-)
-def test_many_numbers_are_a_range(measured: Measured, text: str) -> None:
-    target = parse_targets('[a]\nchapter = "3"\nwhat = "w"\nbasis = "predicted"\nhigh = 1\nunit = "dB"', "file")["a"]
-    assert TargetResult(target, "e", plain(measured)).text == text
 
 
 # -- the command -------------------------------------------------------------------------------------------
@@ -381,8 +334,3 @@ def test_command_refuses_in_one_line(arguments: list[str], words: str, capsys: p
     error = capsys.readouterr().err.strip().splitlines()
     assert len(error) == 1
     assert words in error[0]
-
-
-def test_experiments_are_known_by_their_names() -> None:
-    assert all(e.name == name for name, e in experiments().items())
-    assert all(e.targets and e.seconds > 0.0 for e in experiments().values())
