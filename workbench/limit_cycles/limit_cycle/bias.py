@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import bisect
 
 from workbench.core.values.arrays import Floats
 from workbench.point.lin.result import LinResult
@@ -17,7 +18,6 @@ _LEFT = 1e-9  # of the first derivatives
 _SINGULAR = 1e-9  # of the largest singular value
 _DECADES = 12
 _PER_DECADE = 40
-_BISECTIONS = 200
 _ZERO = 1e-12  # of the size of the loop: a smaller input of the block is rounding
 
 
@@ -113,13 +113,8 @@ def _meeting(distance: Callable[[Floats], Floats], near: float, size: float) -> 
     low, high = float(grid[i]), float(grid[i + 1])
     if zeros := [x for x, s in ((low, sign[i]), (high, sign[i + 1])) if s == 0.0]:
         return min(zeros, key=lambda x: abs(x - near))
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            break
-        low, high = (middle, high) if np.sign(distance(np.array([middle]))[0]) == sign[i] else (low, middle)
-    middle = 0.5 * (low + high)
-    return 0.0 if low <= 0.0 <= high or abs(middle) <= _ZERO * size else middle
+    middle = float(bisect(lambda x: float(distance(np.array([x]))[0]), low, high, xtol=1e-3 * _ZERO * size))
+    return 0.0 if abs(middle) <= _ZERO * size else middle
 
 
 def _rates(rest: LinResult) -> Floats:

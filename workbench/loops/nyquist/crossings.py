@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar, root
+from scipy.optimize import root
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
+from workbench.core.values.modal import poles_of
 from workbench.loops.describing.base import Block
+from workbench.loops.nyquist.level_crossings import real_crossings
 
-__all__ = ["AxisCrossing", "axis_crossings", "intersections"]
+__all__ = ["SAME", "AxisCrossing", "axis_crossings", "intersections"]
 
-_SIDE = 1e-9  # relative distance at which both sides of a root are looked at
+SAME = 1e-9  # relative difference of two gains, or frequencies, that are one
+_INSIDE = -5.0  # ln |z| of discrete poles that are far inside the unit circle
+_ZERO = 1e-10  # |L| below this part of its size elsewhere is a zero of L, which no finite gain belongs to
+_BESIDE = (0.6, 1.7)  # times the size of a pole
+_NEAR = 1e-5  # of the slowest pole: so near 0 a pole there would dominate L, if L had it
+_AXIS = 1e-9  # relative distance of an open-loop pole from the border that counts as on it
 
 
 @dataclass(frozen=True)
@@ -21,88 +30,103 @@ class AxisCrossing:
     """Where L is real.
 
     Attributes:
-        frequency: [Hz].
-        gain: −1/L, the gain that puts a pole pair on the imaginary axis there; 0 at a pole of L on that axis.
+        frequency: [Hz]; infinite: beyond all frequencies, where L is D.
+        real: L there; infinite at a pole on the border of stability.
     """
 
     frequency: float
-    gain: float
+    real: float
+
+    @property
+    def gain(self) -> float:
+        """The k with 1 + k·L = 0, which puts a pole on the border of stability there."""
+        return 0.0 - 1.0 / self.real
 
 
-def axis_crossings(part: LinearPart, f: Floats, value: Complex) -> list[AxisCrossing]:
-    """Return where L(j2πf) crosses the real axis, rising in frequency.
+def axis_crossings(part: LinearPart) -> list[AxisCrossing]:
+    """Return all places on the border of stability where L is real, rising in frequency.
+
+    Between the eigenvalues of a pencil, the zeros of L(s) − L(−s), Im L keeps its sign; each crossing is refined to
+    rounding. Then there are 0 (and half the sampling frequency), an infinite frequency where L has a direct part, and
+    the poles of L on the border.
 
     Args:
-        part: the linear part.
-        f: frequencies from `adaptive_grid` [Hz].
-        value: L there.
+        part: L.
+
+    Source: Boyd, Balakrishnan & Kabamba 1989 (for the pencil).
     """
-    sine = _sine(value)
-    brackets = [(float(f[i]), float(f[i + 1])) for i in np.flatnonzero(sine[:-1] * sine[1:] < 0.0).tolist()]
-    brackets += _tangents(part, f, sine)
-    roots = [_root(part, a, b) for a, b in brackets] + [float(x) for x in f[sine == 0.0]]
-    found = [crossing for root in roots if (crossing := _crossing(part, root)) is not None]
-    return _distinct(sorted(found, key=lambda c: c.frequency))
-
-
-def _sine(value: Complex) -> Floats:
-    """Return Im L/|L|, 0 on a pole."""
-    with np.errstate(all="ignore"):
-        sine = value.imag / np.abs(value)
-    return np.where(np.isfinite(sine), sine, 0.0)
-
-
-def _at(part: LinearPart, frequency: float) -> float:
-    return float(_sine(part.response(frequency))[0])
-
-
-def _root(part: LinearPart, low: float, high: float) -> float:
-    ends = _at(part, low), _at(part, high)
-    if ends[0] * ends[1] >= 0.0:  # one of them is rounding, which another order of summation turned
-        return low if abs(ends[0]) <= abs(ends[1]) else high
-    return float(brentq(lambda x: _at(part, x), low, high, xtol=1e-14 * high, rtol=1e-14))
-
-
-def _tangents(part: LinearPart, f: Floats, sine: Floats) -> list[tuple[float, float]]:
-    """Return brackets of pairs of crossings between two points of the grid on the same side of the axis."""
-    size = np.abs(sine)
-    inner = (size[1:-1] < size[:-2]) & (size[1:-1] < size[2:]) & (size[1:-1] < 0.3) & (size[1:-1] > 0.0)
-    found = []
-    for i in (np.flatnonzero(inner) + 1).tolist():
-        if not (sine[i - 1] * sine[i] > 0.0 and sine[i] * sine[i + 1] > 0.0):
-            continue
-        sign, low, high = np.sign(sine[i]), float(f[i - 1]), float(f[i + 1])
-        # The derivative of the phase is large there only where the grid is fine.
-        best = minimize_scalar(
-            lambda x, sign=sign: sign * _at(part, x),
-            bounds=(low, high),
-            method="bounded",
-            options={"xatol": 1e-9 * high},
-        )
-        if best.fun < 0.0:
-            found += [(low, float(best.x)), (float(best.x), high)]
-    return found
-
-
-def _crossing(part: LinearPart, root: float) -> AxisCrossing | None:
-    """Return the crossing at a root of Im L/|L|; None where L itself is zero there."""
-    here = part.at(root)
-    left, right = part.response(root * np.array([1.0 - _SIDE, 1.0 + _SIDE]))
-    beside = 0.5 * (abs(left) + abs(right))
-    jumps = _sine(np.array([left]))[0] * _sine(np.array([right]))[0] < -0.25
-    if not np.isfinite(here) or (jumps and not abs(here) < beside):
-        return AxisCrossing(root, 0.0)
-    if here == 0.0 or jumps:
-        return None
-    return AxisCrossing(root, -1.0 / here.real)
-
-
-def _distinct(found: list[AxisCrossing]) -> list[AxisCrossing]:
     kept: list[AxisCrossing] = []
-    for crossing in found:
-        if not kept or crossing.frequency > kept[-1].frequency * (1.0 + 1e-9):
-            kept.append(crossing)
+    for place in sorted(_places(part), key=lambda c: c.frequency):
+        if not any(_alike(place, other) for other in kept):
+            kept.append(place)
     return kept
+
+
+def _alike(one: AxisCrossing, other: AxisCrossing) -> bool:
+    return all(math.isclose(*pair, rel_tol=SAME) for pair in ((one.real, other.real), (one.frequency, other.frequency)))
+
+
+def _places(part: LinearPart) -> Iterator[AxisCrossing]:
+    poles = _border_poles(part)
+    size = _size(part)
+    near_zero = _NEAR * float(_sizes(part).min()) if np.any(poles == 0.0) else 0.0
+    for frequency in real_crossings(part):
+        value = part.at(frequency)
+        beside = frequency > near_zero and not np.any(np.abs(poles - frequency) < 1e-7 * frequency)
+        if abs(value) > _ZERO * size and beside:
+            yield AxisCrossing(frequency, value.real)
+    ends = [0.0, part.highest_hz] if part.dt > 0.0 else [0.0]
+    for frequency in ends:
+        value = _at_zero(part, near_zero) if frequency == 0.0 and near_zero else part.at(frequency)
+        on_pole = frequency > 0.0 and np.any(np.abs(poles - frequency) < 1e-12)
+        if np.isfinite(value) and abs(value) > _ZERO * size and not on_pole:
+            yield AxisCrossing(frequency, value.real)
+    if part.d != 0.0 and len(part.A):
+        yield AxisCrossing(math.inf, part.d)
+    for frequency in np.unique(poles).tolist():
+        yield AxisCrossing(frequency, math.inf)
+
+
+def _sizes(part: LinearPart) -> Floats:
+    """Return the sizes of the open-loop poles that are not 0, and one of its own [Hz]."""
+    poles = poles_of(part.A, dt=part.dt)
+    rates = np.abs(poles.value[np.abs(poles.value) > 10.0 * poles.uncertain])
+    own = 1.0 if part.dt == 0.0 else 0.3 * math.pi / part.dt
+    return np.append(rates, own) / (2.0 * math.pi)
+
+
+def _at_zero(part: LinearPart, near: float) -> complex:
+    """Return G(0) of a system with poles at 0 where u does not reach them or y does not see them; else infinity."""
+    values = [part.at(f) for f in (near, 0.1 * near)]
+    alike = abs(values[0] - values[1]) <= 1e-3 * abs(values[0])
+    return complex(values[0].real) if alike else complex(math.inf)
+
+
+def _border_poles(part: LinearPart) -> Floats:
+    """Return the frequencies of the open-loop poles on the border, as far as rounding lets them be known [Hz]."""
+    poles = poles_of(part.A, dt=part.dt)
+    # Its balancing takes entries that are rounding only for exact ones: hence the second bound.
+    rounding = 100.0 * np.finfo(float).eps * float(np.linalg.norm(part.A)) if len(part.A) else 0.0
+    value, uncertain = poles.value, np.maximum(5.0 * poles.uncertain, rounding / (part.dt or 1.0))
+    size = np.full(len(value), 1.0 / part.dt) if part.dt > 0.0 else np.abs(value)
+    near = np.abs(value.real) <= _AXIS * size + uncertain
+    found = np.where(value.imag > _AXIS + uncertain, value.imag, 0.0)
+    if part.dt > 0.0:
+        near &= value.real * part.dt > _INSIDE  # the bound is one of |z|, and its logarithm near z = 0 wide
+        found = np.where(found > math.pi / part.dt - uncertain, math.pi / part.dt, found)
+    kept: list[float] = []
+    for turn, apart in zip(found[near].tolist(), uncertain[near].tolist(), strict=True):
+        if all(abs(turn - other) > 2.0 * apart for other in kept):
+            kept.append(turn)
+    return np.array(kept) / (2.0 * math.pi)
+
+
+def _size(part: LinearPart) -> float:
+    """Return how large G is where it is large, beside its poles: on the border G is as large as rounding makes it."""
+    f = np.concatenate([factor * _sizes(part) for factor in _BESIDE])
+    value = np.abs(part.response(f[f < part.highest_hz]))
+    value = value[np.isfinite(value)]
+    return max(float(np.median(value)) if len(value) else 0.0, abs(part.d), 1e-300)
 
 
 # -- intersections with −1/N(A, f) where N is complex ---------------------------------------------

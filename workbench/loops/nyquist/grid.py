@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eig
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
-from workbench.loops.nyquist.level_crossings import odd_pencil
 
 __all__ = ["adaptive_grid"]
 
@@ -25,9 +23,8 @@ _AROUND = np.array([-10.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 10.0])
 def adaptive_grid(part: LinearPart, band: tuple[float, float]) -> tuple[Floats, Complex]:
     """Return frequencies [Hz] and L there.
 
-    The grid begins with the places that matter: around each pole in units of its damping, and on both sides of each
-    zero of L(s) − L(−s), among which are all crossings of the real axis. Then it is halved wherever the phase
-    turns by more than 3°, and where the curve has a corner of more than 10°.
+    The grid begins around each pole, in units of its damping. Then it is halved wherever the phase turns by more than
+    3°, and where the curve has a corner of more than 10°.
 
     Args:
         part: the linear part.
@@ -69,21 +66,8 @@ def _merged(f: Floats, value: Complex, more: Floats, there: Complex) -> tuple[Fl
 
 
 def _landmarks(part: LinearPart) -> Floats:
-    """Return frequencies [Hz] around poles, and around real-axis crossings as an eigenvalue problem gives them."""
+    """Return frequencies around poles [Hz]."""
     poles = part.continuous_poles
     width = np.maximum(np.abs(poles.real), 1e-9 * np.abs(poles))
-    around = (np.abs(poles.imag)[:, None] + width[:, None] * _AROUND).ravel()
-    crossings = _axis_candidates(part)
-    beside = (crossings[:, None] * (1.0 + np.array([-1e-3, -1e-6, 1e-6, 1e-3]))).ravel()
-    return np.concatenate([around, beside]) / (2.0 * np.pi)
-
-
-def _axis_candidates(part: LinearPart) -> Floats:
-    """Return |Im s| of the zeros of L(s) − L(−s) near the imaginary axis [rad/s]."""
-    if not len(part.A) or part.dt > 0.0:  # of a sampled model the curve itself has to show them
-        return np.zeros(0)
-    alpha, beta = eig(*odd_pencil(part), right=False, homogeneous_eigvals=True)
-    with np.errstate(all="ignore"):
-        zeros = alpha / beta
-    zeros = zeros[np.isfinite(zeros)]
-    return np.asarray(np.abs(zeros.imag[np.abs(zeros.real) < 0.05 * np.abs(zeros)]), dtype=np.float64)
+    around: Floats = (np.abs(poles.imag)[:, None] + width[:, None] * _AROUND).ravel() / (2.0 * np.pi)
+    return around

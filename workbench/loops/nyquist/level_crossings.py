@@ -13,9 +13,11 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import damped_frequency_hz, natural_frequency_hz
 
-__all__ = ["gain_crossings", "level_frequencies", "odd_pencil", "real_crossings", "scan"]
+__all__ = ["gain_crossings", "level_frequencies", "real_crossings", "scan"]
 
-_REAL = 1e-9  # |Im F| / |F| at a crossing of the real axis; at a pole on the axis it is 1
+# |Im F| / |F| at a crossing of the real axis: rounding of the frequency leaves 1e-14/ζ of it where a mode of damping ζ
+# makes the curve cross; at a pole on the axis it is 1.
+_REAL = 1e-3
 _ROUNDING = 1e-13  # of |F|: an imaginary part below this has no sign
 
 
@@ -50,7 +52,7 @@ def real_crossings(f: LinearPart) -> list[float]:
         value = f.at(frequency)
         return value.imag / abs(value) if abs(value.imag) > _ROUNDING * abs(value) else 0.0
 
-    found = _roots(imaginary, level_frequencies(f, odd_pencil), f.highest_hz)
+    found = _roots(imaginary, level_frequencies(f, _odd_pencil), f.highest_hz)
     return [x for x in found if abs(imaginary(x)) < _REAL]
 
 
@@ -129,7 +131,7 @@ def _gain_pencil(f: LinearPart) -> tuple[Floats, Floats]:
     return a, _descriptor(n)
 
 
-def odd_pencil(f: LinearPart) -> tuple[Floats, Floats]:
+def _odd_pencil(f: LinearPart) -> tuple[Floats, Floats]:
     """Return (a, b) whose generalised eigenvalues are the zeros of F(s) - F(-s), among them all crossings of the axis.
 
     Args:

@@ -79,7 +79,7 @@ def nyquist(
 
 def _nyquist(part: LinearPart, block: Block | None, band: tuple[float, float], a: Floats, name: str) -> NyquistResult:
     f, value = adaptive_grid(part, band)
-    real_axis = axis_crossings(part, f, value)
+    real_axis = [c for c in axis_crossings(part) if band[0] <= c.frequency <= band[1]]
     sides = _LoopParts(part, real_axis)
     if block is None:
         found, gains = [sides.plain(c) for c in real_axis if c.gain >= 0.0], np.ones(0, dtype=np.complex128)
@@ -92,6 +92,7 @@ def _nyquist(part: LinearPart, block: Block | None, band: tuple[float, float], a
         found += [sides.plain(c) for c in real_axis if c.gain >= 0.0]
         where = found[0].frequency_hz if found else float(np.sqrt(band[0] * band[1]))
         gains = np.array([block.gain(x, where) for x in a.tolist()], dtype=np.complex128)
+    found = [c for c in found if c.gain or c.unstable_below != c.unstable_above]  # poles that L does not show
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(gains == 0.0, complex(np.nan), -1.0 / gains)
     return NyquistResult(
@@ -139,7 +140,7 @@ class _LoopParts:
     def plain(self, c: AxisCrossing) -> Crossing:
         below, above = self.count(c.gain)
         return Crossing(
-            frequency_hz=c.frequency, real=-1.0 / c.gain if c.gain else -np.inf, gain=c.gain,
+            frequency_hz=c.frequency, real=c.real if c.gain else -np.inf, gain=c.gain,
             unstable_below=below, unstable_above=above,
         )  # fmt: skip
 
