@@ -332,12 +332,12 @@ def open_fake(
 
     kind = drivers.DRIVERS[drivers.fakes][interface]
     by_name = {v.name: v for v in description.variables}
-    setup = Setup(instance, by_name, rtol=rtol, solver=solver, step=step, bias=bias or {})
+    setup = Setup(by_name, instance, rtol=rtol, solver=solver, step=step, bias=bias or {})
     works = state and not why_state_fails(kind, setup)
     return kind(
         Setup(
-            instance,
             by_name,
+            instance,
             rtol=rtol,
             solver=solver,
             step=step,

@@ -140,7 +140,7 @@ def open_one(interface: str, solver: str, step: float | None = None) -> FmuSessi
         return FakeInstance1(interface)
 
     kind = drivers.DRIVERS[drivers.fakes][interface]
-    return kind(Setup(instance, by_name, solver=solver, rtol=1e-9, step=step))
+    return kind(Setup(by_name, instance, solver=solver, rtol=1e-9, step=step))
 
 
 @pytest.mark.parametrize("solver", ["vkm", "gear"])

@@ -245,7 +245,6 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     variables = {v.name: v for v in description.variables}
     bias = check_biases(recipe.bias, variables, description.units)
     setup = Setup(
-        open_instance=_not_yet,
         variables=variables,
         start_values=check_starts(recipe.start_values, variables, description.enumerations, description.units),
         bias=bias,
@@ -266,10 +265,6 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     return FmuModel(
         unpacked, description, interface=chosen, setup=setup, notes=notes, recipe=replace(recipe, bias=bias)
     )
-
-
-def _not_yet() -> Instance:
-    raise NotImplementedError  # FmuModel puts its own in place
 
 
 def start_of(recipe: LoadRecipe, description: ModelDescription) -> float:

@@ -56,13 +56,17 @@ class Lead:
     sizes: Mapping[str, float]
 
 
+def _not_yet() -> Instance:
+    raise NotImplementedError
+
+
 @dataclass(frozen=True)
 class Setup:
     """How sessions of one model begin.
 
     Attributes:
-        open_instance: returns a new instance of the FMU.
         variables: name → variable, all of the model's.
+        open_instance: returns a new instance of the FMU; a model puts its own in place.
         start_values: parameters and start values set before initialisation.
         guesses: the same of the point's values, as far as FMI lets them be set; initialisation may override them.
         point: states, discrete states and inputs → where the session starts, whatever initialisation makes of it.
@@ -82,8 +86,8 @@ class Setup:
         samplers: what declares how often it samples.
     """
 
-    open_instance: Callable[[], Instance]
     variables: Mapping[str, Variable]
+    open_instance: Callable[[], Instance] = _not_yet
     start_values: Mapping[str, Value] = field(default_factory=dict)
     guesses: Mapping[str, Value] = field(default_factory=dict)
     point: Mapping[str, float] = field(default_factory=dict)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
 from workbench.core.values.closed_loop import ClosedLoop
+from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value
 from workbench.fmi.wiring import Wiring
@@ -24,15 +26,20 @@ from workbench.system.order import plan
 from workbench.system.parameters import component_parameters, reparametrised
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["SystemModel"]
+__all__ = ["ConnectedModel", "SystemModel", "own_notes"]
 
 
-class SystemModel(DescribedModel):
-    """Several components with connections, all of model exchange: one ODE, one solver, no delay anywhere.
+class ConnectedModel(DescribedModel):
+    """Several components with connections.
 
     Args:
         opened: the components; the model owns them from now on.
         recipe: how to make it again.
+        described: what it says of itself.
+        interface: "me" or "cs".
+        solver: of the whole.
+        step: communication step [s].
+        notes: remarks for the user.
 
     Attributes:
         system: the system as it is written down.
@@ -40,53 +47,52 @@ class SystemModel(DescribedModel):
 
     recipe: SystemRecipe
 
-    def __init__(self, opened: Opened, recipe: SystemRecipe) -> None:
-        self._opened = opened
-        self.system = opened.description
-        described = joint_description(opened.description, opened.parts, opened.resolved)
+    def __init__(
+        self,
+        opened: Opened,
+        recipe: SystemRecipe,
+        described: ModelDescription,
+        *,
+        interface: str,
+        solver: str,
+        step: float | None,
+        notes: Sequence[str],
+    ) -> None:
+        self._opened, self.system = opened, opened.description
         self._ports = joint_ports(opened.parts, opened.resolved)
-        self._plan = plan(opened.resolved.wires, parts=len(opened.parts))
-        solver, note = choose_solver(recipe.solver, described)
-        variables = {v.name: v for v in described.variables}
-        setup = Setup(
-            open_instance=self.new_instance,
-            variables=variables,
-            start_values={**starts_of(opened.parts), **system_starts(recipe.start_values, described)},
-            bias=check_biases(recipe.bias, variables, described.units),
-            rtol=recipe.tolerance or described.experiment.tolerance or DEFAULT_TOLERANCE,
-            tolerance=recipe.tolerance or described.experiment.tolerance,
-            start_time=start_of(recipe, described),
-            step=recipe.step,
-            solver=solver,
-        )
+        setup = _setup(opened, recipe, described, solver=solver, step=step)
         super().__init__(
             described,
             source=recipe.source,
-            interface="me",
+            interface=interface,
             setup=setup,
-            notes=(*_notes(opened, self._plan), *experiment_notes(recipe, described), *filter(None, [note])),
+            notes=tuple(notes),
             recipe=replace(recipe, bias=setup.bias),
         )
         self.parameters = (*self.parameters, *component_parameters(self.system))
+
+    @abstractmethod
+    def _again(self, opened: Opened, recipe: SystemRecipe) -> ConnectedModel:
+        """Return such a model of other components."""
 
     def with_values(self, values: Mapping[str, Value]) -> DescribedModel:
         opened, rest = reparametrised(self._opened, values)
         if opened is self._opened:
             return super().with_values(values)
         starts = {**self.recipe.start_values, **rest}
-        twin = SystemModel(opened, replace(self.recipe, system=opened.description, start_values=starts))
-        twin._sessions = self._sessions  # it is closed with this one
+        twin = self._again(opened, replace(self.recipe, system=opened.description, start_values=starts))
+        twin._sessions = self._sessions  # noqa: SLF001 - it is closed with this one
         return twin
 
-    def new_instance(self) -> Instance:
+    def _instances(self) -> list[Instance]:
+        """Return a new instance of each component; if one cannot be made, those before it are closed."""
         with ExitStack() as undo:
-            made = [_closed_by(undo, part.instance()) for part in self._opened.parts]
+            made: list[Instance] = []
+            for part in self._opened.parts:
+                made.append(part.instance())
+                undo.callback(made[-1].close)
             undo.pop_all()
-        return CompositeInstance(made, self._plan.anew(), self.description, self._ports, source=self.source)
-
-    def _without_state(self) -> str:
-        names = [p.name for p in self._opened.parts if not p.description.interfaces[p.interface].state]
-        return f"components do not claim to save their state: {', '.join(names)}"
+        return made
 
     def _own_rates(self) -> DeclaredRates:
         return declared_rates(self._opened.parts)
@@ -99,15 +105,59 @@ class SystemModel(DescribedModel):
         self._opened.close()
 
 
-def _closed_by(undo: ExitStack, instance: Instance) -> Instance:
-    """Return the instance; it is closed if making those after it fails."""
-    undo.callback(instance.close)
-    return instance
+def _setup(
+    opened: Opened, recipe: SystemRecipe, described: ModelDescription, *, solver: str, step: float | None
+) -> Setup:
+    variables = {v.name: v for v in described.variables}
+    tolerance = recipe.tolerance or described.experiment.tolerance
+    return Setup(
+        variables=variables,
+        start_values={**starts_of(opened.parts), **system_starts(recipe.start_values, described)},
+        bias=check_biases(recipe.bias, variables, described.units),
+        rtol=tolerance or DEFAULT_TOLERANCE,
+        tolerance=tolerance,
+        start_time=start_of(recipe, described),
+        step=step,
+        hold_inputs=recipe.hold_inputs,
+        solver=solver,
+    )
+
+
+def own_notes(opened: Opened) -> list[str]:
+    """Return the notes on a system's file, its connections and its components."""
+    notes = [*opened.description.notes, *opened.resolved.notes]
+    return notes + [f"{part.name}: {note}" for part in opened.parts for note in part.notes]
+
+
+class SystemModel(ConnectedModel):
+    """Several components with connections, all of model exchange: one ODE, one solver, no delay anywhere.
+
+    Args:
+        opened: the components; the model owns them from now on.
+        recipe: how to make it again.
+    """
+
+    def __init__(self, opened: Opened, recipe: SystemRecipe) -> None:
+        described = joint_description(opened.description, opened.parts, opened.resolved)
+        self._plan = plan(opened.resolved.wires, parts=len(opened.parts))
+        solver, note = choose_solver(recipe.solver, described)
+        notes = [*_notes(opened, self._plan), *experiment_notes(recipe, described), *filter(None, [note])]
+        super().__init__(opened, recipe, described, interface="me", solver=solver, step=recipe.step, notes=notes)
+
+    def _again(self, opened: Opened, recipe: SystemRecipe) -> SystemModel:
+        return SystemModel(opened, recipe)
+
+    def new_instance(self) -> Instance:
+        made = self._instances()
+        return CompositeInstance(made, self._plan.anew(), self.description, self._ports, source=self.source)
+
+    def _without_state(self) -> str:
+        names = [p.name for p in self._opened.parts if not p.description.interfaces[p.interface].state]
+        return f"components do not claim to save their state: {', '.join(names)}"
 
 
 def _notes(opened: Opened, wiring: Wiring) -> list[str]:
-    notes = [*opened.description.notes, *opened.resolved.notes]
-    notes += [f"{part.name}: {note}" for part in opened.parts for note in part.notes]
+    notes = own_notes(opened)
     notes += circle_notes(opened.parts, wiring.in_circle)
     for group in wiring.continuous:
         if group.loop:

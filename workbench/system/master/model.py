@@ -3,33 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 
-from workbench.core.values.closed_loop import ClosedLoop
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import Capabilities, ModelDescription
 from workbench.fmi.instance import Instance
 from workbench.fmi.ticking import time_based
-from workbench.fmi.variable import Value
-from workbench.model.base import DeclaredRates
 from workbench.model.described_model import DescribedModel
-from workbench.model.load import choose_solver, experiment_notes, start_of
-from workbench.model.loading import DEFAULT_TOLERANCE
-from workbench.model.starts import check_biases
+from workbench.model.load import choose_solver, experiment_notes
 from workbench.session.fmu import FmuSession
 from workbench.session.setup import Setup
-from workbench.system.components import Opened, circle_notes, declared_rates, starts_of, system_starts
-from workbench.system.joint_description import joint_description, joint_ports
-from workbench.system.loops import closed_loops
+from workbench.system.components import Opened, circle_notes
+from workbench.system.joint_description import joint_description
 from workbench.system.master.crossover import opened_loop
 from workbench.system.master.instance import MasterInstance, MasterPlan
 from workbench.system.master.ordering import ORDERS, choose_order
 from workbench.system.master.sampled import find_ticks
 from workbench.system.master.session import MasterSession
 from workbench.system.master.units import Units, find_units
+from workbench.system.model import ConnectedModel, own_notes
 from workbench.system.order import plan
-from workbench.system.parameters import component_parameters, reparametrised
 from workbench.system.recipe import SystemRecipe
 
 __all__ = ["MasterModel"]
@@ -42,7 +34,7 @@ _EXTRAPOLATED = {  # order → in words, before "linear"
 _LOOSER = 100.0  # tolerance of one communication step in terms of the integration's
 
 
-class MasterModel(DescribedModel):
+class MasterModel(ConnectedModel):
     """Several components with connections, some of them of co-simulation: stepped by a master.
 
     Args:
@@ -50,43 +42,32 @@ class MasterModel(DescribedModel):
         recipe: how to make it again.
 
     Attributes:
-        system: the system as it is written down.
         order: "gauss-seidel" or "jacobi".
     """
 
-    recipe: SystemRecipe
-
     def __init__(self, opened: Opened, recipe: SystemRecipe) -> None:
         _check(recipe)
-        self._opened = opened
-        self.system = opened.description
         _refuse_clocks(opened)
         described = _described(opened)
-        self._ports = joint_ports(opened.parts, opened.resolved)
         self._units = find_units(opened.parts, opened.resolved.wires, opened.resolved)
         self.order, _ = choose_order(recipe.system.master.order, self._units)
-        self._solvers, notes = _solvers(self._units, recipe.solver)
+        self._solvers, solver_notes = _solvers(self._units, recipe.solver)
         self._decided: MasterPlan | None = None
         self._probing = False
         self._late: set[int] = set()
-        setup = _setup(opened, recipe, described)
-        master = _master_note(self.order, self._units, recipe)
-        super().__init__(
-            described,
-            source=recipe.source,
-            interface="cs",
-            setup=setup,
-            notes=(
-                *_own_notes(opened),
-                *circle_notes(opened.parts, plan(opened.resolved.wires, parts=len(opened.parts)).in_circle),
-                master,
-                _step_note(setup, described),
-                *experiment_notes(recipe, described),
-                *notes,
-            ),
-            recipe=dataclasses.replace(recipe, bias=setup.bias),
-        )
-        self.parameters = (*self.parameters, *component_parameters(self.system))
+        step = recipe.step or opened.description.default_experiment.step
+        notes = [
+            *own_notes(opened),
+            *circle_notes(opened.parts, plan(opened.resolved.wires, parts=len(opened.parts)).in_circle),
+            _master_note(self.order, self._units, recipe),
+            _step_note(step, described, held=recipe.hold_inputs),
+            *experiment_notes(recipe, described),
+            *solver_notes,
+        ]
+        super().__init__(opened, recipe, described, interface="cs", solver="fmu", step=step, notes=notes)
+
+    def _again(self, opened: Opened, recipe: SystemRecipe) -> MasterModel:
+        return MasterModel(opened, recipe)
 
     @property
     def decided(self) -> MasterPlan:
@@ -107,29 +88,11 @@ class MasterModel(DescribedModel):
             )
         return self._decided
 
-    def with_values(self, values: Mapping[str, Value]) -> DescribedModel:
-        opened, rest = reparametrised(self._opened, values)
-        if opened is self._opened:
-            return super().with_values(values)
-        starts = {**self.recipe.start_values, **rest}
-        twin = MasterModel(opened, dataclasses.replace(self.recipe, system=opened.description, start_values=starts))
-        twin._sessions = self._sessions  # it is closed with this one
-        return twin
-
     def new_instance(self) -> Instance:
-        decided = self.decided
-        with ExitStack() as undo:
-            made: list[Instance] = []
-            for part in self._opened.parts:
-                made.append(part.instance())
-                undo.callback(made[-1].close)
-            undo.pop_all()
+        decided, made = self.decided, self._instances()
         instance = MasterInstance(made, decided, self.description, self._ports, source=self.source)
         instance.late = self._late
         return instance
-
-    def _own_rates(self) -> DeclaredRates:
-        return declared_rates(self._opened.parts)
 
     def slopes_act(self) -> bool:
         return True  # of the system; those of its components are their own affair
@@ -206,13 +169,6 @@ class MasterModel(DescribedModel):
         """
         return opened_loop(self._opened, self.recipe, without)
 
-    def closed_loops(self, signals: Sequence[str], *, until: float) -> tuple[ClosedLoop, ...]:
-        return closed_loops(self._opened, signals, until=until)
-
-    def close(self) -> None:
-        super().close()
-        self._opened.close()
-
 
 def _refuse_clocks(opened: Opened) -> None:
     """Refuse clocks whose ticks lie between the communication points of a component that wants a constant step."""
@@ -234,27 +190,6 @@ def _refuse_clocks(opened: Opened) -> None:
                 f"component {part.name}: clock {next(iter(clocks))} ticks at its own instants, but {constant[0]} wants "
                 f"a constant communication step; {remedy}"
             )
-
-
-def _setup(opened: Opened, recipe: SystemRecipe, described: ModelDescription) -> Setup:
-    variables = {v.name: v for v in described.variables}
-    tolerance = recipe.tolerance or described.experiment.tolerance
-    return Setup(
-        open_instance=_not_yet,
-        variables=variables,
-        start_values={**starts_of(opened.parts), **system_starts(recipe.start_values, described)},
-        bias=check_biases(recipe.bias, variables, described.units),
-        rtol=tolerance or DEFAULT_TOLERANCE,
-        tolerance=tolerance,
-        start_time=start_of(recipe, described),
-        step=recipe.step or opened.description.default_experiment.step,
-        hold_inputs=recipe.hold_inputs,
-        solver="fmu",
-    )
-
-
-def _not_yet() -> Instance:
-    raise NotImplementedError  # the model puts its own in place
 
 
 def _described(opened: Opened) -> ModelDescription:
@@ -291,11 +226,6 @@ def _solvers(units: Units, wanted: str) -> tuple[dict[int, str], list[str]]:
 # -- notes --------------------------------------------------------------------------------------
 
 
-def _own_notes(opened: Opened) -> list[str]:
-    notes = [*opened.description.notes, *opened.resolved.notes]
-    return notes + [f"{part.name}: {note}" for part in opened.parts for note in part.notes]
-
-
 def _check(recipe: SystemRecipe) -> None:
     """Refuse options that do not go together."""
     asked = recipe.system.master
@@ -324,12 +254,12 @@ def _master_note(order: str, units: Units, recipe: SystemRecipe) -> str:
     return f"master: {order}; connected values are {held} (workbench check shows --delays what that costs){one}"
 
 
-def _step_note(setup: Setup, described: ModelDescription) -> str:
-    if setup.step is not None:
-        return f"communication step: {setup.step:g} s, and the instants of sampled components"
+def _step_note(step: float | None, described: ModelDescription, *, held: bool) -> str:
+    if step is not None:
+        return f"communication step: {step:g} s, and the instants of sampled components"
     begin = described.experiment.step
     fixed = "derived from the signals and points" if begin is None else f"{begin:g} s, the shortest default of an FMU"
-    if setup.hold_inputs:
+    if held:
         return f"communication step: {fixed}; --step sets it"
     return (
         "communication step: controlled by step doubling where the state of all components can be saved (probed), "
