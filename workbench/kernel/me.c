@@ -305,7 +305,8 @@ static double next_stop(Me *me, double until, double *end) {
     if (*end == until && forcing_next_break(forcing, nextafter(until, -(double)INFINITY)) > until) {
         me->system->limit = (double)INFINITY;
     }
-    const double stop = is_due(*end, me->next_time) ? *end : me->next_time;
+    const double apart = *end - me->next_time; /* an event that only rounding puts before the end is at it */
+    const double stop = apart <= rounding_of(me->next_time, me->next_time - me->time) ? *end : me->next_time;
     return forcing->n_discrete ? fmin(stop, waiting(me)) : stop;
 }
 
