@@ -7,6 +7,7 @@ import csv
 import io
 import json
 import pkgutil
+from collections.abc import Iterable, Iterator
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, make_dataclass
 from importlib import import_module
 from typing import Any, TypeVar
@@ -123,7 +124,7 @@ def test_arrays_over_the_same_axis_are_a_table() -> None:
     text = io.StringIO()
     _signals_only().to_csv(text)
     assert list(csv.reader(io.StringIO(text.getvalue()))) == [
-        ["time", "x"], ["0.0", "1.0"], ["1.0", ""], ["2.0", "3.0"]
+        ["time [s]", "x"], ["0.0", "1.0"], ["1.0", ""], ["2.0", "3.0"]
     ]  # fmt: skip
 
 
@@ -230,6 +231,15 @@ def test_every_record_reads_its_own_json(kind: type[RecordPart], empty: bool) ->
     assert_same(again.to_dict(), first.to_dict(), kind.__name__)
 
 
+def _headed(record: Result, names: Iterable[str], heading: list[str]) -> Iterator[tuple[str, str, str | None]]:
+    """Yield the name of each column, its heading in the file, and its unit: a column that has one shows it there."""
+    units = record.column_units()
+    for name, shown in zip(names, heading, strict=True):
+        unit = units.get(name)
+        assert shown != name or unit in {None, "", "1"} or name.endswith(f"_{unit}".lower())
+        yield name, shown, unit
+
+
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)
 def test_every_record_has_a_table_or_says_that_there_is_none(kind: type[Result]) -> None:
     record, text = example(kind), io.StringIO()
@@ -242,7 +252,7 @@ def test_every_record_has_a_table_or_says_that_there_is_none(kind: type[Result])
     assert rows
     assert all(len(row) == len(heading) for row in rows)
     frame = record.to_dataframe()
-    assert list(frame.columns) == heading
+    assert all(shown in {name, f"{name} [{unit}]"} for name, shown, unit in _headed(record, frame.columns, heading))
     assert len(frame) == len(rows)
 
 

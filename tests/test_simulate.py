@@ -6,6 +6,7 @@ import csv
 import json
 import math
 from collections.abc import Mapping
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 import workbench as wb
 from tests.hybrid_fmus import Hybrid, open_fake
 from tests.mimic_fmus import build_mimic
+from workbench.data.experiment.formats import read_columns
 from workbench.errors import InputError
 from workbench.fmi.variable import Variable
 from workbench.model import Model
@@ -144,3 +146,31 @@ def test_an_output_that_stops_being_a_number_is_missing_and_the_others_go_on(tmp
     with pytest.raises(wb.SimulationError, match="y is nan, not a finite number"):
         wb.simulate(model, stop=2.0, outputs=["y"])
     assert wb.nfr(model, "u", "v", amplitudes=[1.0], frequencies=[2.0]).gain.shape == (1, 1)
+
+
+def test_columns_of_a_csv_have_units_and_are_read_back(tmp_path: Path) -> None:
+    """The heading is "name [unit]", in which a file of data and a signal find the unit again."""
+    with wb.load("fmu:Rudder") as rudder:
+        run = wb.simulate(rudder, stop=0.05, inputs={"delC": "1"}, outputs=["del"])
+        run.to_csv(tmp_path / "run.csv")
+        response = wb.nfr(rudder, "delC", "del", [3.0], [1.0])
+        response.to_csv(tmp_path / "response.csv")
+    heading = (tmp_path / "run.csv").read_text().partition("\n")[0]
+    assert heading == "time [s],del [deg],delC [deg]"
+    table = read_columns(tmp_path / "run.csv")
+    assert (table.names, table.units) == (("time", "del", "delC"), ("s", "deg", "deg"))
+    heading = (tmp_path / "response.csv").read_text().partition("\n")[0]
+    assert heading.startswith("amplitude [deg],frequency_hz,gain,gain_db,phase_deg,offset [deg],error,")
+
+
+def test_samples_of_an_fmu_at_a_late_start() -> None:
+    """sample(0, 0.022) ticks at multiples of 0.022 s, also where rounding is a part of that.
+
+    The last one before the end of a run is not moved there.
+    """
+    period = Fraction(22, 1000)
+    for start in (1e6, 1e8, 1e9):
+        first, last = (math.floor(Fraction(t) / period) for t in (start, start + 0.5))
+        with wb.load("fmu:ElevatorLaw", "me", start=start) as law:
+            time = wb.simulate(law, stop=start + 0.5, inputs={"side_stick": "1"}, outputs=["elevator"]).time
+        assert time[1:][np.diff(time) == 0.0].tolist() == [float(k * period) for k in range(first + 1, last + 1)]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TextIO
 
 from workbench.core.machine.files import replacing
@@ -15,32 +16,46 @@ __all__ = ["is_number", "write_csv"]
 _FORMULA = ("=", "@", "+", "-", "\t", "\r")  # begins one in a spreadsheet
 
 
-def write_csv(target: str | Path | TextIO, rows: Iterable[Sequence[Any]], *, remarks: Sequence[str] = ()) -> None:
+def write_csv(
+    target: str | Path | TextIO,
+    rows: Iterable[Sequence[Any]],
+    *,
+    remarks: Sequence[str] = (),
+    units: Mapping[str, str | None] = MappingProxyType({}),
+) -> None:
     """Write rows, the heading line first; None becomes an empty cell, a row of one cell with # a comment line.
 
     Args:
         target: path of the file, or an open text stream.
         rows: cells.
         remarks: lines before them.
+        units: of columns by their heading, which becomes "name [unit]", unless the name says it, as frequency_hz does.
 
     Raises:
         InputError: the file cannot be written.
     """
     if not isinstance(target, str | Path):
         target.writelines(f"{line}\n" for line in remarks)
-        _write(target, rows)
+        _write(target, rows, units)
         return
     with replacing(target) as path, path.open("w", newline="", encoding="utf-8") as file:
-        write_csv(file, rows, remarks=remarks)
+        write_csv(file, rows, remarks=remarks, units=units)
 
 
-def _write(file: TextIO, rows: Iterable[Sequence[Any]]) -> None:
+def _write(file: TextIO, rows: Iterable[Sequence[Any]], units: Mapping[str, str | None]) -> None:
     writer = csv.writer(file, lineterminator="\n")
+    heading = True
     for row in rows:
         if len(row) == 1 and str(row[0]).startswith("#"):
             file.write(f"{row[0]}\n")  # quotes around it would make it a cell
         else:
-            writer.writerow([_cell(cell) for cell in row])
+            writer.writerow([_cell(_headed(cell, units) if heading else cell) for cell in row])
+            heading = False
+
+
+def _headed(name: Any, units: Mapping[str, str | None]) -> Any:  # noqa: ANN401 - anything that a cell can be
+    unit = units.get(name)
+    return name if unit in {None, "", "1"} or name.endswith(f"_{str(unit).lower()}") else f"{name} [{unit}]"
 
 
 def _cell(cell: Any) -> Any:  # noqa: ANN401 - anything that a cell can be

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 
-from workbench.errors import InputError, article, suggest
+from workbench.errors import InputError, article, close_names, suggest
 
-__all__ = ["OUR_TOOL", "check_names", "plain_unit", "split_names"]
+__all__ = ["OUR_TOOL", "check_names", "plain_unit", "split_names", "unit_of_ratio"]
 
 OUR_TOOL = "FMI workbench"  # by which an FMU names itself that was built here
 
@@ -37,6 +38,7 @@ def check_names(
     what: str = "",
     model: str = "the model",
     others: Mapping[str, str] | None = None,
+    first: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> None:
     """Refuse names that a model does not have; of a `Model`, `model.names.check_variables` does it.
 
@@ -47,6 +49,7 @@ def check_names(
         what: the option that has the names; empty: the message does not say it.
         model: name of the model.
         others: names that the model has besides → what they are.
+        first: what some of those accepted are → these, which a message lists where none is near; empty: all of them.
 
     Raises:
         InputError: one is not accepted; the message has near ones, or says what it is.
@@ -58,13 +61,29 @@ def check_names(
             continue
         where = f"{what}: " if what else ""
         if others and name in others:
-            there = f"its {_series([f'{k}s' for k in kinds], 'and')} are: {', '.join(accepted[:_LISTED]) or 'none'}"
+            there = f"its {_series([f'{k}s' for k in kinds], 'and')} are: {_some(accepted) or 'none'}"
             raise InputError(f"{where}'{name}' of {model} is {article(others[name])}; {there}")
-        raise InputError(f"{where}{model} has no {_series(kinds, 'or')} '{name}'; {suggest(name, accepted)}")
+        shown = "; ".join(f"its {kind} are: {_some(of_it)}" for kind, of_it in first.items() if of_it)
+        hint = shown if shown and not close_names(name, accepted) else suggest(name, accepted)
+        raise InputError(f"{where}{model} has no {_series(kinds, 'or')} '{name}'; {hint}")
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:_LISTED]) + (f", … ({len(names)} in all)" if len(names) > _LISTED else "")
 
 
 def _series(words: Sequence[str], last: str) -> str:
     return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def unit_of_ratio(above: str | None, below: str | None) -> str | None:
+    """Return the unit of the ratio of two quantities; None where they have the same.
+
+    Args:
+        above: unit of the one that is divided; None: it has none.
+        below: unit of the other.
+    """
+    return None if above == below else f"{above or '1'}/{below or '1'}"
 
 
 def plain_unit(name: str) -> str:

@@ -10,6 +10,7 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
 from importlib import import_module
 from itertools import product
+from json import JSONDecodeError
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import (
@@ -173,8 +174,12 @@ class Record(RecordPart):
         values = [_flat(column) for column in columns.values()]
         yield from ([*at, *row] for at, *row in zip(product(*map(_flat, axes.values())), *values, strict=True))
 
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one, by their name in the heading."""
+        return {name: unit for name, _, _, unit in self._arrays()}
+
     def to_csv(self, path: str | Path | TextIO) -> Any:  # noqa: ANN401 - some tell which files they wrote
-        """Write the table of the result; its first line is the heading.
+        """Write the table of the result; its first line is the heading, "name [unit]" where a column has a unit.
 
         Args:
             path: path of the file, or an open text stream.
@@ -182,7 +187,7 @@ class Record(RecordPart):
         Raises:
             InputError: the file cannot be written, or there is no table.
         """
-        write_csv(path, map(plain, self.rows()))
+        write_csv(path, map(plain, self.rows()), units=self.column_units())
 
     def to_dataframe(self) -> DataFrame:
         """Return the table of the result for pandas.
@@ -308,7 +313,8 @@ def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     except ValueError as error:
-        raise InputError(f"{path}: is not JSON: {error}") from None
+        begun = not isinstance(error, JSONDecodeError) or error.doc.lstrip()[:1] in ("{", "[")
+        raise InputError(f"{path}: is not JSON{f': {error}' if begun else ''}") from None
 
 
 def read_toml_table(path: Path, *, twice: str = "") -> dict[str, Any]:

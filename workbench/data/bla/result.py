@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.core.records.names_in_text import unit_of_ratio
 from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.operating_point import OperatingPoint
@@ -191,6 +192,10 @@ class BlaResult(Result):
         sides = {side: data[side] for side in ("input", "output")}
         names = {side: held["name"] for side, held in sides.items()}
         return {**data, **names, **{f"{side}_unit": held["unit"] for side, held in sides.items()}}
+
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return {"rms": self.input_unit, "gain": unit_of_ratio(self.output_unit, self.input_unit)}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each power and frequency."""

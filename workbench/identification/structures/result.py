@@ -213,6 +213,10 @@ class StructureResult(Result):
         """Return what the fields take."""
         return data
 
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return {**self.judged.units, f"{self.judged.output_names[0]} simulated": self.judged.output_units[0]}
+
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield time, input, measured and simulated output of the validation data."""
         data = self.judged

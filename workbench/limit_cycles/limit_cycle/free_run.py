@@ -99,6 +99,10 @@ class FreeRun(Result):
         """Return the whole in one line."""
         return {"words": self.words()}
 
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return {"time": "s", "amplitude": self.unit}
+
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each period."""
         yield ("time", "frequency_hz", "amplitude")

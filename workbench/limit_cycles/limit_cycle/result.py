@@ -164,6 +164,10 @@ class LimitCycleResult(Result):
         curve = self.nyquist
         return {"criterion": curve.criterion, "unstable_open": curve.unstable_open, "crossings": curve.crossings}
 
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return dict.fromkeys(("amplitude", "fundamental", "mean"), self.input_unit)
+
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each limit cycle, then one for each that was followed, with its parameter's value."""
         shared = ("frequency_hz", "amplitude", "fundamental", "mean", "stable")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -141,6 +141,10 @@ class LoopResult(Result):
             "unit": place.unit,
             "convention": "negative feedback: L is minus the return ratio, the closed loop is 1/(1 + L)",
         }
+
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return dict.fromkeys(("amplitude", "mean", "injected"), self.place.unit)
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each frequency: the linear loop, then each measured curve."""

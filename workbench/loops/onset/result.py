@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -148,6 +148,10 @@ class OnsetResult(Result):
     operating_point: OperatingPoint | None = None
 
     _WHAT, _COMMAND = "an onset of rate limiting", "onset"
+
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return {"amplitude": self.input_unit}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each amplitude."""

@@ -249,6 +249,10 @@ class ModesResult(Result):
 
     _WHAT, _COMMAND = "a result of modes", "modes"
 
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return {self.parameter: self.unit}
+
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each mode of each configuration at each value."""
         rest = ("mode", "frequency_hz", "damping", "real", "imag", "natural_frequency_hz")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.records.names_in_text import unit_of_ratio
 from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
@@ -192,6 +193,15 @@ class BranchesResult(Result):
                 `gain`, `phase_deg`, `stable`, `order`, `branch`.
         """
         return {"responses": [r for f in self.asked_hz for r in self.at(f)]}
+
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return {
+            "amplitude": self.input_unit,
+            "varied": self.vary_unit,
+            "gain": unit_of_ratio(self.output_unit, self.input_unit),
+            "offset": self.output_unit,
+        }
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each place: the branch's number, where it is, gain, phase, stability."""

@@ -144,6 +144,10 @@ class MotionComparison(Result):
             "peak_ratio": self.ratio(m.system, m.signal, m.window),
         }
 
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return dict.fromkeys(("begin", "end", "peak_time"), "s")
+
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each motion."""
         yield (

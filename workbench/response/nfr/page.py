@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from workbench.core.records.names_in_text import unit_of_ratio
 from workbench.response.branches.page import branches_table, folds_table, jumping
 from workbench.response.nfr.curve import DROP_DB, ResonancePeak, fall_of, peak_of
 from workbench.response.nfr.result import MISSING, NfrResult, percent
@@ -175,7 +176,7 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
 
 def _values(result: NfrResult, i: int) -> Section:
     unit = result.input_unit
-    ratio = bracketed("gain", None if result.output_unit == unit else f"{result.output_unit or '1'}/{unit or '1'}")
+    ratio = bracketed("gain", unit_of_ratio(result.output_unit, unit))
     offset = bracketed("offset", result.output_unit)
     headings = ("frequency [Hz]", ratio, "gain [dB]", "phase [deg]", "error [%]", offset, "THD [%]")
     columns = ((result.gain, ".5g"), (result.gain_db, ".3f"), (result.phase_deg, ".2f"))

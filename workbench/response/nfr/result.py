@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.core.records.names_in_text import unit_of_ratio
 from workbench.core.records.record import entry, numbers
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels, follow_phase
@@ -204,6 +205,14 @@ class NfrResult(Result):
             **names,
             "response": np.asarray(gain * np.exp(1j * angle), dtype=np.complex128),
             "certificates": _certificates(data.get("certificate", {}), shape),
+        }
+
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return {
+            "amplitude": self.input_unit,
+            "gain": unit_of_ratio(self.output_unit, self.input_unit),
+            "offset": self.output_unit,
         }
 
     def rows(self) -> Iterator[Sequence[Any]]:

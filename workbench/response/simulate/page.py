@@ -20,7 +20,9 @@ def simulate_page(result: SimulationResult) -> Page:
     begin, end = result.time[0], result.time[-1]
     return Page(
         title=f"Time history of {result.model}",
-        lead=f"{counted(len(result.signals), 'signal')} from {begin:g} to {end:g} s, {len(result.time)} instants.",
+        lead=(
+            f"{counted(len(result.signals), 'signal')} from {begin:.12g} to {end:.12g} s, {len(result.time)} instants."
+        ),
         facts={},
         sections=[
             Section("Time history", figures=[(result.plot, f"Signals of {result.model} over time.")]),

@@ -201,6 +201,10 @@ class EnvelopeResult(Result):
         met = sum(p.passed is True for p in self.points)
         return {"met": met, "violated": len(self.violated), "failed": len(self.failed), "passed": self.passed}
 
+    def column_units(self) -> Mapping[str, str | None]:
+        """Return the units of the table's columns, as far as they have one."""
+        return {**{p.name: p.unit for p in self.parameters}, **dict.fromkeys(("value", "margin"), self.unit)}
+
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each point."""
         names = [p.name for p in self.parameters]
