@@ -165,7 +165,7 @@ def test_options_in_units_of_a_variable(
         ("nfr --input delC --output del --freq 1 --amplitude 2kg", "--amplitude: delC: 'kg' does not convert"),
         ("nfr --input delX --output del --freq 1 --amplitude 2deg", "input: Rudder has no variable 'delX'"),
         ("nfr --input delC --output del --freq 1 --amplitude 1,2deg", "--amplitude: '2deg' has a unit, and '1'"),
-        ("nfr --input delC --output del --freq 2s --amplitude 1", "--freq: '2s' is not a number [Hz]"),
+        ("nfr --input delC --output del --freq 2s --amplitude 1", "--freq: '2s' is not a number; give it in Hz"),
         ("trim --fix del=0,02", "--fix: del: '0,02' has a comma for its decimals; write a point, as in 0.02"),
         ("trim --bound delC=-5:5deg", "--bound: delC: '5deg' has a unit, and '-5' beside it has none"),
         ("lin --u0 delC=2K", "--u0: delC: 'K' does not convert to its unit, deg"),

@@ -17,6 +17,7 @@ import typer.core
 from workbench import __version__
 from workbench.commands import COMMANDS, GROUPS, requests_of
 from workbench.core.records.named import named
+from workbench.core.records.option import in_unit
 from workbench.errors import one_line
 from workbench.requests.request import Request
 
@@ -172,8 +173,10 @@ def said(error: typer.TyperException) -> str:
     refused: Any = error.__cause__  # pydantic's, where a value is not of its type
     for first in refused.errors() if hasattr(refused, "errors") else ():
         if wanted := _WANTED.get(first["type"]):
-            flag = next(iter(getattr(getattr(error, "param", None), "opts", [])), "")
-            return f"{flag}: '{first['input']}' is not {wanted}"
+            given = getattr(error, "param", None)
+            flag = next(iter(getattr(given, "opts", [])), "")
+            unit = re.search(r"\[([^]]+)\]\.?$", getattr(given, "help", "") or "")
+            return in_unit(f"{flag}: '{first['input']}' is not {wanted}", unit[1] if unit else "")
     text = re.sub(_IDLE, "", one_line(error.format_message()).replace(": Value error, ", ": "))
     where = getattr(error, "ctx", None)
     if text.startswith("Missing ") and where is not None:

@@ -20,10 +20,13 @@ from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, what_is_meant
 from workbench.fmi.platforms import is_foreign, note_foreign, note_sources
 
-__all__ = ["DAMAGED", "Unpacked", "extract", "locate", "unpack"]
+__all__ = ["DAMAGED", "Unpacked", "damaged", "extract", "locate", "unpack"]
 
 # What reading a zip archive raises that is not one, or not a whole one.
 DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, ValueError)
+
+_ARCHIVES = (".fmu", ".ssp", ".zip")
+_MODELS = "an .fmu, an unpacked FMU, fmu:NAME, or a system: .toml, .ssp, .ssd, system:NAME"
 
 MAX_BYTES = 4 << 30  # unpacked, all files together
 MAX_FILES = 100_000
@@ -69,9 +72,9 @@ def locate(model: str | Path) -> Path:
         return bundled_path(str(model))
     path = named_path(model)
     if not path.exists():
-        raise InputError(f"{model}: no such file; {what_is_meant(path)}give an .fmu, an unpacked FMU, or fmu:NAME")
+        raise InputError(f"{model}: no such file; {what_is_meant(path)}give {_MODELS}")
     if not path.is_file() and not path.is_dir():
-        raise InputError(f"{model}: this is a device or a pipe; give an .fmu, an unpacked FMU, or fmu:NAME")
+        raise InputError(f"{model}: this is a device or a pipe; give {_MODELS}")
     return path
 
 
@@ -112,6 +115,17 @@ def _any(_file: PurePosixPath) -> bool:
     return True
 
 
+def damaged(path: Path) -> FmuError:
+    """Return the error for a file that is no archive, though its name says so, or that was not meant to be one.
+
+    Args:
+        path: of the file.
+    """
+    if path.suffix.lower() in _ARCHIVES:
+        return FmuError(f"{path}: not a zip archive or damaged; copy or export it again")
+    return FmuError(f"{path}: is not an FMU, a system or an SSP package; give {_MODELS}")
+
+
 def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool] = _any) -> list[PurePosixPath]:
     """Extract a zip archive into an empty folder.
 
@@ -139,7 +153,7 @@ def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool]
                     _extract_entry(archive, entry, folder.joinpath(*name.parts))
             return [name for entry, name in named if not (_is_folder(entry) or wanted(name))]
     except DAMAGED:
-        raise FmuError(f"{path}: not a zip archive or damaged; copy or export it again") from None
+        raise damaged(path) from None
     except OSError as error:
         hint = "; make room there, or set TMPDIR to another folder" if error.errno == errno.ENOSPC else ""
         why = error.strerror or error

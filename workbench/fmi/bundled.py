@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from pathlib import Path
 
 from workbench.core.machine.bundled_files import bundled_files, find_bundled
+from workbench.core.machine.files import close_files
 from workbench.errors import InputError
 
 __all__ = [
@@ -73,6 +73,5 @@ def what_is_meant(missing: Path) -> str:
     name, folder = str(missing), missing.parent
     meant = [f"{_FMU}{n}" for n in bundled_names() if n == name]
     meant += [f"{_SYSTEM}{n}" for n in bundled_systems() if n == name]
-    files = [p.name for p in folder.iterdir() if p.suffix.lower() in _MODELS] if folder.is_dir() else []
-    meant = meant or [str(folder / n) for n in get_close_matches(missing.name, files, n=3)]
+    meant = meant or [str(folder / n) for n in close_files(missing, _MODELS)]
     return f"did you mean {', '.join(meant)}? Else " if meant else ""

@@ -13,7 +13,7 @@ from pathlib import Path
 from workbench.core.machine.cycles import undisturbed
 from workbench.core.machine.locks import forkable_lock
 from workbench.errors import FmuError
-from workbench.fmi.archive import DAMAGED
+from workbench.fmi.archive import DAMAGED, damaged
 from workbench.fmi.declared_xml import read_declared
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.description_maker import described
@@ -68,7 +68,7 @@ def described_at(path: Path) -> ModelDescription:
     except KeyError:
         raise FmuError(f"{path}: no {DESCRIPTION} inside; this is not an FMU") from None
     except DAMAGED:
-        raise FmuError(f"{path}: not a zip archive or damaged; copy or export it again") from None
+        raise damaged(path) from None
     except (OSError, RuntimeError, NotImplementedError) as error:
         raise FmuError(f"{path}: cannot be read: {error}") from None
     return _described(data, str(path), {})

@@ -246,7 +246,9 @@ def open_unpacked(unpacked: Unpacked, recipe: FmuRecipe) -> FmuModel:
     bias = check_biases(recipe.bias, variables, description.units)
     setup = Setup(
         variables=variables,
-        start_values=check_starts(recipe.start_values, variables, description.enumerations, description.units),
+        start_values=check_starts(
+            recipe.start_values, variables, description.enumerations, description.units, what="start_values"
+        ),
         bias=bias,
         rtol=recipe.tolerance or description.experiment.tolerance or DEFAULT_TOLERANCE,
         tolerance=recipe.tolerance or description.experiment.tolerance,

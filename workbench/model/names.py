@@ -58,7 +58,8 @@ def check_variables(model: Model, names: Collection[str], *kinds: Kind, what: st
             told = f"'{name}' of {model.name} is an array; name an element, {elements[0]} … {elements[-1]}"
             raise InputError(f"{what}: {told}" if what else told)
     others = {v.name: kind for kind in reversed(_KINDS) if kind not in kinds for v in _of(model, kind)}
-    check_names(names, accepted, kinds=kinds, what=what, model=model.name, others=others)
+    first = {f"{kind}s": [v.name for v in _of(model, kind)] for kind in ("output", "state") if "variable" in kinds}
+    check_names(names, accepted, kinds=kinds, what=what, model=model.name, others=others, first=first)
 
 
 def found_variables(model: Model, names: Iterable[str], *kinds: Kind, what: str) -> list[str]:

@@ -132,7 +132,13 @@ def _read(session: Session, names: list[str]) -> dict[str, float]:
 def _taken(at: At) -> tuple[OperatingPoint, str, tuple[str, ...]]:
     """Return the point, how a message calls it, and remarks."""
     if isinstance(at, str | Path):
-        read, what = OperatingPoint.read(at), str(at)
+        what = str(at)
+        try:
+            read = OperatingPoint.read(at)
+        except InputError as error:
+            raise InputError(
+                f"at: {error}; an operating point is the JSON of trim, or of a result that tells where it was measured"
+            ) from None
         anonymous = f"{what}: does not name its model; it is assumed to belong to this one"
         return read, what, () if read.model_sha256 or read.model else (anonymous,)
     point = at if isinstance(at, OperatingPoint) else getattr(at, "operating_point", None)

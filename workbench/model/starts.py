@@ -38,6 +38,8 @@ def check_starts(
     variables: Mapping[str, Variable],
     enumerations: Mapping[str, Mapping[str, int]] = _NO_TYPES,
     units: Mapping[str, UnitDefinition] = _NO_UNITS,
+    *,
+    what: str = "",
 ) -> dict[str, Value]:
     """Return start values in their variables' types, arrays element by element.
 
@@ -47,10 +49,16 @@ def check_starts(
         variables: by name.
         enumerations: type → item → value.
         units: what the FMU defines about its units, by name.
+        what: the option that has them; empty: messages do not say it.
 
     Raises:
         InputError: no such variable, it cannot be set, the value is not of its type, or its unit does not fit.
     """
+    if what:
+        try:
+            return check_starts(values, variables, enumerations, units)
+        except InputError as error:
+            raise InputError(f"{what}: {error}") from None
     result: dict[str, Value] = {}
     for name, value in values.items():
         elements = elements_of(name, variables)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, fields, is_dataclass, replace
 from functools import partial
@@ -367,7 +367,16 @@ def values_from(options: Mapping[str, tuple[DeclaredOption, str]], given: Mappin
     Raises:
         InputError: a value that an option cannot have.
     """
-    return {name: d.read(given[name]) for name, (d, _) in options.items() if given.get(name) is not None}
+    flags = {d.flag for d, _ in options.values()}
+    return {name: _read(d, given[name], flags) for name, (d, _) in options.items() if given.get(name) is not None}
+
+
+def _read(declared: DeclaredOption, given: Any, flags: Collection[str]) -> Any:  # noqa: ANN401 - of any option
+    try:
+        return declared.read(given)
+    except InputError as error:
+        other = f"{declared.flag}s"
+        raise InputError(f"{error}; did you mean {other}?" if other in flags else str(error)) from None
 
 
 def request_from(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> tuple[Any, Loading]:

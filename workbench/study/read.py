@@ -12,7 +12,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from workbench.core.machine.bundled_files import bundled_files, find_bundled
-from workbench.core.machine.files import named_path
+from workbench.core.machine.files import close_files, named_path
 from workbench.core.records.record import read_toml_table
 from workbench.errors import InputError, suggest
 from workbench.study.commands import COMMANDS, Command, Reference, meant
@@ -122,9 +122,9 @@ def locate_study(name: str | Path) -> Path:
         raise InputError(f"{name}: is a device or a pipe; a study is a .toml file, or study:NAME")
     if str(name) in bundled_studies():
         raise InputError(f"{name}: no such file; did you mean {_PREFIX}{name}?")
-    near = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-    hint = f"; {suggest(path.name, near)}" if near else ""
-    raise InputError(f"{name}: no such file{hint}; give a study as .toml, or study:NAME")
+    near = close_files(path, [".toml"])
+    hint = f"did you mean {', '.join(near)}? Else " if near else ""
+    raise InputError(f"{name}: no such file; {hint}give a study as .toml, or study:NAME")
 
 
 def read_study(name: str | Path) -> Study:
@@ -140,6 +140,11 @@ def read_study(name: str | Path) -> Study:
     """
     path = locate_study(name)
     data = read_toml_table(path)
+    if "components" in data and "analyses" not in data:
+        raise InputError(
+            f"{path}: is a system, not a study: info, check, simulate, lin, nfr, loop and others take it, as does a "
+            "study as one of its models"
+        )
     try:
         study = _study(path, data)
         _check_references(study)

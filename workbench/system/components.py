@@ -298,7 +298,8 @@ def system_starts(values: Mapping[str, Value], described: ModelDescription) -> d
     Raises:
         InputError: see `check_starts`; a structural parameter, which a component is opened with.
     """
-    result = check_starts(values, {v.name: v for v in described.variables}, described.enumerations, described.units)
+    variables = {v.name: v for v in described.variables}
+    result = check_starts(values, variables, described.enumerations, described.units, what="start_values")
     sizes = {v.name for v in described.variables if v.causality == STRUCTURAL}
     for name in result.keys() & sizes:
         raise InputError(f"{name}: a structural parameter is set with its component: set = {{…}} in the system file")

@@ -7,13 +7,13 @@ import os
 import shutil
 import stat
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from workbench.errors import InputError, one_line
+from workbench.errors import InputError, close_names, one_line
 
-__all__ = ["cache_folder", "content_of", "file_to_write", "named_path", "pack", "replacing"]
+__all__ = ["cache_folder", "close_files", "content_of", "file_to_write", "named_path", "pack", "replacing"]
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows
 _UNIX = 3
@@ -41,6 +41,19 @@ def named_path(path: str | Path) -> Path:
         shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
         raise InputError(f"'{one_line(shown)}': no file can have this name: {why}") from None
     return found
+
+
+def close_files(missing: Path, suffixes: Collection[str]) -> list[str]:
+    """Return files of a folder that one that is not there may be a misspelling of, the closest first.
+
+    Args:
+        missing: what is not there.
+        suffixes: of files that would do, such as ".toml".
+    """
+    folder = missing.parent
+    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in suffixes) if folder.is_dir() else []
+    near = close_names(missing.stem, (p.stem for p in files))  # suffixes are alike in any case
+    return [p.name for stem in near for p in files if p.stem == stem]
 
 
 def content_of(path: Path) -> bytes:

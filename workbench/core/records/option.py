@@ -37,6 +37,7 @@ __all__ = [
     "asked_in_json",
     "asked_of",
     "documented",
+    "in_unit",
     "option",
     "options_of",
     "parts_of",
@@ -174,11 +175,10 @@ class DeclaredOption:
         Raises:
             InputError: it is outside its range, or is nothing of the kind.
         """
-        unit = f" [{self.option.unit}]" if self.option.unit else ""
         try:
             found = given if self.form is None else self.form.read(given if self.form.repeated else [given])
         except ValueError as error:
-            raise InputError(f"{self.flag}: {error}{unit}") from None
+            raise InputError(f"{self.flag}: {in_unit(str(error), self.option.unit)}") from None
         try:
             return self.checked(found)
         except InputError as error:
@@ -215,6 +215,20 @@ class DeclaredOption:
                 raise ValueError(f"{x:g} is not a finite number{unit}")
             if self.option.least is not None and not x >= self.option.least:
                 raise ValueError(f"{x:g} is too small; take at least {self.option.least:g}{unit}")
+
+
+def in_unit(complaint: str, unit: str) -> str:
+    """Return what is said of a text that is no number, with the unit in which the number is wanted.
+
+    Args:
+        complaint: such as "'1s' is not a number".
+        unit: of the option; empty: it has none.
+    """
+    if not unit:
+        return complaint
+    return (
+        f"{complaint}; give it in {unit}, without a unit" if complaint.endswith("a number") else f"{complaint} [{unit}]"
+    )
 
 
 def option(

@@ -38,7 +38,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
             crossings_section(result.nyquist),
             _cycles(result),
             *([] if result.absolute is None else [absolute_section(result.absolute)]),
-            *([] if result.simulated is None else [_simulated(result.simulated)]),
+            *([] if result.simulated is None else [_simulated(result.simulated, result.input_unit)]),
             *([] if result.free_run is None else [_free_run(result.free_run)]),
             *(_branch(b, result.units.get(b.parameter), result.input_unit) for b in result.branches),
         ],
@@ -88,7 +88,8 @@ def _mean(mean: float, amplitude: float) -> str:
 
 def _cycles(result: LimitCycleResult) -> Section:
     headings: tuple[str, ...] = (
-        "crossing", "method", "frequency [Hz]", bracketed("amplitude", result.input_unit), "fundamental", "mean",
+        "crossing", "method", "frequency [Hz]",
+        *(bracketed(n, result.input_unit) for n in ("amplitude", "fundamental", "mean")),
         "multiplier", "residual", "cycle",
     )  # fmt: skip
     rows: list[tuple[str, ...]] = [
@@ -101,7 +102,8 @@ def _cycles(result: LimitCycleResult) -> Section:
     words = f"Amplitude: half the peak-to-peak value of {result.input}; mean: its mean value."
     further = list(dict.fromkeys(n for c in result.limit_cycles for n in c.amplitudes if n != result.input))
     if further:
-        headings += tuple(f"amplitude of {n}" for n in further)
+        units = {} if result.simulated is None else result.simulated.units
+        headings += tuple(bracketed(f"amplitude of {n}", units.get(n)) for n in further)
         rows = [
             (*row, *(number(c.amplitudes.get(n), ".5g") for n in further))
             for row, c in zip(rows, result.limit_cycles, strict=True)
@@ -110,7 +112,7 @@ def _cycles(result: LimitCycleResult) -> Section:
     return Section("Limit cycles by method", paragraphs=[words], tables=[PageTable(headings, rows, right=right)])
 
 
-def _simulated(cycle: SimulatedCycle) -> Section:
+def _simulated(cycle: SimulatedCycle, input_unit: str | None) -> Section:
     rows = [
         (
             name,
@@ -121,7 +123,7 @@ def _simulated(cycle: SimulatedCycle) -> Section:
         )
         for name in cycle.amplitude
     ]
-    began = f"{cycle.predicted_frequency_hz:.5g} Hz, amplitude {cycle.predicted_amplitude:.4g}"
+    began = f"{cycle.predicted_frequency_hz:.5g} Hz, amplitude {cycle.predicted_amplitude:.4g}{behind(input_unit)}"
     origin = "a free run" if cycle.crossing is None else "the predicted state"
     words = (
         f"From {origin} ({began}) over {counted(cycle.periods, 'period')}: it ends at "

@@ -10,15 +10,10 @@ from workbench.loops.loop.measured import LoopCurve, LoopPoint
 from workbench.loops.loop.result import LoopResult
 from workbench.loops.nyquist.absolute import AbsoluteStability
 from workbench.show.page import Page, PageTable, Section
-from workbench.show.tables import behind, number, pole_table
+from workbench.show.tables import behind, bracketed, number, pole_table
 from workbench.show.verdicts import Verdict
 
 __all__ = ["loop_page"]
-
-_HEADINGS = (
-    "frequency [Hz]", "gain", "gain [dB]", "phase [deg]", "THD passed [%]", "THD returned [%]", "injected",
-    "balance [%]", "periods", "status",
-)  # fmt: skip
 
 
 def loop_page(result: LoopResult) -> Page:
@@ -40,7 +35,7 @@ def loop_page(result: LoopResult) -> Page:
                 "Pictures", figures=[(result.plot, "Loop transfer L as Bode and Nyquist pictures, and |S| and |T|.")]
             ),
             *_linear(result),
-            *(_curve(c, unit) for c in result.curves),
+            *(_curve(c, place.unit) for c in result.curves),
         ],
         summary=_verdicts(result, unit),
         notes=result.notes,
@@ -105,10 +100,14 @@ def _sectors(found: AbsoluteStability | None) -> list[PageTable]:
     return [PageTable(("stable with, in the connection,", "slopes"), rows)]
 
 
-def _curve(curve: LoopCurve, unit: str) -> Section:
-    points = PageTable(_HEADINGS, [_point(p) for p in curve.points], verdict=9, right=range(9))
+def _curve(curve: LoopCurve, unit: str | None) -> Section:
+    headings = (
+        "frequency [Hz]", "gain", "gain [dB]", "phase [deg]", "THD passed [%]", "THD returned [%]",
+        bracketed("injected", unit), "balance [%]", "periods", "status",
+    )  # fmt: skip
+    points = PageTable(headings, [_point(p) for p in curve.points], verdict=9, right=range(9))
     return Section(
-        f"Measured ({curve.how}), amplitude {curve.amplitude:g}{unit}",
+        f"Measured ({curve.how}), amplitude {curve.amplitude:g}{behind(unit)}",
         items=curve.notes,
         tables=_margins(curve.margins),
         parts=[Section("Points", tables=[points], folded=True)],
@@ -135,10 +134,16 @@ def _margins(m: Margins) -> list[PageTable]:
 
 
 def _crossovers(m: Margins) -> list[PageTable]:
-    rows = [
-        ("gain crossover", _hz(c.frequency_hz), f"phase margin {c.phase_margin_deg:.4g}°") for c in m.gain_crossovers
-    ]
-    rows += [("phase crossover", _hz(c.frequency_hz), f"{c.db:.4g} dB") for c in m.phase_crossovers]
+    """Return where |L| is 1 or L negative: with phase and gain of L where margins mean nothing."""
+
+    def phase(margin: float) -> str:
+        return f"phase margin {margin:.4g}°" if m.meaningful else f"phase {margin - 180.0:.4g}°"
+
+    def gain(db: float) -> str:
+        return f"gain margin {db:.4g} dB" if m.meaningful else f"gain {-db:.4g} dB"
+
+    rows = [("gain crossover", _hz(c.frequency_hz), phase(c.phase_margin_deg)) for c in m.gain_crossovers]
+    rows += [("phase crossover", _hz(c.frequency_hz), gain(c.db)) for c in m.phase_crossovers]
     return [PageTable(("crossover", "at [Hz]", "value"), rows, right=(1,))] if rows else []
 
 

@@ -125,7 +125,8 @@ def _legend(gain: Axes, phase: Axes, shown: list[_Shown]) -> None:
             marks.append(Line2D([], [], color=_GREY, linestyle=":", linewidth=1.1, label="gain crossover"))
         if any(0.0 < p.frequency_hz < math.inf for p in s.margins.phase_crossovers):
             marks.append(Line2D([], [], color=_GREY, linestyle="--", linewidth=1.1, label="phase crossover"))
-            marks.append(Line2D([], [], color="black", linewidth=2.0, label="gain margin (above)"))
+            what = "gain margin (above)" if s.margins.meaningful else "gain at it (above)"
+            marks.append(Line2D([], [], color="black", linewidth=2.0, label=what))
     if marks:
         phase.legend(handles=marks, **LEGEND)
 

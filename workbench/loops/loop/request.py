@@ -180,8 +180,9 @@ class Loop(InWorkers, ModelRequest["LoopResult"]):
         if self.trim and at is not None:
             raise InputError("--at and --trim: only one of them")
         if self.amplitudes is None and (self.frequencies is not None or self.band is not None):
+            name = "band" if self.frequencies is None else "frequencies"
             raise InputError(
-                "frequencies are for measuring at amplitudes; give amplitudes, or leave the frequencies out"
+                f"{name}: is for measuring with sines; give their amplitudes, too (--amplitude), or leave it out"
             )
         if self.amplitudes is not None:
             positive_values("amplitude", several(self.amplitudes), unit="unit of the signal")
