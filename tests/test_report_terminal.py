@@ -61,7 +61,7 @@ def test_a_mean_that_is_rounding_is_shown_as_0() -> None:
         mean={"a": 1.4e-11, "b": -0.5}, units={"a": "rad/s"}, steady=True, periods=40, time=np.zeros(1), values={},
         predicted_frequency_hz=2.6, predicted_amplitude=0.2,
     )  # fmt: skip
-    (table,) = limit_cycle._simulated(cycle).tables
+    (table,) = limit_cycle._simulated(cycle, "rad/s").tables
     assert [row[-1] for row in table.rows] == ["0", "-0.5"]
 
 

@@ -136,9 +136,8 @@ def _taken(at: At) -> tuple[OperatingPoint, str, tuple[str, ...]]:
         try:
             read = OperatingPoint.read(at)
         except InputError as error:
-            raise InputError(
-                f"at: {error}; an operating point is the JSON of trim, or of a result that tells where it was measured"
-            ) from None
+            remedy = "; workbench trim --json writes an operating point" if "trim --json" not in str(error) else ""
+            raise InputError(f"at: {error}{remedy}") from None
         anonymous = f"{what}: does not name its model; it is assumed to belong to this one"
         return read, what, () if read.model_sha256 or read.model else (anonymous,)
     point = at if isinstance(at, OperatingPoint) else getattr(at, "operating_point", None)

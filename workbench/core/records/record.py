@@ -312,9 +312,10 @@ def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
         return from_json(content_of(Path(path)).decode("utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except JSONDecodeError as error:
+        raise InputError(f"{path}: is not JSON (line {error.lineno}, column {error.colno})") from None
     except ValueError as error:
-        begun = not isinstance(error, JSONDecodeError) or error.doc.lstrip()[:1] in ("{", "[")
-        raise InputError(f"{path}: is not JSON{f': {error}' if begun else ''}") from None
+        raise InputError(f"{path}: is not JSON: {error}") from None
 
 
 def read_toml_table(path: Path, *, twice: str = "") -> dict[str, Any]:

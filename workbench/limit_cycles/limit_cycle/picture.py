@@ -183,7 +183,7 @@ def _outputs(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
             (cycle.time[shown] - begin) * cycle.frequency_hz, value, color=COLOURS[number % len(COLOURS)],
             linewidth=1.3, label=text,
         )  # fmt: skip
-    ax.set(xlabel="time [periods]", ylabel="value over its amplitude", ylim=(-1.1, 1.2 + 0.28 * len(names)))
+    ax.set(xlabel="time [periods]", ylabel="(value − mean) / amplitude", ylim=(-1.1, 1.2 + 0.28 * len(names)))
     ax.set_yticks([-1.0, -0.5, 0.0, 0.5, 1.0])
     ax.legend(**{**LEGEND, "loc": "upper left", "fontsize": 8.0})
 

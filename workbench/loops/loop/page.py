@@ -137,7 +137,9 @@ def _crossovers(m: Margins) -> list[PageTable]:
     """Return where |L| is 1 or L negative: with phase and gain of L where margins mean nothing."""
 
     def phase(margin: float) -> str:
-        return f"phase margin {margin:.4g}°" if m.meaningful else f"phase {margin - 180.0:.4g}°"
+        if m.meaningful:
+            return f"phase margin {margin:.4g}°"
+        return f"phase {margin - math.copysign(180.0, margin):.4g}°"
 
     def gain(db: float) -> str:
         return f"gain margin {db:.4g} dB" if m.meaningful else f"gain {-db:.4g} dB"
