@@ -34,7 +34,6 @@ __all__ = ["run"]
 
 _WIDER = 4.0  # times the band's edge: how far the curves are computed
 _OFF_ZERO = 0.2  # of the amplitude: a larger mean is not an asymmetry of the motion
-_SHORTEST = 4  # digits of a frequency in words
 
 
 def run(model: DescribedModel, asked: FeedForward, job: Job) -> FeedForwardResult:
@@ -163,7 +162,7 @@ def _doubts(plant: Plant, made: Design, loops: Loops) -> list[str]:
     last = made.steps[-1]
     if last.residual > 1.0:
         notes.append(
-            f"the filter amplifies the block's effect up to {last.residual:.{_SHORTEST - 1}g} times its largest effect "
+            f"the filter amplifies the block's effect up to {last.residual:.3g} times its largest effect "
             "without the filter: the mirrored poles are in the band"
         )
     return notes

@@ -127,14 +127,14 @@ def follow_cycles(
             except SimulationError as error:
                 notes.append(f"{over.name}: the cycle of {cycle.frequency_hz:.4g} Hz cannot be followed: {error}")
                 continue
-            progress = _ParameterProgress(over, number, len(cycles), told)
+            progress = _progress(over, number, len(cycles), told)
             branches.append(
                 follow_orbits(
                     family,
                     first,
                     parameter=over.name,
                     limits=(over.low, over.high),
-                    manner=Manner(stopped=stopped, told=progress.at, marks=(over.begin,)),
+                    manner=Manner(stopped=stopped, told=progress, marks=(over.begin,)),
                     begun=begun,
                     noted=notes.append,
                 )
@@ -145,23 +145,16 @@ def follow_cycles(
     return notes
 
 
-@dataclass
-class _ParameterProgress:
-    """How much of the range a branch has seen: up first, then down."""
+def _progress(over: Range, number: int, count: int, told: Callable[[float, float], None]) -> Callable[[Place], None]:
+    """Return what tells how much of the range a branch has seen: up first, then down."""
+    seen = [0.0]
 
-    over: Range
-    number: int
-    count: int
-    told: Callable[[float, float], None]
-    seen: float = 0.0
+    def at(place: Place) -> None:
+        room = 1.0 - over.begin if place.p > over.begin else over.begin
+        seen.append(max(seen[-1], number + (min(abs(place.p - over.begin) / room, 1.0) if room > 0.0 else 1.0)))
+        told(0.99 * seen[-1] / count, over.value(place.p))
 
-    def at(self, place: Place) -> None:
-        """Tell of a place."""
-        begin = self.over.begin
-        room = 1.0 - begin if place.p > begin else begin
-        far = min(abs(place.p - begin) / room, 1.0) if room > 0.0 else 1.0
-        self.seen = max(self.seen, self.number + far)
-        self.told(0.99 * self.seen / self.count, self.over.value(place.p))
+    return at
 
 
 def _passes(branch: Branch, value: float, cycle: LimitCycle) -> bool:

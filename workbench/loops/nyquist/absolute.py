@@ -31,7 +31,6 @@ _CLOSE = 1e-9  # relative: how far below the smallest value found nothing lies f
 _ROUNDS = 60
 _SAME = 1e-13  # of the terms of a sum: rounding
 _CUTS = 40
-_MET = 1e-9  # relative: the real part is nowhere smaller than at the frequencies looked at
 _LARGEST = 1e9  # of a multiplier, over the fastest pole's time: as good as infinite
 
 
@@ -129,12 +128,7 @@ def absolute_stability(
     part = part_of(loop)
     if not reach > 0.0:
         raise InputError(f"reach: {reach:g} is not positive")
-    try:
-        sector = sector_of(block, reach) if isinstance(block, Block) else block
-    except NotImplementedError:
-        raise InputError(
-            f"block {getattr(block, 'name', '')}: has a memory; the criteria are for static ones"
-        ) from None
+    sector = _sector(block, reach) if isinstance(block, Block) else block
     low = low if sector is None else sector.low
     if not math.isfinite(low):
         raise InputError(f"sector: its lower end is {low:g}; give a finite one")
@@ -153,6 +147,13 @@ def absolute_stability(
         circle_hz=hz if circle is not None and math.isfinite(hz) else None,
         popov_s=q if popov is not None else None,
     )
+
+
+def _sector(block: Block, reach: float) -> Sector:
+    try:
+        return sector_of(block, reach)
+    except NotImplementedError:
+        raise InputError(f"block {block.name}: has a memory; the criteria are for static ones") from None
 
 
 def _refused(part: LinearPart, low: float) -> str:
@@ -253,7 +254,7 @@ def _popov(closed: LinearPart, low: float) -> tuple[float, float | None]:
     for _ in range(_CUTS):
         q, level = _best_of(f, closed.response(f), unit)
         hz, least = lowest_real_part(_with_multiplier(closed, q))
-        if least >= level - _MET * abs(level) or not (0.0 < hz < np.inf):
+        if least >= level - _CLOSE * abs(level) or not (0.0 < hz < np.inf):
             break
         f = np.append(f, hz)
     return q, _bound(_with_multiplier(closed, q), low)[0]

@@ -9,12 +9,12 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
 
-__all__ = ["DROP_DB", "Fall", "ResonancePeak", "fall_of", "peak_of"]
+__all__ = ["DROP_DB", "STEEPER", "Fall", "ResonancePeak", "fall_of", "peak_of"]
 
 DROP_DB = 3.0
 
 # A fall from one point to the next by more than this [dB], and so many times as steep as beside it, may be a jump.
-_CLIFF_DB, _STEEPER = 6.0, 4.0
+_CLIFF_DB, STEEPER = 6.0, 4.0
 
 # Slopes on both sides of the highest point that meet so much above it [dB] leave a peak open; and so does a point
 # beside it that is so much lower: a resonance is as wide as the span in which it falls by as much.
@@ -83,7 +83,7 @@ def _is_cliff(f: Floats, gain_db: Floats, first: int, last: int) -> bool:
     falls = gain_db[first] - gain_db[last]
     beside = [(k, k + 1) for k in (first - 1, last) if k >= 0 and k + 1 < len(f)]
     slopes = [abs(gain_db[b] - gain_db[a]) / (f[b] - f[a]) for a, b in beside]
-    return bool(falls > _CLIFF_DB and slopes and falls / (f[last] - f[first]) > _STEEPER * max(slopes))
+    return bool(falls > _CLIFF_DB and slopes and falls / (f[last] - f[first]) > STEEPER * max(slopes))
 
 
 def peak_of(frequency: Floats, gain_db: Floats) -> ResonancePeak | None:

@@ -8,13 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from workbench.response.nfr.curve import STEEPER
 from workbench.response.nfr.point import NfrPoint
 from workbench.response.nfr.prior_knowledge import LinearStart
 
 __all__ = ["another", "disagreements", "jumps", "may_jump", "solved", "stepped_over", "unseen_peaks"]
 
-# A change between neighbouring frequencies this large, and this many times the changes beside it, is a jump.
-_LARGE, _STEEPER = 0.5, 4.0
+# A change between neighbouring frequencies this large, and `STEEPER` times the changes beside it, is a jump.
+_LARGE = 0.5
 
 _AFRESH = "on one side there are probably two stable responses"
 _CARRIED = "the one that the sweep followed ends there; points in between were measured on the way"
@@ -51,7 +52,7 @@ def jumps(row: Sequence[NfrPoint], *, carried: bool = False, interface: str = "m
     for i, change in enumerate(changes):
         beside = [changes[k] for k in (i - 1, i + 1) if 0 <= k < len(changes)]
         low, high = good[i], good[i + 1]
-        if change < _LARGE or len(beside) < 1 or len(good) < 4 or change < _STEEPER * max(beside):
+        if change < _LARGE or len(beside) < 1 or len(good) < 4 or change < STEEPER * max(beside):
             continue
         if change <= (low.error or 0.0) + (high.error or 0.0):
             continue

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 
@@ -184,7 +185,7 @@ class Settling:
             if 2 * count > self.most and self._repeats() and not self._grows():
                 of_limit = self._of_limit(limit, SettlingOutcome.SETTLED)
                 of_mean = self._of_mean(limit, of_limit, SettlingOutcome.SETTLED)
-                found = min([of_mean, of_limit] if self._is_calm(limit) else [of_mean], key=_error)
+                found = min([of_mean, of_limit] if self._is_calm(limit) else [of_mean], key=attrgetter("error"))
                 if self._is_good(found):
                     return found
         return self._last_resort() if count >= self.most else None
@@ -236,7 +237,7 @@ class Settling:
         mean, error = mean_over_beats(limit.periods, self.evidence.beat)
         error = relative_to_true(error + quadrature(mean, self.evidence.rows))
         fitted = self._response(mean, SettlingOutcome.SETTLED, limit.defect, error)
-        return min(fitted, self._of_common(limit) or fitted, key=_error)
+        return min(fitted, self._of_common(limit) or fitted, key=attrgetter("error"))
 
     def _of_common(self, limit: Limit) -> PointResponse | None:
         """Return what the means over the common periods of forcing and sampling tend to; None: too few were seen.
@@ -289,7 +290,7 @@ class Settling:
         better = 2.0 * of_limit.error < of_mean.error and of_limit.beyond <= _MOST_BEYOND
         if self.evidence.twin is None and of_limit.error > BELIEVED:
             of_limit = replace(of_limit, error=math.inf)
-        found = min(of_limit if better else of_mean, of_beats, key=_error)
+        found = min(of_limit if better else of_mean, of_beats, key=attrgetter("error"))
         if self._beats_unseen():
             return replace(found, error=math.inf, why=_BEATS)
         every = None if self.evidence.sampled else repeats_every(limit.periods)
@@ -398,10 +399,6 @@ def _falls(sizes: Floats, count: int) -> float:
     """Return by what factor so many of the newest sizes fall from as many before them; newest first."""
     before = float(np.linalg.norm(sizes[count : 2 * count]))
     return float(np.linalg.norm(sizes[:count])) / before if before > 0.0 else math.inf
-
-
-def _error(response: PointResponse) -> float:
-    return response.error
 
 
 def _value(period: Period) -> complex:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
@@ -109,7 +110,7 @@ def remove_transient(periods: Floats, *, compared: int | None = None) -> Limit:
     (the method); M. Farkas, Periodic Motions, Springer 1994, chapter 2 (the multipliers).
     """
     seen = periods[:, :compared]
-    defect, weights = min(_candidates(seen), key=_by_defect)
+    defect, weights = min(_candidates(seen), key=itemgetter(0))
     return Limit(periods, defect, weights, _changes(seen))
 
 
@@ -127,10 +128,6 @@ def multipliers(changes: Floats, modes: int) -> Sequence[complex]:
     """
     found: list[complex] = np.roots(_prediction(changes, modes, 0.0)).tolist()
     return found
-
-
-def _by_defect(candidate: tuple[float, Floats]) -> float:
-    return candidate[0]
 
 
 def _candidates(periods: Floats) -> Iterator[tuple[float, Floats]]:
