@@ -222,9 +222,10 @@ DEEDS: Mapping[str, Deed] = {
     ),
     "delays": Deed(
         _with(lambda m, w: wb.delays(m, stop=1.0, inputs={"u": 1.0}, workers=w)),
-        "--stop 1 --input u=1",
+        "--delays --stop 1 --input u=1",
         lambda data: data.get("outputs", data["connections"]),
         subject="loop",
+        command="check",
         timeout=LONG,
     ),
     "limit-cycle": Deed(
@@ -252,8 +253,9 @@ DEEDS: Mapping[str, Deed] = {
     ),
     "compare": Deed(
         _with(_twice),
-        "--label a --label b --signal y --window 0:1 --input u=2 --interval 0.01",
+        "--label a --label b --output y --window 0:1 --input u=2 --interval 0.01",
         lambda data: [[m["peak"], m["rms"]] for m in data["motions"]],
+        command="simulate",
     ),
     "check": Deed(
         lambda f, i, w: wb.check(f, interface=i, only=["runs", "determinism", "snapshots", "processes"], workers=w),
@@ -280,6 +282,7 @@ DEEDS: Mapping[str, Deed] = {
         lambda data: [data.get("inputs"), data.get("outputs")],
         subject="two",
         interfaces=("cs",),
+        command="build",
     ),
 }
 
