@@ -30,6 +30,7 @@ from workbench.point.lin.linearise import run
 from workbench.point.lin.request import Lin, LinAlong, LinOver
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import make_task, point_in_full
+from workbench.point.trim.request import trim
 
 __all__ = ["along", "linearise_one", "over", "with_parameters"]
 
@@ -42,12 +43,13 @@ _DECIDING = ("method", "x0", "u0", "dx", "du", "inputs", "outputs", "time", "per
 
 @dataclass(frozen=True, kw_only=True)
 class _Job:
-    """One linearisation, for a worker process."""
+    """One linearisation, for a worker process; `trimmed`: about the equilibrium that is found from its point."""
 
     varied: dict[str, float]
     parameters: dict[str, float]
     asked: Lin
     explained: bool
+    trimmed: bool
 
 
 def over(model: Model, asked: LinOver, job: Job) -> LinGrid:
@@ -68,7 +70,7 @@ def over(model: Model, asked: LinOver, job: Job) -> LinGrid:
 
 
 def points_over(
-    model: Model, asked: LinOver, workers: Workers, job: Job, *, explained: bool = True
+    model: Model, asked: LinOver, workers: Workers, job: Job, *, explained: bool = True, trimmed: bool = False
 ) -> Iterator[LinPoint]:
     """Linearise at every combination; yield the models as they are finished.
 
@@ -78,6 +80,7 @@ def points_over(
         workers: where.
         job: can end it.
         explained: see `LinTask`.
+        trimmed: each about an equilibrium of its own; states that are varied stay.
 
     Raises:
         InputError, FmuError: see `LinOver`.
@@ -86,7 +89,7 @@ def points_over(
     _check(model, grid)
     common = recast(Lin, asked, at=None, progress=None, workers=None, **point_in_full(model, asked)[0])
     every = (dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values()))
-    todo = [_job(model, varied, common, explained=explained) for varied in every]
+    todo = [_job(model, varied, common, explained=explained, trimmed=trimmed) for varied in every]
     with _open_store(asked.store, model, common) as kept:
         yield from _all(model, todo, workers, kept, job)
 
@@ -99,7 +102,7 @@ def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
         raise InputError(f"over: the parameters of {model.name} cannot be set, as it is not a file")
 
 
-def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool) -> _Job:
+def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool, trimmed: bool) -> _Job:
     inputs, states = {v.name for v in model.inputs}, {v.name for v in model.states}
     asked = replace(
         common,
@@ -107,7 +110,7 @@ def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool
         x0={**(common.x0 or {}), **{n: v for n, v in varied.items() if n in states}},
     )
     parameters = {n: v for n, v in varied.items() if n not in inputs | states}
-    return _Job(varied=varied, parameters=parameters, asked=asked, explained=explained)
+    return _Job(varied=varied, parameters=parameters, asked=asked, explained=explained, trimmed=trimmed)
 
 
 def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | None, job: Job) -> Iterator[LinPoint]:
@@ -152,10 +155,22 @@ def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
     """Linearise one point of a grid; what a worker process runs."""
     varied = with_parameters(model, job.parameters)
     try:
-        task = replace(make_task(varied, job.asked), explained=job.explained)
+        asked = _at_rest(varied, job) if job.trimmed else job.asked
+        task = replace(make_task(varied, asked), explained=job.explained)
         yield LinPoint(job.varied, run(task, job.asked.method))
     except SimulationError as error:
         yield LinPoint(job.varied, None, str(error), error.kind)
+
+
+def _at_rest(model: Model, job: _Job) -> Lin:
+    """Return the linearisation about the equilibrium that is found from its point."""
+    asked, states = job.asked, {v.name for v in model.states}
+    begin = {n: v for n, v in (asked.x0 or {}).items() if n in states}
+    result = trim(model, x0=begin, u0=asked.u0, fix={n: begin[n] for n in begin if n in job.varied}, time=asked.time)
+    if not result.converged:
+        raise SimulationError("no equilibrium was found there")
+    point = result.operating_point
+    return replace(asked, x0={**point.x, **point.discrete}, u0=point.u)
 
 
 def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | nullcontext[None]:

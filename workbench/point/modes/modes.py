@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
@@ -22,11 +21,11 @@ from workbench.point.lin.request import Lin
 from workbench.point.lin.task import NOT_AT_REST, point_in_full
 from workbench.point.modes.match import match
 from workbench.point.modes.request import Modes
-from workbench.point.modes.result import Critical, Mode, ModeSet, ModesMeeting, ModesResult
+from workbench.point.modes.result import Critical, Mode, ModeSet, ModesResult
 from workbench.point.modes.source import ModelSource, check_parameter
 from workbench.point.modes.track import Frame, ModeTracks, track
 
-__all__ = ["StabilityCrossing", "critical_values", "find_root", "run", "sign_of"]
+__all__ = ["critical_values", "find_root", "run", "sign_of"]
 
 _TOLERANCE = 1e-6  # of the range
 _NAMED = 3  # states
@@ -140,14 +139,13 @@ def _one_set(source: ModelSource, grid: list[float], label: str, settings: Setti
         for b in range(found.count)
     ]
     critical = [c for line in lines for c in critical_values(source, found, line, _width(asked, grid))]
-    meetings = [ModesMeeting(**{**vars(m), "modes": tuple(b + 1 for b in m.modes)}) for m in found.meetings]
     return ModeSet(
         label=label,
         settings=settings,
         value=found.values,
         modes=tuple(lines),
         critical=tuple(sorted(critical, key=lambda c: c.value)),
-        meetings=tuple(meetings),
+        meetings=found.meetings,
         failed=dict(source.failed),
     )
 
@@ -212,15 +210,9 @@ def _on_real_axis(source: ModelSource, found: ModeTracks, step: int, number: int
     if left == 0 or rising != (left > 0):
         return []
     stable, unstable = (f.value for f in (ends if rising else ends[::-1]))
-    while abs(unstable - stable) > tolerance:
-        middle = 0.5 * (stable + unstable)
-        if (_unstable(source, middle) or 0) > fewest:
-            unstable = middle
-        else:
-            stable = middle
+    low, high = _bisected(stable, unstable, lambda v: (_unstable(source, v) or 0) <= fewest, tolerance)
     becomes = "unstable" if rising else "stable"
-    value = float(0.5 * (stable + unstable))
-    return [Critical(mode=number, value=value, frequency_hz=0.0, becomes=becomes, real=0.0)]
+    return [Critical(mode=number, value=0.5 * (low + high), frequency_hz=0.0, becomes=becomes, real=0.0)]
 
 
 def _accounted_for(found: ModeTracks, step: int) -> int:
@@ -254,13 +246,13 @@ def _refined(
             return complex(np.nan), np.inf
         return complex(frame.poles.value[place]), float(frame.poles.uncertain[place])
 
-    root = find_root(pole, ends[0].value, ends[1].value, tolerance=tolerance)
+    value, root = find_root(pole, ends[0].value, ends[1].value, tolerance=tolerance)
     return Critical(
         mode=number,
-        value=root.value,
-        frequency_hz=float(damped_frequency_hz(root.pole)),
+        value=value,
+        frequency_hz=float(damped_frequency_hz(root)),
         becomes="unstable" if rising else "stable",
-        real=root.pole.real,
+        real=root.real,
     )
 
 
@@ -314,23 +306,6 @@ def _notes(sets: Sequence[ModeSet], parameter: str) -> tuple[str, ...]:
 
 Pole = Callable[[float], tuple[complex, float]]
 
-_MOST = 80
-
-
-@dataclass(frozen=True)
-class StabilityCrossing:
-    """A value of the parameter at which a mode leaves or enters stability.
-
-    Attributes:
-        value: of the parameter.
-        pole: there [1/s].
-        evaluations: of the model, needed for it.
-    """
-
-    value: float
-    pole: complex
-    evaluations: int
-
 
 def sign_of(pole: complex, uncertain: float) -> int:
     """Return the sign of a pole's real part; 0 where rounding decides it.
@@ -342,8 +317,8 @@ def sign_of(pole: complex, uncertain: float) -> int:
     return 0 if abs(pole.real) <= uncertain else 1 if pole.real > 0.0 else -1
 
 
-def find_root(pole: Pole, low: float, high: float, *, tolerance: float) -> StabilityCrossing:
-    """Return the value between two at which the mode's real part passes zero, or leaves it.
+def find_root(pole: Pole, low: float, high: float, *, tolerance: float) -> tuple[float, complex]:
+    """Return the value between two at which the mode's real part passes zero, or leaves it, and the pole there [1/s].
 
     Brent's method where the real part has both signs. A mode that is neutral on one side, such as those of an undamped
     structure before they coalesce, has no sign there: bisection, for the last value at which it is neutral.
@@ -356,26 +331,19 @@ def find_root(pole: Pole, low: float, high: float, *, tolerance: float) -> Stabi
 
     Source: Brent, Algorithms for Minimization without Derivatives, chapter 4.
     """
-    count = 0
-
-    def real(value: float) -> float:
-        nonlocal count
-        count += 1
-        return pole(value)[0].real
-
     ends = [sign_of(*pole(v)) for v in (low, high)]
     if ends[0] * ends[1] < 0:
-        value = float(brentq(real, low, high, xtol=tolerance, rtol=1e-15, maxiter=_MOST, disp=False))
-        return StabilityCrossing(value, pole(value)[0], count)
+        value = float(brentq(lambda v: pole(v)[0].real, low, high, xtol=tolerance, rtol=1e-15, disp=False))
+        return value, pole(value)[0]
     neutral, moving = (low, high) if ends[0] == 0 else (high, low)
-    while abs(moving - neutral) > tolerance and count < _MOST:
-        middle = 0.5 * (neutral + moving)
-        count += 1
-        if sign_of(*pole(middle)) == 0:
-            neutral = middle
-        else:
-            moving = middle
-    beyond = pole(moving)[
-        0
-    ]  # real: an undamped pair that slows down to a standstill and parts diverges, without flutter
-    return StabilityCrossing(0.5 * (neutral + moving), beyond if beyond.imag == 0.0 else pole(neutral)[0], count)
+    neutral, moving = _bisected(neutral, moving, lambda v: sign_of(*pole(v)) == 0, tolerance)
+    beyond = pole(moving)[0]
+    # Real: an undamped pair that slows down to a standstill and parts diverges, without flutter.
+    return 0.5 * (neutral + moving), beyond if beyond.imag == 0.0 else pole(neutral)[0]
+
+
+def _bisected(first: float, last: float, like_first: Callable[[float], bool], tolerance: float) -> tuple[float, float]:
+    """Return the ends, in the same order, of an interval as wide as the tolerance in which `like_first` changes."""
+    while abs(last - first) > tolerance and (middle := 0.5 * (first + last)) not in (first, last):
+        first, last = (middle, last) if like_first(middle) else (first, middle)
+    return first, last

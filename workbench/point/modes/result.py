@@ -101,11 +101,12 @@ class ModesMeeting:
     """Modes that meet.
 
     Attributes:
-        value: value of the parameter, within `width`.
-        width: width of the last step.
+        value: value of the parameter, in the middle of the smallest step that was tried.
+        width: width of that step, or of several in a row.
         modes: numbers.
-        kind: "real axis" (a pair becomes two real poles, or the reverse) or "unclear" (they coalesce, or pass closer
-            than the last step resolves: which goes on as which is not certain).
+        kind: "real axis" (a pair becomes two real poles, or the reverse: nothing is uncertain but which of the two goes
+            on under the number of the pair) or "unclear" (they coalesce, or pass closer than the last step resolves:
+            which goes on as which is not certain).
     """
 
     value: float

@@ -11,32 +11,15 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.modal import Poles
 from workbench.errors import InputError
 from workbench.point.modes.match import Match, ModeCluster, closeness, coincide, match, passing, turning
+from workbench.point.modes.result import ModesMeeting
 
-__all__ = ["Frame", "Meeting", "ModeTracks", "track"]
+__all__ = ["Frame", "ModeTracks", "track"]
 
 Family = Callable[[float], Poles | None]
 
 _DEEPEST = 14  # halvings of a step
 _MOST = 600  # models
 _OURS = 0.25  # of a mode that the wanted ones account for, where not all are followed
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """Modes that meet, and whose vectors do not tell which goes on as which.
-
-    Attributes:
-        value: of the parameter, in the middle of the smallest step that was tried.
-        width: of that step, or of several in a row.
-        modes: positions in `ModeTracks.poles`.
-        kind: "real axis" (a pair becomes two real poles, or the reverse: nothing is uncertain but which of the two goes
-            on under the number of the pair) or "unclear" (they coalesce, or pass too close for this step).
-    """
-
-    value: float
-    width: float
-    modes: tuple[int, ...]
-    kind: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +56,7 @@ class ModeTracks:
     """
 
     frames: tuple[Frame, ...]
-    meetings: tuple[Meeting, ...]
+    meetings: tuple[ModesMeeting, ...]
     count: int
 
     @property
@@ -95,7 +78,7 @@ def track(family: Family, values: Sequence[float], *, count: int | None = None, 
     """Follow all modes through a list of values; where the vectors leave a doubt, models are put in between.
 
     Modes that cross without coupling keep their vectors and cross; those that couple and veer exchange them gradually
-    and do not. A step is halved up to fourteen times until the match is clear; what stays unclear is a `Meeting`.
+    and do not. A step is halved up to fourteen times until the match is clear; what stays unclear is a `ModesMeeting`.
 
     Args:
         family: parameter → poles; None: no model there.
@@ -114,7 +97,7 @@ class _Tracking:
         self._wanted, self._aim = count, 2j * np.pi * about
         self._family, self._pending = family, list(reversed(values))
         self._frames: list[Frame] = []
-        self._meetings: list[Meeting] = []
+        self._meetings: list[ModesMeeting] = []
         self._count = self._made = 0
         self._smallest = (values[-1] - values[0]) / max(len(values) - 1, 1) / 2.0**_DEEPEST
         self._partner: dict[int, int] = {}
@@ -171,10 +154,12 @@ class _Tracking:
         for group in found.groups:
             if group.kind != "equal":
                 modes = {*(here.branch[i] for i in group.before), *(branch[j] for j in group.after)}
-                self._note(Meeting(0.5 * (here.value + value), value - here.value, tuple(sorted(modes)), group.kind))
+                numbers = tuple(m + 1 for m in sorted(modes))
+                width = value - here.value
+                self._note(ModesMeeting(value=here.value + 0.5 * width, width=width, modes=numbers, kind=group.kind))
         return Frame(value, poles, tuple(branch[j] for j in range(len(poles))))
 
-    def _note(self, new: Meeting) -> None:
+    def _note(self, new: ModesMeeting) -> None:
         """Keep a meeting; one that goes on from the step before is the same."""
         last = self._meetings[-1] if self._meetings else None
         if last is not None and (last.modes, last.kind) == (new.modes, new.kind):
