@@ -1,4 +1,4 @@
-"""The scale of a variable of which nothing is declared, read off the model: how far its equations are straight."""
+"""How far a variable is moved: errors of what is evaluated, and the scale where nothing is declared."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 
-__all__ = ["straight_over"]
+__all__ = ["INTEGRATION", "MODELS_OWN_ERROR", "straight_over"]
 
+INTEGRATION = 1e-10  # relative tolerance, where the workbench integrates and small differences count
+MODELS_OWN_ERROR = 1e-9  # relative, of a period that something integrates
 _DECADES = 16
 _AGREES = 0.3  # of two slopes over widths ten times apart
 _ROUNDING = 1e-14

@@ -154,8 +154,10 @@ def _stand_in(cut: _Cut) -> LinearComponent:
 
 def _closed(task: LinTask, found: LinResult, cuts: Sequence[_Cut]) -> LinResult:
     """Close an opened linear model by what stands for its delays."""
+    from scipy.linalg import block_diag  # noqa: PLC0415 - slow to import, and for delays only
+
     parts = [_approximation(c, found.dt) for c in cuts]
-    a, b, c, d = (_diagonal([p[i] for p in parts]) for i in range(4))
+    a, b, c, d = (block_diag(*(p[i] for p in parts)) for i in range(4))
     m, q = len(task.inputs), len(task.outputs)
     B1, B2, C1, C2 = found.B[:, :m], found.B[:, m:], found.C[:q], found.C[q:]
     D11, D12, D21, D22 = found.D[:q, :m], found.D[:q, m:], found.D[q:, :m], found.D[q:, m:]
@@ -214,15 +216,6 @@ def _words(cut: _Cut, dt: float) -> str:
         f"{name} as a Padé approximation of order {cut.order} in A, B, C, D, whose phase is within {_GOOD:g}° up to "
         f"{phase_holds_to(cut.time, cut.order):.3g} Hz; the frequency response of this result has the delay itself"
     )
-
-
-def _diagonal(parts: Sequence[Floats]) -> Floats:
-    rows, columns = (sum(p.shape[k] for p in parts) for k in (0, 1))
-    found, i, j = np.zeros((rows, columns)), 0, 0
-    for p in parts:
-        found[i : i + p.shape[0], j : j + p.shape[1]] = p
-        i, j = i + p.shape[0], j + p.shape[1]
-    return found
 
 
 def _coefficients(order: int) -> Floats:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
-from workbench.point.lin.assemble import continuous_result, operating_point
-from workbench.point.lin.difference import AGREE, ROUNDING, Columns
+from workbench.point.lin.assemble import continuous_result
+from workbench.point.lin.columns import AGREE, ROUNDING, PointColumns
 from workbench.point.lin.result import Doubt, LinResult
-from workbench.point.lin.task import LinTask, columns_of, open_base, pass_states, sampled_note
-from workbench.point.lin.zero_entries import zeros_of
+from workbench.point.lin.task import LinTask, columns_of, open_base, pass_states
 
 __all__ = ["NoDerivativesError", "exact"]
 
@@ -54,16 +51,11 @@ def exact(task: LinTask) -> LinResult:
             jacobian = point.jacobian()[:, [*range(n), *(n + i for i in columns_of(task, point))]]
         except SimulationError as error:
             raise NoDerivativesError(f"method exact: {error}; use method difference") from error
-        columns = Columns(task, point)
+        columns = PointColumns(task, point)
         pass_states(point, jacobian)
         notes = _fill(columns, jacobian)
         doubts = [] if _probed(columns, jacobian) else _disagreements(columns, jacobian)
-        reach = columns.reach(jacobian)
-        result = continuous_result(task, point, jacobian, operating_point(task, point, columns.base), method="exact")
-        known = set(result.state_names) | set(result.output_names)
-        every = [d for d in (*doubts, *columns.flat(jacobian, reach)) if d.row in known]
-        notes = (*notes, *columns.notes(), *_warning(doubts), *sampled_note(point), *columns.moving(jacobian))
-        return replace(result, notes=notes, doubts=tuple(every), zeros=zeros_of(result, reach))
+        return continuous_result(columns, jacobian, doubts, method="exact", notes=(*notes, *_warning(doubts)))
 
 
 def _warning(doubts: list[Doubt]) -> tuple[str, ...]:
@@ -72,7 +64,7 @@ def _warning(doubts: list[Doubt]) -> tuple[str, ...]:
     return (f"directional derivatives disagree with differences in {len(doubts)} entries; use method difference",)
 
 
-def _fill(columns: Columns, jacobian: Floats) -> tuple[str, ...]:
+def _fill(columns: PointColumns, jacobian: Floats) -> tuple[str, ...]:
     """Put differences where there is no exact derivative."""
     missing = np.flatnonzero(np.isnan(jacobian).any(axis=0)).tolist()
     for j in missing:
@@ -81,20 +73,14 @@ def _fill(columns: Columns, jacobian: Floats) -> tuple[str, ...]:
     return (f"{names}: no continuous real, so its column is a difference",) if missing else ()
 
 
-def _probed(columns: Columns, jacobian: Floats) -> bool:
+def _probed(columns: PointColumns, jacobian: Floats) -> bool:
     """Whether differences in two random directions go as the matrix says."""
-    random, matrix = np.random.default_rng(2), columns.light(jacobian)
-    for _ in range(2):
-        shift = 0.5 * columns.widths * random.choice([-1.0, 1.0], len(columns.names))
-        above, below = columns.values(shift), columns.values(-shift)
-        scale = 2.0 * (abs(matrix) @ np.abs(shift))
-        noise = ROUNDING * (np.abs(above) + np.abs(below))
-        if (np.abs(above - below - 2.0 * (matrix @ shift)) > AGREE * 1e-2 * scale + noise).any():
-            return False
-    return True
+    random = np.random.default_rng(2)
+    shifts = (0.5 * columns.widths * random.choice([-1.0, 1.0], len(columns.names)) for _ in range(2))
+    return all(columns.goes_along(jacobian, shift) for shift in shifts)
 
 
-def _disagreements(columns: Columns, jacobian: Floats) -> list[Doubt]:
+def _disagreements(columns: PointColumns, jacobian: Floats) -> list[Doubt]:
     """Compare every entry with its difference; columns without a scale over the one that the model shows, too."""
     columns.central(columns.widths)
     found = []
@@ -110,10 +96,10 @@ def _disagreements(columns: Columns, jacobian: Floats) -> list[Doubt]:
     return sorted(found, key=lambda d: (columns.rows.index(d.row), columns.names.index(d.column)))
 
 
-def _apart(columns: Columns, jacobian: Floats, j: int) -> list[Doubt]:
+def _apart(columns: PointColumns, jacobian: Floats, j: int) -> list[Doubt]:
     """Compare the entries of a column with its difference."""
     found, other, exact = [], columns.column(j).slope, jacobian[:, j]
-    noise = ROUNDING * np.abs(columns.values(np.zeros(len(columns.names)))) / columns.widths[j]
+    noise = ROUNDING * np.abs(columns.here) / columns.widths[j]
     apart = np.abs(other - exact) > AGREE * np.maximum(np.abs(other), np.abs(exact)) + 4.0 * noise
     for i in np.flatnonzero(apart).tolist():
         value, measured = float(exact[i]), float(other[i])

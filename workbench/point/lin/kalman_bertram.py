@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,18 +10,16 @@ from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
-from workbench.errors import InputError, SimulationError
+from workbench.errors import InputError
 from workbench.model.names import declared_units
 from workbench.model.sample_rates import NoRatesError, Rates, rates_of
+from workbench.point.lin.columns import AGREE
 from workbench.point.lin.period_map import SampledPeriodMap
 from workbench.point.lin.result import Doubt, Intersample, LinResult
 from workbench.point.lin.task import LinTask, moving_note, no_equations, open_base
 from workbench.point.lin.zero_entries import LargePerturbation, zeros_of
 
 __all__ = ["kalman_bertram", "period_map"]
-
-AGREE = 1e-3
-FAR = (0.1, 1.0, 10.0)  # of an input's own size: how far one looks behind a zero
 
 Flags = NDArray[np.bool_]
 
@@ -77,71 +75,47 @@ def period_map(task: LinTask) -> tuple[SampledPeriodMap, Rates]:
     if not rates.periods:
         raise InputError("method kalman-bertram: the model asks for no time events; use difference, or give periods")
     with open_base(task) as point:
-        return SampledPeriodMap.of(task, point, rates.start(task.time), rates.period, rates.ticks), rates
+        return SampledPeriodMap(task, point, rates.start(task.time), rates.period, rates.ticks), rates
 
 
-@dataclass(frozen=True, eq=False)
-class _Slopes:
-    """The map at the point and its partial derivatives.
-
-    Attributes:
-        x: states after one period, shape (n,).
-        y: outputs, shape (k, 2, q).
-        dx: shape (n, n + m).
-        dy: shape (k, 2, q, n + m).
-    """
-
-    x: Floats
-    y: Floats
-    dx: Floats
-    dy: Floats
-
-    @property
-    def all(self) -> Floats:
-        """Slopes of the states and of the outputs at the sample, shape (n + q, n + m)."""
-        return np.vstack([self.dx, self.dy[0, 0]])
-
-    @property
-    def values(self) -> Floats:
-        """States after the period and outputs at the sample, shape (n + q,)."""
-        return np.concatenate([self.x, self.y[0, 0]])
-
-
-def _slopes(setting: SampledPeriodMap) -> _Slopes:
-    count = len(setting.names)
-    x, y = setting.run(np.zeros(count))
+def _slopes(setting: SampledPeriodMap) -> tuple[Floats, Floats]:
+    """Return the slopes of the states, shape (n, n + m), and of the outputs, shape (k, 2, q, n + m)."""
     slopes_x, slopes_y = [], []
-    for unit, width in zip(np.eye(count), setting.widths.tolist(), strict=True):
+    for unit, width in zip(np.eye(len(setting.names)), setting.widths.tolist(), strict=True):
         (x1, y1), (x0, y0) = (setting.run(s * 0.5 * width * unit) for s in (1.0, -1.0))
         slopes_x.append((x1 - x0) / width)
         slopes_y.append((y1 - y0) / width)
-    return _Slopes(x, y, np.array(slopes_x).T.reshape(len(x), count), np.moveaxis(np.array(slopes_y), 0, -1))
+    dx = np.array(slopes_x).T.reshape(len(setting.states), len(setting.names))
+    return dx, np.moveaxis(np.array(slopes_y), 0, -1)
 
 
 def _linearise(setting: SampledPeriodMap, rates: Rates) -> LinResult:
     n = len(setting.states)
-    slopes = _slopes(setting)
-    keep = _influential(slopes.dx[:, :n], slopes.dy[..., :n], setting.continuous)
-    result = _result(setting, slopes, keep)
-    reach = _reach(setting, slopes)
+    dx, dy = _slopes(setting)
+    jacobian = np.vstack([dx, dy[0, 0]])
+    keep = _influential(dx[:, :n], dy[..., :n], setting.continuous)
+    result = _result(setting, dx, dy, keep)
+    reach = LargePerturbation.none(setting.rows, setting.names)
+    inputs = range(n, len(setting.names))
+    setting.look_far(jacobian, setting.alone(j for j in inputs if not jacobian[:, j].all()), reach)
     known = {*result.state_names, *result.output_names}
     return replace(
         result,
         zeros=zeros_of(result, reach),
-        doubts=(*_check(setting, slopes), *(d for d in _flat(setting, reach) if d.row in known)),
-        notes=_notes(setting, slopes, keep, rates),
+        doubts=(*_check(setting, jacobian), *(d for d in setting.flat(reach) if d.row in known)),
+        notes=_notes(setting, keep, rates),
     )
 
 
-def _notes(setting: SampledPeriodMap, slopes: _Slopes, keep: Flags, rates: Rates) -> tuple[str, ...]:
+def _notes(setting: SampledPeriodMap, keep: Flags, rates: Rates) -> tuple[str, ...]:
     listed = ", ".join(f"{p:.12g}" for p in rates.periods)
     notes = [f"basic time period {setting.period:.9g} s out of sample periods {listed} s", *rates.notes]
     left_out = [v.name for v, k in zip(setting.states, keep, strict=True) if not k]
     if left_out:
         notes.append(f"left out, because they are overwritten before anything reads them: {', '.join(left_out)}")
-    values = setting.values[: len(keep)]
-    moves = np.flatnonzero((np.abs(slopes.x - values) > 1e-6 * (np.abs(values) + 1e-6)) & keep)
-    shown = [f"{setting.names[i]} goes from {values[i]:.4g} to {slopes.x[i]:.4g} in one period" for i in moves]
+    values, after = setting.point_values[: len(keep)], setting.base[0]
+    moves = np.flatnonzero((np.abs(after - values) > 1e-6 * (np.abs(values) + 1e-6)) & keep)
+    shown = [f"{setting.names[i]} goes from {values[i]:.4g} to {after[i]:.4g} in one period" for i in moves]
     return (*notes, *moving_note(shown))
 
 
@@ -155,33 +129,32 @@ def _influential(phi: Floats, outer: Floats, continuous: int) -> Flags:
     return keep
 
 
-def _point(setting: SampledPeriodMap, slopes: _Slopes) -> OperatingPoint:
+def _point(setting: SampledPeriodMap) -> OperatingPoint:
     task, n, c = setting.task, len(setting.states), setting.continuous
-    names = [v.name for v in setting.states]
-    values = setting.values.tolist()
+    values = setting.point_values.tolist()
     return OperatingPoint(
-        x=dict(zip(names[:c], values[:c], strict=True)),
+        x=dict(zip(setting.names[:c], values[:c], strict=True)),
         u=dict(setting.inputs),
-        y=dict(zip(task.outputs, slopes.y[0, 0].tolist(), strict=True)),
-        discrete=dict(zip(names[c:], values[c:n], strict=True)),
-        units=declared_units(task.model, [*names, *task.inputs, *task.outputs]),
+        y=dict(zip(task.outputs, setting.base[1][0, 0].tolist(), strict=True)),
+        discrete=dict(zip(setting.names[c:n], values[c:n], strict=True)),
+        units=declared_units(task.model, [*setting.names[:n], *task.inputs, *task.outputs]),
         time=setting.start,
         period=setting.period,
     )
 
 
-def _result(setting: SampledPeriodMap, slopes: _Slopes, keep: Flags) -> LinResult:
+def _result(setting: SampledPeriodMap, dx: Floats, dy: Floats, keep: Flags) -> LinResult:
     task, n = setting.task, len(setting.states)
     between = _between(setting, keep)
-    C, D = slopes.dy[..., :n][..., keep], slopes.dy[..., n:]
-    point = _point(setting, slopes)
+    C, D = dy[..., :n][..., keep], dy[..., n:]
+    point = _point(setting)
     return LinResult(
         model=task.model.name,
         interface=task.model.interface,
         method="kalman-bertram",
         why="it was asked for",
-        A=slopes.dx[:, :n][np.ix_(keep, keep)],
-        B=slopes.dx[:, n:][keep],
+        A=dx[:, :n][np.ix_(keep, keep)],
+        B=dx[:, n:][keep],
         C=C[0, 0],
         D=D[0, 0],
         dt=setting.period,
@@ -197,9 +170,9 @@ def _result(setting: SampledPeriodMap, slopes: _Slopes, keep: Flags) -> LinResul
 
 def _between(setting: SampledPeriodMap, keep: Flags) -> dict[str, Any]:
     """Return what inputs do between samples; nothing where they act at samples only."""
-    if setting.acts_at_samples() or not all(v.is_continuous_input for v in setting.inputs_chosen):
-        return {"sampled": True}
     columns = range(len(setting.states), len(setting.names))
+    if setting.acts_at_samples() or not all(setting.variables[j].is_continuous_input for j in columns):
+        return {"sampled": True}
     nodes = setting.nodes()
     found = [[setting.respond(j, k) for j in columns] for k in range(len(nodes))]
     B = np.array([np.column_stack([x[keep] for x, _ in row]) for row in found])
@@ -207,40 +180,13 @@ def _between(setting: SampledPeriodMap, keep: Flags) -> dict[str, Any]:
     return {"sampled": False, "nodes": nodes, "B_nodes": B, "D_nodes": D}
 
 
-def _reach(setting: SampledPeriodMap, slopes: _Slopes) -> LargePerturbation:
-    """Return which zero entries of inputs move when the input moves far."""
-    rows = [*(v.name for v in setting.states), *setting.task.outputs]
-    reach = LargePerturbation.none(rows, list(setting.names))
-    for j in range(len(setting.states), len(setting.names)):
-        zero = slopes.all[:, j] == 0.0
-        for sign, moved in ((1.0, reach.above), (-1.0, reach.below)) if zero.any() else ():
-            for far in FAR:
-                try:
-                    x, y = setting.run(sign * far * setting.sizes[j] * np.eye(len(setting.names))[j])
-                except SimulationError:  # so far away it need not run
-                    continue
-                moved[:, j] |= zero & (np.concatenate([x, y[0, 0]]) != slopes.values)
-    return reach
-
-
-def _flat(setting: SampledPeriodMap, reach: LargePerturbation) -> list[Doubt]:
-    found = []
-    for i, j in np.argwhere(reach.above | reach.below):
-        far = FAR[-1] * setting.sizes[j]
-        reason = f"locally flat: 0 here, but it moves when {reach.columns[j]} {reach.where(i, j)} by up to {far:.3g}"
-        found.append(Doubt(reach.rows[i], reach.columns[j], 0.0, None, reason))
-    return found
-
-
-def _check(setting: SampledPeriodMap, slopes: _Slopes) -> tuple[Doubt, ...]:
+def _check(setting: SampledPeriodMap, jacobian: Floats) -> tuple[Doubt, ...]:
     """Compare the linear map with the FMU where everything is perturbed at once."""
     random = np.random.default_rng(3)
     shift = 0.5 * setting.widths * random.choice([-1.0, 1.0], len(setting.names))
-    x, y = setting.run(shift)
-    real, expected = np.concatenate([x, y[0, 0]]) - slopes.values, slopes.all @ shift
-    scale = np.abs(slopes.all) @ np.abs(shift)
-    noise = 1e-9 * np.abs(slopes.values) * (setting.continuous > 0) + 1e-13
-    rows = [*(v.name for v in setting.states), *setting.task.outputs]
+    real, expected = setting.values(shift) - setting.here, jacobian @ shift
+    scale = np.abs(jacobian) @ np.abs(shift)
+    noise = 1e-9 * np.abs(setting.here) * (setting.continuous > 0) + 1e-13
     why = "with everything perturbed at once the result differs: not linear over the widths"
     bad = np.flatnonzero(np.abs(real - expected) > 2.0 * AGREE * scale + noise)
-    return tuple(Doubt(rows[i], "all", float(expected[i]), float(real[i]), why) for i in bad)
+    return tuple(Doubt(setting.rows[i], "all", float(expected[i]), float(real[i]), why) for i in bad)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.model.repetition import BEFORE
-from workbench.point.lin.difference import size_of
+from workbench.point.lin.columns import Columns, relative_width, size_of, total_width
 from workbench.point.lin.task import LinTask, columns_of, width_for
+from workbench.point.scales import INTEGRATION
 from workbench.session.base import Recorded
 from workbench.session.point import ModelPoint
 from workbench.signals.kinds import Signal, Table
@@ -22,93 +23,81 @@ __all__ = ["NotSettableError", "SampledPeriodMap"]
 SAME = 1e-9  # of the period: two times as near are one
 LEAD = 1e-7  # of the period: by how much an input moves before a sample; shorter, solvers give up in between
 INTERVALS = 16  # of the basic period, for the output between samples
-TOLERANCE = 1e-10  # of the integration over one period
-WIDTH_SAMPLED = 1e-5  # total width over scale where nothing is integrated
-WIDTH_HYBRID = 1e-3  # and where integration errors of 1e-10 must stay small beside it
-UNDECLARED = 1e-2
 
 
 class NotSettableError(InputError):
     """A state that has no start value to be given another."""
 
 
-@dataclass(frozen=True)
-class SampledPeriodMap:
+class SampledPeriodMap(Columns):
     """States just before a sample and held inputs → states one period later, and the outputs on the way.
 
-    Attributes:
+    Its rows are the states one period later, then the outputs at the sample.
+
+    Args:
         task: the linearisation.
-        start, period: [s].
-        states: continuous and discrete states.
-        names: of states, then inputs.
-        values: of them at the point.
-        widths: of them.
+        point: its model.
+        start: of the period [s].
+        period: [s].
+        ticks: times at which anything samples [s].
+
+    Attributes:
+        states: continuous states, then discrete ones.
+        continuous: number of continuous states.
+        variables: states, then the chosen inputs.
+        point_values: of them at the point, shape (k,).
         grid: sample times of the output, shape (k + 1,), absolute [s].
         instants: times since the start at which anything samples, 0 first, shape (s,) [s].
-        given: start values of everything else.
-        continuous: number of continuous states.
         inputs: all inputs → value.
-        inputs_chosen: those of the linear model.
-        sizes: how far a variable of `names` moves when it moves far.
     """
 
-    task: LinTask
-    start: float
-    period: float
-    states: tuple[Variable, ...]
-    names: tuple[str, ...]
-    values: Floats
-    widths: Floats
-    grid: Floats
-    instants: Floats
-    given: Mapping[str, float]
-    continuous: int
-    inputs: Mapping[str, float]
-    inputs_chosen: tuple[Variable, ...]
-    sizes: Floats
-
-    @classmethod
-    def of(cls, task: LinTask, point: ModelPoint, start: float, period: float, ticks: Floats) -> SampledPeriodMap:
-        """Collect them at a point."""
-        states = (*point.states, *point.memory)
+    def __init__(self, task: LinTask, point: ModelPoint, start: float, period: float, ticks: Floats) -> None:
+        self.task, self.start, self.period = task, start, period
+        self.states, self.continuous = (*point.states, *point.memory), len(point.states)
         for state in point.states:
             if state.start is None:
                 raise NotSettableError(f"method kalman-bertram: state {state.name} cannot be set; use response")
-        chosen = [point.inputs[i] for i in columns_of(task, point)]
-        inputs = {v.name: float(u) for v, u in zip(point.inputs, point.u0, strict=True)}
+        self.variables = (*self.states, *(point.inputs[i] for i in columns_of(task, point)))
+        self.names = [v.name for v in self.variables]
+        self.rows = [*(v.name for v in self.states), *task.outputs]
+        self.inputs = {v.name: float(u) for v, u in zip(point.inputs, point.u0, strict=True)}
         # Discrete states begin at their own start values: those after the first event are already the next ones.
         memory = [task.values.get(v.name, float(v.start or 0.0)) for v in point.memory]
-        values = np.array([*point.x0, *memory, *(inputs[v.name] for v in chosen)])
-        variables = (*states, *chosen)
-        wanted = np.concatenate([
-            width_for(task.dx, [v.name for v in states], what="dx"), width_for(task.du, task.inputs, what="du")
-        ])  # fmt: skip
-        relative = WIDTH_HYBRID if point.states else WIDTH_SAMPLED
-        usual = [_default(v, x, relative) for v, x in zip(variables, values.tolist(), strict=True)]
-        return cls(
-            task=task,
-            start=start,
-            period=period,
-            states=states,
-            names=tuple(v.name for v in variables),
-            values=values,
-            widths=np.where(np.isnan(wanted), usual, wanted),
-            grid=_grid(start, period, inner := _inside(period, ticks - start)),
-            instants=np.append(0.0, inner),
-            given={**inputs, **dict(zip([v.name for v in states], values, strict=False))},
-            continuous=len(point.states),
-            inputs=inputs,
-            inputs_chosen=tuple(chosen),
-            sizes=np.array([size_of(v, x) for v, x in zip(variables, values.tolist(), strict=True)]),
-        )
+        self.point_values = np.array([*point.x0, *memory, *(self.inputs[name] for name in task.inputs)])
+        given = np.concatenate([width_for(task.dx, self.names[: len(self.states)], what="dx"),
+                                width_for(task.du, task.inputs, what="du")])  # fmt: skip
+        relative = relative_width(INTEGRATION if point.states else float(np.finfo(float).eps))
+        both = list(zip(self.variables, self.point_values.tolist(), strict=True))
+        self.widths = np.where(np.isnan(given), [total_width(v, x, relative) for v, x in both], given)
+        self.sizes = np.array([size_of(v, x) for v, x in both])
+        self.chosen = np.ones(len(both), dtype=bool)
+        inner = _inside(period, ticks - start)
+        self.grid, self.instants = _grid(start, period, inner), np.append(0.0, inner)
+
+    @cached_property
+    def base(self) -> tuple[Floats, Floats]:
+        """What `run` returns from the point itself."""
+        return self.run(np.zeros(len(self.names)))
+
+    @property
+    def here(self) -> Floats:
+        return np.concatenate([self.base[0], self.base[1][0, 0]])
+
+    def values(self, shift: Floats) -> Floats:
+        x, y = self.run(shift)
+        return np.concatenate([x, y[0, 0]])
 
     def run(self, shift: Floats) -> tuple[Floats, Floats]:
         """Return the states after one period and the outputs (k, 2, q) within it, from a shifted start."""
-        return self._advance({**self.given, **dict(zip(self.names, self.values + shift, strict=True))}, {})
+        return self._advance(self._starts(shift), {})
+
+    def _starts(self, shift: Floats | float = 0.0) -> dict[str, float]:
+        """Return the start values of everything, from a shifted point."""
+        return {**self.inputs, **dict(zip(self.names, (self.point_values + shift).tolist(), strict=True))}
 
     def _advance(self, values: Mapping[str, float], signals: Mapping[str, Signal]) -> tuple[Floats, Floats]:
         task = self.task
-        with task.model.open_at(time=self.start, values=values, tolerance=TOLERANCE) as session:
+        with task.model.open_at(time=self.start, values=values, tolerance=INTEGRATION) as session:
             record = session.advance(float(self.grid[-1]), signals=signals, record=task.outputs, points=self.grid[1:])
             reached = session.values([v.name for v in self.states])
         return np.array(list(reached.values())), _within(record, self.grid, task.outputs)
@@ -125,16 +114,7 @@ class SampledPeriodMap:
             node: which; the first hat has its falling side only, and begins with its value at the sample; the last
                 has its rising side only, and the sample at its end is the next period's.
         """
-        name, width = self.names[column], float(self.widths[column])
-        value, times = float(self.values[column]), self.start + self.nodes()
-        found = []
-        for sign in (1.0, -1.0):
-            hat = np.full(len(times), value)
-            hat[node] += sign * 0.5 * width
-            values = {**self.given, **dict(zip(self.names, self.values, strict=True)), name: float(hat[0])}
-            found.append(self._advance(values, {name: Table(times.tolist(), hat.tolist())}))
-        (x1, y1), (x0, y0) = found
-        return (x1 - x0) / width, (y1 - y0) / width
+        return self._answer(column, self.start + self.nodes(), node, "linear")
 
     def pulse(self, instant: int) -> tuple[Floats, Floats]:
         """Return what `run` returns, per unit, for the one input moved from one instant to the next only.
@@ -142,24 +122,26 @@ class SampledPeriodMap:
         Args:
             instant: number of the instant.
         """
-        column = len(self.states)
-        name, width, value = self.names[column], float(self.widths[column]), float(self.values[column])
-        ends = self.start + self.instants - LEAD * self.period  # ahead of what samples there
-        found = []
+        ahead = LEAD * self.period  # of what samples there
+        return self._answer(len(self.states), self.start + self.instants - ahead, instant, "hold")
+
+    def _answer(self, column: int, times: Floats, place: int, how: Literal["linear", "hold"]) -> tuple[Floats, Floats]:
+        """Return what `run` returns, per unit, for an input moved at one of the times of its table."""
+        name, width = self.names[column], float(self.widths[column])
+        sides = []
         for sign in (1.0, -1.0):
-            levels = np.full(len(self.instants), value)
-            levels[instant] += sign * 0.5 * width
-            values = {**self.given, **dict(zip(self.names, self.values, strict=True)), name: float(levels[0])}
-            found.append(self._advance(values, {name: Table(ends.tolist(), levels.tolist(), interpolate="hold")}))
-        (x1, y1), (x0, y0) = found
+            levels = np.full(len(times), self.point_values[column])
+            levels[place] += sign * 0.5 * width
+            table = Table(times.tolist(), levels.tolist(), interpolate=how)
+            sides.append(self._advance({**self._starts(), name: float(levels[0])}, {name: table}))
+        (x1, y1), (x0, y0) = sides
         return (x1 - x0) / width, (y1 - y0) / width
 
     def acts_at_samples(self) -> bool:
         """Whether inputs are only read at samples: between two samples nothing follows them."""
         task = self.task
         between = self.start + 0.5 * float(np.min(np.diff(self.grid)))
-        values = {**self.given, **dict(zip(self.names, self.values, strict=True))}
-        with task.model.open_point(time=between, values=values) as point:
+        with task.model.open_point(time=between, values=self._starts()) as point:
             first = point.at(point.x0, point.u0)
             for i in columns_of(task, point):
                 u = point.u0.copy()
@@ -168,12 +150,6 @@ class SampledPeriodMap:
                 if not (np.array_equal(moved.dx, first.dx) and np.array_equal(moved.y, first.y)):
                     return False
         return True
-
-
-def _default(variable: Variable, value: float, relative: float) -> float:
-    if variable.type not in FLOAT_TYPES:
-        return 2.0
-    return relative * max(abs(value), variable.nominal or UNDECLARED)
 
 
 def _inside(period: float, ticks: Floats) -> Floats:

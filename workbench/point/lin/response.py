@@ -12,26 +12,26 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError, WorkbenchError
-from workbench.fmi.variable import FLOAT_TYPES, Variable
+from workbench.fmi.variable import FLOAT_TYPES
 from workbench.jobs.job import SLOW, Job
 from workbench.model import DescribedModel, Model
 from workbench.model.described_model import LoadRecipe
 from workbench.model.names import check_variables
 from workbench.model.operating_point import named
+from workbench.point.lin.columns import relative_width, total_width
 from workbench.point.lin.intersample import PARTS, held, inside, lines, periods_needed
 from workbench.point.lin.realisation import Realisation, realise
 from workbench.point.lin.result import Doubt, Intersample, LinResult, Zero
 from workbench.point.lin.task import LinTask, moving_note, width_for
 from workbench.point.lin.validation_run import DOUBT, MoveTrial, accepted, smallest, trial_levels
 from workbench.point.lin.zero_entries import LargePerturbation, zeros_of
+from workbench.point.scales import INTEGRATION, MODELS_OWN_ERROR
 from workbench.session.base import Recorded, Session, Snapshot
 from workbench.session.settle import STEP
 from workbench.signals.kinds import Constant, Signal
 
 __all__ = ["response"]
 
-RELATIVE_WIDTH = 2e-3
-TOLERANCE = 1e-10  # of the integration, where the workbench integrates
 UNDECLARED = 1.0
 LEAD = 1e-6  # of the period
 NONLINEAR = 1e-2  # of a response: how much each direction may differ from the mean of both
@@ -184,7 +184,7 @@ def _tighter(task: LinTask) -> LoadRecipe | None:
     recipe = task.model.recipe
     if task.model.interface != "cs" or not isinstance(recipe, LoadRecipe) or recipe.tolerance is not None:
         return None
-    return replace(recipe, tolerance=TOLERANCE)
+    return replace(recipe, tolerance=INTEGRATION)
 
 
 def _tried(task: LinTask, runs: _PulseRuns) -> _Tried:
@@ -295,7 +295,7 @@ def _open(task: LinTask, period: float, told: _PulseRuns) -> Session:
     if task.values:
         check_variables(model, task.values, "variable", "input", "state", "parameter", what="x0")
     try:
-        session = model.open_at(values=task.values, step=step, tolerance=TOLERANCE)
+        session = model.open_at(values=task.values, step=step, tolerance=INTEGRATION)
     except InputError:
         if task.values:
             raise
@@ -428,7 +428,8 @@ class _Setting:
         u0 = session.values([v.name for v in task.model.inputs if v.is_number])
         variables = {v.name: v for v in task.model.inputs}
         given = width_for(task.du, task.inputs, what="du")
-        usual = np.array([_default(variables[n], u0[n]) for n in task.inputs])
+        relative = relative_width(MODELS_OWN_ERROR)
+        usual = np.array([total_width(variables[n], u0[n], relative, UNDECLARED) for n in task.inputs])
         widths = np.where(np.isnan(given), usual, given)
         forced = {n: u0[n] for n in task.inputs}
         return cls(task, session, session.snapshot(), period, forced, widths, _lead(task, period), told)
@@ -612,12 +613,6 @@ def _untested(result: LinResult, input: str) -> Iterator[Doubt]:
     for i, output in enumerate(result.output_names):
         why = "ended before other pulses and a step at this input could test it"
         yield Doubt(output, input, float(result.D[i, result.input_names.index(input)]), None, why)
-
-
-def _default(variable: Variable, value: float) -> float:
-    if variable.type not in FLOAT_TYPES:
-        return 2.0
-    return RELATIVE_WIDTH * max(abs(value), variable.nominal or UNDECLARED)
 
 
 def _moving(task: LinTask, pulses: _Pulses, period: float) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from workbench.core.values.matrices import held
 from workbench.errors import InputError
 from workbench.model import Model
 from workbench.point.lin.result import LinResult
+from workbench.point.scales import INTEGRATION
 from workbench.requests.decorator import with_origin
 from workbench.show.result import Result
 from workbench.signals.kinds import Constant, Signal
@@ -20,7 +21,6 @@ from workbench.signals.kinds import Constant, Signal
 __all__ = ["StepCheck", "step_check"]
 
 POINTS = 400
-_TOLERANCE = 1e-10  # of the run: what is compared is the model, not its integration
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def step_check(model: Model, linear: LinResult, *, input: str, output: str, heig
     point, j, i = linear.operating_point, linear.input_names.index(input), linear.output_names.index(output)
     moved = point.y[output] + height * step_response(linear, j, dt, count)[:, i]
     values = {**point.x, **point.discrete, **point.u}
-    with model.open_at(time=point.time, values=values, tolerance=_TOLERANCE) as session:
+    with model.open_at(time=point.time, values=values, tolerance=INTEGRATION) as session:
         start = session.time
         signals: dict[str, Signal] = {input: Constant(point.u[input] + height)}
         record = session.advance(start + time[-1], signals=signals, record=[output], points=start + time[1:])

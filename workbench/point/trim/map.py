@@ -12,13 +12,12 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.model import Model, Variable
+from workbench.point.scales import MODELS_OWN_ERROR
 from workbench.point.trim.balance import Balance, by_name, slot_of
 from workbench.session.base import Session
 from workbench.session.start_values import NotReachedError
 
 __all__ = ["MapBalance"]
-
-MODELS_OWN_ERROR = 1e-9  # relative, of a period that something integrates
 
 
 class MapBalance(Balance):

@@ -17,6 +17,7 @@ from workbench.jobs.job import SLOW, Job
 from workbench.model import DescribedModel, Model, Variable
 from workbench.model.operating_point import named, start_at
 from workbench.model.sample_rates import Rates, rates_of
+from workbench.point.scales import INTEGRATION
 from workbench.point.trim.balance import Balance, ContinuousBalance
 from workbench.point.trim.map import MapBalance
 from workbench.point.trim.messages import (
@@ -196,7 +197,7 @@ class _Trim:
             time=self.time,
             values=values,
             discrete=[v.name for v in memory],
-            tolerance=1e-10,
+            tolerance=INTEGRATION,
         )
         return self._fixed_point("period map", balance)
 
