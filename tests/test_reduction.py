@@ -14,8 +14,7 @@ from workbench.errors import InputError
 from workbench.point.reduction.balanced import balanced_reduction
 from workbench.point.reduction.band_error import band_error
 from workbench.point.reduction.cancel import cancel, mirror, pair_distances
-from workbench.point.reduction.factored import Factored, factored, low_pass
-from workbench.point.reduction.sections import to_state_space
+from workbench.point.reduction.factored import Factored, factored, low_pass, to_state_space
 
 F = np.geomspace(1e-3, 1e2, 400)
 

@@ -13,8 +13,7 @@ from workbench.limit_cycles.feed_forward.result import Design
 from workbench.point.reduction.balanced import BalancedReduction, balanced_reduction
 from workbench.point.reduction.band_error import band_error
 from workbench.point.reduction.cancel import cancel, mirror
-from workbench.point.reduction.factored import Factored, factored, low_pass
-from workbench.point.reduction.sections import to_state_space
+from workbench.point.reduction.factored import Factored, factored, low_pass, to_state_space
 
 __all__ = ["design"]
 

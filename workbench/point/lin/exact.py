@@ -6,8 +6,8 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, SimulationError
-from workbench.point.lin.assemble import continuous_result
 from workbench.point.lin.columns import AGREE, ROUNDING, PointColumns
+from workbench.point.lin.difference import continuous_result
 from workbench.point.lin.result import Doubt, LinResult
 from workbench.point.lin.task import LinTask, columns_of, open_base, pass_states
 

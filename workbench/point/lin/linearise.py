@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,15 +15,24 @@ from workbench.model.described_model import DescribedModel
 from workbench.model.operating_point import named
 from workbench.model.sample_rates import NoRatesError
 from workbench.point.lin.delayed import has_delays, through_delays
-from workbench.point.lin.exact import NoDerivativesError
-from workbench.point.lin.methods import METHODS
+from workbench.point.lin.difference import difference
+from workbench.point.lin.exact import NoDerivativesError, exact
+from workbench.point.lin.kalman_bertram import kalman_bertram
 from workbench.point.lin.period_map import NotSettableError
 from workbench.point.lin.request import Lin
+from workbench.point.lin.response import response
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import LinTask, make_task, open_base
 from workbench.system.description import BlockComponent, Component, LinearComponent, SystemDescription
 
-__all__ = ["choose", "linearise", "plain", "run"]
+__all__ = ["METHODS", "choose", "linearise", "plain", "run"]
+
+METHODS: Mapping[str, Callable[[LinTask], LinResult]] = {
+    "exact": exact,
+    "difference": difference,
+    "kalman-bertram": kalman_bertram,
+    "response": response,
+}
 
 
 def linearise(model: Model, asked: Lin, job: Job) -> LinResult:

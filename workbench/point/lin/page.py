@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,10 @@ from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, matrices, pole_table
 from workbench.show.verdicts import Verdict
 
-__all__ = ["grid_page", "lin_page", "step_check_page"]
+if TYPE_CHECKING:
+    from workbench.point.lin.state_space import LinearModel  # python-control is slow to import
+
+__all__ = ["grid_page", "lin_page", "linear_model_page", "step_check_page"]
 
 _BORDER = 1e-9  # of the fastest pole: real parts below are rounding
 
@@ -35,6 +39,11 @@ def lin_page(result: LinResult) -> Page:
         notes=result.notes,
         kind="lin",
     )
+
+
+def linear_model_page(model: LinearModel) -> Page:
+    """Return the page of the linearisation behind a python-control model."""
+    return lin_page(model.result)
 
 
 def _response(result: LinResult) -> list[Section]:

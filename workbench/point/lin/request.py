@@ -122,7 +122,7 @@ class Lin(OnePoint, ModelRequest["LinResult"]):
     """Linearise a model at an operating point.
 
     A linear model says nothing about large motions: see `workbench.nfr` for gain and phase over the amplitude. The
-    docstring of each method gives its limits (`workbench.point.lin.methods.METHODS`).
+    docstring of each method gives its limits (`workbench.point.lin.linearise.METHODS`).
 
     Returns:
         A `control.StateSpace` with names (see `LinearModel`); its `result` tells how it was made, what is

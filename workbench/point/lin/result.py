@@ -135,7 +135,7 @@ class LinResult(Linear, Result):
 
     Attributes:
         model, interface: what was linearised.
-        method: name in `workbench.point.lin.methods.METHODS`.
+        method: name in `workbench.point.lin.linearise.METHODS`.
         why: why this method.
         operating_point: where the model was linearised.
         zeros: rows and columns that are zero, each with its reason.

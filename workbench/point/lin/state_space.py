@@ -35,7 +35,7 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
         result: the linearisation with its point, method, doubts and notes.
     """
 
-    _page = "workbench.point.lin.page_state_space:linear_model_page"
+    _page = "workbench.point.lin.page:linear_model_page"
 
     def __init__(self, result: LinResult, name: str | None = None) -> None:
         matrices, labels = result.for_control(name or result.model)

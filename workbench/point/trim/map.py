@@ -101,30 +101,24 @@ class MapBalance(Balance):
 
     def _period(self, session: Session, number: int) -> tuple[Floats, Floats]:
         session.advance(self.time + number * self.period, signals={})
-        names = [s.name for s in (*self.states, *self.outputs)]
-        values = session.values(list(dict.fromkeys(names)))
-        found = np.array([values[n] for n in names])
-        return found[: len(self.states)], found[len(self.states) :]
+        values = session.values(list(dict.fromkeys(s.name for s in (*self.states, *self.outputs))))
+        states, outputs = (np.array([values[s.name] for s in slots]) for slots in (self.states, self.outputs))
+        return states, outputs
 
     def drift(self, states: Floats, inputs: Floats, *, periods: int) -> dict[str, tuple[float, float]]:
         """Return by how much states and outputs move from the end of the first period to those of later ones.
 
-        Beside it stands the value at the end of the first.
+        Beside it is the value at the end of the first.
 
         The states may all come back after one period while something that they do not show has moved on.
 
         Raises:
             SimulationError: the model fails on the way.
         """
-        names = list(dict.fromkeys(s.name for s in (*self.states, *self.outputs)))
-        rows = []
-        self.evaluations += periods
-        with self._open(states, inputs) as session:
-            for number in range(1, periods + 1):
-                session.advance(self.time + number * self.period, signals={})
-                rows.append(list(session.values(names).values()))
-        moved = np.abs(np.array(rows) - rows[0]).max(axis=0)
-        return {name: (float(d), float(v)) for name, d, v in zip(names, moved, rows[0], strict=True)}
+        rows = np.array([np.concatenate(ends) for ends in self.run(states, inputs, periods=periods)])
+        moved = np.abs(rows - rows[0]).max(axis=0)
+        names = [s.name for s in (*self.states, *self.outputs)]
+        return dict(zip(names, zip(moved.tolist(), rows[0].tolist(), strict=True), strict=True))
 
     def point(self, states: Floats, inputs: Floats) -> OperatingPoint:
         _, y = self.evaluate(states, inputs)

@@ -9,6 +9,7 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.point.trim.problem import TrimProblem, TrimUnknown
 from workbench.point.trim.result import NullDirection, Residual
+from workbench.point.trim.scales import pseudo_inverse
 from workbench.point.trim.solve import Solution
 
 __all__ = ["carried_along", "degenerate", "directions", "in_words", "residual_table", "without_influence"]
@@ -21,7 +22,7 @@ def residual_table(problem: TrimProblem, solution: Solution) -> tuple[Residual, 
     """Return one residual for each equation, required ones first."""
     equations = (*problem.equations, *problem.floating)
     idle = [not row.any() for row in solution.jacobian]
-    scaled = solution.residuals / solution.scales
+    scaled = solution.residuals / solution.verdict.scales
     return tuple(
         Residual(name=e.name, value=v, unit=e.unit, scaled=s, required=e.required, idle=i)
         for e, v, s, i in zip(equations, solution.residuals.tolist(), scaled.tolist(), idle, strict=True)
@@ -70,10 +71,10 @@ def in_words(
         more = f"; {len(nulls) - _SHOWN} more" if len(nulls) > _SHOWN else ""
         ways = "1 direction is" if len(nulls) == 1 else f"{len(nulls)} directions are"
         return f"a family of equilibria: {ways} left open ({open_}{more}); this one {chosen}"
-    bad = [r for r, b in zip(residuals, solution.bad, strict=False) if b]
-    if solution.ran_away:
+    bad = [r for r, b in zip(residuals, solution.verdict.bad, strict=False) if b]
+    if solution.verdict.ran_away:
         return f"no equilibrium found; the search diverged: {_way(problem, solution)} while {_gone(bad)}"
-    if solution.faded:
+    if solution.verdict.faded:
         names = ", ".join(r.name for r in bad[:_SHOWN])
         return (
             f"no equilibrium found, but there may be one: {names} cannot be distinguished from rounding where the "
@@ -125,11 +126,13 @@ def without_influence(problem: TrimProblem, solution: Solution) -> tuple[tuple[s
     First those on which no output depends either, then the others.
     """
     n = len(problem.balance.states)
-    moving = {e.row for e, bad in zip(problem.equations, solution.bad.tolist(), strict=False) if bad and e.row < n}
+    moving = {
+        e.row for e, bad in zip(problem.equations, solution.verdict.bad.tolist(), strict=False) if bad and e.row < n
+    }
     here = problem.evaluate(solution.values)
     slots = (*problem.balance.states, *problem.balance.outputs)
     sizes = np.maximum(np.abs(here), [s.nominal for s in slots])
-    sizes[[e.row for e in problem.equations]] = np.abs(solution.scales[: len(problem.equations)])
+    sizes[[e.row for e in problem.equations]] = np.abs(solution.verdict.scales[: len(problem.equations)])
     level = max(_SAME, 10.0 * problem.balance.precision) * sizes
     hidden, shown = list[str](), list[str]()
     for place, unknown in enumerate(problem.unknowns):
@@ -147,7 +150,6 @@ def without_influence(problem: TrimProblem, solution: Solution) -> tuple[tuple[s
 # -- states carried along by floating ones -------------------------------------------------------
 
 _STEP = 1e-4  # of the size of a state
-_RANK = 1e-9
 
 
 def carried_along(problem: TrimProblem, solution: Solution) -> str:
@@ -166,16 +168,16 @@ def carried_along(problem: TrimProblem, solution: Solution) -> str:
     here = problem.balance.evaluate(x, u)[0]
     if not floating or not rest or not here[floating].any():
         return ""
+    rows = {e.row: i for i, e in enumerate(problem.equations)}
     columns = [k.column for k in rest]
-    reach = np.array([_reach(x[c], problem.balance.states[c].nominal) for c in columns])
-    slopes = np.column_stack([_slope(problem, x, u, c, s)[columns] for c, s in zip(columns, reach, strict=True)])
+    slopes = solution.jacobian * solution.verdict.scales[:, None] / solution.nominal
+    back = pseudo_inverse(slopes[np.ix_([rows[c] for c in columns], [problem.unknowns.index(k) for k in rest])])
     motion = np.zeros(n)
     motion[floating] = here[floating]
     sizes = np.array([_reach(x[s], problem.balance.states[s].nominal) for s in floating])
     part = _STEP * float(np.min(sizes / np.maximum(np.abs(here[floating]), 1e-300)))
     push = (problem.balance.evaluate(x + part * motion, u)[0] - here)[columns] / part
-    scaled = slopes * reach / reach[:, None]
-    behind = _solved(scaled, _solved(scaled, push / reach))
+    behind = back @ (back @ push) / [_reach(x[c], problem.balance.states[c].nominal) for c in columns]
     return _carried(problem, rest, behind, floating, here) if np.isfinite(behind).all() else ""
 
 
@@ -193,19 +195,3 @@ def _carried(problem: TrimProblem, rest: list[TrimUnknown], behind: Floats, floa
 
 def _reach(value: float, nominal: float) -> float:
     return max(abs(value), nominal)
-
-
-def _slope(problem: TrimProblem, x: Floats, u: Floats, column: int, size: float) -> Floats:
-    ends = []
-    for side in (1.0, -1.0):
-        moved = x.copy()
-        moved[column] += side * _STEP * size
-        ends.append(problem.balance.evaluate(moved, u)[0])
-    return np.asarray((ends[0] - ends[1]) / (2.0 * _STEP * size), dtype=np.float64)
-
-
-def _solved(matrix: Floats, right: Floats) -> Floats:
-    """Return the solution of least norm, the rows made alike first."""
-    largest = np.abs(matrix).max(axis=1, initial=0.0)
-    rows = np.where(largest > 0.0, largest, 1.0)
-    return np.asarray(np.linalg.lstsq(matrix / rows[:, None], right / rows, rcond=_RANK)[0], dtype=np.float64)

@@ -152,7 +152,7 @@ class _Trim:
         problem, solution, note = self._floated(problem, found, tolerance=self.asked.tolerance, exact=exact)
         restless = carried_along(problem, solution) if solution.converged else ""
         if restless and self.slowest:
-            solution = replace(solution, converged=False)
+            solution = solution.refuted()
         return self._result("equations", problem, solution, [note, restless])
 
     def _floated(
@@ -210,7 +210,7 @@ class _Trim:
         problem, solution, note = self._floated(problem, found, tolerance=loosest, exact=False)
         restless = self._restless(balance, problem, solution) if solution.converged else ""
         if restless:
-            solution = replace(solution, converged=False)
+            solution = solution.refuted()
         return self._result(method, problem, solution, [note, restless])
 
     def _restless(self, balance: MapBalance, problem: TrimProblem, solution: Solution) -> str:
@@ -283,7 +283,7 @@ class _Trim:
                 failed = end
                 continue
             if not end.settled:
-                solution = replace(solution, converged=False)
+                solution = solution.refuted()
             why = f"watched up to {end.time:g} s, communication step {step:g} s"
             result = self._result("running", problem, solution, [why])
             if end.settled:
@@ -364,7 +364,7 @@ class _Trim:
         point = balance.point(*problem.at(solution.values))
         message = in_words(problem, solution, residuals, nulls, chosen=chosen)
         if solution.converged and not np.isfinite([*(r.value for r in residuals), *point.dx.values()]).all():
-            solution = replace(solution, converged=False)  # an FMU need not give the same values again
+            solution = solution.refuted()  # an FMU need not give the same values again
             message = "no equilibrium found: at the point where the search ended, the model cannot be evaluated again"
         return TrimResult(
             model=self.model.name,
@@ -407,7 +407,7 @@ def _sizes(balance: MapBalance, problem: TrimProblem, solution: Solution) -> dic
     """
     found = {s.name: s.nominal for s in (*balance.states, *balance.outputs) if s.declared}
     searched = {k.slot.name: n for k, n in zip(problem.unknowns, solution.nominal.tolist(), strict=True)}
-    changes = {e.row: float(c) for e, c in zip(problem.equations, solution.scales, strict=False)}
+    changes = {e.row: float(c) for e, c in zip(problem.equations, solution.verdict.scales, strict=False)}
     for row, state in enumerate(balance.states):
         if not state.declared:
             found[state.name] = max(searched.get(state.name, 0.0), changes.get(row, 0.0)) or state.nominal

@@ -12,7 +12,7 @@ from workbench.core.values.arrays import Floats
 from workbench.point.scales import straight_over
 from workbench.point.trim.problem import TrimProblem
 
-__all__ = ["resized", "sized", "told"]
+__all__ = ["pseudo_inverse", "resized", "sized", "told"]
 
 _FAR = 1e3  # a step is taken as size where it differs from 1 by more than this factor
 _NARROW = 0.03  # a width is taken as size below this
@@ -90,7 +90,7 @@ def _first_step(problem: TrimProblem, here: Floats, silent: list[int], widths: F
     near = _NEAR * nominal
     slopes = [_slope(problem, here, i, near[i]) * nominal[i] for i in range(len(problem.unknowns))]
     jacobian = np.nan_to_num(np.column_stack(slopes))
-    back = _inverse(jacobian)
+    back = pseudo_inverse(jacobian)
     step = back @ -here
     error = np.abs(back) @ _left_open(problem, here, jacobian, step, nominal)
     return {i: float(abs(step[i]) * nominal[i]) for i in straight if abs(step[i]) > error[i]}
@@ -123,10 +123,10 @@ def told(jacobian: Floats, values: Floats, precision: float) -> NDArray[np.bool_
         precision: relative error of a term; a model that integrates has more than rounding.
     """
     noise = max(_EPS, precision) * (np.abs(jacobian) @ np.abs(values))
-    return np.asarray(np.abs(values) > _CLEARLY * (np.abs(_inverse(jacobian)) @ noise))
+    return np.asarray(np.abs(values) > _CLEARLY * (np.abs(pseudo_inverse(jacobian)) @ noise))
 
 
-def _inverse(jacobian: Floats) -> Floats:
+def pseudo_inverse(jacobian: Floats) -> Floats:
     """Return the pseudo-inverse; its rank is seen with rows and columns of even size."""
     rows, columns = _even(jacobian)
     even = rows[:, None] * jacobian * columns

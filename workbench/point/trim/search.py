@@ -62,7 +62,7 @@ def _closer(problem: TrimProblem, found: Solution, *, tolerance: float, slowest:
 
 
 def _left(solution: Solution) -> float:
-    worst = float(np.abs(solution.residuals / solution.scales).max(initial=0.0))
+    worst = float(np.abs(solution.residuals / solution.verdict.scales).max(initial=0.0))
     return worst if worst == worst else np.inf  # noqa: PLR0124 - NaN
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.point.trim.convergence import EquilibriumTest
+from workbench.point.trim.convergence import EquilibriumTest, SearchResult
 from workbench.point.trim.null_space import staged_step
 from workbench.point.trim.problem import TrimProblem
 from workbench.point.trim.scaled import ScaledEquations
@@ -42,13 +41,9 @@ class Solution:
     Attributes:
         values: shape (k,), the unknowns.
         residuals: shape (e,), required equations first, then floating derivatives [their units].
-        scales: shape (e,), what each is measured by, see `Verdict.scales`.
+        verdict: whether it is an equilibrium, and what each residual is measured by.
         jacobian: shape (e, k), of residuals over scales by the unknowns in nominal values.
         nominal: shape (k,), the nominal values of the unknowns that the search worked with.
-        converged: whether it is an equilibrium, see `EquilibriumTest`.
-        bad: shape (h,), required equations that do not hold.
-        ran_away: whether residuals fell only because the unknowns went ever further away.
-        faded: whether an equation faded into rounding, so that a root and a run-away look alike.
         open: shape (k, d), directions of a family of solutions, in nominal values.
         flat: shape (k, f), directions in which slopes vanish, but not along a family of solutions.
         iterations: Jacobians.
@@ -57,17 +52,22 @@ class Solution:
 
     values: Floats
     residuals: Floats
-    scales: Floats
+    verdict: SearchResult
     jacobian: Floats
     nominal: Floats
-    converged: bool
-    bad: NDArray[np.bool_]
-    ran_away: bool
-    faded: bool
     open: Floats
     flat: Floats
     iterations: int
     chosen: bool
+
+    @property
+    def converged(self) -> bool:
+        """Whether it is an equilibrium, see `EquilibriumTest`."""
+        return self.verdict.at_rest
+
+    def refuted(self) -> Solution:
+        """Return the same as no equilibrium: a run from there has shown that it is none."""
+        return replace(self, verdict=replace(self.verdict, at_rest=False))
 
 
 def solve(
@@ -268,13 +268,9 @@ class _FamilySearch:
         return Solution(
             values=w * self.scaled.nominal,
             residuals=self.scaled.residuals(w),
-            scales=verdict.scales,
+            verdict=verdict,
             jacobian=jacobian / verdict.scales[:, None],
             nominal=self.scaled.nominal,
-            converged=verdict.at_rest,
-            bad=verdict.bad,
-            ran_away=verdict.ran_away,
-            faded=verdict.faded,
             open=open_,
             flat=flat,
             iterations=self.iterations,

@@ -18,8 +18,7 @@ from workbench.core.values.poles import natural_frequency_hz
 from workbench.errors import FmuError, InputError, SimulationError
 from workbench.jobs.job import Job
 from workbench.model import DescribedModel, Model
-from workbench.point.lin.linearise import run
-from workbench.point.lin.methods import METHODS
+from workbench.point.lin.linearise import METHODS, run
 from workbench.point.lin.request import Lin
 from workbench.point.lin.response import communication_step
 from workbench.point.lin.result import LinResult
