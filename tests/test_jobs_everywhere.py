@@ -185,7 +185,7 @@ def test_a_slow_trim_says_what_it_costs_and_leaves_its_best_point(tmp_path: Path
 def test_a_slow_linearisation_says_what_it_costs_and_leaves_what_nothing_has_tested(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("workbench.point.lin.response.SLOW", 0.0)
+    monkeypatch.setattr("workbench.point.lin.pulses.SLOW", 0.0)
     with wb.load(build_mimic(tmp_path, "orderly"), interface="cs") as model:
         before, said = _stopped(Lin(workers=Worker(in_process=True)), model, 1)
         found, _ = _stopped(Lin(workers=Worker(in_process=True)), model, 4)

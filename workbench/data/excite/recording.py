@@ -16,7 +16,7 @@ from workbench.model import DescribedModel, Model
 from workbench.model.names import check_variables
 from workbench.model.operating_point import bias_of, standing
 from workbench.model.sample_rates import Rates, sampled
-from workbench.point.lin.response import communication_step
+from workbench.point.lin.pulses import communication_step
 from workbench.session.base import Recorded, Session
 from workbench.signals.kinds import Constant, Signal, Table
 

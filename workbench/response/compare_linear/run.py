@@ -19,8 +19,8 @@ from workbench.errors import FmuError, InputError, SimulationError
 from workbench.jobs.job import Job
 from workbench.model import DescribedModel, Model
 from workbench.point.lin.linearise import METHODS, run
+from workbench.point.lin.pulses import communication_step
 from workbench.point.lin.request import Lin
-from workbench.point.lin.response import communication_step
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import LinTask, make_task, open_base
 from workbench.response.compare_linear.interfaces import InterfaceDifference, compare_interfaces
