@@ -249,13 +249,13 @@ class PointColumns(Columns):
             return []
         column = np.full(len(self.point.states) + len(self.point.inputs), -1)
         column[self._places] = np.arange(len(self._places))
-        found = []
+        result = []
         for members, rows, by in pattern.groups():
             mine = column[by] >= 0
             chosen = column[members]
             if (chosen >= 0).any():
-                found.append((chosen[chosen >= 0], rows[mine].astype(np.intp), column[by[mine]]))
-        return found
+                result.append((chosen[chosen >= 0], rows[mine].astype(np.intp), column[by[mine]]))
+        return result
 
     def central(self, widths: Floats) -> Floats:
         """Return the matrix of central differences, shape (n + q, k); remembers both sides."""
@@ -272,17 +272,17 @@ class PointColumns(Columns):
         """Return a remark where the point is not at rest: derivatives beyond what a small part of the scales makes."""
         n = len(self.point.states)
         allowed = MOVING * (abs(self.light(jacobian)) @ self.scales)[:n] + STANDS * self.scales[:n]
-        found = np.flatnonzero(np.abs(self.base.dx) > allowed)
-        return moving_note([f"der({self.names[i]}) = {self.base.dx[i]:.4g}" for i in found])
+        result = np.flatnonzero(np.abs(self.base.dx) > allowed)
+        return moving_note([f"der({self.names[i]}) = {self.base.dx[i]:.4g}" for i in result])
 
     # -- what may be wrong ----------------------------------------------------------------
 
     def doubts(self, jacobian: Floats) -> list[Doubt]:
         """Return the entries that a second width does not confirm, or that a `when` cuts short."""
-        found = [d for j in range(len(self.names)) if self._pairs[j].latched for d in self._latches(jacobian, j)]
+        result = [d for j in range(len(self.names)) if self._pairs[j].latched for d in self._latches(jacobian, j)]
         if self.chosen.any() and not self._confirmed(jacobian):
-            found += [d for j in np.flatnonzero(self.chosen) for d in self._second(jacobian, int(j))]
-        return found
+            result += [d for j in np.flatnonzero(self.chosen) for d in self._second(jacobian, int(j))]
+        return result
 
     def _latches(self, jacobian: Floats, j: int) -> list[Doubt]:
         why = "a discrete state would change within the perturbation; it is held"
@@ -331,8 +331,8 @@ class PointColumns(Columns):
         return np.concatenate([self.base.dx, self.base.y])
 
     def values(self, shift: Floats) -> Floats:
-        found = self._at(shift)
-        return np.concatenate([found.dx, found.y])
+        result = self._at(shift)
+        return np.concatenate([result.dx, result.y])
 
     def _second(self, jacobian: Floats, j: int) -> list[Doubt]:
         """Compare one column with itself at the second width, and its two halves with each other."""
@@ -349,15 +349,15 @@ class PointColumns(Columns):
         steeper = np.maximum(np.abs(right), np.abs(left))
         # The bend of a smooth curve grows with the width, that of a kink does not, that of a jump falls.
         kink = (bend > AGREE * steeper + 4.0 * noise) & (bend2 < 2.0 * bend)
-        found = []
+        result = []
         for i in np.flatnonzero(apart | kink):
             value = float(jacobian[i, j])
             if kink[i]:
                 reason = f"a kink or jump at the point: slope {left[i]:.6g} below, {right[i]:.6g} above"
             else:
                 reason = f"it depends on the width: {other[i]:.6g} over {wide.span:.3g}"
-            found.append(Doubt(self.rows[i], self.names[j], value, float(other[i]), reason))
-        return found
+            result.append(Doubt(self.rows[i], self.names[j], value, float(other[i]), reason))
+        return result
 
     # -- scales of what is not declared ------------------------------------------------------
 

@@ -92,15 +92,15 @@ def through_delays(task: LinTask, linearise: Callable[[LinTask], LinResult]) -> 
     cuts = [_cut(c, here) for c in components]
     standing = {_IN.format(i): c.delayed for i, c in enumerate(cuts)}
     with _opened(recipe, cuts).open() as opened:
-        asked = replace(
+        request = replace(
             task,
             model=opened,
             inputs=(*task.inputs, *standing),
             outputs=(*task.outputs, *(_OUT.format(i) for i in range(len(cuts)))),
             values={**task.values, **standing},
         )
-        found = linearise(asked)
-    return _closed(task, found, cuts)
+        result = linearise(request)
+    return _closed(task, result, cuts)
 
 
 def _cut(component: BlockComponent, here: Mapping[str, float]) -> _Cut:

@@ -83,7 +83,7 @@ def _probed(columns: PointColumns, jacobian: Floats) -> bool:
 def _disagreements(columns: PointColumns, jacobian: Floats) -> list[Doubt]:
     """Compare every entry with its difference; columns without a scale over the one that the model shows, too."""
     columns.central(columns.widths)
-    found = []
+    result = []
     for j in range(len(columns.names)):
         apart, before = _apart(columns, jacobian, j), columns.column(j)
         if apart and columns.rescale(j):
@@ -92,13 +92,13 @@ def _disagreements(columns: PointColumns, jacobian: Floats) -> list[Doubt]:
                 apart = again
             else:
                 columns.put_back(j, before)
-        found += apart
-    return sorted(found, key=lambda d: (columns.rows.index(d.row), columns.names.index(d.column)))
+        result += apart
+    return sorted(result, key=lambda d: (columns.rows.index(d.row), columns.names.index(d.column)))
 
 
 def _apart(columns: PointColumns, jacobian: Floats, j: int) -> list[Doubt]:
     """Compare the entries of a column with its difference."""
-    found, other, exact = [], columns.column(j).slope, jacobian[:, j]
+    result, other, exact = [], columns.column(j).slope, jacobian[:, j]
     noise = ROUNDING * np.abs(columns.here) / columns.widths[j]
     apart = np.abs(other - exact) > AGREE * np.maximum(np.abs(other), np.abs(exact)) + 4.0 * noise
     for i in np.flatnonzero(apart).tolist():
@@ -111,5 +111,5 @@ def _apart(columns: PointColumns, jacobian: Floats, j: int) -> list[Doubt]:
         else:
             reason = f"the FMU's directional derivative is {value:.6g}, a difference gives {measured:.6g}"
         about = "kink" if sum(sides) == 1 else "value"
-        found.append(Doubt(columns.rows[i], columns.names[j], value, measured, reason, about))
-    return found
+        result.append(Doubt(columns.rows[i], columns.names[j], value, measured, reason, about))
+    return result

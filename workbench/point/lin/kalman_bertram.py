@@ -174,9 +174,9 @@ def _between(setting: SampledPeriodMap, keep: Flags) -> dict[str, Any]:
     if setting.acts_at_samples() or not all(setting.variables[j].is_continuous_input for j in columns):
         return {"sampled": True}
     nodes = setting.nodes()
-    found = [[setting.respond(j, k) for j in columns] for k in range(len(nodes))]
-    B = np.array([np.column_stack([x[keep] for x, _ in row]) for row in found])
-    D = np.array([np.stack([y for _, y in row], axis=-1) for row in found])
+    result = [[setting.respond(j, k) for j in columns] for k in range(len(nodes))]
+    B = np.array([np.column_stack([x[keep] for x, _ in row]) for row in result])
+    D = np.array([np.stack([y for _, y in row], axis=-1) for row in result])
     return {"sampled": False, "nodes": nodes, "B_nodes": B, "D_nodes": D}
 
 

@@ -35,18 +35,18 @@ METHODS: Mapping[str, Callable[[LinTask], LinResult]] = {
 }
 
 
-def linearise(model: Model, asked: Lin, job: Job) -> LinResult:
+def linearise(model: Model, request: Lin, job: Job) -> LinResult:
     """Linearise a model; see `Lin`."""
-    task = replace(make_task(model, asked), job=job)
+    task = replace(make_task(model, request), job=job)
     if not task.inputs and not _shows_states(task):
         raise InputError(
             f"{task.model.name}: a linear model needs an input or states, and this interface shows neither"
         )
-    result = replace(run(task, asked.method), about_hz=asked.about)
+    result = replace(run(task, request.method), about_hz=request.about)
     if result.shows_all_poles:
         return result
     some = (
-        f"{len(result.A)} states: of the poles only those nearest to {asked.about:g} Hz are shown, found by the "
+        f"{len(result.A)} states: of the poles only those nearest to {request.about:g} Hz are shown, found by the "
         "Arnoldi method with shift and inversion; whether another one is unstable is not known"
     )
     return replace(result, notes=(*result.notes, some))
@@ -162,6 +162,6 @@ def _has_samplers(model: Model) -> bool:
 
 def _is_sampled(component: Component) -> bool:
     if isinstance(component, BlockComponent):
-        found = component.block.matrices()
-        return found is not None and found.dt > 0.0
+        result = component.block.matrices()
+        return result is not None and result.dt > 0.0
     return isinstance(component, LinearComponent) and component.dt > 0.0

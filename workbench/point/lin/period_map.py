@@ -154,8 +154,8 @@ class SampledPeriodMap(Columns):
 
 def _inside(period: float, ticks: Floats) -> Floats:
     """Return the events inside the first period, times since its start, rising, each once [s]."""
-    found = ticks[(ticks > SAME * period) & (ticks < period * (1.0 - SAME))]
-    return _apart(np.sort(found), period)
+    result = ticks[(ticks > SAME * period) & (ticks < period * (1.0 - SAME))]
+    return _apart(np.sort(result), period)
 
 
 def _apart(times: Floats, period: float) -> Floats:

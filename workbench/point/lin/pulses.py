@@ -266,11 +266,11 @@ class PulseRuns:
         return _PulseColumn(width, (above - below) / width, bend, np.maximum(bend, rounding), runs + 2)
 
     def _doubts(self, name: str, column: _PulseColumn) -> list[Doubt]:
-        found, bend, size, half = [], column.bend, column.size, column.width / 2.0
+        result, bend, size, half = [], column.bend, column.size, column.width / 2.0
         for i in np.flatnonzero(bend > NONLINEAR * size):
             why = f"not linear or noisy: {name} rising and falling by {half:.3g} differ by {2.0 * bend[i]:.3g}"
-            found.append(Doubt(self.task.outputs[i], name, float(size[i]), float(bend[i]), why))
-        return found
+            result.append(Doubt(self.task.outputs[i], name, float(size[i]), float(bend[i]), why))
+        return result
 
     def trial(self, name: str, pulses: Pulses) -> MoveTrial:
         """Return a run that the model was not made from: other pulses and a step at an input."""
@@ -278,8 +278,8 @@ class PulseRuns:
         j = self.task.inputs.index(name)
         answer = self._run({name: levels}) - pulses.base
         rounding = _ROUNDING * np.abs(pulses.base).max(axis=0)
-        found, noise = pulses.markov[:, :, j], pulses.noise[:, j]
-        return MoveTrial(name, j, self.task.outputs, levels, answer, found, noise, rounding)
+        result, noise = pulses.markov[:, :, j], pulses.noise[:, j]
+        return MoveTrial(name, j, self.task.outputs, levels, answer, result, noise, rounding)
 
     def inside(self, found: Realisation, names: Sequence[str], pulses: Pulses) -> Floats | None:
         """Return the answers to one pulse at each input within the periods, per unit, shape (k, parts, q, m).

@@ -94,8 +94,8 @@ def realise(markov: Floats, *, noise: float | Floats, order: int | None = None) 
     if chosen == 0:
         return _static(markov)
     system, _ = control.eigensys_realization(data, chosen, m=size, n=size)
-    found = [np.asarray(x, dtype=np.float64) for x in (system.A, system.B * inner, outer[:, None] * system.C)]
-    A, B, C = found
+    result = [np.asarray(x, dtype=np.float64) for x in (system.A, system.B * inner, outer[:, None] * system.C)]
+    A, B, C = result
     return Realisation(A, B, C, markov[0], values, _error(A, B, C, markov))
 
 

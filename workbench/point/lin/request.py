@@ -213,14 +213,14 @@ class LinAlong(Perturbed, _ChosenVariables, ModelRequest["LinGrid"]):
 # -- functions ---------------------------------------------------------------------------------
 
 
-def _state_space(model: Model, asked: Lin) -> LinearModel:
+def _state_space(model: Model, request: Lin) -> LinearModel:
     from workbench.point.lin.state_space import LinearModel  # noqa: PLC0415 - python-control is slow to import
 
-    return LinearModel(asked.run(model, Job(asked.progress)))
+    return LinearModel(request.run(model, Job(request.progress)))
 
 
-def _result(model: Model, asked: Lin) -> LinResult:
-    return asked.run(model, Job(asked.progress))
+def _result(model: Model, request: Lin) -> LinResult:
+    return request.run(model, Job(request.progress))
 
 
 # What analyses call that need no model of python-control, which takes a second to load.

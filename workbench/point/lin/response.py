@@ -257,9 +257,9 @@ def _moving(task: LinTask, pulses: Pulses, period: float) -> tuple[str, ...]:
     answers = np.abs(pulses.markov).max(axis=0) @ np.array([pulses.widths[n] for n in task.inputs])
     size = np.abs(pulses.base).max(axis=0)
     drift = np.abs(pulses.base - pulses.base[0]).max(axis=0)
-    found = np.flatnonzero(drift > np.maximum(_MOVING * answers, _STANDS * size))
+    result = np.flatnonzero(drift > np.maximum(_MOVING * answers, _STANDS * size))
     span = period * (len(pulses.base) - 1)
-    return moving_note([f"{task.outputs[i]} changes by {drift[i]:.4g} within {span:.4g} s" for i in found])
+    return moving_note([f"{task.outputs[i]} changes by {drift[i]:.4g} within {span:.4g} s" for i in result])
 
 
 def _notes(found: Realisation, largest: Realisation, pulses: Pulses, trials: Sequence[MoveTrial]) -> list[str]:

@@ -116,10 +116,10 @@ class DelayFreePart(RecordPart):
             frequency_hz: shape (k,), or one [Hz].
         """
         f = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
-        found, k = Linear(self.A, self.B, self.C, self.D).response(f), len(self.times)
+        result, k = Linear(self.A, self.B, self.C, self.D).response(f), len(self.times)
         turned = np.exp(-2j * np.pi * np.where(np.isinf(f), 0.0, f)[:, None] * self.times)[:, :, None]
-        inside = np.eye(k) - turned * found[:, -k:, -k:]
-        closed = found[:, :-k, :-k] + found[:, :-k, -k:] @ np.linalg.solve(inside, turned * found[:, -k:, :-k])
+        inside = np.eye(k) - turned * result[:, -k:, -k:]
+        closed = result[:, :-k, :-k] + result[:, :-k, -k:] @ np.linalg.solve(inside, turned * result[:, -k:, :-k])
         return np.asarray(closed, dtype=np.complex128)
 
     def negated(self) -> DelayFreePart:

@@ -47,14 +47,14 @@ class _Job:
 
     varied: dict[str, float]
     parameters: dict[str, float]
-    asked: Lin
+    request: Lin
     explained: bool
     trimmed: bool
 
 
-def over(model: Model, asked: LinOver, job: Job) -> LinGrid:
+def over(model: Model, request: LinOver, job: Job) -> LinGrid:
     """Linearise at every combination; see `LinOver`."""
-    grid = {name: several(values) for name, values in asked.over.items()}
+    grid = {name: several(values) for name, values in request.over.items()}
     every = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
     found: dict[str, LinPoint] = {}
 
@@ -63,20 +63,20 @@ def over(model: Model, asked: LinOver, job: Job) -> LinGrid:
         return LinGrid(model.name, model.interface, model.solver, grid, tuple(points))
 
     job.partial = lambda: result() if found else None
-    for point in points_over(model, asked, asked.place.apart, job):
+    for point in points_over(model, request, request.place.apart, job):
         found[str(point)] = point
         job.done(point, len(found), len(every))
     return result()
 
 
 def points_over(
-    model: Model, asked: LinOver, workers: Workers, job: Job, *, explained: bool = True, trimmed: bool = False
+    model: Model, request: LinOver, workers: Workers, job: Job, *, explained: bool = True, trimmed: bool = False
 ) -> Iterator[LinPoint]:
     """Linearise at every combination; yield the models as they are finished.
 
     Args:
         model: stays open.
-        asked: see `LinOver`.
+        request: see `LinOver`.
         workers: where.
         job: can end it.
         explained: see `LinTask`.
@@ -85,12 +85,12 @@ def points_over(
     Raises:
         InputError, FmuError: see `LinOver`.
     """
-    grid = {name: several(values) for name, values in asked.over.items()}
+    grid = {name: several(values) for name, values in request.over.items()}
     _check(model, grid)
-    common = recast(Lin, asked, at=None, progress=None, workers=None, **point_in_full(model, asked)[0])
+    common = recast(Lin, request, at=None, progress=None, workers=None, **point_in_full(model, request)[0])
     every = (dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values()))
     todo = [_job(model, varied, common, explained=explained, trimmed=trimmed) for varied in every]
-    with _open_store(asked.store, model, common) as kept:
+    with _open_store(request.store, model, common) as kept:
         yield from _all(model, todo, workers, kept, job)
 
 
@@ -104,13 +104,13 @@ def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
 
 def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool, trimmed: bool) -> _Job:
     inputs, states = {v.name for v in model.inputs}, {v.name for v in model.states}
-    asked = replace(
+    request = replace(
         common,
         u0={**(common.u0 or {}), **{n: v for n, v in varied.items() if n in inputs}},
         x0={**(common.x0 or {}), **{n: v for n, v in varied.items() if n in states}},
     )
     parameters = {n: v for n, v in varied.items() if n not in inputs | states}
-    return _Job(varied=varied, parameters=parameters, asked=asked, explained=explained, trimmed=trimmed)
+    return _Job(varied=varied, parameters=parameters, request=request, explained=explained, trimmed=trimmed)
 
 
 def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | None, job: Job) -> Iterator[LinPoint]:
@@ -135,8 +135,8 @@ def matrices_of(points: Sequence[LinPoint]) -> Floats:
     Args:
         points: those that failed have none.
     """
-    found = [m.ravel() for p in points if (r := p.result) is not None for m in (r.A, r.B, r.C, r.D)]
-    return np.concatenate(found) if found else np.zeros(0)
+    result = [m.ravel() for p in points if (r := p.result) is not None for m in (r.A, r.B, r.C, r.D)]
+    return np.concatenate(result) if result else np.zeros(0)
 
 
 def _kept(kept: Store, value: Any) -> LinResult:  # noqa: ANN401 - whatever stands there
@@ -155,25 +155,26 @@ def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
     """Linearise one point of a grid; what a worker process runs."""
     varied = with_parameters(model, job.parameters)
     try:
-        asked = _at_rest(varied, job) if job.trimmed else job.asked
-        task = replace(make_task(varied, asked), explained=job.explained)
-        yield LinPoint(job.varied, run(task, job.asked.method))
+        request = _at_rest(varied, job) if job.trimmed else job.request
+        task = replace(make_task(varied, request), explained=job.explained)
+        yield LinPoint(job.varied, run(task, job.request.method))
     except SimulationError as error:
         yield LinPoint(job.varied, None, str(error), error.kind)
 
 
 def _at_rest(model: Model, job: _Job) -> Lin:
     """Return the linearisation about the equilibrium that is found from its point."""
-    asked, states = job.asked, {v.name for v in model.states}
-    begin = {n: v for n, v in (asked.x0 or {}).items() if n in states}
-    result = trim(model, x0=begin, u0=asked.u0, fix={n: begin[n] for n in begin if n in job.varied}, time=asked.time)
+    request, states = job.request, {v.name for v in model.states}
+    begin = {n: v for n, v in (request.x0 or {}).items() if n in states}
+    fixed = {n: v for n, v in begin.items() if n in job.varied}
+    result = trim(model, x0=begin, u0=request.u0, fix=fixed, time=request.time)
     if not result.converged:
         raise SimulationError("no equilibrium was found there")
     point = result.operating_point
-    return replace(asked, x0={**point.x, **point.discrete}, u0=point.u)
+    return replace(request, x0={**point.x, **point.discrete}, u0=point.u)
 
 
-def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | nullcontext[None]:
+def _open_store(store: str | Path | None, model: Model, request: Lin) -> Store | nullcontext[None]:
     if store is None:
         return nullcontext()
     if model.recipe is None:
@@ -184,17 +185,17 @@ def _open_store(store: str | Path | None, model: Model, asked: Lin) -> Store | n
         **stamp().in_store,
         "model": model.recipe.identity(),
         "interface": model.interface,
-        **{name: getattr(asked, name) for name in _DECIDING},
+        **{name: getattr(request, name) for name in _DECIDING},
     }
     return Store(store, subject=subject, effort={})
 
 
-def along(model: Model, asked: LinAlong, job: Job) -> LinGrid:
+def along(model: Model, request: LinAlong, job: Job) -> LinGrid:
     """Linearise along a simulation; see `LinAlong`."""
-    times = several(asked.times)
+    times = several(request.times)
     if not times or times[0] < 0.0 or any(b <= a for a, b in itertools.pairwise(times)):
         raise InputError("snapshot: the times must rise from 0 on")
-    forced = forced_inputs(model, asked.signals or {}, what="signals")
+    forced = forced_inputs(model, request.signals or {}, what="signals")
     points: list[LinPoint] = []
 
     def result() -> LinGrid:
@@ -206,8 +207,8 @@ def along(model: Model, asked: LinAlong, job: Job) -> LinGrid:
         for time in times:
             session.advance(time, signals=forced)
             session.advance(time, signals=forced)  # the right limit
-            task = replace(make_task(model, recast(Lin, asked, time=time)), values=session.values(names))
-            points.append(LinPoint({"time": time}, run(task, asked.method)))
+            task = replace(make_task(model, recast(Lin, request, time=time)), values=session.values(names))
+            points.append(LinPoint({"time": time}, run(task, request.method)))
             job.done(points[-1], len(points), len(times))
     return result()
 

@@ -75,46 +75,46 @@ class LinTask:
     job: Job = field(default_factory=Job)
 
 
-def make_task(model: Model, asked: Lin) -> LinTask:
+def make_task(model: Model, request: Lin) -> LinTask:
     """Return the task that a request describes.
 
     Raises:
         InputError: unknown name, a point of another model.
     """
-    found, notes = find_point(model, asked.at)
-    where = found or OperatingPoint(x={}, u={}, time=model.start_time)
-    x0, u0 = asked.x0 or {}, asked.u0 or {}
+    result, notes = find_point(model, request.at)
+    where = result or OperatingPoint(x={}, u={}, time=model.start_time)
+    x0, u0 = request.x0 or {}, request.u0 or {}
     states, forced = {**where.x, **where.discrete, **x0}, {**where.u, **u0}
     check_variables(model, forced, "input", what="u0")
     return LinTask(
         model=model,
-        inputs=_chosen(model, asked.inputs, model.inputs, "input"),
-        outputs=_chosen(model, asked.outputs, model.outputs or model.states, "output", "state"),
+        inputs=_chosen(model, request.inputs, model.inputs, "input"),
+        outputs=_chosen(model, request.outputs, model.outputs or model.states, "output", "state"),
         values={**states, **forced},
-        time=where.time if asked.time is None else asked.time,
-        dx=asked.dx,
-        du=asked.du,
-        btptol=asked.btptol,
-        period=asked.period,
-        points=asked.points,
-        order=asked.order,
-        continuous=asked.continuous,
+        time=where.time if request.time is None else request.time,
+        dx=request.dx,
+        du=request.du,
+        btptol=request.btptol,
+        period=request.period,
+        points=request.points,
+        order=request.order,
+        continuous=request.continuous,
         notes=(*notes, *_moved(where, {**x0, **u0})),
     )
 
 
-def point_in_full(model: Model, asked: PointOptions) -> tuple[dict[str, Any], tuple[str, ...]]:
+def point_in_full(model: Model, request: PointOptions) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return x0, u0 and time of a request that names a point besides, and remarks on that point.
 
     Raises:
         InputError: a point of another model.
     """
-    found, notes = find_point(model, asked.at)
-    where = found or OperatingPoint(x={}, u={}, time=model.start_time)
+    result, notes = find_point(model, request.at)
+    where = result or OperatingPoint(x={}, u={}, time=model.start_time)
     full = {
-        "x0": {**where.x, **where.discrete, **(asked.x0 or {})},
-        "u0": {**where.u, **(asked.u0 or {})},
-        "time": where.time if asked.time is None else asked.time,
+        "x0": {**where.x, **where.discrete, **(request.x0 or {})},
+        "u0": {**where.u, **(request.u0 or {})},
+        "time": where.time if request.time is None else request.time,
     }
     return full, notes
 

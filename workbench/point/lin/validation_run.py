@@ -81,8 +81,8 @@ class MoveTrial:
     @property
     def _seen(self) -> Flags:
         """Which outputs answer by more than the scatter of the runs: only they test anything."""
-        found: Flags = self._size > _SEEN * self._scatter
-        return found
+        result: Flags = self._size > _SEEN * self._scatter
+        return result
 
     @property
     def _lost(self) -> list[int]:
@@ -223,7 +223,7 @@ def smallest(largest: Realisation, trials: Sequence[MoveTrial], *, given: bool) 
     models = [largest.truncated(order) for order in range(len(largest.A) + 1)]
     errors = [max(t.error(model) for t in trials) for model in models]
     enough = max(_AS_WELL * min(errors), _EXACT)
-    found = next(model for model, error in zip(models, errors, strict=True) if error <= enough)
+    result = next(model for model, error in zip(models, errors, strict=True) if error <= enough)
     for trial in trials:
-        trial.refuse(found)
-    return found
+        trial.refuse(result)
+    return result

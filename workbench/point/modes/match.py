@@ -105,11 +105,11 @@ def _related(close: Floats, pairs: Sequence[tuple[int, int]]) -> list[tuple[tupl
     graph = np.zeros((m + k, m + k), dtype=bool)
     graph[:m, m:] = linked
     count, label = connected_components(csr_matrix(graph), directed=False)
-    found = []
+    result = []
     for number in range(count):
         members = np.flatnonzero(label == number)
-        found.append((tuple(members[members < m].tolist()), tuple((members[members >= m] - m).tolist())))
-    return found
+        result.append((tuple(members[members < m].tolist()), tuple((members[members >= m] - m).tolist())))
+    return result
 
 
 def _largest(close: Floats) -> NDArray[np.bool_]:
@@ -118,9 +118,9 @@ def _largest(close: Floats) -> NDArray[np.bool_]:
     falling = np.take_along_axis(close, order, axis=1)
     sums = np.cumsum(falling, axis=1)
     needed = sums - falling < _CLEAR * sums[:, -1:]
-    found = np.zeros(close.shape, dtype=bool)
-    np.put_along_axis(found, order, needed, axis=1)
-    return found
+    result = np.zeros(close.shape, dtype=bool)
+    np.put_along_axis(result, order, needed, axis=1)
+    return result
 
 
 def _kind(before: Poles, after: Poles, left: tuple[int, ...], right: tuple[int, ...]) -> str:

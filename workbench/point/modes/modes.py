@@ -34,21 +34,21 @@ _LEAST = 2  # values with a linear model
 Settings = Mapping[str, Value]
 
 
-def run(model: Model, asked: Modes, job: Job) -> ModesResult:
+def run(model: Model, request: Modes, job: Job) -> ModesResult:
     """Follow modes over a parameter; see `Modes`."""
     if not isinstance(model, DescribedModel):
         raise InputError(f"modes: {model.name} is not a file; its parts cannot be varied")
-    if model.interface != "me" or asked.method == "response":
+    if model.interface != "me" or request.method == "response":
         why = "method response identifies" if model.interface == "me" else "co-simulation shows"
         raise InputError(f"modes: {model.name}: {why} no states by which modes are followed; {_instead(model)}")
-    vary, limits = varied(asked.vary)
-    against = list(asked.against)
-    grid = _values(asked, limits)
+    vary, limits = varied(request.vary)
+    against = list(request.against)
+    grid = _values(request, limits)
     check_parameter(model, vary)
-    begin, remarks = point_in_full(model, asked)
-    how = Lin(**begin, method=asked.method, inputs=(), outputs=())
-    width = _width(asked, grid)
-    found, common, moving = list[ModeSet](), dict(asked.set or {}), list[str]()
+    begin, remarks = point_in_full(model, request)
+    how = Lin(**begin, method=request.method, inputs=(), outputs=())
+    width = _width(request, grid)
+    found, common, moving = list[ModeSet](), dict(request.set or {}), list[str]()
     first: list[OperatingPoint] = []
     unit = next((v.unit for v in model.description.variables if v.name == vary), None)
 
@@ -60,9 +60,9 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
             unit=unit,
             sets=tuple(found),
             tolerance=width,
-            notes=(*remarks, *moving, *_which(found, asked), *_notes(found, vary)),
+            notes=(*remarks, *moving, *_which(found, request), *_notes(found, vary)),
             operating_point=first[0] if first else None,
-            followed=asked.count,
+            followed=request.count,
         )
 
     job.partial = lambda: result() if found else None
@@ -70,10 +70,10 @@ def run(model: Model, asked: Modes, job: Job) -> ModesResult:
     for place, (settings, opened) in enumerate(zip(({}, *against), configured, strict=True), 1):
         job.stage(place, len(configured))
         label = _label(settings or _own(model, common, against))
-        source = ModelSource(opened, vary, how, trimmed=asked.trimmed, count=asked.count, about=asked.about)
-        source.prepare(grid, asked.place.apart, job, label=label or vary)
+        source = ModelSource(opened, vary, how, trimmed=request.trimmed, count=request.count, about=request.about)
+        source.prepare(grid, request.place.apart, job, label=label or vary)
         _check_enough(source, grid, vary)
-        found.append(_one_set(source, grid, label, dict(settings), asked))
+        found.append(_one_set(source, grid, label, dict(settings), request))
         moving += _moving(source, label)
         first += [source.results[float(v)].operating_point for v in grid if v in source.results]
     return result()
@@ -83,8 +83,8 @@ def _own(model: DescribedModel, common: Settings, against: Sequence[Settings]) -
     """Return what the model has where further configurations have something else."""
     starts = {v.name: v.start for v in model.description.variables}
     known = {**starts, **model.start_values, **common}
-    found = {name: known.get(name) for settings in against for name in settings}
-    return {name: value for name, value in found.items() if value is not None}
+    result = {name: known.get(name) for settings in against for name in settings}
+    return {name: value for name, value in result.items() if value is not None}
 
 
 def _label(settings: Settings) -> str:
@@ -111,41 +111,41 @@ def _instead(model: Model) -> str:
     return model.way_out()
 
 
-def _values(asked: Modes, limits: str) -> list[float]:
+def _values(request: Modes, limits: str) -> list[float]:
     """Return the values, as `vary` says or as they are given besides."""
-    band, values = asked.band, None if asked.values is None else several(asked.values)
+    band, values = request.band, None if request.values is None else several(request.values)
     if limits:
         given = tuple(map(number, limits.split(":" if ":" in limits else ",")))
         band, values = ((given[0], given[1]), values) if ":" in limits else (band, given)
     if (values is None) == (band is None):
         raise InputError("modes: give either values or a band")
-    found = np.linspace(*band, asked.points).tolist() if band is not None else list(values or ())
-    if len(found) < 2 or not np.isfinite(found).all() or np.any(np.diff(found) <= 0.0):
+    result = np.linspace(*band, request.points).tolist() if band is not None else list(values or ())
+    if len(result) < 2 or not np.isfinite(result).all() or np.any(np.diff(result) <= 0.0):
         raise InputError("modes: two or more rising values are needed")
-    return found
+    return result
 
 
-def _width(asked: Modes, grid: Sequence[float]) -> float:
+def _width(request: Modes, grid: Sequence[float]) -> float:
     """Return to what critical values are found."""
-    return _TOLERANCE * (grid[-1] - grid[0]) if asked.tolerance is None else asked.tolerance
+    return _TOLERANCE * (grid[-1] - grid[0]) if request.tolerance is None else request.tolerance
 
 
-def _one_set(source: ModelSource, grid: list[float], label: str, settings: Settings, asked: Modes) -> ModeSet:
-    found = track(source, grid, count=asked.count, about=asked.about)
-    poles, uncertain = found.table()
+def _one_set(source: ModelSource, grid: list[float], label: str, settings: Settings, request: Modes) -> ModeSet:
+    result = track(source, grid, count=request.count, about=request.about)
+    poles, uncertain = result.table()
     names = next(iter(source.results.values())).state_names
     lines = [
-        Mode(number=b + 1, pole=poles[:, b], uncertain=uncertain[:, b], states=_states(found, b, names))
-        for b in range(found.count)
+        Mode(number=b + 1, pole=poles[:, b], uncertain=uncertain[:, b], states=_states(result, b, names))
+        for b in range(result.count)
     ]
-    critical = [c for line in lines for c in critical_values(source, found, line, _width(asked, grid))]
+    critical = [c for line in lines for c in critical_values(source, result, line, _width(request, grid))]
     return ModeSet(
         label=label,
         settings=settings,
-        value=found.values,
+        value=result.values,
         modes=tuple(lines),
         critical=tuple(sorted(critical, key=lambda c: c.value)),
-        meetings=found.meetings,
+        meetings=result.meetings,
         failed=dict(source.failed),
     )
 
@@ -278,10 +278,10 @@ def _moving(source: ModelSource, label: str) -> Iterator[str]:
         )
 
 
-def _which(sets: Sequence[ModeSet], asked: Modes) -> tuple[str, ...]:
-    if asked.count is None:
+def _which(sets: Sequence[ModeSet], request: Modes) -> tuple[str, ...]:
+    if request.count is None:
         return ()
-    where = f"those nearest to {asked.about:g} Hz at the first value"
+    where = f"those nearest to {request.about:g} Hz at the first value"
     return (f"only {len(sets[0].modes)} modes are followed, {where}; whether another one is unstable is not known",)
 
 

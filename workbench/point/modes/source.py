@@ -111,8 +111,8 @@ class ModelSource:
         if point.result is None:
             self.failed[value] = point.reason or "no linear model"
         else:
-            found = point.result
-            self.results[value] = Known(self._poles(found), found.state_names, found.operating_point, found.notes)
+            result = point.result
+            self.results[value] = Known(self._poles(result), result.state_names, result.operating_point, result.notes)
 
     def _poles(self, found: LinResult) -> Poles:
         accuracy = _ACCURACY.get(found.method, 0.0)

@@ -132,15 +132,15 @@ class _Tracking:
         if self._wanted is not None:
             # What the wanted modes do not account for is another mode: closeness sums to 1 over all of them.
             poles = poles.some(np.flatnonzero(closeness(here.poles, poles).sum(axis=0) >= _OURS))
-        found = match(here.poles, poles)
-        halve = not found.clear or turning(here.poles, poles, found)
-        share = 0.5 if halve else passing(here.poles, poles, found)
+        result = match(here.poles, poles)
+        halve = not result.clear or turning(here.poles, poles, result)
+        share = 0.5 if halve else passing(here.poles, poles, result)
         between = here.value + share * (value - here.value)
         if share and value - here.value > 1.5 * self._smallest and self._made < _MOST:
             self._pending.append(between)
             return
         self._pending.pop()
-        self._frames.append(self._continued(here, value, poles, found))
+        self._frames.append(self._continued(here, value, poles, result))
 
     def _continued(self, here: Frame, value: float, poles: Poles, found: Match) -> Frame:
         branch: dict[int, int] = {j: here.branch[i] for i, j in found.pairs}

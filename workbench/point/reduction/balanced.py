@@ -167,5 +167,5 @@ def _run(part: LinearPart, order: int, method: str, border: float) -> tuple[Line
     except slycot.exceptions.SlycotError as error:
         raise SimulationError(f"balanced reduction failed: {error}") from None
     size = len(a)
-    found = LinearPart(np.array(a), np.array(b)[:size], np.array(c)[:, :size], np.array(d))
-    return found, np.asarray(hankel, dtype=np.float64)
+    result = LinearPart(np.array(a), np.array(b)[:size], np.array(c)[:, :size], np.array(d))
+    return result, np.asarray(hankel, dtype=np.float64)

@@ -148,10 +148,10 @@ class ContinuousBalance(Balance):
     def evaluate(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         self.evaluations += 1
         try:
-            found = self._point.at(states, inputs)
+            result = self._point.at(states, inputs)
         except SimulationError:
             return np.full(len(self.states), np.nan), np.full(len(self.outputs), np.nan)
-        return found.dx, found.y
+        return result.dx, result.y
 
     def jacobian(self, states: Floats, inputs: Floats) -> Floats | None:
         if self.why_not_exact:

@@ -83,11 +83,11 @@ class _Neighbourhood:
 
     def change(self, weights: Floats) -> Floats:
         """Return the change of combinations of equations, (r, e), when each unknown moves by its reach, shape (r,)."""
-        found = np.zeros(len(weights))
+        result = np.zeros(len(weights))
         for j in np.unique(self.column):
             rows = self.column == j
-            found += (np.abs(self.moved[rows] @ weights.T) / self.part[rows, None]).max(axis=0)
-        return found
+            result += (np.abs(self.moved[rows] @ weights.T) / self.part[rows, None]).max(axis=0)
+        return result
 
     def noise(self, weights: Floats) -> Floats:
         """Return what cannot be told from zero in combinations of equations, shape (r,)."""
@@ -241,8 +241,8 @@ class EquilibriumTest:
         way = w - begin
 
         def size(part: float) -> float:
-            found = float(np.abs(weights @ self._scaled.residuals(begin + part * way)))
-            return found if np.isfinite(found) else np.inf
+            result = float(np.abs(weights @ self._scaled.residuals(begin + part * way)))
+            return result if np.isfinite(result) else np.inf
 
         low, high = 0.0, 1.0
         for _ in range(_BISECTIONS):
@@ -290,9 +290,9 @@ class EquilibriumTest:
             moved = w.copy()
             moved[j] += part * self._width * reach
             moved = self._scaled.inside(moved)
-            found = self._scaled.residuals(moved)
-            if moved[j] != w[j] and np.isfinite(found).all():
-                return abs(float(moved[j] - w[j])), found
+            result = self._scaled.residuals(moved)
+            if moved[j] != w[j] and np.isfinite(result).all():
+                return abs(float(moved[j] - w[j])), result
         return None
 
     def _combined(self, w: Floats, scales: Floats) -> list[tuple[Floats, Callable[[], _Neighbourhood]]]:

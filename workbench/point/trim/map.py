@@ -145,5 +145,5 @@ class MapBalance(Balance):
             return {}
         values = {**by_name(self.states, states), **by_name(self.inputs, inputs)}
         with self._model.open_point(time=self.time, values=values) as point:
-            found = point.at(np.array(list(x.values())), inputs)
-        return dict(zip(x, found.dx.tolist(), strict=True))
+            result = point.at(np.array(list(x.values())), inputs)
+        return dict(zip(x, result.dx.tolist(), strict=True))

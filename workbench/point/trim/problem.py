@@ -140,7 +140,7 @@ class TrimProblem:
 def pose(balance: Balance, sets: TrimSets) -> TrimProblem:
     """Return the problem that `sets` pose for a model.
 
-    Unless told otherwise every state is unknown, every derivative must vanish and every input is held.
+    By default every state is unknown, every derivative must vanish and every input is held.
 
     Raises:
         InputError: an unknown name, a name in sets that exclude each other, a value that is not a number.
@@ -153,8 +153,8 @@ def pose(balance: Balance, sets: TrimSets) -> TrimProblem:
     base = np.array([sets.fix.get(s.name, sets.guess.get(s.name, s.start)) for s in slots], dtype=np.float64)
     base[[k.column for k in unknowns]] = [k.start for k in unknowns]
     rates = [_rate(balance, s, i, sets) for i, s in enumerate(balance.states)]
-    told = {*sets.fix, *sets.bound} - {s.name for s in slots}  # an output may be a state under the same name
-    outputs = [_output(s, n + i, sets) for i, s in enumerate(balance.outputs) if s.name in told]
+    named = {*sets.fix, *sets.bound} - {s.name for s in slots}  # an output may be a state under the same name
+    outputs = [_output(s, n + i, sets) for i, s in enumerate(balance.outputs) if s.name in named]
     return TrimProblem(
         balance=balance,
         unknowns=unknowns,

@@ -45,20 +45,20 @@ PARTS = 12  # that are left, for all that is known before the end: steps of a se
 STAYS = 1e-5  # nominal values that a variable may move in so many periods
 
 
-def run(model: Model, asked: Trim, job: Job) -> TrimResult:
+def run(model: Model, request: Trim, job: Job) -> TrimResult:
     """Find an operating point; see `Trim`."""
-    model, remarks = start_at(model, asked.at)
+    model, remarks = start_at(model, request.at)
     begin = {} if model.at is None else {**model.at.x, **model.at.u}
     sets = TrimSets(
-        free=tuple(asked.free),
-        fix=dict(asked.fix or {}),
-        bound=dict(asked.bound or {}),
-        floating=tuple(asked.floating),
-        guess={**begin, **(asked.x0 or {}), **(asked.u0 or {})},
+        free=tuple(request.free),
+        fix=dict(request.fix or {}),
+        bound=dict(request.bound or {}),
+        floating=tuple(request.floating),
+        guess={**begin, **(request.x0 or {}), **(request.u0 or {})},
     )
-    begins = model.start_time if asked.time is None else asked.time
-    found = _Trim(model, sets, begins, asked, job).run()
-    return replace(found, notes=(*remarks, *found.notes))
+    begins = model.start_time if request.time is None else request.time
+    result = _Trim(model, sets, begins, request, job).run()
+    return replace(result, notes=(*remarks, *result.notes))
 
 
 @dataclass
@@ -68,31 +68,31 @@ class _Trim:
     model: Model
     sets: TrimSets
     time: float
-    asked: Trim
+    request: Trim
     job: Job
     notes: list[str] = field(default_factory=list)
     parts: int = 0
 
     @property
     def slowest(self) -> bool:
-        return self.asked.family == "slowest"
+        return self.request.family == "slowest"
 
     def run(self) -> TrimResult:
-        found = self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
+        result = self._co_simulation() if self.model.interface == "cs" else self._model_exchange()
         way: tuple[str, ...] = ()
-        if self.model.interface == "cs" and not found.converged:
+        if self.model.interface == "cs" and not result.converged:
             way = (f"co-simulation shows no derivatives that could be solved for; {self.model.way_out()}",)
-        notes = (*found.notes, *way, *self.model.remarks())
-        return replace(found, notes=notes, operating_point=named(self.model, found.operating_point))
+        notes = (*result.notes, *way, *self.model.remarks())
+        return replace(result, notes=notes, operating_point=named(self.model, result.operating_point))
 
     def _inputs(self) -> dict[str, float]:
         """Return the inputs as the user wants them, else as the model starts, bias included."""
         names = [v.name for v in self.model.inputs if v.is_number]
         with self.model.open_session(start_time=self.time) as session:
             starts = session.values(names)
-        return {name: self._told(name, start) for name, start in starts.items()}
+        return {name: self._value_of(name, start) for name, start in starts.items()}
 
-    def _told(self, name: str, start: float) -> float:
+    def _value_of(self, name: str, start: float) -> float:
         return self.sets.fix.get(name, self.sets.guess.get(name, start))
 
     # -- model exchange -------------------------------------------------------------------
@@ -106,9 +106,9 @@ class _Trim:
             if not rates.periods:
                 return self._equations(point)
             states, memory = point.states, point.memory
-            values = {v.name: self._told(v.name, x) for v, x in zip(states, point.x0.tolist(), strict=True)}
+            values = {v.name: self._value_of(v.name, x) for v, x in zip(states, point.x0.tolist(), strict=True)}
         # Discrete states before the first instant, not after it.
-        values.update({v.name: self._told(v.name, _start_of(self.model, v)) for v in memory})
+        values.update({v.name: self._value_of(v.name, _start_of(self.model, v)) for v in memory})
         if all(v.start is not None for v in states):
             return self._period_map(rates.period, states, memory, {**values, **inputs})
         self.notes.append("a state has no start value to change; the model is run until nothing moves")
@@ -132,24 +132,24 @@ class _Trim:
 
     def _rates(self, inputs: Mapping[str, float]) -> Rates:
         """Return when the model samples; where that follows no rate, its discrete states are held."""
-        if self.asked.period is not None:
-            return Rates((self.asked.period,), self.asked.period)
+        if self.request.period is not None:
+            return Rates((self.request.period,), self.request.period)
         try:
-            found = rates_of(self.model, time=self.time, values=inputs)
+            result = rates_of(self.model, time=self.time, values=inputs)
         except PeriodsError:
             raise
         except InputError as error:
             self.notes.append(f"discrete states are held: {error}")
             return Rates()
-        self.notes += found.notes
-        return found
+        self.notes += result.notes
+        return result
 
     def _equations(self, point: ModelPoint) -> TrimResult:
         balance = ContinuousBalance(point)
         problem = sized(pose(balance, self.sets))
         exact = not balance.why_not_exact and self._probe(problem)
-        found = self._search("equations", problem, tolerance=self.asked.tolerance, exact=exact)
-        problem, solution, note = self._floated(problem, found, tolerance=self.asked.tolerance, exact=exact)
+        result = self._search("equations", problem, tolerance=self.request.tolerance, exact=exact)
+        problem, solution, note = self._floated(problem, result, tolerance=self.request.tolerance, exact=exact)
         restless = carried_along(problem, solution) if solution.converged else ""
         if restless and self.slowest:
             solution = solution.refuted()
@@ -164,8 +164,8 @@ class _Trim:
             return problem, solution, note
         names, shown = without_influence(problem, solution)
         if shown:
-            asked = " ".join(f"--float {name}" for name in shown)
-            self.notes.append(f"only outputs depend on {', '.join(shown)}: {asked} lets it move")
+            options = " ".join(f"--float {name}" for name in shown)
+            self.notes.append(f"only outputs depend on {', '.join(shown)}: {options} lets it move")
         if not names or len(names) == len(problem.balance.states):
             return problem, solution, note
         sets = replace(self.sets, floating=names)
@@ -175,8 +175,8 @@ class _Trim:
             return problem, solution, note
         self.sets = sets
         verb = "moves, since nothing depends on it" if len(names) == 1 else "move, since nothing depends on them"
-        asked = " ".join(f"--float {name}" for name in names)
-        self.notes.append(f"{', '.join(names)} {verb}, as {asked} asks for")
+        options = " ".join(f"--float {name}" for name in names)
+        self.notes.append(f"{', '.join(names)} {verb}, as {options} asks for")
         return freer, resting, remark
 
     def _probe(self, problem: TrimProblem) -> bool:
@@ -205,9 +205,9 @@ class _Trim:
         posed = pose(balance, self.sets)
         balance.begin(*posed.at(np.array([k.start for k in posed.unknowns])))
         problem = sized(posed)
-        loosest = max(self.asked.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
-        found = self._search(method, problem, tolerance=loosest, exact=False)
-        problem, solution, note = self._floated(problem, found, tolerance=loosest, exact=False)
+        loosest = max(self.request.tolerance, 1e-6 if balance.precision > 1e-12 else 0.0)
+        result = self._search(method, problem, tolerance=loosest, exact=False)
+        problem, solution, note = self._floated(problem, result, tolerance=loosest, exact=False)
         restless = self._restless(balance, problem, solution) if solution.converged else ""
         if restless:
             solution = solution.refuted()
@@ -235,7 +235,7 @@ class _Trim:
     def _co_simulation(self) -> TrimResult:
         states = list(self.model.states)
         values = {**self._starts(states), **self._inputs()}
-        steps = [(self.asked.period or self.asked.step or _own_step(self.model)) * part for part in STEP_PARTS]
+        steps = [(self.request.period or self.request.step or _own_step(self.model)) * part for part in STEP_PARTS]
         if states and self._settable(states, values):
             balance = MapBalance(self.model, states, period=steps[0], time=self.time, values=values)
             return self._fixed_point("step map", balance)
@@ -243,22 +243,22 @@ class _Trim:
         watched = states or [v for v in self.model.outputs if v.is_number]
         how = "it is run until nothing moves" if watched else "nor outputs: there is nothing to bring to rest"
         self.notes.append(f"{why}; {how}")
-        return self._running(states, values, steps if self.asked.step is None else steps[:1])
+        return self._running(states, values, steps if self.request.step is None else steps[:1])
 
     def _starts(self, states: Sequence[Variable]) -> dict[str, float]:
         with self.model.open_session(start_time=self.time) as session:
-            found = session.values([v.name for v in states])
-        return {name: self._told(name, start) for name, start in found.items()}
+            result = session.values([v.name for v in states])
+        return {name: self._value_of(name, start) for name, start in result.items()}
 
     def _settable(self, states: Sequence[Variable], values: Mapping[str, float]) -> bool:
         """Whether states take the start values that they are given."""
         wanted = {v.name: values[v.name] + 0.125 * (v.nominal or abs(values[v.name]) or 1.0) for v in states}
         try:
             with self.model.open_at(time=self.time, values={**values, **wanted}, approach=False) as session:
-                found = session.values(list(wanted))
+                result = session.values(list(wanted))
         except (InputError, SimulationError):
             return False
-        return all(math.isclose(found[n], w, rel_tol=1e-9) for n, w in wanted.items())
+        return all(math.isclose(result[n], w, rel_tol=1e-9) for n, w in wanted.items())
 
     def _running(self, states: Sequence[Variable], values: Mapping[str, float], steps: Sequence[float]) -> TrimResult:
         result, failed = None, ""
@@ -269,14 +269,14 @@ class _Trim:
                 time=self.time,
                 values=values,
                 step=step,
-                longest=self.asked.longest,
+                longest=self.request.longest,
                 least=_usual_length(self.model),
-                tolerance=max(self.asked.tolerance, 1e-12),
-                told=self._on_the_way,
+                tolerance=max(self.request.tolerance, 1e-12),
+                report=self._on_the_way,
             )
             problem = pose(balance, self.sets)
             solution, _ = search(
-                self.model, problem, tolerance=max(self.asked.tolerance, 1e-6), slowest=self.slowest, exact=False
+                self.model, problem, tolerance=max(self.request.tolerance, 1e-6), slowest=self.slowest, exact=False
             )
             end = balance.end(problem.at(solution.values)[1])
             if isinstance(end, str):
@@ -300,7 +300,7 @@ class _Trim:
         """Search, and tell after each step where that is."""
         balance, begun = problem.balance, time.monotonic()
 
-        def told(values: Floats, left: float) -> None:
+        def report(values: Floats, left: float) -> None:
             spent = time.monotonic() - begun
             if not self.parts and PARTS * spent > SLOW:
                 runs = balance.evaluations
@@ -309,7 +309,7 @@ class _Trim:
             words = f"the search has come to a largest residual of {left:.2g}, relative"
             self._tell(words, lambda: self._so_far(method, balance, point, words, ()))
 
-        return search(self.model, problem, tolerance=tolerance, slowest=self.slowest, exact=exact, told=told)
+        return search(self.model, problem, tolerance=tolerance, slowest=self.slowest, exact=exact, report=report)
 
     def _on_the_way(self, balance: RunBalance, inputs: Floats, end: Settled, cost: float) -> None:
         """Tell where a run is that has not come to rest yet, of which a second takes `cost` [s]."""
@@ -405,13 +405,13 @@ def _sizes(balance: MapBalance, problem: TrimProblem, solution: Solution) -> dic
 
     An undeclared size of a state is what the search took for it, or by how much the state changes when the unknowns do.
     """
-    found = {s.name: s.nominal for s in (*balance.states, *balance.outputs) if s.declared}
+    result = {s.name: s.nominal for s in (*balance.states, *balance.outputs) if s.declared}
     searched = {k.slot.name: n for k, n in zip(problem.unknowns, solution.nominal.tolist(), strict=True)}
     changes = {e.row: float(c) for e, c in zip(problem.equations, solution.verdict.scales, strict=False)}
     for row, state in enumerate(balance.states):
         if not state.declared:
-            found[state.name] = max(searched.get(state.name, 0.0), changes.get(row, 0.0)) or state.nominal
-    return found
+            result[state.name] = max(searched.get(state.name, 0.0), changes.get(row, 0.0)) or state.nominal
+    return result
 
 
 def _usual_length(model: Model) -> float:

@@ -34,7 +34,7 @@ class RunBalance(Balance):
         longest: of one run [s].
         least: how long a run is watched at least [s], within `longest`.
         tolerance: see `settle`.
-        told: is called on the way of a run with this balance, its inputs, where it is, and the seconds that one takes.
+        report: called during a run with this balance, its inputs, where it is, and the seconds that one takes.
     """
 
     derivative = "movement of {}"
@@ -52,10 +52,10 @@ class RunBalance(Balance):
         longest: float | None = None,
         least: float = 0.0,
         tolerance: float,
-        told: Callable[[RunBalance, Floats, Settled, float], None],
+        report: Callable[[RunBalance, Floats, Settled, float], None],
     ) -> None:
         self._model, self.time, self.step, self._tolerance = model, time, step, tolerance
-        self._told = told
+        self._report = report
         self.longest = step * MAX_STEPS if longest is None else longest
         self.least = min(max(step * LEAST_STEPS, least), 0.25 * self.longest)
         self.inputs = tuple(slot_of(v, values[v.name]) for v in model.inputs if v.is_number)
@@ -95,7 +95,9 @@ class RunBalance(Balance):
                     longest=self.longest,
                     least=self.least,
                     tolerance=self._tolerance,
-                    told=lambda end: self._told(self, inputs, end, (time.monotonic() - begun) / (end.time - self.time)),
+                    told=lambda end: self._report(
+                        self, inputs, end, (time.monotonic() - begun) / (end.time - self.time)
+                    ),
                 )
         except EndedError as error:
             lasted = (error.time or self.time) - self.time

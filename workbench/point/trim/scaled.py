@@ -51,8 +51,8 @@ class ScaledEquations:
     def jacobian(self, w: Floats) -> Floats:
         """Return ∂residuals/∂w, shape (e, k); zero for an interval that is kept."""
         key = w.tobytes()
-        found = self._jacobians.pop(key, None)
-        self._jacobians[key] = self._slopes_at(w) if found is None else found
+        result = self._jacobians.pop(key, None)
+        self._jacobians[key] = self._slopes_at(w) if result is None else result
         if len(self._jacobians) > _KEPT:
             del self._jacobians[next(iter(self._jacobians))]
         return self._jacobians[key].copy()
@@ -97,8 +97,8 @@ class ScaledEquations:
             moved = problem.base.copy()
             size = abs(moved[i]) or slots[i].nominal
             moved[i] += HELD * size
-            found = np.concatenate(balance.evaluate(moved[:n], moved[n:]))
-            columns.append(np.nan_to_num((found - here)[self._rows] / HELD))
+            result = np.concatenate(balance.evaluate(moved[:n], moved[n:]))
+            columns.append(np.nan_to_num((result - here)[self._rows] / HELD))
         return np.array(columns).reshape(-1, len(self._rows)).T
 
     def _given(self, w: Floats) -> Floats | None:

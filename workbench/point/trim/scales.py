@@ -12,7 +12,7 @@ from workbench.core.values.arrays import Floats
 from workbench.point.scales import straight_over
 from workbench.point.trim.problem import TrimProblem
 
-__all__ = ["pseudo_inverse", "resized", "sized", "told"]
+__all__ = ["clear_of_zero", "pseudo_inverse", "resized", "sized"]
 
 _FAR = 1e3  # a step is taken as size where it differs from 1 by more than this factor
 _NARROW = 0.03  # a width is taken as size below this
@@ -69,8 +69,8 @@ def resized(problem: TrimProblem, sizes: dict[int, float]) -> TrimProblem:
 
 def _values(problem: TrimProblem, moved: Floats) -> Floats:
     start = np.array([k.start for k in problem.unknowns])
-    found = problem.evaluate(start + moved)
-    return np.array([e.residual(found[e.row]) for e in problem.equations])
+    result = problem.evaluate(start + moved)
+    return np.array([e.residual(result[e.row]) for e in problem.equations])
 
 
 def _slope(problem: TrimProblem, here: Floats, i: int, width: float) -> Floats:
@@ -114,7 +114,7 @@ def _left_open(problem: TrimProblem, here: Floats, jacobian: Floats, step: Float
     return np.asarray(error * terms * (1.0 + 2.0 * np.abs(step).sum() / _NEAR))
 
 
-def told(jacobian: Floats, values: Floats, precision: float) -> NDArray[np.bool_]:
+def clear_of_zero(jacobian: Floats, values: Floats, precision: float) -> NDArray[np.bool_]:
     """Return which values of a root are more than the errors of the equations' terms leave of a zero.
 
     Args:

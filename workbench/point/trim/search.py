@@ -13,8 +13,8 @@ from workbench.point.trim.balance import by_name
 from workbench.point.trim.map import MapBalance
 from workbench.point.trim.problem import TrimProblem
 from workbench.point.trim.scaled import ScaledEquations
-from workbench.point.trim.scales import resized, told
-from workbench.point.trim.solve import Solution, Told, nobody, solve
+from workbench.point.trim.scales import clear_of_zero, resized
+from workbench.point.trim.solve import Report, Solution, nobody, solve
 
 __all__ = ["exact_agrees", "search"]
 
@@ -25,7 +25,7 @@ SMALL = 1e-3  # of the size that was assumed
 
 
 def search(
-    model: Model, problem: TrimProblem, *, tolerance: float, slowest: bool, exact: bool, told: Told = nobody
+    model: Model, problem: TrimProblem, *, tolerance: float, slowest: bool, exact: bool, report: Report = nobody
 ) -> tuple[Solution, str]:
     """Return the solution, and a note where it was found from the end of a run; else the best that was found.
 
@@ -33,23 +33,25 @@ def search(
     finds its way; it is then run with the inputs at their start, longer and longer, and the search begins again there.
     """
     start = problem.base[[k.column for k in problem.unknowns]]
-    best = solve(problem, start, tolerance=tolerance, slowest=slowest, exact=exact, told=told)
+    best = solve(problem, start, tolerance=tolerance, slowest=slowest, exact=exact, report=report)
     if best.converged:
         return _closer(problem, best, tolerance=tolerance, slowest=slowest, exact=exact), ""
     if not any(k.column < len(problem.balance.states) for k in problem.unknowns):
         return best, ""
     for moved, after in _elsewhere(model, problem):
-        found = solve(problem, moved, tolerance=tolerance, slowest=slowest, exact=exact, told=told)
-        if found.converged:
-            found = _closer(problem, found, tolerance=tolerance, slowest=slowest, exact=exact)
-            return found, f"found from the state of the model after running for {after}, not from the start values"
-        best = min(best, found, key=_left)
+        result = solve(problem, moved, tolerance=tolerance, slowest=slowest, exact=exact, report=report)
+        if result.converged:
+            result = _closer(problem, result, tolerance=tolerance, slowest=slowest, exact=exact)
+            return result, f"found from the state of the model after running for {after}, not from the start values"
+        best = min(best, result, key=_left)
     return best, ""
 
 
 def _closer(problem: TrimProblem, found: Solution, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
     """Return the solution with the unknowns that came out far below their assumed sizes measured by what they are."""
-    clear = told(found.jacobian[: len(problem.equations)], found.values / found.nominal, problem.balance.precision)
+    clear = clear_of_zero(
+        found.jacobian[: len(problem.equations)], found.values / found.nominal, problem.balance.precision
+    )
     sizes = {
         i: abs(x)
         for i, (k, x) in enumerate(zip(problem.unknowns, found.values.tolist(), strict=True))
@@ -92,8 +94,8 @@ def _runs(model: Model, problem: TrimProblem) -> Iterator[tuple[Floats, str]]:
         begin = session.time
         for seconds in RUNS_S:
             session.advance(begin + seconds, signals={})
-            found = session.values(names)
-            yield np.array([found[name] for name in names]), f"{seconds:g} s"
+            result = session.values(names)
+            yield np.array([result[name] for name in names]), f"{seconds:g} s"
 
 
 def exact_agrees(problem: TrimProblem) -> bool:

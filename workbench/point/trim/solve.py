@@ -14,9 +14,9 @@ from workbench.point.trim.null_space import staged_step
 from workbench.point.trim.problem import TrimProblem
 from workbench.point.trim.scaled import ScaledEquations
 
-__all__ = ["Solution", "Told", "nobody", "solve"]
+__all__ = ["Report", "Solution", "nobody", "solve"]
 
-Told = Callable[[Floats, float], None]
+Report = Callable[[Floats, float], None]
 """Is called with the unknowns, and the largest of the residuals over what they are measured by."""
 
 
@@ -31,7 +31,7 @@ ALIKE = 0.1  # part by which 1/(1 − r), the order p, may change from one ratio
 
 
 def nobody(_values: Floats, _left: float) -> None:
-    """Tell nobody."""
+    """Report to nobody."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,7 +71,7 @@ class Solution:
 
 
 def solve(
-    problem: TrimProblem, start: Floats, *, tolerance: float, slowest: bool, exact: bool, told: Told = nobody
+    problem: TrimProblem, start: Floats, *, tolerance: float, slowest: bool, exact: bool, report: Report = nobody
 ) -> Solution:
     """Return the solution of F(z) = 0 that belongs to `start`.
 
@@ -91,17 +91,17 @@ def solve(
         tolerance: of every residual over its change around the point.
         slowest: whether floating derivatives are made small.
         exact: whether the balance's own Jacobian is used where it has one.
-        told: is called after each step.
+        report: is called after each step.
 
     Source: Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999) 1-23 for phase one.
     """
-    search = _FamilySearch(ScaledEquations(problem, exact=exact), tolerance, start, told)
+    search = _FamilySearch(ScaledEquations(problem, exact=exact), tolerance, start, report)
     return search.run(slowest=slowest)
 
 
 class _FamilySearch:
-    def __init__(self, scaled: ScaledEquations, tolerance: float, start: Floats, told: Told = nobody) -> None:
-        self.scaled, self.tolerance, self.told = scaled, tolerance, told
+    def __init__(self, scaled: ScaledEquations, tolerance: float, start: Floats, report: Report = nobody) -> None:
+        self.scaled, self.tolerance, self.report = scaled, tolerance, report
         self.home = np.clip(start / scaled.nominal, scaled.low, scaled.high)
         self.hard = scaled.hard
         begin = np.array([k.start for k in scaled.problem.unknowns], dtype=np.float64)
@@ -138,7 +138,7 @@ class _FamilySearch:
             return self.home
         from scipy.optimize import least_squares  # noqa: PLC0415 - slow to import, and seldom needed
 
-        found = least_squares(
+        result = least_squares(
             lambda w: self.scaled.residuals(w)[: self.hard] / weights,
             begin,
             jac=lambda w: self._jacobian(w)[: self.hard] / weights[:, None],
@@ -149,7 +149,7 @@ class _FamilySearch:
             gtol=1e-15,
             max_nfev=MAX_DESCENT,
         )
-        return np.asarray(found.x, dtype=np.float64)
+        return np.asarray(result.x, dtype=np.float64)
 
     def _inside(self, w: Floats) -> Floats:
         """Return a point strictly within the bounds."""
@@ -191,7 +191,7 @@ class _FamilySearch:
             if moved is None:
                 return w, size <= NEARLY_STILL  # rounding leaves nothing to gain
             w, left = moved
-            self.told(w * self.scaled.nominal, left)
+            self.report(w * self.scaled.nominal, left)
         return w, size <= NEARLY_STILL
 
     def _step(self, w: Floats, *, slowest: bool, home: bool) -> Floats:
@@ -295,5 +295,5 @@ class _Pace:
         steady = SLOWLY[0] < self._ratio < SLOWLY[1] and abs(self._ratio - last) < ALIKE * (1.0 - self._ratio)
         if not steady:
             return step
-        found, self._before, self._ratio = step / (1.0 - self._ratio), None, math.nan
-        return found
+        result, self._before, self._ratio = step / (1.0 - self._ratio), None, math.nan
+        return result
