@@ -44,9 +44,8 @@ def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: FilterCompar
 
     F = factored(h.part).over(factored(g.part))
     add("joined", F, f"G of order {g.order}, H of order {h.order}")
-    short = cancel(F, tolerance=asked.cancel)
-    F = short.factored
-    add("cancelled", F, f"{len(short.poles)} pairs within {asked.cancel:g}")
+    F, cancelled = cancel(F, tolerance=asked.cancel)
+    add("cancelled", F, f"{len(cancelled)} pairs within {asked.cancel:g}")
     turned = mirror(F)
     F = turned.factored
     add("mirrored", F, _mirrored(turned.poles, judge.band[1]))
@@ -65,7 +64,7 @@ def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: FilterCompar
         factored=F,
         part=to_state_space(F),
         mirrored=turned.poles,
-        notes=_notes(turned.on_axis, short.poles, turned.poles),
+        notes=_notes(turned.on_axis, cancelled, turned.poles),
     )
 
 

@@ -16,7 +16,6 @@ __all__ = ["EquilibriumTest", "SearchResult"]
 
 # Over the differences' own width curvature is as small as rounding; ten times as far it shows, 100 times as large.
 _WIDER = 10.0  # than the differences of the Jacobian: how far around a point the equations are looked at
-_NARROWER = (1.0, 1e-3, 1e-6)  # parts of that, where the model cannot be evaluated there (near the end of a √)
 _SCATTER = (2.0, 5.0, 11.0)  # ulps of the unknowns by which a point is moved to see the noise; no two round alike
 # Three samples of an even error are all below an eighth of its bound once in 8³ = 512 cases.
 _NOISE = 8.0  # times the scatter seen: what cannot be told from zero
@@ -286,14 +285,11 @@ class EquilibriumTest:
 
     def _beside(self, w: Floats, j: int, reach: float) -> tuple[float, Floats] | None:
         """Return how far unknown `j` could be moved and the equations there; None: not at all."""
-        for part in _NARROWER:
-            moved = w.copy()
-            moved[j] += part * self._width * reach
-            moved = self._scaled.inside(moved)
-            result = self._scaled.residuals(moved)
-            if moved[j] != w[j] and np.isfinite(result).all():
-                return abs(float(moved[j] - w[j])), result
-        return None
+        moved = w.copy()
+        moved[j] += self._width * reach
+        moved = self._scaled.inside(moved)
+        result = self._scaled.residuals(moved)
+        return (abs(float(moved[j] - w[j])), result) if moved[j] != w[j] and np.isfinite(result).all() else None
 
     def _combined(self, w: Floats, scales: Floats) -> list[tuple[Floats, Callable[[], _Neighbourhood]]]:
         """Return combinations of required equations, (r, e), and where to come from to see them change.
