@@ -2,35 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
-
-from workbench.show.bode import bode_axes, draw_response
-from workbench.show.figure import COLOURS, LEGEND, label, rows
-
-if TYPE_CHECKING:
-    from workbench.point.lin.step_check import StepCheck
-
-from collections.abc import Container, Sequence
-from typing import TYPE_CHECKING
-
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from workbench.core.values.arrays import Floats
 from workbench.core.values.large import corners_hz
 from workbench.core.values.poles import continuous, vanished
 from workbench.errors import InputError
-from workbench.point.lin.step_check import step_response
-from workbench.show.figure import frame
+from workbench.point.lin.step_check import POINTS, step_response
+from workbench.show.bode import bode_axes, draw_response
+from workbench.show.figure import COLOURS, LEGEND, frame, label, rows
 
 if TYPE_CHECKING:
     from workbench.point.lin.result import LinResult
+    from workbench.point.lin.step_check import StepCheck
 
 __all__ = ["frequency_band", "plot_curves", "plot_lin", "plot_step_check"]
 
-_POINTS = 400
 _DASHES = ("-", "--", "-.", ":")
 
 
@@ -107,7 +99,7 @@ def frequency_band(results: Sequence[LinResult]) -> Floats:
     if rates:
         high = min(high, max(rates))
         low = min(low, high / 100.0)
-    band: Floats = np.geomspace(low, high * (1.0 - 1e-6), _POINTS)
+    band: Floats = np.geomspace(low, high * (1.0 - 1e-6), POINTS)
     return band
 
 
@@ -132,8 +124,8 @@ def _finish(axes: Sequence[Axes], frequency: Floats) -> None:
 
 def _step(result: LinResult) -> tuple[Floats, Floats]:
     """Return times (k,) [s] and unit step responses (k, q, m)."""
-    dt = result.dt or _horizon(result) / _POINTS
-    count = min(_POINTS, max(20, round(_horizon(result) / dt))) if result.dt > 0.0 else _POINTS
+    dt = result.dt or _horizon(result) / POINTS
+    count = min(POINTS, max(20, round(_horizon(result) / dt))) if result.dt > 0.0 else POINTS
     outputs = [step_response(result, j, dt, count) for j in range(len(result.input_names))]
     return np.asarray(dt * np.arange(count + 1), dtype=np.float64), np.stack(outputs, axis=-1)
 

@@ -81,17 +81,14 @@ def make_task(model: Model, request: Lin) -> LinTask:
     Raises:
         InputError: unknown name, a point of another model.
     """
-    result, notes = find_point(model, request.at)
-    where = result or OperatingPoint(x={}, u={}, time=model.start_time)
-    x0, u0 = request.x0 or {}, request.u0 or {}
-    states, forced = {**where.x, **where.discrete, **x0}, {**where.u, **u0}
-    check_variables(model, forced, "input", what="u0")
+    point, notes = point_in_full(model, request)
+    check_variables(model, point["u0"], "input", what="u0")
     return LinTask(
         model=model,
         inputs=_chosen(model, request.inputs, model.inputs, "input"),
         outputs=_chosen(model, request.outputs, model.outputs or model.states, "output", "state"),
-        values={**states, **forced},
-        time=where.time if request.time is None else request.time,
+        values={**point["x0"], **point["u0"]},
+        time=point["time"],
         dx=request.dx,
         du=request.du,
         btptol=request.btptol,
@@ -99,7 +96,7 @@ def make_task(model: Model, request: Lin) -> LinTask:
         points=request.points,
         order=request.order,
         continuous=request.continuous,
-        notes=(*notes, *_moved(where, {**x0, **u0})),
+        notes=notes,
     )
 
 
@@ -109,14 +106,15 @@ def point_in_full(model: Model, request: PointOptions) -> tuple[dict[str, Any], 
     Raises:
         InputError: a point of another model.
     """
-    result, notes = find_point(model, request.at)
-    where = result or OperatingPoint(x={}, u={}, time=model.start_time)
+    point, notes = find_point(model, request.at)
+    where = point or OperatingPoint(x={}, u={}, time=model.start_time)
+    x0, u0 = request.x0 or {}, request.u0 or {}
     full = {
-        "x0": {**where.x, **where.discrete, **(request.x0 or {})},
-        "u0": {**where.u, **(request.u0 or {})},
+        "x0": {**where.x, **where.discrete, **x0},
+        "u0": {**where.u, **u0},
         "time": where.time if request.time is None else request.time,
     }
-    return full, notes
+    return full, (*notes, *_moved(where, {**x0, **u0}))
 
 
 def _moved(where: OperatingPoint, given: Mapping[str, float]) -> tuple[str, ...]:

@@ -16,20 +16,20 @@ from workbench.fmi.variable import Value
 from workbench.jobs.job import Job
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
+from workbench.model.names import check_variables
 from workbench.model.varied import with_parameters
 from workbench.point.lin.request import Lin
 from workbench.point.lin.task import NOT_AT_REST, point_in_full
 from workbench.point.modes.match import match
 from workbench.point.modes.request import Modes
 from workbench.point.modes.result import Critical, Mode, ModeSet, ModesResult
-from workbench.point.modes.source import ModelSource, check_parameter
+from workbench.point.modes.source import ModelSource
 from workbench.point.modes.track import Frame, ModeTracks, track
 
 __all__ = ["critical_values", "find_root", "run", "sign_of"]
 
 _TOLERANCE = 1e-6  # of the range
 _NAMED = 3  # states
-_LEAST = 2  # values with a linear model
 
 Settings = Mapping[str, Value]
 
@@ -44,10 +44,10 @@ def run(model: Model, request: Modes, job: Job) -> ModesResult:
     vary, limits = varied(request.vary)
     against = list(request.against)
     grid = _values(request, limits)
-    check_parameter(model, vary)
+    check_variables(model, [vary], "parameter", "input", "state", what="vary", number=True)
     begin, remarks = point_in_full(model, request)
     how = Lin(**begin, method=request.method, inputs=(), outputs=())
-    width = _width(request, grid)
+    width = _TOLERANCE * (grid[-1] - grid[0]) if request.tolerance is None else request.tolerance
     found, common, moving = list[ModeSet](), dict(request.set or {}), list[str]()
     first: list[OperatingPoint] = []
     unit = next((v.unit for v in model.description.variables if v.name == vary), None)
@@ -73,7 +73,7 @@ def run(model: Model, request: Modes, job: Job) -> ModesResult:
         source = ModelSource(opened, vary, how, trimmed=request.trimmed, count=request.count, about=request.about)
         source.prepare(grid, request.place.apart, job, label=label or vary)
         _check_enough(source, grid, vary)
-        found.append(_one_set(source, grid, label, dict(settings), request))
+        found.append(_one_set(source, grid, label, dict(settings), request, width=width))
         moving += _moving(source, label)
         first += [source.results[float(v)].operating_point for v in grid if v in source.results]
     return result()
@@ -97,7 +97,7 @@ def _word(value: Value) -> str:
 
 def _check_enough(source: ModelSource, grid: Sequence[float], vary: str) -> None:
     failed = [value for value in grid if value in source.failed]
-    if failed and len(grid) - len(failed) < _LEAST:
+    if failed and len(grid) - len(failed) < 2:
         first = failed[0]
         raise SimulationError(
             f"modes: no linear model at {len(failed)} of {len(grid)} values, first at {vary} = {first:g}: "
@@ -125,12 +125,9 @@ def _values(request: Modes, limits: str) -> list[float]:
     return result
 
 
-def _width(request: Modes, grid: Sequence[float]) -> float:
-    """Return to what critical values are found."""
-    return _TOLERANCE * (grid[-1] - grid[0]) if request.tolerance is None else request.tolerance
-
-
-def _one_set(source: ModelSource, grid: list[float], label: str, settings: Settings, request: Modes) -> ModeSet:
+def _one_set(
+    source: ModelSource, grid: list[float], label: str, settings: Settings, request: Modes, *, width: float
+) -> ModeSet:
     result = track(source, grid, count=request.count, about=request.about)
     poles, uncertain = result.table()
     names = next(iter(source.results.values())).state_names
@@ -138,7 +135,7 @@ def _one_set(source: ModelSource, grid: list[float], label: str, settings: Setti
         Mode(number=b + 1, pole=poles[:, b], uncertain=uncertain[:, b], states=_states(result, b, names))
         for b in range(result.count)
     ]
-    critical = [c for line in lines for c in critical_values(source, result, line, _width(request, grid))]
+    critical = [c for line in lines for c in critical_values(source, result, line, width)]
     return ModeSet(
         label=label,
         settings=settings,

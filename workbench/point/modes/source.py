@@ -11,32 +11,18 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
 from workbench.model import Model
-from workbench.model.names import check_variables
 from workbench.point.lin.grid import LinPoint
 from workbench.point.lin.request import Lin, LinOver
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.sweep import points_over
 
-__all__ = ["ModelSource", "check_parameter"]
+__all__ = ["ModelSource"]
 
 _HERE = Workers(in_process=True)
 _SPARE = 4  # modes beside the wanted ones, at least
 
 # How accurate the entries of A are, relative to its size, by method; those not named: rounding.
 _ACCURACY = {"difference": 1e-8, "kalman-bertram": 1e-8, "response": 1e-5}
-
-
-def check_parameter(model: Model, name: str) -> None:
-    """Refuse a name that cannot be varied.
-
-    Args:
-        model: whose it should be.
-        name: of a parameter, input or state, or "component.parameter" of a system's block or gain.
-
-    Raises:
-        InputError: the model has no such name.
-    """
-    check_variables(model, [name], "parameter", "input", "state", what="vary", number=True)
 
 
 @dataclass(frozen=True, eq=False)
