@@ -27,17 +27,12 @@ class Realisation:
         B: shape (n, m).
         C: shape (q, n).
         D: shape (q, m).
-        singular_values: of the Hankel matrix, falling.
-        error: largest difference to the Markov parameters, relative to the largest of the same output and input;
-            NaN: not looked at.
     """
 
     A: Floats
     B: Floats
     C: Floats
     D: Floats
-    singular_values: Floats
-    error: float
 
     def truncated(self, order: int) -> Realisation:
         """Return the realisation of a lower order: the states of the largest singular values.
@@ -45,7 +40,7 @@ class Realisation:
         Args:
             order: from 0 to that of the model.
         """
-        return replace(self, A=self.A[:order, :order], B=self.B[:order], C=self.C[:, :order], error=np.nan)
+        return replace(self, A=self.A[:order, :order], B=self.B[:order], C=self.C[:, :order])
 
 
 def realise(markov: Floats, *, noise: float | Floats, order: int | None = None) -> Realisation:
@@ -95,8 +90,7 @@ def realise(markov: Floats, *, noise: float | Floats, order: int | None = None) 
         return _static(markov)
     system, _ = control.eigensys_realization(data, chosen, m=size, n=size)
     result = [np.asarray(x, dtype=np.float64) for x in (system.A, system.B * inner, outer[:, None] * system.C)]
-    A, B, C = result
-    return Realisation(A, B, C, markov[0], values, _error(A, B, C, markov))
+    return Realisation(*result, markov[0])
 
 
 def _sizes(values: Floats, axis: tuple[int, ...]) -> Floats:
@@ -107,12 +101,4 @@ def _sizes(values: Floats, axis: tuple[int, ...]) -> Floats:
 
 def _static(markov: Floats) -> Realisation:
     _, q, m = markov.shape
-    return Realisation(np.zeros((0, 0)), np.zeros((0, m)), np.zeros((q, 0)), markov[0], np.zeros(0), 0.0)
-
-
-def _error(A: Floats, B: Floats, C: Floats, markov: Floats) -> float:
-    state, worst = B, np.zeros(markov.shape[1:])
-    for real in markov[1:]:
-        worst = np.maximum(worst, np.abs(C @ state - real))
-        state = A @ state
-    return float((worst / _sizes(markov, axis=(0,))).max())
+    return Realisation(np.zeros((0, 0)), np.zeros((0, m)), np.zeros((q, 0)), markov[0])
