@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.point.lin.realisation import Realisation
 from workbench.point.lin.result import Doubt, Intersample, LinResult
 
-__all__ = ["Held", "held", "inside", "lines", "periods_needed"]
+__all__ = ["held", "inside", "lines", "periods_needed"]
 
 PARTS = 16  # of a period
 ALLOWED = 0.05  # relative error of the response up to the frequency that is stated
@@ -71,21 +69,10 @@ def inside(found: Realisation, answers: Floats, period: float, *, sampled: bool)
     return Intersample(tau, np.stack([rows, ends], axis=1), np.stack([through, last], axis=1), sampled=sampled)
 
 
-@dataclass(frozen=True)
-class Held:
-    """How far the samples alone hold.
+def held(result: LinResult, joined: LinResult) -> tuple[float, tuple[Doubt, ...]]:
+    """Return up to where samples joined by straight lines show the response to a sine within 5 % [Hz], and doubts.
 
-    Attributes:
-        to_hz: up to there the samples, joined by straight lines, show the response to a sine within 5 % [Hz].
-        doubts: where that is less than half as far as for a mass, whose outputs are parabolas.
-    """
-
-    to_hz: float
-    doubts: tuple[Doubt, ...]
-
-
-def held(result: LinResult, joined: LinResult) -> Held:
-    """Compare the response that the samples alone show with the one that the outputs between them belong to.
+    These are where that is less than half as far as for a mass, whose outputs are parabolas.
 
     Args:
         result: with its outputs between the samples.
@@ -108,4 +95,4 @@ def held(result: LinResult, joined: LinResult) -> Held:
         )
         for i, j in np.argwhere(to < least)
     )
-    return Held(float(to.min(initial=f[-1])), doubts)
+    return float(to.min(initial=f[-1])), doubts

@@ -179,12 +179,10 @@ def _identified(task: LinTask, period: float, costs: RunCosts) -> _Tried:
     if answers is not None and (len(found.A) or found.D.any()):
         joined, between = result, inside(found, answers, period, sampled=sampled)
         result = replace(result, intersample=between)
-        limit = held(result, joined)
-        result = replace(result, holds_to_hz=limit.to_hz)
-        doubts += limit.doubts
-        notes.append(
-            f"the samples, joined by straight lines, are valid within 5 % for sines up to {limit.to_hz:.3g} Hz"
-        )
+        limit_hz, between_samples = held(result, joined)
+        result = replace(result, holds_to_hz=limit_hz)
+        doubts += between_samples
+        notes.append(f"the samples, joined by straight lines, are valid within 5 % for sines up to {limit_hz:.3g} Hz")
     calls = {"runs": pulses.runs + len(task.inputs) + (0 if answers is None else 1 + len(trials))}
     untested = {name for t in trials for name in t.untested}
     zeros = tuple(_not_known(z) if z.kind == "output" and z.name in untested else z for z in result.zeros)

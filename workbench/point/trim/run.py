@@ -338,20 +338,27 @@ class _Trim:
         self, method: str, balance: Balance, point: OperatingPoint, words: str, residuals: Sequence[Residual]
     ) -> TrimResult:
         """Return the best point before the end."""
+        message = f"ended before an equilibrium was found: {words}"
+        result = self._record(method, balance, named(self.model, point), residuals, message)
+        return replace(result, iterations=self.parts, notes=tuple(self.notes))
+
+    def _record(
+        self, method: str, balance: Balance, point: OperatingPoint, residuals: Sequence[Residual], message: str
+    ) -> TrimResult:
+        """Return what is known at a point that is not known to be an equilibrium."""
         return TrimResult(
             model=self.model.name,
             interface=self.model.interface,
             solver=self.model.solver,
             method=method,
-            operating_point=named(self.model, point),
+            operating_point=point,
             residuals=tuple(residuals),
             null_directions=(),
             converged=False,
-            message=f"ended before an equilibrium was found: {words}",
+            message=message,
             unknowns=(),
-            iterations=self.parts,
+            iterations=0,
             evaluations=balance.evaluations,
-            notes=tuple(self.notes),
         )
 
     # -- end ------------------------------------------------------------------------------
@@ -366,19 +373,12 @@ class _Trim:
         if solution.converged and not np.isfinite([*(r.value for r in residuals), *point.dx.values()]).all():
             solution = solution.refuted()  # an FMU need not give the same values again
             message = "no equilibrium found: at the point where the search ended, the model cannot be evaluated again"
-        return TrimResult(
-            model=self.model.name,
-            interface=self.model.interface,
-            solver=self.model.solver,
-            method=method,
-            operating_point=point,
-            residuals=residuals,
+        return replace(
+            self._record(method, balance, point, residuals, message),
             null_directions=nulls,
             converged=solution.converged,
-            message=message,
             unknowns=tuple(k.slot.name for k in problem.unknowns),
             iterations=solution.iterations,
-            evaluations=balance.evaluations,
             notes=tuple(n for n in (*self.notes, problem.degrees(), degenerate(problem, solution), *notes) if n),
         )
 
