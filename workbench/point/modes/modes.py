@@ -207,9 +207,9 @@ def _on_real_axis(source: ModelSource, found: ModeTracks, step: int, number: int
     if left == 0 or rising != (left > 0):
         return []
     stable, unstable = (f.value for f in (ends if rising else ends[::-1]))
-    low, high = _bisected(stable, unstable, lambda v: (_unstable(source, v) or 0) <= fewest, tolerance)
+    first, last = _bisected(stable, unstable, lambda v: (_unstable(source, v) or 0) <= fewest, tolerance)
     becomes = "unstable" if rising else "stable"
-    return [Critical(mode=number, value=0.5 * (low + high), frequency_hz=0.0, becomes=becomes, real=0.0)]
+    return [Critical(mode=number, value=0.5 * (first + last), frequency_hz=0.0, becomes=becomes, real=0.0)]
 
 
 def _accounted_for(found: ModeTracks, step: int) -> int:
