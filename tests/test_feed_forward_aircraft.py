@@ -14,7 +14,7 @@ from workbench.cli.app import run
 from workbench.core.values.linear import LinearPart
 from workbench.limit_cycles.feed_forward.wiring import Loops
 from workbench.loops.opened_system import find_ports
-from workbench.point.reduction.cancel import pair_distances
+from workbench.point.reduction.cancel import cancel
 from workbench.point.reduction.factored import factored
 from workbench.system.files.read import read_system
 
@@ -106,9 +106,9 @@ def test_without_tolerance_for_pairs_only_few_cancel(found: wb.FeedForwardResult
     steps = {step.name: step for step in narrow.steps}
     assert steps["cancelled"].order == 62
     joined = factored(narrow.design.H.part).over(factored(narrow.design.G.part))
-    distances, orders = pair_distances(joined)
-    assert distances[orders == 42.0][0] == pytest.approx(2.8e-3, rel=0.05)
-    assert distances[orders == 40.0][0] == pytest.approx(3.8e-3, rel=0.05)
+    for order, tolerance in ((42, 2.8e-3), (40, 3.8e-3)):
+        assert cancel(joined, tolerance=0.95 * tolerance)[0].order > order
+        assert cancel(joined, tolerance=1.05 * tolerance)[0].order <= order
 
 
 def test_the_filter_brings_limit_cycles_of_its_own(found: wb.FeedForwardResult) -> None:

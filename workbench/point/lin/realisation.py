@@ -89,8 +89,8 @@ def realise(markov: Floats, *, noise: float | Floats, order: int | None = None) 
     if chosen == 0:
         return _static(markov)
     system, _ = control.eigensys_realization(data, chosen, m=size, n=size)
-    result = [np.asarray(x, dtype=np.float64) for x in (system.A, system.B * inner, outer[:, None] * system.C)]
-    return Realisation(*result, markov[0])
+    A, B, C = (np.asarray(x, dtype=np.float64) for x in (system.A, system.B * inner, outer[:, None] * system.C))
+    return Realisation(A, B, C, markov[0])
 
 
 def _sizes(values: Floats, axis: tuple[int, ...]) -> Floats:
