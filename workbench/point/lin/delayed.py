@@ -152,15 +152,15 @@ def _stand_in(cut: _Cut) -> LinearComponent:
     )  # fmt: skip
 
 
-def _closed(task: LinTask, found: LinResult, cuts: Sequence[_Cut]) -> LinResult:
+def _closed(task: LinTask, linear: LinResult, cuts: Sequence[_Cut]) -> LinResult:
     """Close an opened linear model by what stands for its delays."""
     from scipy.linalg import block_diag  # noqa: PLC0415 - slow to import, and for delays only
 
-    parts = [_approximation(c, found.dt) for c in cuts]
+    parts = [_approximation(c, linear.dt) for c in cuts]
     a, b, c, d = (block_diag(*(p[i] for p in parts)) for i in range(4))
     m, q = len(task.inputs), len(task.outputs)
-    B1, B2, C1, C2 = found.B[:, :m], found.B[:, m:], found.C[:q], found.C[q:]
-    D11, D12, D21, D22 = found.D[:q, :m], found.D[:q, m:], found.D[q:, :m], found.D[q:, m:]
+    B1, B2, C1, C2 = linear.B[:, :m], linear.B[:, m:], linear.C[:q], linear.C[q:]
+    D11, D12, D21, D22 = linear.D[:q, :m], linear.D[:q, m:], linear.D[q:, :m], linear.D[q:, m:]
     loop = np.eye(len(cuts)) - d @ D22
     if abs(np.linalg.det(loop)) < _SAME:
         raise InputError(f"{task.model.name}: a loop without states goes through a delay; it has no linear model")
@@ -168,29 +168,29 @@ def _closed(task: LinTask, found: LinResult, cuts: Sequence[_Cut]) -> LinResult:
     wx, wz, wu = (np.linalg.solve(loop, right) for right in (d @ C2, c, d @ D21))
     vx, vz, vu = C2 + D22 @ wx, D22 @ wz, D21 + D22 @ wu
     names = [f"{cut.component.name}.pade{k + 1}" for cut, p in zip(cuts, parts, strict=True) for k in range(len(p[0]))]
-    delayed = DelayFreePart(found.A, found.B, found.C, found.D, np.array([cut.time for cut in cuts]))
-    where = found.operating_point
+    delayed = DelayFreePart(linear.A, linear.B, linear.C, linear.D, np.array([cut.time for cut in cuts]))
+    where = linear.operating_point
     opened = replace(
         where,
         u={n: v for n, v in where.u.items() if not n.startswith(_INTO)},
         y={n: v for n, v in where.y.items() if n in task.outputs},
     )
     return replace(
-        found,
+        linear,
         model=task.model.name,
-        A=np.block([[found.A + B2 @ wx, B2 @ wz], [b @ vx, a + b @ vz]]),
+        A=np.block([[linear.A + B2 @ wx, B2 @ wz], [b @ vx, a + b @ vz]]),
         B=np.vstack([B1 + B2 @ wu, b @ vu]),
         C=np.hstack([C1 + D12 @ wx, D12 @ wz]),
         D=D11 + D12 @ wu,
-        state_names=(*found.state_names, *names),
+        state_names=(*linear.state_names, *names),
         input_names=task.inputs,
         output_names=task.outputs,
-        units={**{n: u for n, u in found.units.items() if "lin_delay" not in n}, **dict.fromkeys(names)},
+        units={**{n: u for n, u in linear.units.items() if "lin_delay" not in n}, **dict.fromkeys(names)},
         operating_point=named(task.model, opened),
-        zeros=tuple(z for z in found.zeros if "lin_delay" not in z.name),
-        doubts=tuple(x for x in found.doubts if "lin_delay" not in x.row + x.column),
-        delayed=delayed if found.dt == 0.0 else None,
-        notes=(*found.notes, *(_words(cut, found.dt) for cut in cuts)),
+        zeros=tuple(z for z in linear.zeros if "lin_delay" not in z.name),
+        doubts=tuple(x for x in linear.doubts if "lin_delay" not in x.row + x.column),
+        delayed=delayed if linear.dt == 0.0 else None,
+        notes=(*linear.notes, *(_words(cut, linear.dt) for cut in cuts)),
     )
 
 

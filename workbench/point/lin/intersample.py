@@ -19,17 +19,17 @@ _GRID = 400
 _LOWEST = 1e-4  # of 1/period
 
 
-def lines(found: Realisation, period: float, *, sampled: bool) -> Intersample:
+def lines(realised: Realisation, period: float, *, sampled: bool) -> Intersample:
     """Return outputs that are straight lines between two samples, from the right to the next left limit.
 
     Args:
-        found: the model.
+        realised: the model.
         period: [s].
         sampled: the inputs act at the samples only.
     """
-    C = np.stack([found.C, found.C @ found.A])[None]
+    C = np.stack([realised.C, realised.C @ realised.A])[None]
     # The left limit at the end still has the old input: D stays where outputs follow inputs at once.
-    D = np.stack([found.D, found.C @ found.B + found.D])[None]
+    D = np.stack([realised.D, realised.C @ realised.B + realised.D])[None]
     return Intersample(np.array([0.0, period]), C, D, sampled=sampled)
 
 
@@ -38,33 +38,33 @@ def periods_needed(order: int) -> int:
     return max(40, 2 * order + 10)
 
 
-def inside(found: Realisation, answers: Floats, period: float, *, sampled: bool) -> Intersample:
+def inside(realised: Realisation, answers: Floats, period: float, *, sampled: bool) -> Intersample:
     """Return the outputs within a period as a pulse at each input showed them.
 
     y(k h + τ) = C(τ) x(k) + D(τ) u(k): D(τ) is the answer within the first period, C(τ) the least-squares fit to
     the later ones, C(τ) A^(k−1) B.
 
     Args:
-        found: the model.
+        realised: the model.
         answers: per unit of the inputs at the beginnings of the parts of the periods, shape (k, parts, q, m).
         period: [s].
         sampled: the inputs act at the samples only.
     """
     count, parts = answers.shape[:2]
-    states, state = [], found.B
+    states, state = [], realised.B
     for _ in range(count - 1):
         states.append(state)
-        state = found.A @ state
+        state = realised.A @ state
     x = np.stack(states)  # (k - 1, n, m)
     regressors = np.moveaxis(x, 1, 2).reshape(
-        (count - 1) * found.B.shape[1], len(found.A)
+        (count - 1) * realised.B.shape[1], len(realised.A)
     )  # one row a period and input
     targets = np.moveaxis(answers[1:], 3, 1).reshape(len(regressors), -1)  # parts and outputs side by side
-    rows = np.linalg.lstsq(regressors, targets, rcond=None)[0].T.reshape(parts, len(found.D), len(found.A))
-    rows[0] = found.C
-    ends = np.concatenate([rows[1:], (found.C @ found.A)[None]])
+    rows = np.linalg.lstsq(regressors, targets, rcond=None)[0].T.reshape(parts, len(realised.D), len(realised.A))
+    rows[0] = realised.C
+    ends = np.concatenate([rows[1:], (realised.C @ realised.A)[None]])
     through = answers[0]
-    last = np.concatenate([through[1:], (found.C @ found.B + found.D)[None]])
+    last = np.concatenate([through[1:], (realised.C @ realised.B + realised.D)[None]])
     tau = period * np.arange(parts + 1) / parts
     return Intersample(tau, np.stack([rows, ends], axis=1), np.stack([through, last], axis=1), sampled=sampled)
 

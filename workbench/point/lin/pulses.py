@@ -281,7 +281,7 @@ class PulseRuns:
         result, noise = pulses.markov[:, :, j], pulses.noise[:, j]
         return MoveTrial(name, j, self.task.outputs, levels, answer, result, noise, rounding)
 
-    def inside(self, found: Realisation, names: Sequence[str], pulses: Pulses) -> Floats | None:
+    def inside(self, realised: Realisation, names: Sequence[str], pulses: Pulses) -> Floats | None:
         """Return the answers to one pulse at each input within the periods, per unit, shape (k, parts, q, m).
 
         None: a co-simulation whose communication step is the period shows nothing there.
@@ -289,7 +289,7 @@ class PulseRuns:
         parts = self._parts()
         if parts < 2:
             return None
-        count = min(self.task.points, periods_needed(len(found.A)))
+        count = min(self.task.points, periods_needed(len(realised.A)))
         base, pulse = self._run({}, count, parts), np.zeros(count)
         columns = []
         for name in names:

@@ -260,19 +260,15 @@ def _moving(task: LinTask, pulses: Pulses, period: float) -> tuple[str, ...]:
     return moving_note([f"{task.outputs[i]} changes by {drift[i]:.4g} within {span:.4g} s" for i in result])
 
 
-def _notes(found: Realisation, largest: Realisation, pulses: Pulses, trials: Sequence[MoveTrial]) -> list[str]:
+def _notes(realised: Realisation, largest: Realisation, pulses: Pulses, trials: Sequence[MoveTrial]) -> list[str]:
     size = np.abs(pulses.markov).max(axis=0)
     relative = np.divide(pulses.noise, size, out=np.zeros_like(size), where=size > 0.0)
-    notes = [f"order {len(found.A)} (singular values above the noise, {relative.max(initial=0.0):.1e} of the response)"]
-    if len(found.A) < len(largest.A):
+    order, noise = len(realised.A), relative.max(initial=0.0)
+    notes = [f"order {order} (singular values above the noise, {noise:.1e} of the response)"]
+    if order < len(largest.A):
         more = f"singular values above the noise would give {len(largest.A)}"
-        notes = [
-            (
-                f"order {len(found.A)}, the smallest that predicts other pulses and a step as well as any larger one; "
-                f"{more}"
-            )
-        ]
-    error = max((t.error(found) for t in trials), default=0.0)
+        notes = [f"order {order}, the smallest that predicts other pulses and a step as well as any larger one; {more}"]
+    error = max((t.error(realised) for t in trials), default=0.0)
     untested = [f"{name} by {t.input}" for t in trials for name in t.untested]
     less = f", as far as they rise above the scatter of the runs; {', '.join(untested)} did not" if untested else ""
     notes.append(f"other pulses and a step, not used for the fit, are predicted within {100.0 * error:.2g} %{less}")
@@ -284,18 +280,20 @@ def _notes(found: Realisation, largest: Realisation, pulses: Pulses, trials: Seq
     return notes
 
 
-def _result(task: LinTask, found: Realisation, point: OperatingPoint, period: float, between: Intersample) -> LinResult:
-    names = tuple(f"z{i}" for i in range(1, len(found.A) + 1))
+def _result(
+    task: LinTask, realised: Realisation, point: OperatingPoint, period: float, between: Intersample
+) -> LinResult:
+    names = tuple(f"z{i}" for i in range(1, len(realised.A) + 1))
     units = {**dict.fromkeys(names), **{n: point.units.get(n) for n in (*task.inputs, *task.outputs)}}
     result = LinResult(
         model=task.model.name,
         interface=task.model.interface,
         method="response",
         why="it was asked for",
-        A=found.A,
-        B=found.B,
-        C=found.C,
-        D=found.D,
+        A=realised.A,
+        B=realised.B,
+        C=realised.C,
+        D=realised.D,
         dt=period,
         state_names=names,
         input_names=task.inputs,

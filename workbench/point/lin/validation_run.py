@@ -125,24 +125,24 @@ class MoveTrial:
             f"events; then {way}"
         )
 
-    def refuse(self, found: Realisation) -> None:
+    def refuse(self, realised: Realisation) -> None:
         """Refuse a model that misses the answer although the pulse predicts it.
 
         Raises:
             SimulationError: it does.
         """
-        modelled = self._gaps(self._simulated(found))
+        modelled = self._gaps(self._simulated(realised))
         worst = int(modelled.argmax())
         if modelled[worst] > _REFUSED:
             raise SimulationError(
-                f"method response: order {len(found.A)}, found in the pulses, misses other pulses and a step of "
+                f"method response: order {len(realised.A)}, found in the pulses, misses other pulses and a step of "
                 f"{self.input} in {self.outputs[worst]} by {100.0 * modelled[worst]:.3g} %; give order, more points or "
                 "another period"
             )
 
-    def doubts(self, found: Realisation) -> list[Doubt]:
+    def doubts(self, realised: Realisation) -> list[Doubt]:
         """Return where the model, or any linear one, misses the answer by more than 5 %, or nothing can be said."""
-        shifted, modelled = self._gaps(self._folded()), self._gaps(self._simulated(found))
+        shifted, modelled = self._gaps(self._folded()), self._gaps(self._simulated(realised))
         size = np.abs(self.pulse).max(axis=0)
         result = [
             Doubt(
@@ -159,26 +159,26 @@ class MoveTrial:
                     why = f"pulses at other times and a step are missed by {100.0 * shifted[i]:.2g} %: "
                     why += "not linear over the width, moving at this point, or inputs act late (check tells)"
                 else:
-                    why = f"order {len(found.A)} misses other pulses and a step by {100.0 * modelled[i]:.2g} %; "
+                    why = f"order {len(realised.A)} misses other pulses and a step by {100.0 * modelled[i]:.2g} %; "
                     why += "give order, more points or another period"
                 result.append(Doubt(name, self.input, float(size[i]), None, why))
         return result
 
-    def error(self, found: Realisation) -> float:
+    def error(self, realised: Realisation) -> float:
         """Return the largest error of the model's prediction, relative to the largest answer of the same output."""
-        return float(self._gaps(self._simulated(found)).max(initial=0.0))
+        return float(self._gaps(self._simulated(realised)).max(initial=0.0))
 
     def _folded(self) -> Floats:
         """Return what the pulse predicts, shape (k, q)."""
         k = len(self.levels)
         return np.column_stack([np.convolve(self.levels, h)[:k] for h in self.pulse.T])
 
-    def _simulated(self, found: Realisation) -> Floats:
+    def _simulated(self, realised: Realisation) -> Floats:
         """Return what the model predicts, shape (k, q)."""
-        state, rows = np.zeros(len(found.A)), []
+        state, rows = np.zeros(len(realised.A)), []
         for level in self.levels:
-            rows.append(found.C @ state + found.D[:, self.column] * level)
-            state = found.A @ state + found.B[:, self.column] * level
+            rows.append(realised.C @ state + realised.D[:, self.column] * level)
+            state = realised.A @ state + realised.B[:, self.column] * level
         return np.array(rows)
 
     def _gaps(self, predicted: Floats) -> Floats:

@@ -146,7 +146,7 @@ def coincide(poles: Poles, places: tuple[int, ...]) -> bool:
     return bool(np.abs(value - value.mean()).max() <= 2.0 * poles.uncertain[list(places)].max())
 
 
-def passing(before: Poles, after: Poles, found: Match) -> float:
+def passing(before: Poles, after: Poles, matched: Match) -> float:
     """Return where in a step two modes pass each other most closely, 0 … 1; 0: none do, or it has been looked at.
 
     Modes that couple weakly veer within so short a way that the vectors at both ends look as if they had crossed. A
@@ -155,10 +155,10 @@ def passing(before: Poles, after: Poles, found: Match) -> float:
     Args:
         before: modes at the beginning of the step.
         after: modes at its end.
-        found: their match.
+        matched: their match.
     """
-    settled = {i for g in found.groups for i in g.before}
-    pairs = [(i, j) for i, j in found.pairs if i not in settled]
+    settled = {i for g in matched.groups for i in g.before}
+    pairs = [(i, j) for i, j in matched.pairs if i not in settled]
     first = before.value[[i for i, _ in pairs]]
     last = after.value[[j for _, j in pairs]]
     begin, end = first[:, None] - first, last[:, None] - last
@@ -173,7 +173,7 @@ def passing(before: Poles, after: Poles, found: Match) -> float:
     return float(np.clip(inside.min(), _MARGIN, 1.0 - _MARGIN)) if len(inside) else 0.0
 
 
-def turning(before: Poles, after: Poles, found: Match) -> bool:
+def turning(before: Poles, after: Poles, matched: Match) -> bool:
     """Whether a pair becomes two real poles within a step, and one of them changes its stability there, too.
 
     Half of a pair has no pole of its own on the other side: only a smaller step shows where that one changes.
@@ -181,9 +181,9 @@ def turning(before: Poles, after: Poles, found: Match) -> bool:
     Args:
         before: modes at the beginning of the step.
         after: modes at its end.
-        found: their match.
+        matched: their match.
     """
-    for group in found.groups:
+    for group in matched.groups:
         if group.kind == "real axis":
             ends = ((before, group.before), (after, group.after))
             poles = [(p.value[i].real, p.uncertain[i]) for p, places in ends for i in places]

@@ -147,9 +147,9 @@ def _one_set(
     )
 
 
-def _states(found: ModeTracks, branch: int, names: Sequence[str]) -> tuple[str, ...]:
+def _states(tracks: ModeTracks, branch: int, names: Sequence[str]) -> tuple[str, ...]:
     """Return the states that take most part in a mode where it first exists."""
-    for frame in found.frames:
+    for frame in tracks.frames:
         place = frame.place(branch)
         if place is not None:
             share = frame.poles.participation()[:, place]
@@ -158,12 +158,12 @@ def _states(found: ModeTracks, branch: int, names: Sequence[str]) -> tuple[str, 
     return ()
 
 
-def critical_values(source: ModelSource, found: ModeTracks, line: Mode, tolerance: float) -> list[Critical]:
+def critical_values(source: ModelSource, tracks: ModeTracks, line: Mode, tolerance: float) -> list[Critical]:
     """Return where a mode's real part changes its sign, each refined between two frames; not where it only touches 0.
 
     Args:
         source: of the models between.
-        found: all modes.
+        tracks: all modes.
         line: the mode.
         tolerance: of the values.
     """
@@ -178,7 +178,7 @@ def critical_values(source: ModelSource, found: ModeTracks, line: Mode, toleranc
         if here is None or there is None:
             last = 0
             if (here is None) != (there is None):
-                criticals += _on_real_axis(source, found, k, line.number, tolerance)
+                criticals += _on_real_axis(source, tracks, k, line.number, tolerance)
             continue
         last = here or last
         if here == there or not (here > 0 or there > 0):
@@ -187,23 +187,23 @@ def critical_values(source: ModelSource, found: ModeTracks, line: Mode, toleranc
             continue
         if here > 0 and there == 0 and next((s for s in signs[k + 1 :] if s != 0), 0) == 1:
             continue
-        frames = found.frames[k], found.frames[k + 1]
+        frames = tracks.frames[k], tracks.frames[k + 1]
         criticals.append(_refined(source, frames, line.number, tolerance, rising=there > here))
     return criticals
 
 
-def _on_real_axis(source: ModelSource, found: ModeTracks, step: int, number: int, tolerance: float) -> list[Critical]:
+def _on_real_axis(source: ModelSource, tracks: ModeTracks, step: int, number: int, tolerance: float) -> list[Critical]:
     """Return where a real pole changes its stability within the step in which its pair has split (or the reverse).
 
     Half of a pair has no pole of its own on the other side of the step: the number of unstable poles is followed, as
     far as it changes by more than the modes that exist on both sides account for.
     """
-    ends = found.frames[step : step + 2]
+    ends = tracks.frames[step : step + 2]
     low, high = (_unstable(source, f.value) for f in ends)
     if low is None or high is None or low == high:
         return []
     rising, fewest = high > low, min(low, high)
-    left = high - low - _accounted_for(found, step)
+    left = high - low - _accounted_for(tracks, step)
     if left == 0 or rising != (left > 0):
         return []
     stable, unstable = (f.value for f in (ends if rising else ends[::-1]))
@@ -212,9 +212,9 @@ def _on_real_axis(source: ModelSource, found: ModeTracks, step: int, number: int
     return [Critical(mode=number, value=0.5 * (first + last), frequency_hz=0.0, becomes=becomes, real=0.0)]
 
 
-def _accounted_for(found: ModeTracks, step: int) -> int:
+def _accounted_for(tracks: ModeTracks, step: int) -> int:
     """Return by how many unstable poles a step changes through modes that exist on both sides and change their sign."""
-    poles, uncertain = (x[step : step + 2] for x in found.table())
+    poles, uncertain = (x[step : step + 2] for x in tracks.table())
     both = ~np.isnan(poles).any(axis=0)
     growing = np.where(np.isnan(poles), 0.0, poles.real) > uncertain
     weight = np.where(poles.imag == 0.0, 1, 2)

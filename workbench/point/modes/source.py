@@ -100,12 +100,12 @@ class ModelSource:
             result = point.result
             self.results[value] = Known(self._poles(result), result.state_names, result.operating_point, result.notes)
 
-    def _poles(self, found: LinResult) -> Poles:
-        accuracy = _ACCURACY.get(found.method, 0.0)
+    def _poles(self, linear: LinResult) -> Poles:
+        accuracy = _ACCURACY.get(linear.method, 0.0)
         if self._count is None:
-            return poles_of(found.A, dt=found.dt, accuracy=accuracy)
+            return poles_of(linear.A, dt=linear.dt, accuracy=accuracy)
         some = self._count + max(self._count // 2, _SPARE)
-        return poles_near(found.A, some, self._about, dt=found.dt, accuracy=accuracy)
+        return poles_near(linear.A, some, self._about, dt=linear.dt, accuracy=accuracy)
 
     def _points(self, values: Sequence[float], workers: Workers, job: Job) -> Iterator[LinPoint]:
         """Return the linear models as they are finished."""

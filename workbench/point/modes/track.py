@@ -142,16 +142,16 @@ class _Tracking:
         self._pending.pop()
         self._frames.append(self._continued(here, value, poles, result))
 
-    def _continued(self, here: Frame, value: float, poles: Poles, found: Match) -> Frame:
-        branch: dict[int, int] = {j: here.branch[i] for i, j in found.pairs}
-        for group in found.groups:
+    def _continued(self, here: Frame, value: float, poles: Poles, matched: Match) -> Frame:
+        branch: dict[int, int] = {j: here.branch[i] for i, j in matched.pairs}
+        for group in matched.groups:
             self._settle(here, group, branch)
             if group.kind == "equal" and coincide(poles, group.after):
-                poles = _aligned(here.poles, poles, group, found.pairs)
+                poles = _aligned(here.poles, poles, group, matched.pairs)
         for j in range(len(poles)):
             if j not in branch:
                 branch[j] = self._new()
-        for group in found.groups:
+        for group in matched.groups:
             if group.kind != "equal":
                 modes = {*(here.branch[i] for i in group.before), *(branch[j] for j in group.after)}
                 numbers = tuple(m + 1 for m in sorted(modes))

@@ -13,7 +13,7 @@ from workbench.point.reduction.factored import Factored, right_of_axis
 __all__ = ["Mirrored", "cancel", "mirror"]
 
 
-def cancel(found: Factored, *, tolerance: float = 1e-5) -> tuple[Factored, Complex]:
+def cancel(factors: Factored, *, tolerance: float = 1e-5) -> tuple[Factored, Complex]:
     """Take out pairs of a pole p and a zero z with |p − z| ≤ tolerance · max(|p|, 1/s); return what is left, and the p.
 
     Nearest pairs go first; complex pairs go with their conjugates, real poles with real zeros, so that what is left
@@ -23,7 +23,7 @@ def cancel(found: Factored, *, tolerance: float = 1e-5) -> tuple[Factored, Compl
     physical systems.
 
     Args:
-        found: zeros, poles and gain.
+        factors: zeros, poles and gain.
         tolerance: relative distance, absolute below 1 rad/s.
 
     Raises:
@@ -31,9 +31,9 @@ def cancel(found: Factored, *, tolerance: float = 1e-5) -> tuple[Factored, Compl
     """
     if not 0.0 <= tolerance < 1.0:
         raise InputError(f"the tolerance of cancellation must be between 0 and 1, not {tolerance:g}")
-    poles, zeros = list(found.poles.tolist()), list(found.zeros.tolist())
-    gone, gain = list[complex](), found.gain
-    for p, z in [(p, z) for d, p, z in _pairs(found) if d <= tolerance]:
+    poles, zeros = list(factors.poles.tolist()), list(factors.zeros.tolist())
+    gone, gain = list[complex](), factors.gain
+    for p, z in [(p, z) for d, p, z in _pairs(factors) if d <= tolerance]:
         for a, b in ((p, z),) if p.imag == 0.0 else ((p, z), (p.conjugate(), z.conjugate())):
             poles.remove(_nearest(poles, a))
             zeros.remove(_nearest(zeros, b))
@@ -43,11 +43,11 @@ def cancel(found: Factored, *, tolerance: float = 1e-5) -> tuple[Factored, Compl
     return left, np.array(gone, dtype=complex)
 
 
-def _pairs(found: Factored) -> list[tuple[float, complex, complex]]:
+def _pairs(factors: Factored) -> list[tuple[float, complex, complex]]:
     """Return distance, pole and zero of all pairs, nearest first; of conjugates those above the real axis."""
     pairs: list[tuple[float, complex, complex]] = []
     for real in (True, False):
-        poles, zeros = _half(found.poles, real=real), _half(found.zeros, real=real)
+        poles, zeros = _half(factors.poles, real=real), _half(factors.zeros, real=real)
         while poles and zeros:
             apart = np.abs(np.subtract.outer(poles, zeros)) / np.maximum(1.0, np.abs(poles))[:, None]
             i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
@@ -91,7 +91,7 @@ class Mirrored:
     dc_sign: int
 
 
-def mirror(found: Factored) -> Mirrored:
+def mirror(factors: Factored) -> Mirrored:
     """Mirror the poles of the right half plane in the imaginary axis: p becomes −conj(p).
 
     F is multiplied by the all-pass Π (s − p)/(s + conj(p)), so |F(jω)| stays exactly, and the phase falls by 2·atan
@@ -102,15 +102,15 @@ def mirror(found: Factored) -> Mirrored:
     Source: K. J. Åström, Introduction to Stochastic Control Theory, chapter 4 (spectral factors).
 
     Args:
-        found: zeros, poles and gain.
+        factors: zeros, poles and gain.
     """
-    right = right_of_axis(found.poles)
-    on = ~right & ~right_of_axis(-found.poles)
-    poles = np.where(right, -found.poles.conj(), found.poles)
-    moved = found.poles[right]
+    right = right_of_axis(factors.poles)
+    on = ~right & ~right_of_axis(-factors.poles)
+    poles = np.where(right, -factors.poles.conj(), factors.poles)
+    moved = factors.poles[right]
     return Mirrored(
-        factored=Factored(zeros=found.zeros, poles=poles, gain=found.gain),
+        factored=Factored(zeros=factors.zeros, poles=poles, gain=factors.gain),
         poles=moved,
-        on_axis=found.poles[on],
+        on_axis=factors.poles[on],
         dc_sign=-1 if int(np.sum(moved.imag == 0.0)) % 2 else 1,
     )

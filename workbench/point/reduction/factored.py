@@ -178,7 +178,7 @@ class _Group:
         return len(self.poles) - len(self.zeros)
 
 
-def to_state_space(found: Factored) -> LinearPart:
+def to_state_space(factors: Factored) -> LinearPart:
     """Return a realisation; poles and zeros keep their digits, unlike in one polynomial of all of them.
 
     Each pole pair gets zeros near it; the states are scaled so that the matrix is balanced.
@@ -186,18 +186,19 @@ def to_state_space(found: Factored) -> LinearPart:
     Source: L. B. Jackson, Digital Filters and Signal Processing, chapter 11 (pairing and ordering of sections).
 
     Args:
-        found: at least as many poles as zeros, complex ones in conjugate pairs.
+        factors: at least as many poles as zeros, complex ones in conjugate pairs.
 
     Raises:
         InputError: more zeros than poles: no system that can be simulated.
     """
-    if len(found.zeros) > len(found.poles):
+    if len(factors.zeros) > len(factors.poles):
         raise InputError(
-            f"{len(found.zeros)} zeros and {len(found.poles)} poles: differentiators cannot be realised; add a low-pass"
+            f"{len(factors.zeros)} zeros and {len(factors.poles)} poles: differentiators cannot be realised; "
+            "add a low-pass"
         )
-    groups = _paired(found)
+    groups = _paired(factors)
     sections = [_section(g) for g in groups]
-    scale = found.gain * float(np.prod([k for _, k in sections]))
+    scale = factors.gain * float(np.prod([k for _, k in sections]))
     return _cascade([s for s, _ in sections], scale)
 
 
@@ -208,10 +209,10 @@ def _grouped(roots: Complex) -> list[list[complex]]:
     return pairs + [real[k : k + 2] for k in range(0, len(real), 2)]
 
 
-def _paired(found: Factored) -> list[_Group]:
+def _paired(factors: Factored) -> list[_Group]:
     """Give each group of poles zeros near it, so that the sum of distances on a logarithmic scale is least."""
-    groups = [_Group(p) for p in _grouped(found.poles)]
-    zeros = _grouped(found.zeros)
+    groups = [_Group(p) for p in _grouped(factors.poles)]
+    zeros = _grouped(factors.zeros)
     split = [z for z in zeros if len(z) == 1]
     for some in ([z for z in zeros if len(z) == 2], split):
         open_ = [g for g in groups if some and g.room >= len(some[0])]

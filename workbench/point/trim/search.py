@@ -47,20 +47,20 @@ def search(
     return best, ""
 
 
-def _closer(problem: TrimProblem, found: Solution, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
+def _closer(problem: TrimProblem, solution: Solution, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
     """Return the solution with the unknowns that came out far below their assumed sizes measured by what they are."""
     clear = clear_of_zero(
-        found.jacobian[: len(problem.equations)], found.values / found.nominal, problem.balance.precision
+        solution.jacobian[: len(problem.equations)], solution.values / solution.nominal, problem.balance.precision
     )
     sizes = {
         i: abs(x)
-        for i, (k, x) in enumerate(zip(problem.unknowns, found.values.tolist(), strict=True))
+        for i, (k, x) in enumerate(zip(problem.unknowns, solution.values.tolist(), strict=True))
         if not k.slot.declared and clear[i] and abs(x) < SMALL * k.slot.nominal
     }
-    if not sizes or found.open.shape[1] or found.flat.shape[1]:
-        return found
-    again = solve(resized(problem, sizes), found.values, tolerance=tolerance, slowest=slowest, exact=exact)
-    return again if again.converged else found
+    if not sizes or solution.open.shape[1] or solution.flat.shape[1]:
+        return solution
+    again = solve(resized(problem, sizes), solution.values, tolerance=tolerance, slowest=slowest, exact=exact)
+    return again if again.converged else solution
 
 
 def _left(solution: Solution) -> float:
