@@ -33,7 +33,6 @@ _CLOSER = 0.8  # the last of these over the first; 0.9³ = 0.73 towards a tenfol
 _REGULAR = 0.1  # largest singular value, at least, where slopes do not vanish; 1 for a straight line
 _LARGE = 1e300  # stands for what cannot be evaluated
 _VERY_FAR = 1e6  # reaches: rounding is 1e-10 of a reach there, and may hide what was seen at the start
-_FELL = 0.1  # of the residual at the start: a search that went away while this fell ran away; decides on words only
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -194,7 +193,7 @@ class EquilibriumTest:
         holds &= ~lost
         far = self._way(w, begin.at) > 1.0
         stuck = left > self._width * np.where(flat, 0.0, change)
-        away = ~holds & far & stuck & ((left < _FELL * before) | lost)
+        away = ~holds & far & stuck & ((left < before) | lost)
         return _Look(holds, away, ~holds & flat & (before > clear) & (left <= _HARDLY * noise))
 
     @staticmethod
