@@ -265,8 +265,10 @@ def test_what_moves_by_more_than_1e_5_of_its_size_in_the_periods_after_the_first
 ) -> None:
     """The size of what declares none is its value, and 1 at least."""
     balance: Any = SimpleNamespace(states=(), outputs=(), drift=lambda *_, periods: {"w": (moved, value)})
+    none = np.zeros(0)
+    verdict = SimpleNamespace(scales=none)
     nothing: Any = SimpleNamespace(
-        unknowns=(), equations=(), at=lambda _: (), values=np.zeros(0), nominal=np.zeros(0), scales=np.zeros(0)
+        unknowns=(), equations=(), at=lambda _: (), values=none, nominal=none, verdict=verdict
     )
     lag = Plant(Equations(x={"x": 0.0}, f=lambda v: [-v["x"]]))
     said = _Trim(lag, TrimSets(), 0.0, Trim(), Job())._restless(balance, nothing, nothing)
