@@ -160,7 +160,8 @@ class _Finder:
             self._between(node.values[0], node.values[1], new)
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.USub):
             begin, end = self.span(node)
-            self.add(begin, end, f"({self.source[self.span(node.operand)[0] : end].decode()})")
+            operator = "not" if isinstance(node.op, ast.Not) else "-"  # an operand's span is without its parentheses
+            self.add(begin, end, f"({self.source[begin:end].decode().removeprefix(operator).strip()})")
         elif isinstance(node, ast.Constant):
             self._constant(node)
         elif isinstance(node, ast.Name) and node.id in _NAMES:
