@@ -341,7 +341,8 @@ def test_three_changes_that_double_are_growth(factor: float, count: int, grows: 
 
 
 def test_what_is_left_of_a_trim_is_its_largest_scaled_residual() -> None:
-    solution: Any = SimpleNamespace(residuals=np.array([2.0, -3.0]), scales=np.array([10.0, 2.0]))
+    verdict = SimpleNamespace(scales=np.array([10.0, 2.0]))
+    solution: Any = SimpleNamespace(residuals=np.array([2.0, -3.0]), verdict=verdict)
     assert _left(solution) == 1.5
     solution.residuals[0] = math.nan
     assert _left(solution) == math.inf
