@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 import workbench as wb
 from tests.record_examples import Maker
-from workbench.data.experiment.data_table import DataTable, read_table
+from workbench.data.experiment.formats import DataTable, read_table
 from workbench.errors import UNSEEN
 from workbench.fmi.archive import unpack
 from workbench.fmi.bundled import bundled_path

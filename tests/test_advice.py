@@ -15,8 +15,8 @@ from workbench.core.values.arrays import Floats
 from workbench.data.advice.advise import TOPICS, advise
 from workbench.data.advice.delay import delays
 from workbench.data.advice.linearity import _nonlinear_columns
+from workbench.data.advice.record import _gains
 from workbench.data.advice.result import VERDICTS
-from workbench.data.advice.sampling import _gains
 from workbench.data.advice.shared_estimates import DataStudy
 from workbench.data.experiment.experiment import Experiment, make_experiment
 from workbench.errors import InputError

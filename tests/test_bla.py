@@ -18,10 +18,9 @@ from tests.random_systems import Modes, random_modes
 from workbench.cli.app import run
 from workbench.core.values.arrays import Complex, Floats
 from workbench.data.bla.design import Lines, RandomPhase, lines_of
-from workbench.data.bla.estimate import Approximation, approximate
+from workbench.data.bla.estimate import Approximation, approximate, steady
 from workbench.data.bla.request import Bla
 from workbench.data.bla.run import run as measure
-from workbench.data.bla.transient import steady
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
 

@@ -16,10 +16,9 @@ from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.excite import recording as sampling_module
-from workbench.data.excite.multisine import MultisineDesign
-from workbench.data.excite.prbs import PrbsDesign
 from workbench.data.excite.request import Excite, excite
 from workbench.data.excite.result import ExciteResult
+from workbench.data.excite.signals import MultisineDesign, PrbsDesign
 from workbench.data.experiment.experiment import read_experiment
 from workbench.errors import InputError, SimulationError
 from workbench.fmi.variable import Variable

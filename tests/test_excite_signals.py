@@ -9,9 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from workbench.data.excite.design import crest_factors, cross_correlation
-from workbench.data.excite.multisine import MultisineDesign, low_crest
-from workbench.data.excite.prbs import PrbsDesign
-from workbench.data.excite.text import parse_design
+from workbench.data.excite.signals import MultisineDesign, PrbsDesign, low_crest, parse_design
 from workbench.errors import InputError
 from workbench.signals.kinds import Prbs
 from workbench.signals.shift_register import TAPS, jump, register_bits

@@ -16,10 +16,10 @@ from tests.random_systems import Plant
 from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
 from workbench.identification.subspace.estimate import estimate
-from workbench.identification.subspace.final_model import cost
+from workbench.identification.subspace.matrices import fit_inputs
+from workbench.identification.subspace.order import cost
+from workbench.identification.subspace.projections import METHODS
 from workbench.identification.subspace.result import SubspaceEstimate
-from workbench.identification.subspace.simulated import fit_inputs
-from workbench.identification.subspace.weightings import METHODS
 from workbench.identification.validate.spread import around_both, enclosing
 
 DT = 0.02

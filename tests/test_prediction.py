@@ -17,8 +17,7 @@ from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.identified.recursion import march, march_one
-from workbench.identification.prediction.gradient import errors_of, jacobian, normal_equations
-from workbench.identification.prediction.innovations import Innovations
+from workbench.identification.prediction.innovations import Innovations, errors_of, jacobian, normal_equations
 from workbench.identification.prediction.model_selection import SelectionOptions, _ModelSearch
 from workbench.identification.prediction.refine import refine
 from workbench.identification.prediction.start import _cut_off

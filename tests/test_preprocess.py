@@ -8,11 +8,9 @@ import pytest
 from tests.identification_data import DT, A, B, data, prbs, response, white, with_noise
 from workbench.data.advice.saturation import stretches_at
 from workbench.data.experiment.experiment import make_experiment
-from workbench.data.preprocess.detrend import detrend, remove_offset
 from workbench.data.preprocess.outliers import _without_gross, remove_outliers
-from workbench.data.preprocess.resample import resample
-from workbench.data.preprocess.scale import scale
 from workbench.data.preprocess.settle import cut_settling, settling_samples
+from workbench.data.preprocess.steps import detrend, remove_offset, resample, scale
 from workbench.errors import InputError
 
 

@@ -14,8 +14,7 @@ from workbench.cli.derive import command, meant
 from workbench.cli.program import program
 from workbench.commands import REQUESTS, request_of, requests_of
 from workbench.core.records.option import DeclaredOption, asked_of, put_together, recast
-from workbench.data.excite.multisine import MultisineDesign
-from workbench.data.excite.prbs import PrbsDesign
+from workbench.data.excite.signals import MultisineDesign, PrbsDesign
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.model.loading import Loading

@@ -17,7 +17,7 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.conversion import known_unit
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.matrices import exponentials
-from workbench.data.experiment.missing import regular
+from workbench.data.experiment.checks import regular
 from workbench.errors import InputError
 from workbench.health.check.jumps import jumps
 from workbench.health.check.nominals import _judge
@@ -26,7 +26,7 @@ from workbench.health.check.start_time import _judge as judge_start
 from workbench.health.check.step import _Convergence, _order_words
 from workbench.health.check.subject import Trajectory
 from workbench.identification.fit.run import _sampled
-from workbench.identification.subspace.final_model import _weight
+from workbench.identification.subspace.order import _weight
 from workbench.jobs.options import Workers, _take_scheduler
 from workbench.limit_cycles.feedback.gains import crossings
 from workbench.limit_cycles.feedback.locus import shown_gains

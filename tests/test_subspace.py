@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.subspace.estimate import estimate
 from workbench.identification.subspace.order import _inflation
-from workbench.identification.subspace.weightings import METHODS
+from workbench.identification.subspace.projections import METHODS
 
 SECOND = Plant(
     np.array([[0.9, 0.3], [-0.3, 0.7]]), np.array([[1.0], [0.5]]), np.array([[1.0, -0.4]]), np.array([[0.2]])

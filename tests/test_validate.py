@@ -16,11 +16,18 @@ from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment, make_experiment, read_experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.validate.cross_correlation import _each, _probability, cross_correlation
-from workbench.identification.validate.fit import ERROR_FIGURES, error_figure, fit_of
 from workbench.identification.validate.pole_zero import near_cancellations
+from workbench.identification.validate.residuals import (
+    ERROR_FIGURES,
+    LEVEL,
+    _each,
+    _probability,
+    autocorrelation,
+    cross_correlation,
+    error_figure,
+    fit_of,
+)
 from workbench.identification.validate.validate import validate
-from workbench.identification.validate.whiteness import LEVEL, autocorrelation
 
 DT = 0.1
 

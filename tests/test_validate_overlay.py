@@ -17,7 +17,7 @@ from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.subspace.picture import plot_order
 from workbench.identification.validate.overlay import Overlay, overlay
-from workbench.identification.validate.picture_poles import plot_poles
+from workbench.identification.validate.picture import plot_poles
 from workbench.identification.validate.pole_zero import near_cancellations
 from workbench.point.lin.result import Intersample, LinResult
 from workbench.response.nfr.result import NfrResult

@@ -27,7 +27,7 @@ from workbench.data.spectra.coherence import Coherence, coherence
 from workbench.data.spectra.density import sdf
 from workbench.identification.identify.request import identify
 from workbench.identification.identify.result import IdentifyResult
-from workbench.identification.validate.fit import ERROR_FIGURES, error_figure
+from workbench.identification.validate.residuals import ERROR_FIGURES, error_figure
 
 __all__ = ["EXPERIMENTS"]
 

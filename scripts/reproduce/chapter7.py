@@ -12,9 +12,9 @@ from scripts.reproduce.drawings import draw_steps, titled
 from scripts.reproduce.identification import SEEDS, rudder
 from scripts.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.core.values.decibels import difference
-from workbench.data.excite.prbs import PrbsDesign
 from workbench.data.excite.request import excite
 from workbench.data.excite.result import ExciteResult
+from workbench.data.excite.signals import PrbsDesign
 from workbench.data.experiment.experiment import make_experiment
 from workbench.identification.identify.request import identify
 from workbench.identification.identify.result import IdentifyResult

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.data.advice.advise import advise
-from workbench.data.excite.multisine import MultisineDesign
-from workbench.data.excite.prbs import PrbsDesign
 from workbench.data.excite.request import excite
 from workbench.data.excite.result import ExciteResult
+from workbench.data.excite.signals import MultisineDesign, PrbsDesign
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.spectra.coherence import coherence
 from workbench.identification.identify.request import identify

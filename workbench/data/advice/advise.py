@@ -12,11 +12,11 @@ from workbench.data.advice.linearity import judge_linearity, judge_noise
 from workbench.data.advice.record import (
     judge_length,
     judge_outliers,
+    judge_sampling,
     judge_settling,
     judge_trend,
 )
 from workbench.data.advice.result import Advice, Finding
-from workbench.data.advice.sampling import judge_sampling
 from workbench.data.advice.saturation import judge_saturation
 from workbench.data.advice.shared_estimates import DataStudy
 from workbench.data.experiment.experiment import Experiment

@@ -24,7 +24,7 @@ from workbench.data.advice.result import Finding
 from workbench.data.advice.shared_estimates import CHANCE, DataStudy
 from workbench.data.long_arx import lagged
 
-__all__ = ["from_shift_register", "judge_feedback", "linear_complexity", "reactions"]
+__all__ = ["from_shift_register", "judge_feedback", "linear_complexity"]
 
 _LAGS = 10
 _LEAST_SHARE = 0.005  # of the unforeseen input that past errors explain

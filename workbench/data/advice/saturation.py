@@ -16,7 +16,7 @@ from workbench.data.advice.delay import delays
 from workbench.data.advice.result import Finding
 from workbench.data.advice.shared_estimates import DataStudy
 
-__all__ = ["judge_saturation", "rests", "stretches_at"]
+__all__ = ["judge_saturation", "stretches_at"]
 
 _STILL = 1e-6  # of the range
 _LONG = 3  # samples in a row

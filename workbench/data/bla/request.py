@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from workbench.jobs.job import Job
     from workbench.model import Model
 
-__all__ = ["BestLinear", "Bla", "BlaCommand", "best_linear", "bla"]
+__all__ = ["BestLinear", "Bla", "best_linear", "bla"]
 
 
 if TYPE_CHECKING:

@@ -12,10 +12,9 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.bla.design import Lines, RandomPhase, lines_of
-from workbench.data.bla.estimate import Approximation, approximate, response_of
+from workbench.data.bla.estimate import MATTERS, Approximation, approximate, response_of
 from workbench.data.bla.request import Bla
 from workbench.data.bla.result import BlaResult
-from workbench.data.bla.transient import MATTERS
 from workbench.data.excite.recording import Begin, Samples, measure, sampling_of
 from workbench.data.excite.request import Excite
 from workbench.errors import FmuError, InputError, SimulationError

@@ -20,7 +20,7 @@ from workbench.point.lin.pulses import communication_step
 from workbench.session.base import Recorded, Session
 from workbench.signals.kinds import Constant, Signal, Table
 
-__all__ = ["Begin", "Samples", "Sampling", "measure", "sampling_of"]
+__all__ = ["Begin", "Samples", "measure", "sampling_of"]
 
 CHUNKS = 50  # pieces in which a run is reported, unless they are out of these bounds [samples]
 _SHORTEST_CHUNK, _LONGEST_CHUNK = 100, 2000

@@ -15,9 +15,8 @@ from workbench.requests.request import ModelRequest, function
 
 if TYPE_CHECKING:
     from workbench.data.excite.design import FilterDesign
-    from workbench.data.excite.multisine import MultisineDesign
-    from workbench.data.excite.prbs import PrbsDesign
     from workbench.data.excite.result import ExciteResult  # noqa: F401 - the record's type, below
+    from workbench.data.excite.signals import MultisineDesign, PrbsDesign
 
 __all__ = ["Excite", "excite"]
 
@@ -34,7 +33,7 @@ def _form(kind: str) -> Form:
 
 def _design(kind: str, value: FilterDesign | str | Mapping[str, Any]) -> FilterDesign:
     """Return the design that a text or a table of TOML describes."""
-    from workbench.data.excite.text import parse_design  # noqa: PLC0415  --help needs no numerics
+    from workbench.data.excite.signals import parse_design  # noqa: PLC0415  --help needs no numerics
 
     if isinstance(value, Mapping):
         texts = {k: ":".join(map(str, v)) if isinstance(v, list | tuple) else v for k, v in value.items()}
@@ -168,7 +167,7 @@ class Excite(AtPoint, InWhole, ModelRequest["ExciteResult"]):
     @property
     def design(self) -> FilterDesign:
         """What kind of signal forces the inputs."""
-        from workbench.data.excite.prbs import PrbsDesign  # noqa: PLC0415  --help needs no numerics
+        from workbench.data.excite.signals import PrbsDesign  # noqa: PLC0415  --help needs no numerics
 
         return next(iter(self._designs.values()), None) or PrbsDesign()
 

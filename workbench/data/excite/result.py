@@ -13,7 +13,7 @@ from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.show.result import Result
 
-__all__ = ["ExciteResult", "SignalFacts", "validation_path"]
+__all__ = ["ExciteResult", "SignalFacts"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,13 +23,13 @@ from workbench.data.experiment.checks import (
     check_choice,
     check_finite,
     columns,
+    filled,
     names_of,
+    regular,
     times,
     units_of,
 )
-from workbench.data.experiment.data_table import DataTable
-from workbench.data.experiment.formats import read_columns
-from workbench.data.experiment.missing import filled, regular
+from workbench.data.experiment.formats import DataTable, read_columns
 from workbench.errors import InputError, suggest
 
 __all__ = ["Experiment", "make_experiment", "read_experiment", "read_pieces"]

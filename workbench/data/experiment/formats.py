@@ -1,4 +1,4 @@
-"""Columns of numbers from the files of other tools, by suffix: MATLAB, Parquet, Feather, MDF, text for all others.
+"""Columns of numbers from text, whoever wrote it, and from MATLAB, Parquet, Feather and MDF.
 
 Readers of Parquet, Feather and MDF are packages of their own (pyarrow, asammdf); a file that needs one which is not
 installed is refused with the name of the package.
@@ -6,18 +6,197 @@ installed is refused with the name of the package.
 
 from __future__ import annotations
 
+import csv
 import importlib
-from collections.abc import Callable, Mapping
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from workbench.core.machine.files import content_of
 from workbench.core.values.arrays import Floats
-from workbench.data.experiment.data_table import DataTable, read_table, with_unit
 from workbench.errors import InputError
 
-__all__ = ["read_columns"]
+__all__ = ["DataTable", "read_columns", "read_table"]
+
+_SEPARATORS = (";", "\t", ",")
+_UNIT = re.compile(r"^(?P<name>.*\S)\s+\[(?P<unit>[^\[\]]*)\]$")
+_SYMBOL = (
+    r"(?:[pnuµmcdhkMG]?(?:m|g|s|A|K|mol|cd|Hz|N|Pa|bar|J|W|Wh|V|VA|C|F|H|T|Wb|S|Ohm|Ω|rad|l|L)"
+    r"|min|h|d|deg|degC|degF|°|°C|°F|%|1|-|rpm|rev|ft|in|lb|lbf|kn|kt|psi|t|dB)"
+)
+_POWER = r"(?:\^?-?\d+|[⁻²³¹])*"
+_UNIT_ALONE = re.compile(rf"^{_SYMBOL}{_POWER}(?:\s*[*/.·\s]\s*\(?{_SYMBOL}{_POWER}\)?)*$")
+_REMARKS = ("#", "%", "//")
+
+
+@dataclass(frozen=True)
+class DataTable:
+    """What stands in a file.
+
+    Attributes:
+        names, units: of the columns; unit None where the file names none.
+        values: shape (n, columns).
+        notes: what had to be bent to read it.
+        remarks: lines of comment.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    values: Floats
+    notes: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
+
+
+def read_table(path: str | Path) -> DataTable:
+    """Read a table of numbers.
+
+    The separator is a semicolon, a tab, a comma or, without any of these, white space; a decimal
+    comma is understood where the comma is not the separator. Names may stand in the first line, each
+    with its unit as a trailing " [unit]", or with the units in a line of their own below: in brackets, or ones in use
+    (m/s2, N.m, °C).
+
+    Raises:
+        InputError: no such file, no numbers, a row of another length, a cell that is not a number.
+    """
+    path = Path(path)
+    text, notes = _text(path)
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    separator = _separator([line for _, line in lines])
+    if separator != ",":
+        notes.append(f"{path}: the separator is {_spoken(separator)}")
+    try:
+        rows = [(number, _cells(line, separator)) for number, line in lines if not _is_remark(line)]
+    except csv.Error as error:
+        raise InputError(f"{path}: is not a table: {error}") from None
+    longest = max((len(cells) for _, cells in rows), default=0)
+    if longest > 1 and all(not cells[-1] for _, cells in rows if len(cells) == longest):
+        # A separator at the end of every line is a habit of some tools; at the end of some, a value is missing.
+        rows = [(number, cells[: longest - 1]) for number, cells in rows]
+    start = _first_numbers(rows, separator)
+    if start is None:
+        raise InputError(f"{path}: contains no row of numbers; a table with one column per signal is needed")
+    headings = rows[:start]
+    values = _numbers(path, rows[start:], separator)
+    if not headings:
+        headings = _remark_heading(lines, separator, values.shape[1])
+    names, units = _heading(path, headings, values.shape[1], notes)
+    return DataTable(names, units, values, tuple(notes), tuple(line.strip() for _, line in lines if _is_remark(line)))
+
+
+def _text(path: Path) -> tuple[str, list[str]]:
+    try:
+        raw = content_of(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if b"\0" in raw[:4096]:
+        raise InputError(f"{path}: is not text; export the data as CSV, or name it by its format (.mat, .parquet)")
+    try:
+        return raw.decode("utf-8-sig"), []
+    except UnicodeDecodeError:
+        return raw.decode("latin-1"), [f"{path}: is not UTF-8; names and units were read as Latin-1"]
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """Return what separates the cells of the last line, the surest to be data; "" is white space."""
+    last = lines[-1] if lines else ""
+    return next((s for s in _SEPARATORS if s in last), "")
+
+
+def _spoken(separator: str) -> str:
+    return {";": "a semicolon", "\t": "a tab", "": "white space"}[separator]
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if not separator:
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+
+
+def _is_remark(line: str) -> bool:
+    return line.lstrip().startswith(_REMARKS)
+
+
+def _number(cell: str, separator: str) -> float | None:
+    text = cell if separator == "," else cell.replace(",", ".")
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan if not cell else None
+
+
+def _first_numbers(rows: Sequence[tuple[int, list[str]]], separator: str) -> int | None:
+    for index, (_, cells) in enumerate(rows):
+        if all(_number(cell, separator) is not None for cell in cells) and any(cells):
+            return index
+    return None
+
+
+def _numbers(path: Path, rows: Sequence[tuple[int, list[str]]], separator: str) -> Floats:
+    width = max(len(cells) for _, cells in rows[:1])
+    values = np.empty((len(rows), width))
+    for index, (line, cells) in enumerate(rows):
+        if len(cells) != width:
+            raise InputError(f"{path}, line {line}: {len(cells)} cells, but {width} in the lines before")
+        for column, cell in enumerate(cells):
+            number = _number(cell, separator)
+            if number is None:
+                raise InputError(f"{path}, line {line}, column {column + 1}: '{cell}' is not a number")
+            values[index, column] = number
+    return values
+
+
+def _remark_heading(lines: Sequence[tuple[int, str]], separator: str, width: int) -> list[tuple[int, list[str]]]:
+    """Return the names out of a remark before the data, as NumPy writes them."""
+    for number, line in reversed(lines):
+        if _is_remark(line):
+            cells = _cells(line.strip().lstrip("#%/"), separator)
+            if len(cells) == width:
+                return [(number, cells)]
+    return []
+
+
+def _heading(
+    path: Path, headings: Sequence[tuple[int, list[str]]], width: int, notes: list[str]
+) -> tuple[tuple[str, ...], tuple[str | None, ...]]:
+    fitting = [(number, cells) for number, cells in headings if len(cells) == width]
+    if not fitting:
+        notes.append(f"{path}: does not name its columns; they are called column1, column2, …")
+        return tuple(f"column{i + 1}" for i in range(width)), (None,) * width
+    split = [with_unit(cell) for cell in fitting[0][1]]
+    names = tuple(name or f"column{i + 1}" for i, (name, _) in enumerate(split))
+    units = tuple(unit for _, unit in split)
+    if len(fitting) > 1 and not any(units):
+        units = tuple(_unit_alone(path, fitting[1][0], cell) for cell in fitting[1][1])
+        notes.append(f"{path}: the units are those of the second line")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: column '{twice[0]}' appears twice; give every column a unique name")
+    return names, units
+
+
+def _unit_alone(path: Path, line: int, cell: str) -> str | None:
+    inner = cell.strip("[]()").strip()
+    if inner and inner == cell and not _UNIT_ALONE.match(cell):
+        raise InputError(
+            f"{path}, line {line}: '{cell}' is neither a number nor a known unit; take the line out, or put units in "
+            "brackets, as [V]"
+        )
+    return inner or None
+
+
+def with_unit(cell: str) -> tuple[str, str | None]:
+    """Return name and unit of a heading such as "stick [deg]".
+
+    Args:
+        cell: the heading.
+    """
+    match = _UNIT.match(cell)
+    return (match["name"], match["unit"].strip() or None) if match else (cell, None)
 
 
 def read_columns(path: str | Path) -> DataTable:

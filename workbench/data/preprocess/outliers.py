@@ -12,10 +12,10 @@ from scipy import linalg, ndimage
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import lagged
-from workbench.data.preprocess.prepared import PreprocessingStep, check_columns
+from workbench.data.preprocess.steps import PreprocessingStep, check_columns
 from workbench.errors import InputError
 
-__all__ = ["OutliersRemoved", "remove_outliers"]
+__all__ = ["remove_outliers"]
 
 THRESHOLD = 6.5  # robust standard deviations: once in 10¹⁰ normal samples
 _NEIGHBOURS = 6

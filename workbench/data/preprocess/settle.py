@@ -9,10 +9,10 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import fit_long_arx
-from workbench.data.preprocess.prepared import PreprocessingStep
+from workbench.data.preprocess.steps import PreprocessingStep
 from workbench.errors import InputError
 
-__all__ = ["WithoutStart", "cut_settling", "settling_samples"]
+__all__ = ["cut_settling", "settling_samples"]
 
 _PART = 2  # the record's first half is searched, its second half is the measure
 _VISIBLE = 0.3  # of an output's standard deviation

@@ -12,8 +12,7 @@ from scipy import stats
 from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.data.spectra.cross import cross_spectra
-from workbench.data.spectra.window import WindowSettings, choose_window
+from workbench.data.spectra.window import WindowSettings, choose_window, cross_spectra
 from workbench.errors import InputError
 from workbench.requests.decorator import with_origin
 from workbench.show.result import Result

@@ -11,8 +11,7 @@ import numpy as np
 from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.data.spectra.cross import cross_spectra
-from workbench.data.spectra.window import WindowSettings, choose_window
+from workbench.data.spectra.window import WindowSettings, choose_window, cross_spectra
 from workbench.errors import InputError, suggest
 from workbench.requests.decorator import with_origin
 from workbench.show.result import Result

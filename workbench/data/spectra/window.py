@@ -1,4 +1,4 @@
-"""How a record is cut into windowed segments, and what that does to an estimate."""
+"""How a record is cut into windowed segments, and the spectra of these."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from scipy import signal, stats
 
 from workbench.core.records.record import RecordPart
-from workbench.core.values.arrays import Floats
+from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, suggest
 
-__all__ = ["WINDOWS", "WindowSettings", "choose_window"]
+__all__ = ["Complex", "WindowSettings", "choose_window", "cross_spectra"]
 
 WINDOWS = ("hann", "hamming", "blackman", "bartlett", "flattop", "boxcar")
 
@@ -159,3 +159,27 @@ def _effective(w: Floats, step: int, averages: int) -> float:
         shared = float(np.sum(w[j * step :] * w[: len(w) - j * step])) / energy
         total += 2.0 * (1.0 - j / averages) * shared**2
     return averages / total
+
+
+def cross_spectra(channels: Floats, settings: WindowSettings) -> tuple[Floats, Complex]:
+    """Return frequencies [Hz], shape (n_f,), and one-sided densities S, shape (n_f, c, c).
+
+    S[k, i, j] is the mean of conj(X_i)·X_j over the segments, scaled so that the integral of S[:, i, i]
+    over 0 … Nyquist is the variance of channel i. Each segment's mean is taken out first.
+
+    Args:
+        channels: shape (n, c).
+        settings: segments and window.
+    """
+    every = channels.T
+    frequency, density = signal.csd(
+        every[:, None, :],
+        every[None, :, :],
+        fs=1.0 / settings.dt,
+        window=settings.window,
+        nperseg=settings.length,
+        noverlap=settings.overlapping,
+        detrend="constant",
+        scaling="density",
+    )
+    return np.asarray(frequency, dtype=np.float64), np.moveaxis(np.asarray(density, dtype=np.complex128), -1, 0)

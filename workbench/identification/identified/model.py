@@ -19,7 +19,7 @@ from workbench.identification.identified.recursion import march, march_one
 if TYPE_CHECKING:
     import control
 
-__all__ = ["IdentifiedModel", "NoiseModel", "NumDen", "numden"]
+__all__ = ["IdentifiedModel", "NoiseModel", "numden"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

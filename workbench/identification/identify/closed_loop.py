@@ -20,10 +20,9 @@ from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import LongArx, fit_long_arx
 from workbench.errors import InputError
 from workbench.identification.identified.model import NoiseModel
-from workbench.identification.identify.preparation import PreparedData, chosen, prepare
+from workbench.identification.identify.data import PreparedData, chosen, gathered, prepare
 from workbench.identification.identify.refinement import wished
 from workbench.identification.identify.request import Identify
-from workbench.identification.identify.several import gathered
 from workbench.identification.prediction.model import instrumented_model
 from workbench.identification.prediction.model_selection import noise_alone
 from workbench.identification.subspace.result import SubspaceEstimate

@@ -11,13 +11,12 @@ from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError, suggest
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.identify.preparation import PreparedData
+from workbench.identification.identify.data import PreparedData, without_joints
 from workbench.identification.identify.request import Identify
-from workbench.identification.identify.several import without_joints
 from workbench.identification.prediction.model import RefinedModel, refined_model
 from workbench.identification.prediction.model_selection import SelectionOptions
 from workbench.identification.prediction.result import NOT_REFINED, Refinement
-from workbench.identification.subspace.final_model import cost
+from workbench.identification.subspace.order import cost
 from workbench.identification.subspace.result import SubspaceEstimate
 from workbench.identification.validate.validate import suited
 

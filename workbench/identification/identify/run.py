@@ -11,13 +11,12 @@ from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.identify.closed_loop import driven_by, with_disturbance, with_reference
-from workbench.identification.identify.preparation import PreparedData, chosen, cut
+from workbench.identification.identify.data import PreparedData, chosen, cut, joined, prepared_all, without_joints
 from workbench.identification.identify.refinement import refined
 from workbench.identification.identify.request import Identify
 from workbench.identification.identify.result import IdentifyResult
-from workbench.identification.identify.several import joined, prepared_all, without_joints
-from workbench.identification.subspace.delays import as_tuple
 from workbench.identification.subspace.estimate import estimate
+from workbench.identification.subspace.record import as_tuple
 from workbench.identification.subspace.result import SubspaceEstimate
 from workbench.identification.validate.overlay import Overlay, overlay
 from workbench.identification.validate.spread import model_spread

@@ -10,17 +10,13 @@ from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel, NoiseModel
-from workbench.identification.prediction.gradient import normal_equations
-from workbench.identification.prediction.innovations import Innovations
-from workbench.identification.prediction.instrumental_variable import instrumented
+from workbench.identification.prediction.innovations import Innovations, normal_equations
 from workbench.identification.prediction.model_selection import Chosen, SelectionOptions, choose
-from workbench.identification.prediction.refine import Refined, refine
+from workbench.identification.prediction.refine import Refined, instrumented, refine
 from workbench.identification.prediction.start import started, with_own
-from workbench.identification.subspace.data import ScaledData, prepare
-from workbench.identification.subspace.delays import advance, as_tuple
 from workbench.identification.subspace.estimate import model_of
-from workbench.identification.subspace.simulated import InputFit
-from workbench.identification.subspace.states import Noise
+from workbench.identification.subspace.matrices import InputFit, Noise
+from workbench.identification.subspace.record import ScaledData, advance, as_tuple, prepare
 
 __all__ = ["RefinedModel", "instrumented_model", "refined_model", "truth_spread"]
 

@@ -20,8 +20,7 @@ import scipy.special
 from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.identification.prediction.gradient import errors_of
-from workbench.identification.prediction.innovations import Innovations
+from workbench.identification.prediction.innovations import Innovations, errors_of
 from workbench.identification.prediction.refine import Refined, refine
 from workbench.identification.prediction.start import (
     Plant,
@@ -33,7 +32,7 @@ from workbench.identification.prediction.start import (
     with_shared,
 )
 from workbench.identification.subspace.estimate import estimate
-from workbench.identification.subspace.final_model import cost
+from workbench.identification.subspace.order import cost
 
 __all__ = ["Candidate", "Chosen", "SelectionOptions", "choose", "noise_alone"]
 

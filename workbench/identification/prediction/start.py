@@ -17,10 +17,8 @@ import scipy.signal
 
 from workbench.core.values.arrays import Floats
 from workbench.data.long_arx import LongArx, fit_long_arx
-from workbench.identification.prediction.gradient import errors_of
-from workbench.identification.prediction.innovations import Innovations
-from workbench.identification.subspace.matrices import radius, stabilise
-from workbench.identification.subspace.simulated import fit_inputs, residual
+from workbench.identification.prediction.innovations import Innovations, errors_of
+from workbench.identification.subspace.matrices import fit_inputs, radius, residual, stabilise
 
 __all__ = ["Plant", "disturbance", "realised", "started", "whitened"]
 

@@ -21,8 +21,7 @@ import scipy.linalg
 import scipy.signal
 
 from workbench.core.values.arrays import Floats
-from workbench.identification.prediction.gradient import errors_of, jacobian
-from workbench.identification.prediction.innovations import Entries, Innovations
+from workbench.identification.prediction.innovations import Entries, Innovations, errors_of, jacobian
 from workbench.identification.structures.table import places, weights
 from workbench.identification.subspace.matrices import radius
 

@@ -14,7 +14,7 @@ from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.structures.table import StaticTable
-from workbench.identification.validate.fit import OutputFit, fit_of
+from workbench.identification.validate.residuals import OutputFit, fit_of
 from workbench.show.result import Result
 from workbench.system.description import (
     BlockComponent,

@@ -15,7 +15,7 @@ from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.identify.preparation import chosen, cut
+from workbench.identification.identify.data import chosen, cut
 from workbench.identification.identify.request import Identify
 from workbench.identification.identify.result import IdentifyResult
 from workbench.identification.identify.run import run as identify_linear
@@ -33,7 +33,7 @@ from workbench.identification.structures.start import (
     with_behind,
 )
 from workbench.identification.structures.table import StaticTable
-from workbench.identification.subspace.delays import advance, with_chains
+from workbench.identification.subspace.record import advance, with_chains
 from workbench.jobs.job import Job
 
 __all__ = ["run", "run_command"]

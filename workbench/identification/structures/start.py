@@ -8,8 +8,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.identification.prediction.gradient import errors_of
-from workbench.identification.prediction.innovations import Innovations
+from workbench.identification.prediction.innovations import Innovations, errors_of
 from workbench.identification.structures.refine import PiecewiseLinearBlock, WienerHammersteinModel, line_of
 from workbench.identification.structures.table import free_directions, knots_for, weights
 from workbench.identification.subspace.estimate import estimate

@@ -13,24 +13,23 @@ from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.subspace.candidates import HorizonView, first_trial, look
-from workbench.identification.subspace.data import ScaledData, prepare
-from workbench.identification.subspace.delays import advance, as_tuple, with_chains
-from workbench.identification.subspace.final_model import Delivered, cost, deliver
-from workbench.identification.subspace.horizon import candidates, largest_order
-from workbench.identification.subspace.matrices import radius
-from workbench.identification.subspace.order import OrderChoice, check_order, choose_order
-from workbench.identification.subspace.result import SubspaceEstimate
-from workbench.identification.subspace.settings import (
+from workbench.identification.subspace.horizon import (
     DEFAULT_METHOD,
     DEFAULT_MOST,
+    HorizonView,
     SubspaceSettings,
+    candidates,
     check_interval,
     check_order_wish,
+    first_trial,
+    largest_order,
+    look,
 )
-from workbench.identification.subspace.simulated import InputFit
-from workbench.identification.subspace.states import Noise
-from workbench.identification.subspace.weightings import oblique_loss, principal_angles
+from workbench.identification.subspace.matrices import InputFit, Noise, radius
+from workbench.identification.subspace.order import Delivered, OrderChoice, check_order, choose_order, cost, deliver
+from workbench.identification.subspace.projections import oblique_loss, principal_angles
+from workbench.identification.subspace.record import ScaledData, advance, as_tuple, prepare, with_chains
+from workbench.identification.subspace.result import SubspaceEstimate
 from workbench.requests.decorator import with_origin
 
 __all__ = ["estimate", "model_of"]
@@ -81,7 +80,7 @@ def estimate(
         delay: known delay of all inputs or of each [samples].
         biased: A, B, C, D from the regression on the state sequence: less variance, and a bias that does not vanish
             with the length of the record. The source report's choice for real-life data.
-        stable: move poles outside the unit circle inside, see `workbench.identification.subspace.final_model`.
+        stable: move poles outside the unit circle inside, see `workbench.identification.subspace.order`.
 
     Raises:
         InputError: data not finite, of unequal length, too short for the order or not exciting enough; unknown name.

@@ -22,7 +22,7 @@ from workbench.show.result import Result
 if TYPE_CHECKING:
     from workbench.point.lin.state_space import LinearModel
 
-__all__ = ["PLANTS", "Difference", "Overlay", "overlay", "sine_response"]
+__all__ = ["Overlay", "overlay", "sine_response"]
 
 
 IDENTIFIED, LINEAR = "identified", "linearised"
@@ -86,7 +86,7 @@ class Overlay(Result):
     """
 
     _page = "workbench.identification.validate.page:overlay_page"
-    _picture = "workbench.identification.validate.picture_overlay:plot_overlay"
+    _picture = "workbench.identification.validate.picture:plot_overlay"
 
     name: str
     input: str

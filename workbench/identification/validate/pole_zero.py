@@ -12,7 +12,7 @@ from workbench.core.values.arrays import Complex
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.validate.spread import model_spread
 
-__all__ = ["NEAR", "NearCancellation", "in_words", "near_cancellations"]
+__all__ = ["NearCancellation", "in_words", "near_cancellations"]
 
 
 NEAR = 0.25

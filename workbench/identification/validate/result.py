@@ -100,7 +100,7 @@ class Validation(Result):
         """
         known = None if self.model.spread is None else model_spread(self.model)
         marked = {"cancellations": self.cancellations, "spread": known}
-        return drawn("workbench.identification.validate.picture_poles:plot_poles", path, self.model, **marked)
+        return drawn("workbench.identification.validate.picture:plot_poles", path, self.model, **marked)
 
     def residuals(self, kind: str) -> Residuals:
         """Return one of the two ways of computing the output.

@@ -44,7 +44,7 @@ class ModelSpread(Result):
     """
 
     _page = "workbench.identification.validate.page:spread_page"
-    _picture = "workbench.identification.validate.picture_poles:plot_spread"
+    _picture = "workbench.identification.validate.picture:plot_spread"
 
     regions: tuple[PoleRegion, ...]
     confidence: float

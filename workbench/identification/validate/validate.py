@@ -16,7 +16,7 @@ from workbench.identification.validate.residuals import residuals_of
 from workbench.identification.validate.result import Validation
 from workbench.requests.decorator import with_origin
 
-__all__ = ["STARTS", "suited", "validate"]
+__all__ = ["suited", "validate"]
 
 LAGS = 25
 PER_LAG = 4  # samples there must be for each lag

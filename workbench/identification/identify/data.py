@@ -1,4 +1,4 @@
-"""Several experiments as one record, and the model of it without what joins them.
+"""What happens to the data before an identification: columns, settling part, operating point, several as one record.
 
 Where one experiment ends and the next begins the state jumps, to anywhere. An input that is one at the last sample
 before and zero elsewhere makes any jump, by its column of B: with one such input for each joint the estimators need
@@ -7,22 +7,115 @@ know nothing of experiments, neither the subspaces, for which the pulse is an in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from workbench.core.values.arrays import Floats
-from workbench.data.experiment.experiment import Experiment, read_pieces
+from workbench.data.experiment.experiment import Experiment, read_experiment, read_pieces
 from workbench.data.preprocess.outliers import remove_outliers
+from workbench.data.preprocess.settle import cut_settling
+from workbench.data.preprocess.steps import Detrended, detrend, remove_offset
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
-from workbench.identification.identify.preparation import PreparedData, chosen, prepare
 from workbench.identification.identify.request import Identify
 
-__all__ = ["gathered", "joined", "prepared_all", "without_joints"]
+__all__ = ["PreparedData", "chosen", "cut", "gathered", "joined", "prepare", "prepared_all", "without_joints"]
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedData:
+    """Data ready for the estimator.
+
+    Attributes:
+        data: as recorded, without the settling part.
+        u: shape (N, m), inputs without their operating point and trend.
+        y: shape (N, p), outputs likewise.
+        u0, y0: shape (m,), (p,), operating point that was taken off.
+    """
+
+    data: Experiment
+    u: Floats
+    y: Floats
+    u0: Floats
+    y0: Floats
+
+
+def _nothing(data: Experiment) -> Detrended:
+    return remove_offset(data, {})
+
+
+# Name → what takes the operating point off.
+_DETRENDS: Mapping[str, Callable[[Experiment], Detrended]] = {
+    "mean": detrend,
+    "linear": lambda data: detrend(data, kind="linear"),
+    "none": _nothing,
+}
+
+
+def chosen(
+    data: Experiment | str | Path, inputs: Sequence[str] | None, outputs: Sequence[str] | None, dt: float | None
+) -> Experiment:
+    """Return the data with the columns asked for.
+
+    Args:
+        data: an experiment, or a CSV file.
+        inputs: names; None: the experiment's own, or what the file says.
+        outputs: names; None: likewise.
+        dt: sampling interval of a file without times [s].
+
+    Raises:
+        InputError: no such file or column, gaps, numbers that are none.
+    """
+    if not isinstance(data, Experiment):
+        return read_experiment(data, inputs=inputs, outputs=outputs, dt=dt)
+    if inputs is None and outputs is None:
+        return data
+    return data.select(inputs or data.input_names, outputs or data.output_names)
+
+
+def prepare(data: Experiment, *, how: str, settle: float) -> PreparedData:
+    """Cut the settling part off and take the operating point away.
+
+    Args:
+        data: as recorded.
+        how: "mean", "linear" or "none".
+        settle: so much is cut off the beginning [s].
+
+    Raises:
+        InputError: too little left after the cut, a column that never changes.
+    """
+    kept = cut(data, settle)
+    _check_moving(kept)
+    level = _DETRENDS[how](kept)
+    return PreparedData(kept, level.experiment.u, level.experiment.y, level.u0, level.y0)
+
+
+def _check_moving(data: Experiment) -> None:
+    for kind, names, values in (("input", data.input_names, data.u), ("output", data.output_names, data.y)):
+        still = np.ptp(values, axis=0) <= 1e-12 * np.max(np.abs(values), axis=0)
+        if still.any():
+            k = int(np.argmax(still))
+            what = "it excites nothing" if kind == "input" else "there is nothing to identify"
+            advice = "; leave it out" if len(names) > 1 else ""
+            raise InputError(f"{data.name}: {kind} '{names[k]}' is constant ({values[0, k]:.6g}): {what}{advice}")
+
+
+def cut(data: Experiment, settle: float) -> Experiment:
+    """Cut the settling part off.
+
+    Args:
+        data: as recorded.
+        settle: so much is cut off the beginning [s].
+
+    Raises:
+        InputError: too little left.
+    """
+    first = int(np.ceil(settle / data.dt - 1e-9))
+    return cut_settling(data, samples=first).experiment if first else data
 
 
 def gathered(data: Experiment | str | Path, asked: Identify) -> tuple[Experiment, ...]:
