@@ -11,6 +11,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom, chi2
 
+from scripts.reproduce.error_figures import ERROR_FIGURES, error_figure
 from tests.random_systems import Plant, random_plant
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment, make_experiment, read_experiment
@@ -18,13 +19,11 @@ from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.validate.pole_zero import near_cancellations
 from workbench.identification.validate.residuals import (
-    ERROR_FIGURES,
     LEVEL,
     _each,
     _probability,
     autocorrelation,
     cross_correlation,
-    error_figure,
     fit_of,
 )
 from workbench.identification.validate.validate import validate

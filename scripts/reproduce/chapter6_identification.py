@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from scripts.reproduce.drawings import titled
+from scripts.reproduce.error_figures import ERROR_FIGURES, error_figure
 from scripts.reproduce.identification import (
     SEEDS,
     SEGMENTS,
@@ -27,7 +28,6 @@ from workbench.data.spectra.coherence import Coherence, coherence
 from workbench.data.spectra.density import sdf
 from workbench.identification.identify.request import identify
 from workbench.identification.identify.result import IdentifyResult
-from workbench.identification.validate.residuals import ERROR_FIGURES, error_figure
 
 __all__ = ["EXPERIMENTS"]
 
