@@ -31,8 +31,8 @@ def distortion(study: DataStudy) -> tuple[float, float]:
     for i in study.varying_outputs:
         if arx.sigma[i] <= arx.floor[i]:
             continue
-        found = _f_test(arx.residual[:, i], _linear_columns(study, arx), _nonlinear_columns(study, arx, i))
-        worst = min(worst, found)
+        result = _f_test(arx.residual[:, i], _linear_columns(study, arx), _nonlinear_columns(study, arx, i))
+        worst = min(worst, result)
     return worst
 
 

@@ -50,10 +50,10 @@ def _record(axes: list[Axes], advice: Advice) -> None:
             drawstyle="steps-post" if held else "default",
         )  # fmt: skip
         ax.set_ylabel(label(names[i], data.units[names[i]]), fontsize=8.5)
-        for found in advice.findings:
-            at = list(found.marks.get(names[i], ()))
+        for result in advice.findings:
+            at = list(result.marks.get(names[i], ()))
             if at:
-                ax.plot(data.time[at], values[at, i], ".", color=_MARK, markersize=3.5, label=found.topic)
+                ax.plot(data.time[at], values[at, i], ".", color=_MARK, markersize=3.5, label=result.topic)
                 ax.legend(fontsize=8.0, loc="upper right", framealpha=0.9, edgecolor="#cccccc")
         ax.set_xlim(data.time[0], data.time[-1])
         ax.tick_params(labelbottom=ax is axes[-1])
@@ -64,16 +64,16 @@ def _coherence(ax: Axes, advice: Advice) -> None:
     from workbench.data.spectra.coherence import coherence  # noqa: PLC0415  drawn, not part of the advice
 
     try:
-        found = coherence(advice.experiment)
+        result = coherence(advice.experiment)
     except InputError as error:
         ax.text(0.5, 0.5, str(error), ha="center", va="center", fontsize=8.5, transform=ax.transAxes, wrap=True)
         return
-    for i, name in enumerate(found.output_names):
+    for i, name in enumerate(result.output_names):
         colour = COLOURS[(i + 1) % len(COLOURS)]
-        ax.plot(found.frequency_hz[1:], found.multiple[1:, i], color=colour, linewidth=1.3, label=name)
-    ax.axhline(found.significance_95, color="#888888", linestyle="--", linewidth=0.9, label="95 % of chance")
+        ax.plot(result.frequency_hz[1:], result.multiple[1:, i], color=colour, linewidth=1.3, label=name)
+    ax.axhline(result.significance_95, color="#888888", linestyle="--", linewidth=0.9, label="95 % of chance")
     ax.legend(fontsize=8.0, framealpha=0.9, edgecolor="#cccccc")
     ax.set_ylim(0.0, 1.04)
     ax.set_ylabel("coherence", fontsize=8.5)
-    ax.set_xlabel(f"frequency [Hz]; {found.settings.describe()}", fontsize=8.5)
-    ax.set_xlim(0.0, found.settings.nyquist_hz)
+    ax.set_xlabel(f"frequency [Hz]; {result.settings.describe()}", fontsize=8.5)
+    ax.set_xlim(0.0, result.settings.nyquist_hz)

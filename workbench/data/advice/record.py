@@ -95,17 +95,17 @@ def _ordinal(n: int) -> str:
 
 def judge_outliers(study: DataStudy) -> Finding:
     """Judge by `preprocess.remove_outliers`; the other questions are asked about repaired data."""
-    found = study.outliers
-    values = {name: len(at) for name, at in found.items()}
-    if not found:
+    result = study.outliers
+    values = {name: len(at) for name, at in result.items()}
+    if not result:
         return Finding("outliers", "good", "none", "", values)
-    name, at = max(found.items(), key=lambda pair: len(pair[1]))
+    name, at = max(result.items(), key=lambda pair: len(pair[1]))
     when = ", ".join(f"{study.experiment.time[k]:.6g}" for k in at[:3])
     more = ", …" if len(at) > 3 else ""
     some = f"{len(at)} samples of {name} stand out" if len(at) > 1 else f"1 sample of {name} stands out"
     evidence = f"{some}, at {when}{more} s"
-    marks = {n: tuple(k + study.settling for k in a) for n, a in found.items()}
-    share = max(len(a) for a in found.values()) / study.experiment.n_samples
+    marks = {n: tuple(k + study.settling for k in a) for n, a in result.items()}
+    share = max(len(a) for a in result.values()) / study.experiment.n_samples
     advice = "repair them with remove_outliers, or cut the record there"
     return Finding("outliers", "poor" if share > 0.01 else "watch", evidence, advice, values, marks)
 

@@ -83,9 +83,9 @@ class Advice(Result):
         Raises:
             InputError: no such topic.
         """
-        for found in self.findings:
-            if found.topic == topic:
-                return found
+        for result in self.findings:
+            if result.topic == topic:
+                return result
         raise InputError(f"advice has no topic '{topic}'; {suggest(topic, [f.topic for f in self.findings])}")
 
     def refuse(self, order: int) -> None:

@@ -92,9 +92,9 @@ def steady(periods: Floats) -> Steady:
     with one_thread():
         best, least = none, np.inf
         for modes, course in _courses(changes, P * N):
-            found, criterion = _without(periods, course, modes)
+            result, criterion = _without(periods, course, modes)
             if criterion < least:
-                best, least = found, criterion
+                best, least = result, criterion
     return replace(best, unsettled=_unsettled(best.periods))
 
 
@@ -121,11 +121,11 @@ def _courses(changes: Floats, length: int) -> Iterator[tuple[int, Floats]]:
 
 def _powers(row: Floats, A: Floats, length: int) -> Floats:
     """Return row·Aⁿ for n = 0 … length − 1, shape (length, modes), by doubling."""
-    found, power = row[None], A
+    result, power = row[None], A
     with np.errstate(over="ignore", invalid="ignore"):
-        while len(found) < length:
-            found, power = np.vstack([found, found @ power]), power @ power
-    return found[:length]
+        while len(result) < length:
+            result, power = np.vstack([result, result @ power]), power @ power
+    return result[:length]
 
 
 def _without(periods: Floats, course: Floats, modes: int) -> tuple[Steady, float]:
@@ -145,11 +145,11 @@ def _without(periods: Floats, course: Floats, modes: int) -> tuple[Steady, float
     turned = whole @ v[clear].T / s[clear]
     transient = (turned @ parts[clear]).T.reshape(periods.shape)
     spectrum = np.fft.rfft(turned.reshape(P, N, -1).mean(axis=0), axis=0) / N
-    found = Steady(
+    result = Steady(
         periods - transient, modes, float(np.sqrt(np.mean(transient**2))),
         _wait(transient, float(np.std(periods))), 0.0, noise * np.sum(np.abs(spectrum) ** 2, axis=1),
     )  # fmt: skip
-    return found, count * float(np.log(left / count)) + modes * (M + 1) * float(np.log(count))
+    return result, count * float(np.log(left / count)) + modes * (M + 1) * float(np.log(count))
 
 
 def _wait(transient: Floats, size: float) -> float:

@@ -27,34 +27,34 @@ _SMALL = 1e-3  # of the largest amplitude: lines below are not excited
 _CLEAR = 20.0  # times the noise of the mean: chance does not make a line so large
 
 
-def run(experiments: Sequence[Experiment], asked: BestLinear, job: Job) -> BlaResult:
+def run(experiments: Sequence[Experiment], request: BestLinear, job: Job) -> BlaResult:
     """Evaluate recorded data; see `BestLinear`."""
     if not experiments:
         raise InputError("there is no experiment")
     first = experiments[0]
-    length = round(asked.period / first.dt)
-    if length < 4 or abs(length * first.dt - asked.period) > 1e-6 * asked.period:
-        raise InputError(f"period: {asked.period:g} s is not a whole number of samples of {first.dt:g} s")
+    length = round(request.period / first.dt)
+    if length < 4 or abs(length * first.dt - request.period) > 1e-6 * request.period:
+        raise InputError(f"period: {request.period:g} s is not a whole number of samples of {first.dt:g} s")
     for data in experiments:
         _check(data, first)
-    found = [piece for data in experiments for piece in _realisations(data, length)]
-    kept = [piece for piece in found if len(piece.u) - asked.transient >= 2]
+    result = [piece for data in experiments for piece in _realisations(data, length)]
+    kept = [piece for piece in result if len(piece.u) - request.transient >= 2]
     if not kept:
-        most = max(len(piece.u) for piece in found)
-        raise InputError(_too_few(first, asked, most))
-    periods = min(len(piece.u) for piece in kept) - asked.transient
+        most = max(len(piece.u) for piece in result)
+        raise InputError(_too_few(first, request, most))
+    periods = min(len(piece.u) for piece in kept) - request.transient
     u, y = (np.array([getattr(piece, side)[-periods:] for piece in kept]) for side in ("u", "y"))
     lines = _lines(u)
     approximation = approximate(u, y, lines, rest=math.nan)
-    told = {
-        "model": asked.name, "input": first.input_names[0], "output": first.output_names[0],
+    notes = {
+        "model": request.name, "input": first.input_names[0], "output": first.output_names[0],
         "input_unit": first.input_units[0], "output_unit": first.output_units[0], "periods": periods,
-        "realisations": len(u), "transient": asked.transient, "lines": _kind(lines),
-        "notes": (*(n for data in experiments for n in data.notes), *_notes(found, kept, periods + asked.transient)),
+        "realisations": len(u), "transient": request.transient, "lines": _kind(lines),
+        "notes": (*(n for data in experiments for n in data.notes), *_notes(result, kept, periods + request.transient)),
     }  # fmt: skip
     level = float(np.sqrt(np.mean(np.var(u, axis=2))))
     job.done("data evaluated", 1, 1)
-    return gathered([approximation], np.array([level]), Grid(lines, first.dt, length), told)
+    return gathered([approximation], np.array([level]), Grid(lines, first.dt, length), notes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,16 +88,16 @@ def _realisations(data: Experiment, length: int) -> list[_Piece]:
     return [_Piece(*pair) for pair in zip(np.split(u, places), np.split(y, places), strict=True)]
 
 
-def _too_few(data: Experiment, asked: BestLinear, most: int) -> str:
+def _too_few(data: Experiment, request: BestLinear, most: int) -> str:
     """Return why no realisation can be evaluated."""
     if most < 2:
         return (
-            f"{data.name}: the input '{data.input_names[0]}' does not repeat with a period of {asked.period:g} s: a "
+            f"{data.name}: the input '{data.input_names[0]}' does not repeat with a period of {request.period:g} s: a "
             "multisine with another period, or none"
         )
-    left = max(most - asked.transient, 0)
+    left = max(most - request.transient, 0)
     return (
-        f"{data.name}: {left} whole period{'' if left == 1 else 's'} of {asked.period:g} s after the transient, at "
+        f"{data.name}: {left} whole period{'' if left == 1 else 's'} of {request.period:g} s after the transient, at "
         "least two are needed"
     )
 
@@ -135,12 +135,12 @@ def _kind(lines: Lines) -> str:
     return "random-odd" if len(lines.odd) else "odd"
 
 
-def _notes(found: Sequence[_Piece], kept: Sequence[_Piece], periods: int) -> tuple[str, ...]:
+def _notes(result: Sequence[_Piece], kept: Sequence[_Piece], periods: int) -> tuple[str, ...]:
     """Return what was left out."""
     notes = []
     if len(kept) == 1:
         notes.append("one realisation: distortion at excited lines is taken from odd lines that are not excited")
-    short = [len(piece.u) for piece in found if not any(piece is other for other in kept)]
+    short = [len(piece.u) for piece in result if not any(piece is other for other in kept)]
     if short:
         notes.append(f"{sum(short)} periods at other phases are left out, too few after the transient")
     longer = sum(len(piece.u) - periods for piece in kept)

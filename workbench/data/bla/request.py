@@ -227,8 +227,8 @@ class BlaCommand(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
             InputError: options of models with recorded data.
         """
         if not is_data(given):
-            with super().opened(given, loading) as found:
-                yield found
+            with super().opened(given, loading) as result:
+                yield result
             return
         plain = cls.loading({})
         for declared in options_of(Loading):

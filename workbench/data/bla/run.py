@@ -33,43 +33,43 @@ _DOMINATES = 0.5  # of the error
 _LONG = 1e4  # periods that nobody waits for
 
 
-def run(model: Model, asked: Bla, job: Job) -> BlaResult:
+def run(model: Model, request: Bla, job: Job) -> BlaResult:
     """Measure; see `Bla`."""
-    check_variables(model, [asked.input], "input", what="input")
-    check_variables(model, [asked.output], "variable", what="output")
-    point, remarks = find_point(model, asked.at)
-    low, high = asked.band
-    dt = sampling_of(model, point, asked.dt or _usual(model, point, high)).dt
+    check_variables(model, [request.input], "input", what="input")
+    check_variables(model, [request.output], "variable", what="output")
+    point, remarks = find_point(model, request.at)
+    low, high = request.band
+    dt = sampling_of(model, point, request.dt or _usual(model, point, high)).dt
     if high >= 0.5 / dt:
         raise InputError(f"band: {high:g} Hz is not below half the sampling rate, {0.5 / dt:g} Hz")
     length = 2 * math.ceil(0.5 / (low * dt) - 1e-9)
-    lines = lines_of(asked.lines, 1, math.floor(high * length * dt + 1e-6), asked.seed)
-    levels = np.atleast_1d(np.asarray(asked.rms, dtype=np.float64))
-    under_way = _UnderWay(model, asked, levels, Grid(lines, dt, length), list(remarks))
-    total = len(levels) * asked.realisations
+    lines = lines_of(request.lines, 1, math.floor(high * length * dt + 1e-6), request.seed)
+    levels = np.atleast_1d(np.asarray(request.rms, dtype=np.float64))
+    under_way = _UnderWay(model, request, levels, Grid(lines, dt, length), list(remarks))
+    total = len(levels) * request.realisations
     for rms in levels:
         inputs, outputs, rest, designs = [], [], 0.0, list[RandomPhase]()
-        for number in range(asked.realisations):
+        for number in range(request.realisations):
             design = RandomPhase(
-                rms=float(rms), length=length, excited=tuple(lines.excited.tolist()), periods=asked.measured_periods,
-                transient=asked.transient, seed=1000 * asked.seed + number,
+                rms=float(rms), length=length, excited=tuple(lines.excited.tolist()), periods=request.measured_periods,
+                transient=request.transient, seed=1000 * request.seed + number,
             )  # fmt: skip
             designs.append(design)
-            u, y, begin = _played(model, asked, design, point, dt)
+            u, y, begin = _played(model, request, design, point, dt)
             under_way.take(begin)
             rest = float(begin.y0[0])
             inputs.append(u)
             outputs.append(y)
-            if number + 1 == asked.realisations:
-                found = approximate(np.array(inputs), np.array(outputs), lines, rest=rest)
-                finer = _finer(model, asked, designs[0], point, dt)
+            if number + 1 == request.realisations:
+                result = approximate(np.array(inputs), np.array(outputs), lines, rest=rest)
+                finer = _finer(model, request, designs[0], point, dt)
                 if not isinstance(finer, str):
                     away = np.abs(response_of(*finer, lines) - response_of(inputs[0], outputs[0], lines))
-                    found = _with_integration(found, away)
-                under_way.take_integration(found, float(rms), finer if isinstance(finer, str) else "changes nothing")
-                under_way.found.append(found)
+                    result = _with_integration(result, away)
+                under_way.take_integration(result, float(rms), finer if isinstance(finer, str) else "changes nothing")
+                under_way.found.append(result)
                 job.partial = under_way.result
-            done = len(under_way.found) * asked.realisations + (number + 1) % asked.realisations
+            done = len(under_way.found) * request.realisations + (number + 1) % request.realisations
             job.done(f"{rms:g} rms, realisation {number + 1}", done, total)
     return under_way.result()
 
@@ -107,12 +107,12 @@ class _UnderWay:
         self.where = self.where or begin.operating_point
         self.notes += [note for note in begin.notes if note not in self.notes]
 
-    def take_integration(self, found: Approximation, rms: float, why: str) -> None:
+    def take_integration(self, result: Approximation, rms: float, why: str) -> None:
         """Say what the errors are where they are not statistics; `why`: what became of a tighter tolerance."""
-        if not found.integration.any():
+        if not result.integration.any():
             words = f"the integration error is not included in the error: a tighter tolerance {why}"
             self.notes += [words] * (self.model.solver != "none" and words not in self.notes)
-        elif np.median(found.integration / found.error) > _DOMINATES:
+        elif np.median(result.integration / result.error) > _DOMINATES:
             self.notes.append(
                 f"at {rms:.4g} rms the error is what the integration makes, as a tenth of the tolerance shows: noise "
                 "and distortion are below it (a smaller --tolerance narrows it)"
@@ -120,15 +120,15 @@ class _UnderWay:
 
     def result(self) -> BlaResult:
         """Return the result of the powers that are done."""
-        asked, model = self.asked, self.model
-        units = declared_units(model, (asked.input, asked.output))
-        told = {
-            "model": model.name, "input": asked.input, "output": asked.output, "input_unit": units[asked.input],
-            "output_unit": units[asked.output], "periods": asked.measured_periods, "realisations": asked.realisations,
-            "transient": asked.transient, "lines": asked.lines, "notes": tuple(self.notes),
+        request, model = self.asked, self.model
+        units = declared_units(model, (request.input, request.output))
+        notes = {
+            "model": model.name, "input": request.input, "output": request.output, "input_unit": units[request.input],
+            "output_unit": units[request.output], "periods": request.measured_periods, "realisations": request.realisations,
+            "transient": request.transient, "lines": request.lines, "notes": tuple(self.notes),
             "operating_point": self.where,
         }  # fmt: skip
-        return gathered(self.found, self.levels[: len(self.found)], self.grid, told)
+        return gathered(self.found, self.levels[: len(self.found)], self.grid, notes)
 
 
 def _usual(model: Model, point: OperatingPoint | None, high: float) -> float | None:
@@ -141,12 +141,12 @@ def _usual(model: Model, point: OperatingPoint | None, high: float) -> float | N
 
 
 def _played(
-    model: Model, asked: Bla, design: RandomPhase, point: OperatingPoint | None, dt: float
+    model: Model, request: Bla, design: RandomPhase, point: OperatingPoint | None, dt: float
 ) -> tuple[Floats, Floats, Begin]:
     """Return input and output of one realisation, shape (P, N), about their values at the operating point."""
     wish = Excite(
-        inputs=(asked.input,), outputs=(asked.output,), signal=design, dt=dt, samples=design.length * design.periods,
-        validation_samples=0,
+        inputs=(request.input,), outputs=(request.output,), signal=design, dt=dt,
+        samples=design.length * design.periods, validation_samples=0,
     )  # fmt: skip
     items = list(measure(model, wish, point))
     begin = next(item for item in items if isinstance(item, Begin))
@@ -158,28 +158,28 @@ def _played(
 
 
 def _finer(
-    model: Model, asked: Bla, design: RandomPhase, point: OperatingPoint | None, dt: float
+    model: Model, request: Bla, design: RandomPhase, point: OperatingPoint | None, dt: float
 ) -> tuple[Floats, Floats] | str:
     """Return a realisation with a tighter tolerance, or words why there is none."""
     if model.recipe is None or model.solver == "none":
         return "cannot be tried"
     try:
         with model.recipe.tighter(_TIGHTER).open() as exact:
-            u, y, _ = _played(exact, asked, design, point, dt)
+            u, y, _ = _played(exact, request, design, point, dt)
     except (FmuError, SimulationError) as error:
         return f"fails ({error})"
     return u, y
 
 
-def _with_integration(found: Approximation, away: Floats) -> Approximation:
+def _with_integration(result: Approximation, away: Floats) -> Approximation:
     """Return the approximation, its error widened by what the integration gets wrong.
 
     Args:
-        found: without.
+        result: without.
         away: how far a tighter tolerance has the response off, shape (k,).
     """
     part = np.max([np.append(away[1:], 0.0), away, np.append(0.0, away[:-1])], axis=0) / (1.0 - _TIGHTER)
-    return replace(found, error=np.hypot(found.error, part), integration=part)
+    return replace(result, error=np.hypot(result.error, part), integration=part)
 
 
 _STACKED = (
@@ -188,16 +188,17 @@ _STACKED = (
 )  # fmt: skip
 
 
-def _doubts(found: Approximation, size: float) -> Iterator[str]:
+def _doubts(result: Approximation, size: float) -> Iterator[str]:
     """Yield what is to be said of the periods at one power.
 
     Args:
-        found: there.
+        result: there.
         size: root mean square of the output.
     """
-    removed, unsettled, noise = (part / size for part in (found.removed_rms, found.unsettled_rms, found.noise_rms))
+    removed, unsettled, noise = (part / size for part in (result.removed_rms, result.unsettled_rms, result.noise_rms))
     if removed > MATTERS:
-        later = f"; about {max(found.wait, 1.0):.2g} more transient periods let it decay" if found.wait < _LONG else ""
+        wait = max(result.wait, 1.0)
+        later = f"; about {wait:.2g} more transient periods let it decay" if wait < _LONG else ""
         yield f"a transient of {100.0 * removed:.3g} % of the output was estimated and taken off{later}"
     if unsettled > MATTERS:
         yield (
@@ -211,24 +212,24 @@ def _doubts(found: Approximation, size: float) -> Iterator[str]:
         )
 
 
-def gathered(found: Sequence[Approximation], levels: Floats, grid: Grid, told: dict[str, Any]) -> BlaResult:
+def gathered(result: Sequence[Approximation], levels: Floats, grid: Grid, notes: dict[str, Any]) -> BlaResult:
     """Return the result of all powers, with a note where periods differ.
 
     Args:
-        found: one for each power.
+        result: one for each power.
         levels: root mean squares of the input.
         grid: of all.
-        told: further fields by name.
+        notes: further fields by name.
     """
-    stacked: dict[str, Any] = {name: np.array([getattr(a, name) for a in found]) for name in _STACKED}
-    output = np.array([a.output for a in found])
+    stacked: dict[str, Any] = {name: np.array([getattr(a, name) for a in result]) for name in _STACKED}
+    output = np.array([a.output for a in result])
     doubts = [
         f"at {rms:.4g} rms {words}"
-        for rms, size, found_there in zip(levels, np.maximum(output, 1e-300), found, strict=True)
+        for rms, size, found_there in zip(levels, np.maximum(output, 1e-300), result, strict=True)
         for words in _doubts(found_there, float(size))
     ]
     return BlaResult(
         rms=levels, frequency_hz=grid.lines.excited / (grid.length * grid.dt), output_rms=output,
-        linear_rms=np.array([a.linear for a in found]), dt=grid.dt, samples=grid.length,
-        **stacked, **{**told, "notes": (*told.get("notes", ()), *doubts)},
+        linear_rms=np.array([a.linear for a in result]), dt=grid.dt, samples=grid.length,
+        **stacked, **{**notes, "notes": (*notes.get("notes", ()), *doubts)},
     )  # fmt: skip

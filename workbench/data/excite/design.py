@@ -164,9 +164,9 @@ def cross_correlation(values: Floats) -> tuple[float, int] | None:
     worst, where = 0.0, 0
     for i in range(m):
         for j in range(i + 1, m):
-            found = np.fft.irfft(spectra[:, i].conj() * spectra[:, j], n)[lags]
-            at = int(np.argmax(np.abs(found)))
-            value = float(abs(found[at])) / max(float(sizes[i] * sizes[j]), 1e-300)
+            result = np.fft.irfft(spectra[:, i].conj() * spectra[:, j], n)[lags]
+            at = int(np.argmax(np.abs(result)))
+            value = float(abs(result[at])) / max(float(sizes[i] * sizes[j]), 1e-300)
             if value > worst:
                 worst, where = value, int(lags[at])
     return worst, where

@@ -72,13 +72,13 @@ class Samples:
 
 
 def measure(
-    model: Model, asked: Excite, at: OperatingPoint | None, step: float | None = None
+    model: Model, request: Excite, at: OperatingPoint | None, step: float | None = None
 ) -> Iterator[Begin | Samples]:
     """Run the experiment; yields `Begin`, then the samples in their order.
 
     Args:
         model: what to run; it stays open.
-        asked: the experiment.
+        request: the experiment.
         at: operating point; None: the model's start values.
         step: longest communication step of a co-simulation [s]; None: the FMU's own, or the sampling interval.
 
@@ -87,46 +87,48 @@ def measure(
         FmuError: the FMU cannot be instantiated.
         SimulationError: the model failed while running.
     """
-    _check(model, asked)
-    sampling = sampling_of(model, at, asked.dt)
-    design = asked.design
-    sequences = design.sequences(len(asked.inputs), dt=sampling.dt, samples=asked.samples, validation=asked.validation)
+    _check(model, request)
+    sampling = sampling_of(model, at, request.dt)
+    design = request.design
+    sequences = design.sequences(
+        len(request.inputs), dt=sampling.dt, samples=request.samples, validation=request.validation
+    )
     step = communication_step(model, sampling.dt) if step is None else step
-    with _open(model, asked, at, step) as session:
+    with _open(model, request, at, step) as session:
         notes = [*model.remarks()]
         where = standing(model, session)
-        start = np.array(list(session.values(asked.inputs).values()))
-        bias = np.array([bias_of(model, name, at) for name in asked.inputs])
-        middle = start - bias if design.offset is None else each("offset", design.offset, len(asked.inputs))
-        time = sampling.begin(session.time + asked.settle)
-        notes += _settle(session, asked, middle, time - sampling.lead)
-        if asked.settle > 0.0 and design.offset is None:
+        start = np.array(list(session.values(request.inputs).values()))
+        bias = np.array([bias_of(model, name, at) for name in request.inputs])
+        middle = start - bias if design.offset is None else each("offset", design.offset, len(request.inputs))
+        time = sampling.begin(session.time + request.settle)
+        notes += _settle(session, request, middle, time - sampling.lead)
+        if request.settle > 0.0 and design.offset is None:
             notes += _misses(session, at)
-        if asked.settle <= 0.0 and not np.allclose(middle + bias, start, rtol=1e-9, atol=0.0):
+        if request.settle <= 0.0 and not np.allclose(middle + bias, start, rtol=1e-9, atol=0.0):
             notes.append("the mean of the signal differs from the operating point's input: let the model settle first")
-        y0 = np.array(list(session.values(asked.outputs).values()))
-        played = _Played.of(asked, sampling, sequences, middle=middle, time=time)
+        y0 = np.array(list(session.values(request.outputs).values()))
+        played = _Played.of(request, sampling, sequences, middle=middle, time=time)
         total = len(played.reads)
         yield Begin(sampling, sequences, middle + bias, y0, time, total, step, tuple(notes), where)
         yield from played.run(session)
 
 
-def _check(model: Model, asked: Excite) -> None:
-    if not asked.inputs or not asked.outputs:
+def _check(model: Model, request: Excite) -> None:
+    if not request.inputs or not request.outputs:
         raise InputError("name an input to force and an output to record")
-    check_variables(model, asked.inputs, "input", what="inputs")
-    check_variables(model, asked.outputs, "variable", what="outputs")
-    for name in asked.inputs:
-        if name in asked.outputs:
+    check_variables(model, request.inputs, "input", what="inputs")
+    check_variables(model, request.outputs, "variable", what="outputs")
+    for name in request.inputs:
+        if name in request.outputs:
             raise InputError(f"'{name}' cannot be both an input and an output of the experiment")
 
 
-def _open(model: Model, asked: Excite, at: OperatingPoint | None, step: float | None) -> Session:
+def _open(model: Model, request: Excite, at: OperatingPoint | None, step: float | None) -> Session:
     """Return a session at the operating point."""
     if at is None:
         return model.open_session(step=step)
     # What is to settle is looked at when it has.
-    outputs = at.y if asked.settle <= 0.0 else {}
+    outputs = at.y if request.settle <= 0.0 else {}
     return model.open_at(time=at.time, values=at.values, outputs=outputs, step=step)
 
 
@@ -134,24 +136,24 @@ def _misses(session: Session, at: OperatingPoint | None) -> tuple[str, ...]:
     """Return a remark where the session has settled elsewhere than at the operating point."""
     if at is None or not at.y:
         return ()
-    found = session.values(list(at.y))
-    far = [n for n, y in at.y.items() if abs(found[n] - y) > _OFF * max(abs(y), abs(found[n]), _OFF)]
+    result = session.values(list(at.y))
+    far = [n for n, y in at.y.items() if abs(result[n] - y) > _OFF * max(abs(y), abs(result[n]), _OFF)]
     if not far:
         return ()
-    return (f"{far[0]} is {found[far[0]]:.6g} after settling, but {at.y[far[0]]:.6g} at the operating point",)
+    return (f"{far[0]} is {result[far[0]]:.6g} after settling, but {at.y[far[0]]:.6g} at the operating point",)
 
 
-def _settle(session: Session, asked: Excite, middle: Floats, until: float) -> tuple[str, ...]:
+def _settle(session: Session, request: Excite, middle: Floats, until: float) -> tuple[str, ...]:
     """Let the inputs rest at their middles; return a remark where outputs still move at the end."""
     if not until > session.time:
         return ()
     points = np.linspace(session.time, until, _LOOKS + 1)[1:]
-    held = {name: Constant(value) for name, value in zip(asked.inputs, middle.tolist(), strict=True)}
-    record = session.advance(until, signals=held, record=asked.outputs, points=points)
-    if asked.settle <= 0.0:
+    held = {name: Constant(value) for name, value in zip(request.inputs, middle.tolist(), strict=True)}
+    record = session.advance(until, signals=held, record=request.outputs, points=points)
+    if request.settle <= 0.0:
         return ()
     late = record.time >= points[-_LOOKS // 5]
-    for name in asked.outputs:
+    for name in request.outputs:
         values = record.values[name][late]
         if np.ptp(values) > _REST * max(float(np.max(np.abs(values))), 1e-300):
             return (f"{name} still moves by {np.ptp(values):.3g} at the end of settling; settle longer, or trim first",)
@@ -179,14 +181,14 @@ class _Played:
     tiny: float
 
     @classmethod
-    def of(cls, asked: Excite, sampling: Sampling, sequences: Sequences, *, middle: Floats, time: float) -> _Played:
+    def of(cls, request: Excite, sampling: Sampling, sequences: Sequences, *, middle: Floats, time: float) -> _Played:
         parts = [p for p in (sequences.identification, sequences.validation) if p is not None]
         values = np.vstack([part.values for part in parts])
         begins = np.asarray(time - sampling.lead + sampling.dt * np.arange(len(values) + 1), dtype=np.float64)
         reads = begins[1:] if sampling.late else begins[:-1] + 2.0 * sampling.lead
         return cls(
-            outputs=tuple(asked.outputs),
-            signals={n: _staircase(begins, middle[i] + values[:, i]) for i, n in enumerate(asked.inputs)},
+            outputs=tuple(request.outputs),
+            signals={n: _staircase(begins, middle[i] + values[:, i]) for i, n in enumerate(request.inputs)},
             begins=begins,
             reads=reads,
             late=sampling.late,

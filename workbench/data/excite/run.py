@@ -29,13 +29,13 @@ CORRELATED = 0.2  # two inputs more alike than this are hard to tell apart
 
 
 def assemble(
-    model: Model, asked: Excite, begin: Begin, pieces: Sequence[Samples], *, notes: Sequence[str]
+    model: Model, request: Excite, begin: Begin, pieces: Sequence[Samples], *, notes: Sequence[str]
 ) -> ExciteResult:
     """Return the result of a run, also of one that ended early.
 
     Args:
         model: what ran.
-        asked: the experiment.
+        request: the experiment.
         begin: what was known before.
         pieces: the samples, in their order; two of the identification part at least.
         notes: found out while it ran.
@@ -45,10 +45,10 @@ def assemble(
     rows = (np.round(begin.time + begin.sampling.dt * np.arange(len(u)), 12), u, y)
     first, second = begin.sequences.identification, begin.sequences.validation
     start = len(first.values)
-    identification = _part(model, asked, rows, slice(first.skip, start))
+    identification = _part(model, request, rows, slice(first.skip, start))
     validation = None
     if second is not None and len(u) >= start + second.skip + 2:
-        validation = _part(model, asked, rows, slice(start + second.skip, None))
+        validation = _part(model, request, rows, slice(start + second.skip, None))
     facts = _facts(begin, identification)
     every = [*begin.sampling.notes, *begin.sequences.notes, *begin.notes, *_doubts(facts), *_missing(begin, u), *notes]
     return ExciteResult(
@@ -58,26 +58,26 @@ def assemble(
         identification=identification,
         validation=validation,
         design=facts,
-        u0=dict(zip(asked.inputs, begin.u0.tolist(), strict=True)),
-        y0=dict(zip(asked.outputs, begin.y0.tolist(), strict=True)),
+        u0=dict(zip(request.inputs, begin.u0.tolist(), strict=True)),
+        y0=dict(zip(request.outputs, begin.y0.tolist(), strict=True)),
         notes=tuple(dict.fromkeys(every)),
         operating_point=begin.operating_point,
     )
 
 
-def _part(model: Model, asked: Excite, rows: tuple[Floats, Floats, Floats], chosen: slice) -> Experiment:
+def _part(model: Model, request: Excite, rows: tuple[Floats, Floats, Floats], chosen: slice) -> Experiment:
     time, u, y = rows
-    known = declared_units(model, [*asked.inputs, *asked.outputs])
+    known = declared_units(model, [*request.inputs, *request.outputs])
     return make_experiment(
         time[chosen],
         u[chosen],
         y[chosen],
-        input_names=asked.inputs,
-        output_names=asked.outputs,
-        input_units=[known[n] for n in asked.inputs],
-        output_units=[known[n] for n in asked.outputs],
+        input_names=request.inputs,
+        output_names=request.outputs,
+        input_units=[known[n] for n in request.inputs],
+        output_units=[known[n] for n in request.outputs],
         name=model.name,
-        loops=model.closed_loops([*asked.inputs, *asked.outputs], until=float(time[-1])),
+        loops=model.closed_loops([*request.inputs, *request.outputs], until=float(time[-1])),
     )
 
 
@@ -113,29 +113,29 @@ def _missing(begin: Begin, u: Floats) -> list[str]:
 WORRYING_CHANGE = 0.01  # of an output's range, with half the communication step
 
 
-def run(model: Model, asked: Excite, job: telling.Job) -> ExciteResult:
+def run(model: Model, request: Excite, job: telling.Job) -> ExciteResult:
     """Record an experiment; see `Excite`."""
-    point, remarks = find_point(model, asked.at)
+    point, remarks = find_point(model, request.at)
     plain = replace(
-        asked,
-        inputs=tuple(dict.fromkeys(asked.inputs)),
-        outputs=tuple(dict.fromkeys(asked.outputs)),
+        request,
+        inputs=tuple(dict.fromkeys(request.inputs)),
+        outputs=tuple(dict.fromkeys(request.outputs)),
         at=None,
         workers=None,
         progress=None,
     )
     recording = _Recording(model, plain, [*remarks])
     job.partial = recording.result
-    with at_work(model, asked.place, job) as runner:
+    with at_work(model, request.place, job) as runner:
         for event in runner.run(perform, deque([_ExciteJob(plain, point)])):
             if not isinstance(event, Reply):
                 raise event.error
             recording.take(event.value)
             job.done(f"{recording.done} of {recording.total} samples", recording.done, recording.total)
-    found = recording.result()
-    if found is None:
+    result = recording.result()
+    if result is None:
         raise SimulationError("nothing was recorded")
-    return found
+    return result
 
 
 @dataclass

@@ -336,17 +336,17 @@ _MAKERS: Mapping[str, Callable[[Mapping[str, str]], FilterDesign]] = {"prbs": _p
 
 
 def _pairs(kind: str, text: str) -> dict[str, str]:
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for part in filter(None, (p.strip() for p in text.split(","))):
         key, equals, value = (p.strip() for p in part.partition("="))
         if key not in _KEYS[kind]:
             raise InputError(f"{kind}: unknown option '{key}'; {suggest(key, _KEYS[kind])}")
         if not (equals and value):
             raise InputError(f"{kind}: {key} needs a value, as in {key}=1")
-        if key in found:
+        if key in result:
             raise InputError(f"{kind}: {key} is given twice; several inputs' values go as in {key}=1:2")
-        found[key] = value
-    return found
+        result[key] = value
+    return result
 
 
 def _number(kind: str, key: str, text: str) -> float:
@@ -361,8 +361,8 @@ def _numbers(kind: str, key: str, text: str) -> tuple[float, ...]:
 
 
 def _one_or_each(kind: str, key: str, text: str) -> float | tuple[float, ...]:
-    found = _numbers(kind, key, text)
-    return found[0] if len(found) == 1 else found
+    result = _numbers(kind, key, text)
+    return result[0] if len(result) == 1 else result
 
 
 def _whole(kind: str, key: str, text: str) -> int:

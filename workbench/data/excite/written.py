@@ -16,7 +16,7 @@ __all__ = ["ExciteFiles"]
 class ExciteFiles(Written):
     """What can be asked of a record that is made."""
 
-    def check(self, asked: Excite) -> None:
+    def check(self, request: Excite) -> None:
         """Refuse to choose the signal: nobody knows which amplitude a model tolerates."""
-        if asked.prbs is asked.multisine is None:
+        if request.prbs is request.multisine is None:
             raise InputError("a signal is needed: --prbs amplitude=1,rate=.. or --multisine band=LOW:HIGH,amplitude=1")

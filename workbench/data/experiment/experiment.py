@@ -161,30 +161,30 @@ class Experiment(RecordPart):
             [1.]
         """
         sides = {"input": self.u.copy(), "output": self.y.copy()}
-        told, found = [], {}
+        notes, result = [], {}
         for side, values in sides.items():
             named = zip(getattr(self, f"{side}_names"), getattr(self, f"{side}_units"), strict=True)
             for k, (name, own) in enumerate(named):
-                wanted = found[name] = units.get(name) or own
+                wanted = result[name] = units.get(name) or own
                 if own is None and wanted is not None:
-                    told.append(f"{self.name}: {name} has no unit; it is taken to be in {wanted}")
+                    notes.append(f"{self.name}: {name} has no unit; it is taken to be in {wanted}")
                 elif own != wanted and own is not None and wanted is not None:
                     factor, offset = self._conversion(name, own, wanted)
                     values[:, k] = factor * values[:, k] + offset
-                    told.append(f"{self.name}: {name} is converted from {own} to {wanted}")
+                    notes.append(f"{self.name}: {name} is converted from {own} to {wanted}")
         return replace(
-            self, u=sides["input"], y=sides["output"], notes=(*self.notes, *told),
-            input_units=tuple(found[n] for n in self.input_names),
-            output_units=tuple(found[n] for n in self.output_names),
+            self, u=sides["input"], y=sides["output"], notes=(*self.notes, *notes),
+            input_units=tuple(result[n] for n in self.input_names),
+            output_units=tuple(result[n] for n in self.output_names),
         )  # fmt: skip
 
     def _conversion(self, name: str, own: str, wanted: str) -> tuple[float, float]:
-        found = named_conversion(own, wanted)
-        if found is None:
+        result = named_conversion(own, wanted)
+        if result is None:
             unknown = [unit for unit in (own, wanted) if known_unit(unit) is None]
             why = f"the unit '{unknown[0]}' is not known" if unknown else "they do not measure the same"
             raise InputError(f"{self.name}: {name} is in '{own}', and is needed in '{wanted}': {why}; convert the data")
-        return found
+        return result
 
     def with_data(
         self, *, u: Floats | None = None, y: Floats | None = None, time: Floats | None = None, note: str | None = None
@@ -385,13 +385,13 @@ def _read(
         notes += done
     units = dict(zip(table.names, table.units, strict=True))
     loops = [_loop(name, text) for text in table.remarks if text.startswith(_LOOP)]
-    found = []
+    result = []
     for part, inside, outside in pieces:
         at, own, given, followed = time[part], list(notes), inside, outside
         if dt is not None and clock is not None and not _lies_on(name, at, dt):
             own.append(f"{name}: put on a grid of {dt:g} s, inputs held and outputs linear between the samples")
             at, given, followed = _on_grid(at, given, followed, dt)
-        found.append(
+        result.append(
             make_experiment(
                 at if clock is not None else float(dt or 0.0),
                 given,
@@ -405,7 +405,7 @@ def _read(
                 loops=loops,
             )
         )
-    return tuple(found)
+    return tuple(result)
 
 
 def _loop(name: str, remark: str) -> ClosedLoop:

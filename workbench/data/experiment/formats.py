@@ -253,32 +253,32 @@ def _mat(path: Path) -> _Columns:
         raise InputError(f"{path}: is of MATLAB's format 7.3 (HDF5); save it with -v7, or as CSV") from None
     except (MatReadError, ValueError, TypeError, OSError) as error:
         raise InputError(f"{path}: cannot be read as MATLAB's: {error}") from None
-    found: dict[str, Floats] = {}
+    result: dict[str, Floats] = {}
     for name, value in held.items():
         if not name.startswith("__"):
-            _gather(name, value, found)
-    lengths = [len(v) for v in found.values() if len(v) > 1]
+            _gather(name, value, result)
+    lengths = [len(v) for v in result.values() if len(v) > 1]
     most = max(set(lengths), key=lambda n: (lengths.count(n), n), default=0)
-    left = [name for name, v in found.items() if len(v) != most]
+    left = [name for name, v in result.items() if len(v) != most]
     notes = [f"{path.name}: {', '.join(left[:5])} left out: other lengths than {most}"] if left else []
-    return {name: v for name, v in found.items() if len(v) == most}, {}, notes
+    return {name: v for name, v in result.items() if len(v) == most}, {}, notes
 
 
-def _gather(name: str, value: Any, found: dict[str, Floats]) -> None:  # noqa: ANN401 - what a file holds
+def _gather(name: str, value: Any, result: dict[str, Floats]) -> None:  # noqa: ANN401 - what a file holds
     """Add the vectors in a value to those found, the fields of a structure by their own names."""
     if hasattr(value, "_fieldnames"):
         for key in value._fieldnames:  # noqa: SLF001 - so SciPy documents it
-            _gather(key if key not in found else f"{name}.{key}", getattr(value, key), found)
+            _gather(key if key not in result else f"{name}.{key}", getattr(value, key), result)
         return
     array = np.asarray(value)
     if array.dtype.kind not in "fiub" or array.ndim not in (1, 2):
         return
     if array.ndim == 1:
-        found[name] = array.astype(np.float64)
+        result[name] = array.astype(np.float64)
         return
     rows = array if array.shape[0] >= array.shape[1] else array.T
     for k, column in enumerate(rows.T, 1):
-        found[f"{name}{k}"] = column.astype(np.float64)
+        result[f"{name}{k}"] = column.astype(np.float64)
 
 
 # -- Arrow and MDF ---------------------------------------------------------------------------------
@@ -326,8 +326,8 @@ def _mdf(path: Path) -> _Columns:
             values = np.interp(clock, s.timestamps, values)
             moved.append(s.name)
         columns[s.name], units[s.name] = values, s.unit or None
-    told = f"{path.name}: {', '.join(moved[:5])} put on the times of the channel with most samples, linear between"
-    return columns, units, [told] if moved else []
+    notes = f"{path.name}: {', '.join(moved[:5])} put on the times of the channel with most samples, linear between"
+    return columns, units, [notes] if moved else []
 
 
 _READERS: Mapping[str, Callable[[Path], _Columns]] = {

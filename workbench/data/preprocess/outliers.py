@@ -83,24 +83,24 @@ def remove_outliers(
 
 def _search(y: Floats, u: Floats, threshold: float) -> tuple[tuple[int, ...], Floats]:
     """Return the samples that stand out, and the signal with them replaced."""
-    repaired, found = _without_gross(y)
+    repaired, result = _without_gross(y)
     if np.ptp(repaired) == 0.0 or len(y) < 20 * (_NEIGHBOURS + 1) * (1 + u.shape[1]) // 2:
-        return tuple(sorted(found)), repaired
+        return tuple(sorted(result)), repaired
     low, high = np.quantile(repaired, [0.005, 0.995])
     visible = _VISIBLE * max(high - low, 1e-300)
     for _ in range(_ROUNDS):
-        error, weights = _interpolation_error(repaired, u, found)
-        if found:
-            repaired = _repaired(repaired, error, weights, found)
-            error, weights = _interpolation_error(repaired, u, found)
+        error, weights = _interpolation_error(repaired, u, result)
+        if result:
+            repaired = _repaired(repaired, error, weights, result)
+            error, weights = _interpolation_error(repaired, u, result)
         limit = max(threshold * _robust_spread(error), visible)
         worst = _peaks(np.abs(error), limit)
         if not worst.size:
             break
-        found.update(worst.tolist())
-        if len(found) > _MOST * len(y):
+        result.update(worst.tolist())
+        if len(result) > _MOST * len(y):
             return (), y  # so many: that is the signal's nature
-    return tuple(sorted(found)), repaired
+    return tuple(sorted(result)), repaired
 
 
 def _peaks(size: Floats, limit: float) -> NDArray[np.intp]:
@@ -120,7 +120,7 @@ def _without_gross(y: Floats) -> tuple[Floats, set[int]]:
     return np.interp(np.arange(len(y)), good, y[good]), set(np.flatnonzero(gross).tolist())
 
 
-def _interpolation_error(y: Floats, u: Floats, found: set[int]) -> tuple[Floats, Floats]:
+def _interpolation_error(y: Floats, u: Floats, result: set[int]) -> tuple[Floats, Floats]:
     """Return y − its linear interpolation from neighbours and inputs, shape (n,), and the neighbours' weights.
 
     The error is 0 near both ends. Rows in which a found outlier takes part are left out of the fit. The weights have
@@ -130,7 +130,7 @@ def _interpolation_error(y: Floats, u: Floats, found: set[int]) -> tuple[Floats,
     window = lagged(y[:, None], 0, 2 * w, 2 * w)
     columns = np.hstack([np.delete(window, w, axis=1), lagged(u, 0, 2 * w, 2 * w), np.ones((n - 2 * w, 1))])
     scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-    spoilt = np.isin(np.arange(n), list(found)).astype(np.float64)[:, None]
+    spoilt = np.isin(np.arange(n), list(result)).astype(np.float64)[:, None]
     clean: NDArray[np.bool_] = np.sum(lagged(spoilt, 0, 2 * w, 2 * w), axis=1) == 0.0
     if np.mean(clean) < 0.5:
         clean = np.ones(n - 2 * w, dtype=np.bool_)
@@ -140,9 +140,9 @@ def _interpolation_error(y: Floats, u: Floats, found: set[int]) -> tuple[Floats,
     return error, np.insert(theta[: 2 * w], w, 0.0)
 
 
-def _repaired(y: Floats, error: Floats, weights: Floats, found: set[int]) -> Floats:
+def _repaired(y: Floats, error: Floats, weights: Floats, result: set[int]) -> Floats:
     """Return the signal with the found samples where all their errors vanish, each other's neighbours included."""
-    at = np.array(sorted(found))
+    at = np.array(sorted(result))
     distance = at[:, None] - at[None, :] + _NEIGHBOURS
     near = (distance >= 0) & (distance <= 2 * _NEIGHBOURS)
     # The window runs from the newest sample to the oldest: weight i belongs to y[k + w − i].

@@ -125,7 +125,7 @@ def fitted_matrix(points: Points, order: int, *, direct: bool, stable: bool) -> 
     wish = _Wish(order, direct, stable)
     tried = [_least(scaled, _start(scaled, int(q), wish), wish, most=_SHORT) for q in counts]
     best = [_least(scaled, theta, wish, most=_LONG) for theta in _different(tried)]
-    theta, jacobian, cost = min(best, key=lambda found: found[2])
+    theta, jacobian, cost = min(best, key=lambda result: result[2])
     if (start := _freed(scaled, theta, wish)) is not None:
         other, slopes, least = _least(scaled, start, replace(wish, full=True), most=_LONG)
         poles = np.linalg.eigvals(_matrices(other, order, (p, m), full=True)[0])
@@ -148,7 +148,7 @@ class _Wish:
 def _different(tried: Sequence[tuple[Floats, Floats, float]]) -> list[Floats]:
     """Return theta of the best starts that are on their ways to different ends."""
     kept: list[tuple[Floats, float]] = []
-    for theta, _, cost in sorted(tried, key=lambda found: found[2]):
+    for theta, _, cost in sorted(tried, key=lambda result: result[2]):
         if not kept or cost > (1.0 + _ALIKE) * kept[-1][1]:
             kept.append((theta, cost))
     return [theta for theta, _ in kept[:_FINISHED]]
@@ -176,11 +176,11 @@ def _least(points: Points, start: Floats, wish: _Wish, *, most: int) -> tuple[Fl
     if wish.stable and not wish.full:
         low[: wish.order] = _LEAST
         start[: wish.order] = np.maximum(start[: wish.order], 2.0 * _LEAST)
-    found = scipy.optimize.least_squares(
+    result = scipy.optimize.least_squares(
         sides.misfit, start, sides.slopes, bounds=(low, np.inf), x_scale="jac", method="trf", xtol=1e-12, ftol=1e-12,
         gtol=1e-12, max_nfev=most,
     )  # fmt: skip
-    return np.asarray(found.x), np.asarray(found.jac), float(2.0 * found.cost)
+    return np.asarray(result.x), np.asarray(result.jac), float(2.0 * result.cost)
 
 
 class _StateSpaceSides:
@@ -313,17 +313,17 @@ def _modes(
     A pole whose residues are worth more than one state comes several times.
     """
     residues = np.array([channel.residues(poles, direct=direct) for channel in channels]).reshape(*shape, len(poles))
-    found = []
+    result = []
     for k, pole in enumerate(poles):
         if pole.imag < 0.0:
             continue
         _, values, right = np.linalg.svd(residues[:, :, k])
-        found += [
+        result += [
             (value / max(abs(pole.real), 1e-3 * abs(pole), 1e-9), pole, right[i]) for i, value in enumerate(values)
         ]
-    found.sort(key=lambda one: -one[0])
+    result.sort(key=lambda one: -one[0])
     modes: list[tuple[complex, Complex]] = []
-    for _, pole, direction in found:
+    for _, pole, direction in result:
         states = 1 if pole.imag == 0.0 else 2
         if len(modes) + states <= order:
             again = sum(other == pole for other, _ in modes)

@@ -128,13 +128,15 @@ def fitted(
 
     if not len(theta):
         return Rational(theta, 0, direct, scale, float(np.sum(misfit(theta) ** 2)), np.zeros((0, 0)))
-    found = scipy.optimize.least_squares(
+    result = scipy.optimize.least_squares(
         misfit, theta, slopes, bounds=(low, np.inf), x_scale="jac", method="trf", xtol=1e-14, ftol=1e-14, gtol=1e-14,
         max_nfev=300,
     )  # fmt: skip
     # Real and imaginary part have half of σ² each.
-    information = 2.0 * found.jac.T @ found.jac
-    return Rational(found.x, order, direct, scale, float(2.0 * found.cost), np.linalg.pinv(information, hermitian=True))
+    information = 2.0 * result.jac.T @ result.jac
+    return Rational(
+        result.x, order, direct, scale, float(2.0 * result.cost), np.linalg.pinv(information, hermitian=True)
+    )
 
 
 def _apart(values: NDArray[np.complexfloating[Any, Any]]) -> Floats:
@@ -159,14 +161,14 @@ def _value(theta: Floats, order: int, z: Complex, *, direct: bool) -> Complex:
 
 def _slopes(theta: Floats, order: int, z: Complex, *, direct: bool) -> list[Complex]:
     pairs, rest = _sections(theta, order)
-    found: list[Complex] = []
+    result: list[Complex] = []
     for a1, a0, b1, b0 in pairs:
         below = z * z + a1 * z + a0
         part = -(b1 * z + b0) / below**2
-        found += [part * z, part, z / below, 1.0 / below]
+        result += [part * z, part, z / below, 1.0 / below]
     if order % 2:
-        found += [-rest[1] / (z + rest[0]) ** 2, 1.0 / (z + rest[0])]
-    return found + ([np.ones(len(z), dtype=np.complex128)] if direct else [])
+        result += [-rest[1] / (z + rest[0]) ** 2, 1.0 / (z + rest[0])]
+    return result + ([np.ones(len(z), dtype=np.complex128)] if direct else [])
 
 
 def _matrices(theta: Floats, order: int, scale: float, *, direct: bool) -> tuple[Floats, Floats, Floats, Floats]:
@@ -238,14 +240,14 @@ class ResponseChannel:
         matrix = np.array([_apart(c * self.weight) for c in columns]).T
         size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
         c = (np.linalg.lstsq(matrix / size, _apart(self.value * self.weight), rcond=1e-12)[0] / size)[: len(poles)]
-        found = np.zeros(len(poles), dtype=np.complex128)
+        result = np.zeros(len(poles), dtype=np.complex128)
         k = 0
         for j, pole in enumerate(poles):
             if pole.imag == 0.0:
-                found[j], k = c[k], k + 1
+                result[j], k = c[k], k + 1
             elif pole.imag > 0.0:  # c r + d i: (c + i d) at the upper pole
-                found[j], found[j + 1], k = c[k] + 1j * c[k + 1], c[k] - 1j * c[k + 1], k + 2
-        return found
+                result[j], result[j + 1], k = c[k] + 1j * c[k + 1], c[k] - 1j * c[k + 1], k + 2
+        return result
 
     def equations(self, basis: list[Complex], *, direct: bool) -> tuple[Floats, Floats]:
         """Return the equations of the coefficients c in common, the channel's own being eliminated.

@@ -86,23 +86,23 @@ def is_response(path: str | Path) -> bool:
     return True
 
 
-def measured(response: Response | NfrResult | BlaResult | FrequencyResponseData | str | Path, asked: Fit) -> Measured:
+def measured(response: Response | NfrResult | BlaResult | FrequencyResponseData | str | Path, request: Fit) -> Measured:
     """Return the responses to fit, those of `also` with them.
 
     Args:
         response: a result, python-control's, or a file.
-        asked: with further ones, and the amplitude.
+        request: with further ones, and the amplitude.
 
     Raises:
         InputError: no such file, no response in it, several amplitudes, channels that are missing or come twice.
     """
-    first = _one(response, asked)
-    others = [_one(given, asked) for given in asked.also or ()]
+    first = _one(response, request)
+    others = [_one(given, request) for given in request.also or ()]
     for other in others:
         if abs(other.dt - first.dt) > 1e-9 * max(other.dt, first.dt):
-            told = [f"{m.model} is {f'sampled every {m.dt:g} s' if m.dt else 'continuous'}" for m in (first, other)]
-            raise InputError(f"{' and '.join(told)}: one model cannot follow both")
-    every = Measured(tuple(curve for found in (first, *others) for curve in found.curves), first.model, first.dt)
+            notes = [f"{m.model} is {f'sampled every {m.dt:g} s' if m.dt else 'continuous'}" for m in (first, other)]
+            raise InputError(f"{' and '.join(notes)}: one model cannot follow both")
+    every = Measured(tuple(curve for result in (first, *others) for curve in result.curves), first.model, first.dt)
     if len(every.curves) > 1:
         _check_channels(every)
     return every
@@ -131,40 +131,40 @@ def _check_channels(every: Measured) -> None:
                 raise InputError(f"{every.model}: {name} is in {every.units[name]} and in {unit}; convert one")
 
 
-def _one(response: Any, asked: Fit) -> Measured:  # noqa: ANN401 - as `measured`
-    found: Any = _file(response) if isinstance(response, str | Path) else response
-    if isinstance(found, NfrResult):
-        return Measured((found.curve(asked.amplitude),), found.model, 0.0)
-    if isinstance(found, BlaResult):
-        return Measured((found.curve(_power(found, asked.amplitude)),), found.model, found.dt)
-    if asked.amplitude is not None:
+def _one(response: Any, request: Fit) -> Measured:  # noqa: ANN401 - as `measured`
+    result: Any = _file(response) if isinstance(response, str | Path) else response
+    if isinstance(result, NfrResult):
+        return Measured((result.curve(request.amplitude),), result.model, 0.0)
+    if isinstance(result, BlaResult):
+        return Measured((result.curve(_power(result, request.amplitude)),), result.model, result.dt)
+    if request.amplitude is not None:
         raise InputError("amplitude: the response has one only")
-    if hasattr(found, "omega") and hasattr(found, "frdata"):
-        return _of_control(found)
-    curves = (found,) if isinstance(found, Response) else found
+    if hasattr(result, "omega") and hasattr(result, "frdata"):
+        return _of_control(result)
+    curves = (result,) if isinstance(result, Response) else result
     name = Path(response).name if isinstance(response, str | Path) else curves[0].output or "response"
     return Measured(curves, name, 0.0)
 
 
-def _power(found: BlaResult, rms: float | None) -> int:
-    if rms is None and len(found.rms) == 1:
+def _power(result: BlaResult, rms: float | None) -> int:
+    if rms is None and len(result.rms) == 1:
         return 0
-    near = [k for k, value in enumerate(found.rms) if rms is not None and abs(value - rms) <= 1e-9 * abs(value)]
+    near = [k for k, value in enumerate(result.rms) if rms is not None and abs(value - rms) <= 1e-9 * abs(value)]
     if not near:
-        known = ", ".join(f"{value:g}" for value in found.rms)
+        known = ", ".join(f"{value:g}" for value in result.rms)
         raise InputError(
             f"amplitude: {'none is given' if rms is None else f'{rms:g} was not measured'}; there are {known}"
         )
     return near[0]
 
 
-def _of_control(found: Any) -> Measured:  # noqa: ANN401 - control.FrequencyResponseData
+def _of_control(result: Any) -> Measured:  # noqa: ANN401 - control.FrequencyResponseData
     """Return what python-control has."""
-    if found.dt is True:
+    if result.dt is True:
         raise InputError("the response is sampled, and does not say how often: give its dt")
-    frequency = np.asarray(found.omega, dtype=np.float64) / (2.0 * np.pi)
-    curves = _channels(frequency, np.asarray(found.frdata), found.input_labels, found.output_labels, "the response")
-    return Measured(curves, "response", float(found.dt or 0.0))
+    frequency = np.asarray(result.omega, dtype=np.float64) / (2.0 * np.pi)
+    curves = _channels(frequency, np.asarray(result.frdata), result.input_labels, result.output_labels, "the response")
+    return Measured(curves, "response", float(result.dt or 0.0))
 
 
 def _channels(

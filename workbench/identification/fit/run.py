@@ -120,30 +120,30 @@ _ENOUGH = 10  # numbers beyond those fitted: with fewer the size of noise is kno
 
 
 def run(
-    response: Response | NfrResult | BlaResult | FrequencyResponseData | str | Path, asked: Fit, job: Job
+    response: Response | NfrResult | BlaResult | FrequencyResponseData | str | Path, request: Fit, job: Job
 ) -> FitResult:
     """Fit a model; see `Fit`."""
-    source = measured(response, asked)
-    data = _data(source, asked)
+    source = measured(response, request)
+    data = _data(source, request)
     p, m = len(source.outputs), len(source.inputs)
     most = (2 * len(data.f) - p * m) // (p + m) - 1
     if most < 0:
         raise InputError(f"{source.model}: the response has {len(data.f)} points with a value, too few to fit")
-    if asked.order != "auto" and asked.order > most:
-        raise InputError(f"order {asked.order} is too high: {len(data.f)} points allow {most}")
-    orders = range(min(asked.max_order, most) + 1) if asked.order == "auto" else (asked.order,)
-    found = _chosen(data, orders, asked, job)
-    best, criterion = found.best, found.criterion
+    if request.order != "auto" and request.order > most:
+        raise InputError(f"order {request.order} is too high: {len(data.f)} points allow {most}")
+    orders = range(min(request.max_order, most) + 1) if request.order == "auto" else (request.order,)
+    result = _chosen(data, orders, request, job)
+    best, criterion = result.best, result.criterion
     A, B, C, D = best.matrices if source.dt == 0.0 else _sampled(best.matrices, source.dt)
     amplitudes = {curve.amplitude for curve in source.curves}
     return FitResult(
         A=A, B=B, C=C, D=D, dt=source.dt, state_names=tuple(f"x{k + 1}" for k in range(best.order)),
         input_names=source.inputs, output_names=source.outputs, units=source.units,
-        model=source.model, order=best.order, order_reason=_reason(criterion, best.order, asked),
-        order_criterion=criterion if asked.order == "auto" else np.zeros(0), delay=asked.delay,
+        model=source.model, order=best.order, order_reason=_reason(criterion, best.order, request),
+        order_criterion=criterion if request.order == "auto" else np.zeros(0), delay=request.delay,
         amplitude=amplitudes.pop() if len(amplitudes) == 1 else None, frequency_hz=data.f, measured=data.value,
-        sigma=found.sigma, pole_spread=best.pole_spread(), of_output=data.points.row,
-        of_input=data.points.column, notes=(*_notes(source, best, criterion, asked), *_noise_notes(found, data)),
+        sigma=result.sigma, pole_spread=best.pole_spread(), of_output=data.points.row,
+        of_input=data.points.column, notes=(*_notes(source, best, criterion, request), *_noise_notes(result, data)),
     )  # fmt: skip
 
 
@@ -164,18 +164,18 @@ class _Chosen:
     free: float
 
 
-def _chosen(data: _Data, orders: Sequence[int], asked: Fit, job: Job) -> _Chosen:
+def _chosen(data: _Data, orders: Sequence[int], request: Fit, job: Job) -> _Chosen:
     """Return the order of the least criterion; where errors are not known, with the course of noise of the least."""
     courses = [data.points] if data.known else [data.points, *_scattered(data)]
-    found: list[_Chosen] = []
+    result: list[_Chosen] = []
     for part, points in enumerate(courses, 1):
         tried: list[Rational | StateSpaceFit] = []
         job.stage(part, len(courses))
         for n in orders:
-            tried.append(_fitted(points, n, asked))
+            tried.append(_fitted(points, n, request))
             job.done(f"order {n}", len(tried), len(orders))
-        found.append(_of_course(tried, points, data))
-    return min(found, key=lambda one: float(np.min(one.criterion)))
+        result.append(_of_course(tried, points, data))
+    return min(result, key=lambda one: float(np.min(one.criterion)))
 
 
 def _of_course(tried: Sequence[Rational | StateSpaceFit], points: Points, data: _Data) -> _Chosen:
@@ -197,31 +197,31 @@ def _scattered(data: _Data) -> Iterator[Points]:
     """Yield the points of a single channel with noise of another course than the gain's, where neighbours show one."""
     points = data.points
     if points.shape == (1, 1):
-        found = course(data.f, points.value)
-        if found is not None:
-            yield replace(points, sigma=found * float(np.median(points.sigma / found)))
+        result = course(data.f, points.value)
+        if result is not None:
+            yield replace(points, sigma=result * float(np.median(points.sigma / result)))
 
 
-def _noise_notes(found: _Chosen, data: _Data) -> Iterator[str]:
+def _noise_notes(result: _Chosen, data: _Data) -> Iterator[str]:
     """Yield what the order and the errors rest on where the response comes without errors."""
     if data.known:
         yield from data.bare
         return
-    part = 100.0 * float(np.median(found.sigma / np.abs(data.value)))
-    if found.free < _ENOUGH:
+    part = 100.0 * float(np.median(result.sigma / np.abs(data.value)))
+    if result.free < _ENOUGH:
         yield (
-            f"no errors of the response are given, and {found.free:.0f} numbers beyond those fitted do not tell noise "
+            f"no errors of the response are given, and {result.free:.0f} numbers beyond those fitted do not tell noise "
             "from dynamics: the order rests on no error (give errors, or the order)"
         )
-    elif np.allclose(found.sigma, data.points.sigma):
+    elif np.allclose(result.sigma, data.points.sigma):
         yield f"no errors of the response are given; beyond the accuracy of {part:.2g} % it shows no noise"
     else:
         yield (
             f"no errors of the response are given: order and errors rest on the scatter about the model, {part:.2g} % "
             "of the gain (median)"
         )
-    near = np.flatnonzero(found.criterion - np.min(found.criterion) < _EVEN)
-    near = near[near != np.argmin(found.criterion)]
+    near = np.flatnonzero(result.criterion - np.min(result.criterion) < _EVEN)
+    near = near[near != np.argmin(result.criterion)]
     if len(near):
         orders = ", ".join(str(n) for n in near)
         yield f"order {orders} explains the values about as well; without errors they do not tell which: give errors"
@@ -246,7 +246,7 @@ class _Data:
     bare: tuple[str, ...]
 
 
-def _data(source: Measured, asked: Fit) -> _Data:
+def _data(source: Measured, request: Fit) -> _Data:
     """Return the points with a value of all channels, one channel after the other."""
     parts, bare, known = [], [], False
     for curve in source.curves:
@@ -255,7 +255,7 @@ def _data(source: Measured, asked: Fit) -> _Data:
             good &= curve.frequency_hz < 0.4999 / source.dt
         f, value = curve.frequency_hz[good], curve.value[good]
         error = np.full(len(f), np.nan) if curve.error is None else curve.error[good]
-        sigma = np.abs(value) * np.hypot(np.nan_to_num(error, nan=0.0) / _CIRCLE, asked.accuracy)
+        sigma = np.abs(value) * np.hypot(np.nan_to_num(error, nan=0.0) / _CIRCLE, request.accuracy)
         sigma = np.maximum(sigma, _LEAST * np.abs(value).max(initial=0.0))
         if len(source.curves) > 1 and not len(f):
             raise InputError(f"{source.model}: no point from {curve.input} to {curve.output} has a value")
@@ -265,23 +265,23 @@ def _data(source: Measured, asked: Fit) -> _Data:
             at = "" if np.isnan(error).all() else f" at {np.count_nonzero(np.isnan(error))} of {len(f)} frequencies"
             bare.append(
                 f"no error{of} is given{at}, and other values have theirs: the accuracy of "
-                f"{100.0 * max(asked.accuracy, _LEAST):.2g} % alone counts there (give errors, or a larger accuracy)"
+                f"{100.0 * max(request.accuracy, _LEAST):.2g} % alone counts there (give errors, or a larger accuracy)"
             )
         place = source.outputs.index(curve.output or "y"), source.inputs.index(curve.input or "u")
         parts.append((f, value, sigma, *(np.full(len(f), number) for number in place)))
     f, value, sigma, row, column = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    plain = value * np.exp(2j * np.pi * f * asked.delay)
+    plain = value * np.exp(2j * np.pi * f * request.delay)
     return _Data(f, value, Points(_laplace(f, source.dt), row, column, plain, sigma), known, tuple(bare))
 
 
-def _fitted(points: Points, order: int, asked: Fit) -> Rational | StateSpaceFit:
+def _fitted(points: Points, order: int, request: Fit) -> Rational | StateSpaceFit:
     if points.shape == (1, 1):
-        return fitted(points.s, points.value, points.sigma, order, direct=asked.feedthrough, stable=asked.stable)
-    return fitted_matrix(points, order, direct=asked.feedthrough, stable=asked.stable)
+        return fitted(points.s, points.value, points.sigma, order, direct=request.feedthrough, stable=request.stable)
+    return fitted_matrix(points, order, direct=request.feedthrough, stable=request.stable)
 
 
-def _reason(criterion: Floats, order: int, asked: Fit) -> str:
-    if asked.order != "auto":
+def _reason(criterion: Floats, order: int, request: Fit) -> str:
+    if request.order != "auto":
         return "given"
     why = f"smallest Bayesian criterion among orders 0 to {len(criterion) - 1}"
     for n in (order - 1, order + 1):
@@ -290,17 +290,17 @@ def _reason(criterion: Floats, order: int, asked: Fit) -> str:
     return why
 
 
-def _notes(source: Measured, best: Rational | StateSpaceFit, criterion: Floats, asked: Fit) -> tuple[str, ...]:
+def _notes(source: Measured, best: Rational | StateSpaceFit, criterion: Floats, request: Fit) -> tuple[str, ...]:
     notes = []
     # At several powers of the same input, there is one word for each.
     at = {(c.input, c.amplitude, c.input_unit) for c in source.curves if c.amplitude is not None}
     for name, amplitude, unit in sorted(at, key=str):
         of = f" of {name}" if len(source.curves) > 1 else ""
         notes.append(f"measured at {amplitude:.4g}{f' {unit}' if unit else ''}{of}: a linear model at this amplitude")
-    if asked.order == "auto" and best.order == len(criterion) - 1 > 0:
+    if request.order == "auto" and best.order == len(criterion) - 1 > 0:
         notes.append(f"order {best.order} is the largest considered: allow more, or a larger misfit (accuracy)")
-    if asked.delay:
-        notes.append(f"the delay of {asked.delay:g} s is not in A, B, C and D")
+    if request.delay:
+        notes.append(f"the delay of {request.delay:g} s is not in A, B, C and D")
     return tuple(notes)
 
 

@@ -230,8 +230,8 @@ class IdentifiedModel(Linear):
         left = dy + self.y0 - rest
         rows = free.reshape(dy.size, len(A))
         good = np.isfinite(rows).all(axis=1) & np.isfinite(left).reshape(-1)
-        found = np.linalg.lstsq(rows[good], left.reshape(-1)[good], rcond=1e-12)[0]
-        return np.asarray(found, dtype=np.float64)
+        result = np.linalg.lstsq(rows[good], left.reshape(-1)[good], rcond=1e-12)[0]
+        return np.asarray(result, dtype=np.float64)
 
     def named(
         self,

@@ -33,23 +33,25 @@ _LAGS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 25)  # of the long equation
 _LEAST = 0.005  # of an input's variance that the reference must explain
 
 
-def with_reference(data: Experiment | str | Path, asked: Identify) -> tuple[tuple[Experiment, ...], Experiment | None]:
+def with_reference(
+    data: Experiment | str | Path, request: Identify
+) -> tuple[tuple[Experiment, ...], Experiment | None]:
     """Return the experiments, and the same with the reference for input where one was named.
 
     Args:
         data: an experiment, or a file.
-        asked: with names of columns.
+        request: with names of columns.
 
     Raises:
         InputError: no such file or column.
     """
-    name = asked.closed_loop
+    name = request.closed_loop
     if name in (None, "direct"):
-        return gathered(data, asked), None
-    if asked.also or asked.repair:
+        return gathered(data, request), None
+    if request.also or request.repair:
         raise InputError("closed_loop: by a reference it is one experiment, as recorded: not with also or repair")
-    inputs = None if asked.inputs is None else [*asked.inputs, *(() if name in asked.inputs else (str(name),))]
-    whole = chosen(data, inputs, asked.outputs, asked.dt)
+    inputs = None if request.inputs is None else [*request.inputs, *(() if name in request.inputs else (str(name),))]
+    whole = chosen(data, inputs, request.outputs, request.dt)
     driving = [n for n in whole.input_names if n != name]
     if name not in whole.input_names:
         raise InputError(f"{whole.name}: there is no column '{name}' for the reference of the closed loop")
@@ -58,18 +60,18 @@ def with_reference(data: Experiment | str | Path, asked: Identify) -> tuple[tupl
     return (whole.select(driving, whole.output_names),), whole.select([str(name)], [*driving, *whole.output_names])
 
 
-def driven_by(reference: Experiment, prepared: PreparedData, asked: Identify) -> PreparedData:
+def driven_by(reference: Experiment, prepared: PreparedData, request: Identify) -> PreparedData:
     """Return the data with that part of the inputs which the reference makes.
 
     Args:
         reference: with the reference for input; inputs of the plant first among the outputs.
         prepared: the data.
-        asked: how they were prepared.
+        request: how they were prepared.
 
     Raises:
         InputError: the reference does nothing to an input.
     """
-    other = prepare(reference, how=asked.detrend, settle=asked.settle)
+    other = prepare(reference, how=request.detrend, settle=request.settle)
     m = prepared.u.shape[1]
     with one_thread():
         arx = _long_enough(other.u, other.y[:, :m])
@@ -78,7 +80,7 @@ def driven_by(reference: Experiment, prepared: PreparedData, asked: Identify) ->
     # A reference that does nothing explains as many samples as there are coefficients, by chance.
     if not np.all(shown > _LEAST + 4.0 * arx.lags / len(made)):
         raise InputError(
-            f"{prepared.data.name}: the reference '{asked.closed_loop}' does not drive the inputs; is it the right "
+            f"{prepared.data.name}: the reference '{request.closed_loop}' does not drive the inputs; is it the right "
             "column?"
         )
     return replace(prepared, u=made)
@@ -101,21 +103,21 @@ def _long_enough(r: Floats, u: Floats) -> LongArx:
 
 
 def with_disturbance(
-    found: SubspaceEstimate, prepared: PreparedData, driving: PreparedData, asked: Identify
+    result: SubspaceEstimate, prepared: PreparedData, driving: PreparedData, request: Identify
 ) -> SubspaceEstimate:
     """Return the estimate with a model of what its plant leaves of the output under the inputs as they were.
 
     Args:
-        found: from what the reference makes of the inputs.
+        result: from what the reference makes of the inputs.
         prepared: the data.
         driving: the same with what the reference makes of the inputs.
-        asked: with the order of the disturbance.
+        request: with the order of the disturbance.
 
     Raises:
         InputError: the plant is unstable.
     """
     # The covariance of the second stage lacks the error of the first; that of the instrument does not.
-    model = replace(found.model, K=np.zeros_like(found.model.K), noise=None, spread=None)
+    model = replace(result.model, K=np.zeros_like(result.model.K), noise=None, spread=None)
     if not model.is_stable:
         raise InputError(
             "the plant is unstable: a recorded reference does not help here; use closed_loop=direct, or a stable model"
@@ -124,13 +126,15 @@ def with_disturbance(
     left = prepared.y - model.simulate(prepared.u, x0)
     scale = left.std(axis=0)
     with one_thread():
-        alone = noise_alone((left - left.mean(axis=0)) / scale, asked.noise if isinstance(asked.noise, int) else None)
+        alone = noise_alone(
+            (left - left.mean(axis=0)) / scale, request.noise if isinstance(request.noise, int) else None
+        )
     if alone is None:
-        return found.with_model(replace(model, x0=x0))
+        return result.with_model(replace(model, x0=x0))
     noise = alone.model
     own = NoiseModel(A=noise.A, K=noise.K / scale, C=scale[:, None] * noise.C) if len(noise.A) else None
     covariance = scale[:, None] * alone.covariance * scale
     near = replace(model, x0=x0, y0=model.y0 + left.mean(axis=0), covariance=covariance, noise=own)
-    wish = wished(found, prepared, asked)
+    wish = wished(result, prepared, request)
     better = instrumented_model(near, prepared.u, driving.u, prepared.y, wish)
-    return found.with_model(near if better is None else better)
+    return result.with_model(near if better is None else better)

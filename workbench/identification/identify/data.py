@@ -118,32 +118,32 @@ def cut(data: Experiment, settle: float) -> Experiment:
     return cut_settling(data, samples=first).experiment if first else data
 
 
-def gathered(data: Experiment | str | Path, asked: Identify) -> tuple[Experiment, ...]:
+def gathered(data: Experiment | str | Path, request: Identify) -> tuple[Experiment, ...]:
     """Return all experiments with the columns asked for, the longest piece of the first file first.
 
     Args:
         data: an experiment, or a file.
-        asked: with names of columns, further experiments, and whether they are repaired.
+        request: with names of columns, further experiments, and whether they are repaired.
 
     Raises:
         InputError: no such file or column, another interval than the first's, units that cannot be converted.
     """
-    first = _read(data, asked)
+    first = _read(data, request)
     names = first[0].input_names, first[0].output_names
-    named = replace(asked, inputs=names[0], outputs=names[1])
-    found = (*first, *(e for given in asked.also or () for e in _read(given, named)))
-    others = [_alike(found[0], other) for other in found[1:]]
-    notes = dict.fromkeys(note for experiment in (found[0], *others) for note in experiment.notes)
-    return replace(found[0], notes=tuple(notes)), *others
+    named = replace(request, inputs=names[0], outputs=names[1])
+    result = (*first, *(e for given in request.also or () for e in _read(given, named)))
+    others = [_alike(result[0], other) for other in result[1:]]
+    notes = dict.fromkeys(note for experiment in (result[0], *others) for note in experiment.notes)
+    return replace(result[0], notes=tuple(notes)), *others
 
 
-def _read(data: Experiment | str | Path, asked: Identify) -> list[Experiment]:
-    if asked.repair and not isinstance(data, Experiment):
-        found = list(read_pieces(str(data), inputs=asked.inputs, outputs=asked.outputs, dt=asked.dt))
-        found.sort(key=lambda e: -e.n_samples)
+def _read(data: Experiment | str | Path, request: Identify) -> list[Experiment]:
+    if request.repair and not isinstance(data, Experiment):
+        result = list(read_pieces(str(data), inputs=request.inputs, outputs=request.outputs, dt=request.dt))
+        result.sort(key=lambda e: -e.n_samples)
     else:
-        found = [chosen(data, asked.inputs, asked.outputs, asked.dt)]
-    return [remove_outliers(e).experiment for e in found] if asked.repair else found
+        result = [chosen(data, request.inputs, request.outputs, request.dt)]
+    return [remove_outliers(e).experiment for e in result] if request.repair else result
 
 
 def _alike(first: Experiment, other: Experiment) -> Experiment:
@@ -169,14 +169,14 @@ def joined(pieces: Sequence[PreparedData]) -> PreparedData:
     return replace(first, u=u, y=np.vstack([piece.y for piece in pieces]))
 
 
-def prepared_all(experiments: Sequence[Experiment], asked: Identify) -> list[PreparedData]:
+def prepared_all(experiments: Sequence[Experiment], request: Identify) -> list[PreparedData]:
     """Return each experiment with its own operating point taken off.
 
     Args:
         experiments: as read.
-        asked: how.
+        request: how.
     """
-    return [prepare(e, how=asked.detrend, settle=asked.settle) for e in experiments]
+    return [prepare(e, how=request.detrend, settle=request.settle) for e in experiments]
 
 
 def without_joints(model: IdentifiedModel, inputs: int) -> IdentifiedModel:

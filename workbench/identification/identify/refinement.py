@@ -31,94 +31,96 @@ _WORSE = {"other": 0.02, "own": 0.1}
 
 
 def refined(
-    found: SubspaceEstimate, prepared: PreparedData, other: Experiment | None, asked: Identify
+    result: SubspaceEstimate, prepared: PreparedData, other: Experiment | None, request: Identify
 ) -> tuple[SubspaceEstimate, Refinement, IdentifiedModel | None]:
     """Return the better estimate, how it was refined, and a rival.
 
     The rival is a model of a higher order that explains significantly more; the regions of the response allow for it.
 
     Args:
-        found: of the subspaces.
+        result: of the subspaces.
         prepared: the data of the fit.
         other: data to validate with; None: those of the fit.
-        asked: with the options.
+        request: with the options.
     """
-    gains = _gains(asked, prepared)
-    if asked.refine == "never":
-        return found, NOT_REFINED, None
-    if _noise_free(found.model, prepared):
-        if asked.refine == "always" or gains is not None:
+    gains = _gains(request, prepared)
+    if request.refine == "never":
+        return result, NOT_REFINED, None
+    if _noise_free(result.model, prepared):
+        if request.refine == "always" or gains is not None:
             raise InputError(f"{prepared.data.name}: the data are free of noise: there is nothing to refine")
-        return found, Refinement(taken=False, reason="the data are free of noise"), None
-    direct = asked.closed_loop == "direct"
-    best = refined_model(found.model, prepared.u, prepared.y, wished(found, prepared, asked))
+        return result, Refinement(taken=False, reason="the data are free of noise"), None
+    direct = request.closed_loop == "direct"
+    best = refined_model(result.model, prepared.u, prepared.y, wished(result, prepared, request))
     if best is None and gains is not None:
-        raise InputError(f"{prepared.data.name}: no model of this order has the gains {_told(asked)}; leave gains out")
+        raise InputError(
+            f"{prepared.data.name}: no model of this order has the gains {_told(request)}; leave gains out"
+        )
     if best is None:
-        return found, Refinement(taken=False, reason="no model has a finite prediction of these data"), None
-    taken, reason = _judged(found.model, best, prepared, other, closed=direct)
-    if asked.refine == "always" or asked.closed_loop is not None or gains is not None:
+        return result, Refinement(taken=False, reason="no model has a finite prediction of these data"), None
+    taken, reason = _judged(result.model, best, prepared, other, closed=direct)
+    if request.refine == "always" or request.closed_loop is not None or gains is not None:
         taken = True
     if not taken:
         reason += "; so there are no regions of poles and response, which refine=always gives"
     elif best.model.spread is None:
         reason += "; the data leave a direction of the parameters open, so there are no regions of poles and response"
-    reason += _agreement(best, asked)
+    reason += _agreement(best, request)
     words = _refinement(best, taken=taken, reason=reason)
     if not taken:
-        return found, words, None
-    return _in_place(found, best), words, best.above
+        return result, words, None
+    return _in_place(result, best), words, best.above
 
 
-def wished(found: SubspaceEstimate, prepared: PreparedData, asked: Identify) -> SelectionOptions:
+def wished(result: SubspaceEstimate, prepared: PreparedData, request: Identify) -> SelectionOptions:
     """Return what the refined model is to be.
 
     Args:
-        found: of the subspaces.
+        result: of the subspaces.
         prepared: the data of the fit.
-        asked: with the options.
+        request: with the options.
 
     Raises:
         InputError: a gain between channels that the data do not have.
     """
     return SelectionOptions(
-        order=found.order if asked.order != "auto" or asked.biased else None,
-        noise=None if asked.noise == "auto" else asked.noise,
-        most=asked.max_order,
-        feedthrough=asked.feedthrough,
-        stable=asked.stable,
-        closed_loop=asked.closed_loop == "direct",
-        gains=_gains(asked, prepared),
+        order=result.order if request.order != "auto" or request.biased else None,
+        noise=None if request.noise == "auto" else request.noise,
+        most=request.max_order,
+        feedthrough=request.feedthrough,
+        stable=request.stable,
+        closed_loop=request.closed_loop == "direct",
+        gains=_gains(request, prepared),
     )
 
 
-def _gains(asked: Identify, prepared: PreparedData) -> Floats | None:
+def _gains(request: Identify, prepared: PreparedData) -> Floats | None:
     """Return the gains that are held, shape (p, m) with the inputs that join experiments; None: there are none."""
-    if not asked.gains:
+    if not request.gains:
         return None
     data = prepared.data
     places = {f"{y}/{u}": (i, j) for i, y in enumerate(data.output_names) for j, u in enumerate(data.input_names)}
-    found = np.full((prepared.y.shape[1], prepared.u.shape[1]), np.nan)
-    for name, value in asked.gains.items():
+    result = np.full((prepared.y.shape[1], prepared.u.shape[1]), np.nan)
+    for name, value in request.gains.items():
         if name not in places:
             raise InputError(f"gains: '{name}' is not an output/input of {data.name}; {suggest(name, places)}")
         if not math.isfinite(value):
             raise InputError(f"gains: {name} is not a finite number: {value:g}")
-        found[places[name]] = value
-    return found
+        result[places[name]] = value
+    return result
 
 
-def _told(asked: Identify) -> str:
-    return ", ".join(f"{name} = {value:g}" for name, value in (asked.gains or {}).items())
+def _told(request: Identify) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in (request.gains or {}).items())
 
 
-def _agreement(best: RefinedModel, asked: Identify) -> str:
+def _agreement(best: RefinedModel, request: Identify) -> str:
     """Return what is held, and whether the data agree; empty: nothing is."""
-    if not asked.gains:
+    if not request.gains:
         return ""
     p = best.chosen.agree
     words = "not known" if p is None else f"the data {'agree' if p >= _DOUBT else 'disagree'} (p = {p:.2g})"
-    return f"; steady gain held: {_told(asked)}, {words}"
+    return f"; steady gain held: {_told(request)}, {words}"
 
 
 def _noise_free(model: IdentifiedModel, prepared: PreparedData) -> bool:
@@ -141,15 +143,15 @@ def _judged(
     predicted = [cost(y - m.predict(u, y)) for m in models]
     simulated = [_simulation_cost(m, u, y) for m in models]
     p = len(before.y0)
-    told = f"on {where} the prediction error changes by {_change(predicted, p)}"
+    notes = f"on {where} the prediction error changes by {_change(predicted, p)}"
     better = predicted[1] < predicted[0] + max(_SAME * p, 0.0 if other is not None else _saved(before, best, len(u)))
     if not after.is_stable:
         if before.is_stable and not closed:
-            return False, f"{told}, but the model is unstable and has no simulation; refine=always takes it"
-        return better, told
-    told += f", the simulation error by {_change(simulated, p)}" if before.is_stable else ""
+            return False, f"{notes}, but the model is unstable and has no simulation; refine=always takes it"
+        return better, notes
+    notes += f", the simulation error by {_change(simulated, p)}" if before.is_stable else ""
     worse = _WORSE["own" if other is None else "other"]
-    return better and (closed or simulated[1] <= simulated[0] + worse * p), told
+    return better and (closed or simulated[1] <= simulated[0] + worse * p), notes
 
 
 def _saved(before: IdentifiedModel, best: RefinedModel, samples: int) -> float:
@@ -188,17 +190,17 @@ def _refinement(best: RefinedModel, *, taken: bool, reason: str) -> Refinement:
     )  # fmt: skip
 
 
-def _in_place(found: SubspaceEstimate, best: RefinedModel) -> SubspaceEstimate:
+def _in_place(result: SubspaceEstimate, best: RefinedModel) -> SubspaceEstimate:
     """Return the estimate with the refined model in place of its own."""
     order = best.chosen.refined.model.plant
-    if found.order_reason == "given":
-        return replace(found, model=best.model, stabilised=0)
+    if result.order_reason == "given":
+        return replace(result, model=best.model, stabilised=0)
     why = f"smallest Bayesian criterion of the prediction error among {len(best.chosen.tried)} structures"
     least = {n: min(c.criterion for c in best.chosen.tried if c.order == n) for n in (order - 1, order, order + 1)
              if any(c.order == n for c in best.chosen.tried)}  # fmt: skip
     for n in (order - 1, order + 1):
         if n in least:
             why += f"; order {n} would raise it by {least[n] - least[order]:.4g}"
-    if order != found.order:
-        why += f"; the simulation error alone would take {found.order}"
-    return replace(found, model=best.model, order=order, order_reason=why, stabilised=0)
+    if order != result.order:
+        why += f"; the simulation error alone would take {result.order}"
+    return replace(result, model=best.model, order=order, order_reason=why, stabilised=0)

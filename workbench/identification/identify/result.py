@@ -115,12 +115,12 @@ class IdentifyResult(Result):
     def warnings(self) -> tuple[str, ...]:
         """What has to be known before any number of the model is used, one line each; mostly none."""
         feedback = self.advice.finding("feedback")
-        found = f"NOT A MODEL OF THE PLANT: the data come from a closed loop: {feedback.evidence}; {feedback.advice}"
+        result = f"NOT A MODEL OF THE PLANT: the data come from a closed loop: {feedback.evidence}; {feedback.advice}"
         if self.closed_loop_method is not None:
-            found = ""
+            result = ""
         missing = [f"NO FIT on {where}: {why}" for where, why in self.failed.items()]
         known = [f"NOT A MODEL OF THE PLANT: {loop.words(name)}" for name, loop in self._loops.items()]
-        return (*known, *((found,) if found and feedback.verdict == "poor" else ()), *missing)
+        return (*known, *((result,) if result and feedback.verdict == "poor" else ()), *missing)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -133,29 +133,29 @@ class IdentifyResult(Result):
         evidence = self.advice.finding("feedback").evidence
         unknown = f"whether the data come from a closed loop is unknown: {evidence}"
         loop = (unknown,) if self.closed_loop is None else ()
-        found = (*loop, *self.data.notes, *self._refined_notes, *self.model.notes, *self.validation.notes, *alone)
-        return tuple(dict.fromkeys(found))
+        result = (*loop, *self.data.notes, *self._refined_notes, *self.model.notes, *self.validation.notes, *alone)
+        return tuple(dict.fromkeys(result))
 
     @property
     def _refined_notes(self) -> tuple[str, ...]:
-        told = [] if self.refinement is NOT_REFINED else [self.refinement.words]
+        notes = [] if self.refinement is NOT_REFINED else [self.refinement.words]
         if self.closed_loop_method == "direct":
-            told.append(
+            notes.append(
                 "identified directly in a closed loop: the plant is right if the residuals are white and no "
                 "feedthrough of plant and controller closes it within the sample"
             )
         elif self.closed_loop_method is not None:
             by = f"identified in a closed loop by what {self.closed_loop_method} makes of the inputs"
-            told.append(
+            notes.append(
                 f"{by} (two stages); no regions are given: the instrument's equations have no solution near, and the "
                 "covariance of the second stage lacks the error of the first"
                 if self.uncertainty is None
                 else f"{by} (two stages), then with it as an instrument, whose covariance the regions come from"
             )
         if len(self.experiments) > 1:
-            told.append(f"fitted together: {'; '.join(self.experiments)}; judged and drawn: the first")
-        told += [self.delays_told] if self.delays_told else []
-        return (*told, *self.estimate.notes)
+            notes.append(f"fitted together: {'; '.join(self.experiments)}; judged and drawn: the first")
+        notes += [self.delays_told] if self.delays_told else []
+        return (*notes, *self.estimate.notes)
 
     def to_ss(self) -> control.StateSpace:
         """Return the model for python-control."""

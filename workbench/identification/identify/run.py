@@ -28,35 +28,35 @@ from workbench.response.nfr.result import NfrResult
 __all__ = ["run"]
 
 
-def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyResult:
+def run(data: Experiment | str | Path, request: Identify, job: Job) -> IdentifyResult:
     """Identify a model; see `Identify`."""
-    experiments, reference = with_reference(data, asked)
-    pieces = prepared_all(experiments, asked)
+    experiments, reference = with_reference(data, request)
+    pieces = prepared_all(experiments, request)
     prepared = pieces[0]
-    order = asked.order
-    advice = advise(prepared.data, order=None if order == "auto" else order, feedthrough=asked.feedthrough)
+    order = request.order
+    advice = advise(prepared.data, order=None if order == "auto" else order, feedthrough=request.feedthrough)
     if order != "auto":
         advice.refuse(order)
     job.done("data judged", 1, 3)
-    driving = joined(pieces) if reference is None else driven_by(reference, prepared, asked)
+    driving = joined(pieces) if reference is None else driven_by(reference, prepared, request)
     found = estimate(
         driving.u,
         driving.y,
         prepared.data.dt,
         order=order,
-        max_order=asked.max_order,
-        method=asked.method,
-        basis=asked.basis,
-        horizon=asked.horizon,
-        feedthrough=asked.feedthrough,
-        delay=_delays(asked, advice, driving.u.shape[1]),
-        biased=asked.biased,
-        stable=asked.stable,
+        max_order=request.max_order,
+        method=request.method,
+        basis=request.basis,
+        horizon=request.horizon,
+        feedthrough=request.feedthrough,
+        delay=_delays(request, advice, driving.u.shape[1]),
+        biased=request.biased,
+        stable=request.stable,
     )
-    other = _other(asked, prepared.data)
-    better, refinement, rival = refined(found, driving, other, asked)
+    other = _other(request, prepared.data)
+    better, refinement, rival = refined(found, driving, other, request)
     if reference is not None:
-        better = with_disturbance(better, prepared, driving, asked)
+        better = with_disturbance(better, prepared, driving, request)
     better = better.with_model(without_joints(better.model, prepared.u.shape[1]))
     advice.refuse(better.order)
     job.done("model estimated", 2, 3)
@@ -67,14 +67,14 @@ def run(data: Experiment | str | Path, asked: Identify, job: Job) -> IdentifyRes
         estimate=better.with_model(model),
         refinement=refinement,
         experiments=tuple(f"{e.name}: {e.n_samples} samples" for e in experiments),
-        closed_loop_method=asked.closed_loop,
-        delays_told=delays_told(advice, better.model.delay) if asked.delay == "auto" else "",
-        detrend=asked.detrend,
-        settle=asked.settle,
-        own=validate(model, prepared.data, lags=asked.lags),
-        other=None if other is None else validate(model, other, lags=asked.lags),
+        closed_loop_method=request.closed_loop,
+        delays_told=delays_told(advice, better.model.delay) if request.delay == "auto" else "",
+        detrend=request.detrend,
+        settle=request.settle,
+        own=validate(model, prepared.data, lags=request.lags),
+        other=None if other is None else validate(model, other, lags=request.lags),
         uncertainty=None if model.spread is None else model_spread(model, rival=_rival(rival, model)),
-        overlay=_overlay(model, asked),
+        overlay=_overlay(model, request),
     )
     job.done("model validated", 3, 3)
     return result
@@ -85,23 +85,23 @@ def _rival(rival: IdentifiedModel | None, model: IdentifiedModel) -> IdentifiedM
     return None if rival is None else without_joints(rival, len(model.input_names))
 
 
-def _delays(asked: Identify, advice: Advice, inputs: int) -> tuple[int, ...]:
+def _delays(request: Identify, advice: Advice, inputs: int) -> tuple[int, ...]:
     """Return the delay of each input, as asked or as the advice estimates it; the inputs that join data have none.
 
     Args:
-        asked: with the delay.
+        request: with the delay.
         advice: estimates it beyond the sample that all systems take [samples].
         inputs: how many, with those that join experiments.
     """
     own = len(advice.experiment.input_names)
-    given = _estimated(advice) if asked.delay == "auto" else as_tuple(asked.delay, own)
+    given = _estimated(advice) if request.delay == "auto" else as_tuple(request.delay, own)
     return (*given, *(0,) * (inputs - own))
 
 
 def _estimated(advice: Advice) -> tuple[int, ...]:
-    found = advice.finding("delay").values
+    result = advice.finding("delay").values
     names, outputs = advice.experiment.input_names, advice.experiment.output_names
-    waits = [[found.get(f"{u} → {y}") for y in outputs] for u in names]
+    waits = [[result.get(f"{u} → {y}") for y in outputs] for u in names]
     return tuple(max(0, min((w for w in row if w is not None), default=1) - 1) for row in waits)
 
 
@@ -112,36 +112,36 @@ def delays_told(advice: Advice, delays: Sequence[int]) -> str:
     return f"delay, by the data ({evidence}), samples taken out of the fit: {', '.join(named) or 'none'}"
 
 
-def _named(found: SubspaceEstimate, prepared: PreparedData) -> IdentifiedModel:
+def _named(result: SubspaceEstimate, prepared: PreparedData) -> IdentifiedModel:
     data = prepared.data
-    return found.model.named(
+    return result.model.named(
         input_names=data.input_names,
         output_names=data.output_names,
         input_units=data.input_units,
         output_units=data.output_units,
         name=data.name,
         u0=prepared.u0,
-        y0=prepared.y0 + found.model.y0,
+        y0=prepared.y0 + result.model.y0,
     )
 
 
-def _other(asked: Identify, data: Experiment) -> Experiment | None:
-    if asked.validation is None:
+def _other(request: Identify, data: Experiment) -> Experiment | None:
+    if request.validation is None:
         return None
-    other = chosen(asked.validation, data.input_names, data.output_names, asked.dt).in_units(data.units)
+    other = chosen(request.validation, data.input_names, data.output_names, request.dt).in_units(data.units)
     if abs(other.dt - data.dt) > 1e-6 * data.dt:
         raise InputError(f"{other.name}: sampled every {other.dt:g} s, {data.name} every {data.dt:g} s; resample one")
-    return cut(other, asked.settle)
+    return cut(other, request.settle)
 
 
-def _overlay(model: IdentifiedModel, asked: Identify) -> Overlay | None:
+def _overlay(model: IdentifiedModel, request: Identify) -> Overlay | None:
     """Lay the model over what other analyses found."""
-    lin, nfr = asked.lin, asked.nfr
+    lin, nfr = request.lin, request.nfr
     if lin is None and nfr is None:
         return None
     return overlay(
         model,
         lin=LinResult.read(lin) if isinstance(lin, str | Path) else lin,
         nfr=NfrResult.read(nfr) if isinstance(nfr, str | Path) else nfr,
-        amplitude=asked.amplitude,
+        amplitude=request.amplitude,
     )

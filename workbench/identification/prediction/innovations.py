@@ -120,11 +120,11 @@ class Innovations:
         return self._from(flat)
 
     def _from(self, flat: Floats) -> Innovations:
-        found, first = [], 0
+        result, first = [], 0
         for part in self.parts:
-            found.append(flat[first : first + part.size].reshape(part.shape))
+            result.append(flat[first : first + part.size].reshape(part.shape))
             first += part.size
-        A, B, K, C, D, offset, x0 = found
+        A, B, K, C, D, offset, x0 = result
         return replace(self, A=A, B=B, K=K, C=C, D=D, offset=offset, x0=x0)
 
     def coordinates(self, entries: Entries) -> Floats:
@@ -321,9 +321,9 @@ def jacobian(
         x, e = predict(model.matrices, u[part], y[part], state)
         driven = np.hstack([x, u[part], e, np.ones((len(x), 1)), np.zeros((len(x), 1))])
         R = sensitivities(F, model.C, driven, rows)
-        found = (R.reshape(len(x) * p, signals * n) @ by_states).reshape(len(x), p, count)
-        found += (driven[:, outer] @ at_once).reshape(len(x), p, count)
-        yield found, e
+        result = (R.reshape(len(x) * p, signals * n) @ by_states).reshape(len(x), p, count)
+        result += (driven[:, outer] @ at_once).reshape(len(x), p, count)
+        yield result, e
 
 
 def _folded(model: Innovations, entries: Entries, directions: Floats) -> tuple[Floats, Floats]:

@@ -90,40 +90,40 @@ def instrumented_model(
         # The least prediction error under the inputs as they are is mostly near, too, and free of the first stage's.
         near = refine(begun, pair, stable=True)
         starts = [*(() if near is None else (near.model,)), begun]
-        found = next((one for one in (instrumented(start, pair, known) for start in starts) if one is not None), None)
-    model = None if found is None else _in_units(found, record, delays, start.dt)
+        result = next((one for one in (instrumented(start, pair, known) for start in starts) if one is not None), None)
+    model = None if result is None else _in_units(result, record, delays, start.dt)
     return None if model is None or model.spread is None else model
 
 
-def _in_units(found: Refined, record: ScaledData, delays: tuple[int, ...], dt: float) -> IdentifiedModel:
-    fit, n, (su, sy) = found.model, found.model.plant, (record.u_scale, record.y_scale)
+def _in_units(result: Refined, record: ScaledData, delays: tuple[int, ...], dt: float) -> IdentifiedModel:
+    fit, n, (su, sy) = result.model, result.model.plant, (record.u_scale, record.y_scale)
     inputs = InputFit(fit.B[:n], fit.D, fit.x0[:n], fit.offset)
-    noise = Noise(fit.K[:n], found.covariance)
+    noise = Noise(fit.K[:n], result.covariance)
     model = model_of(fit.A[:n, :n], fit.C[:, :n], inputs, noise, record=record, delays=delays, dt=dt)
     own = None
     if fit.disturbance:
         own = NoiseModel(A=fit.A[n:, n:], K=fit.K[n:] / sy, C=sy[:, None] * fit.C[:, n:])
-    return replace(model, noise=own, spread=_spread(found, su, sy))
+    return replace(model, noise=own, spread=_spread(result, su, sy))
 
 
-def _spread(found: Refined, su: Floats, sy: Floats) -> Floats | None:
+def _spread(result: Refined, su: Floats, sy: Floats) -> Floats | None:
     """Return a factor of the covariance of A, B, C, D of the plant; None where the data leave a direction open.
 
     The inverse of Fisher's information (Ljung 1999, section 9.4), enlarged for the numbers fitted. It is so much larger
     for the pole of an integrator than for others that only its correlations tell whether a direction is open.
     """
-    fit, n = found.model, found.model.plant
-    size = np.sqrt(np.diag(found.information))
+    fit, n = result.model, result.model.plant
+    size = np.sqrt(np.diag(result.information))
     if size.min() <= 0.0:
         return None
-    values, vectors = np.linalg.eigh(found.information / np.outer(size, size))
+    values, vectors = np.linalg.eigh(result.information / np.outer(size, size))
     if values[0] <= _OPEN * values[-1]:
         return None
-    left = found.samples - found.freedom / len(fit.C)
-    turned = found.directions @ (vectors / size[:, None])
-    factor = turned / np.sqrt(values) * np.sqrt(found.samples / max(left, 1.0))
+    left = result.samples - result.freedom / len(fit.C)
+    turned = result.directions @ (vectors / size[:, None])
+    factor = turned / np.sqrt(values) * np.sqrt(result.samples / max(left, 1.0))
     every = np.zeros((sum(part.size for part in fit.parts), factor.shape[1]))
-    every[found.entries] = factor
+    every[result.entries] = factor
     sizes = np.cumsum([0, *(part.size for part in fit.parts)])
     A, B, _, C, D = (
         every[a:b].reshape(*part.shape, factor.shape[1])
@@ -152,7 +152,7 @@ def truth_spread(model: Innovations, u: Floats, y: Floats, sizes: Floats) -> Flo
     Q = model.coordinates(entries)
     normal = normal_equations(model, (u, y), np.diag(1.0 / sizes), entries, Q)
     truth = Refined(model, np.diag(sizes**2), 0.0, normal.matrix, Q, entries, 10**9, 0, settled=True)
-    found = _spread(truth, np.ones(u.shape[1]), np.ones(y.shape[1]))
-    if found is None:
+    result = _spread(truth, np.ones(u.shape[1]), np.ones(y.shape[1]))
+    if result is None:
         raise InputError("the record does not determine all parameters")
-    return found
+    return result

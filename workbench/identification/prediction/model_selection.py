@@ -139,9 +139,9 @@ def choose(record: Record, plants: Sequence[Plant], wish: SelectionOptions) -> C
     return Chosen(final, tuple(search.tried.values()), agree, above)
 
 
-def _agreement(found: Refined, record: Record, search: _ModelSearch) -> float | None:
+def _agreement(result: Refined, record: Record, search: _ModelSearch) -> float | None:
     """Return the probability of the likelihood ratio; the free model is searched for anew: steps may not lead there."""
-    model, wish = found.model, search.wish
+    model, wish = result.model, search.wish
     structure = replace(
         wish, gains=None, order=model.plant, noise="shared" if model.shared else model.disturbance
     )  # fmt: skip
@@ -152,7 +152,7 @@ def _agreement(found: Refined, record: Record, search: _ModelSearch) -> float | 
     if not costs or wish.gains is None:
         return None
     count = int(np.sum(~np.isnan(wish.gains)))
-    return float(scipy.special.chdtrc(count, max(found.samples * (found.cost - min(costs)), 0.0)))
+    return float(scipy.special.chdtrc(count, max(result.samples * (result.cost - min(costs)), 0.0)))
 
 
 class _ModelSearch:
@@ -184,7 +184,7 @@ class _ModelSearch:
         Under the order that was chosen, N times the difference in log det has χ² with as many degrees of freedom as
         numbers are fitted more. A pair of poles takes two orders, and one alone may explain nothing.
         """
-        n, found = best.model.plant, list[tuple[float, Refined]]()
+        n, result = best.model.plant, list[tuple[float, Refined]]()
         for k in range(n + 1, min(n + _PAIR, self.wish.most) + 1):
             other = self._at(k)
             if other is None:
@@ -192,8 +192,8 @@ class _ModelSearch:
             more = max(other.freedom - best.freedom, 1)
             gained = other.samples * (best.cost - other.cost)
             if scipy.special.chdtrc(more, max(gained, 0.0)) < _SIGNIFICANT:
-                found.append((2.0 * more - gained, other))
-        return min(found, key=lambda pair: pair[0])[1] if found else None
+                result.append((2.0 * more - gained, other))
+        return min(result, key=lambda pair: pair[0])[1] if result else None
 
     def _first(self) -> int:
         """Return the order that the subspaces of the whitened signals show."""
@@ -210,12 +210,12 @@ class _ModelSearch:
         return self._known[n]
 
     def _refined_at(self, n: int) -> Refined | None:
-        found: list[Refined | None] = []
+        result: list[Refined | None] = []
         if self.wish.noise != "shared":
-            found += self._own(n)
+            result += self._own(n)
         if self.wish.noise in (None, "shared") and n > 0:
-            found += self._shared(n)
-        return min((r for r in found if r is not None), key=lambda r: r.criterion, default=None)
+            result += self._shared(n)
+        return min((r for r in result if r is not None), key=lambda r: r.criterion, default=None)
 
     # -- disturbance with poles of its own -----------------------------------------------------------
 
@@ -254,23 +254,23 @@ class _ModelSearch:
     # -- disturbance with the plant's poles ----------------------------------------------------------
 
     def _shared(self, n: int) -> list[Refined | None]:
-        found = realised(self.white.arx, n, feedthrough=self.wish.feedthrough)
-        if found is None:
+        result = realised(self.white.arx, n, feedthrough=self.wish.feedthrough)
+        if result is None:
             return []
-        return [self._refined(with_shared(*found, feedthrough=self.wish.feedthrough))]
+        return [self._refined(with_shared(*result, feedthrough=self.wish.feedthrough))]
 
     def _refined(self, start: Innovations) -> Refined | None:
-        found = refine(replace(start, gains=self.wish.gains), self.record, stable=self.wish.stable)
-        if found is not None:
-            model = found.model
+        result = refine(replace(start, gains=self.wish.gains), self.record, stable=self.wish.stable)
+        if result is not None:
+            model = result.model
             tried = Candidate(
-                order=model.plant, noise_order=model.disturbance, shared=model.shared, criterion=found.criterion,
-                freedom=found.freedom,
+                order=model.plant, noise_order=model.disturbance, shared=model.shared, criterion=result.criterion,
+                freedom=result.freedom,
             )  # fmt: skip
             known = self.tried.get(tried.structure)
             if known is None or tried.criterion < known.criterion:
                 self.tried[tried.structure] = tried
-        return found
+        return result
 
 
 def noise_alone(left: Floats, order: int | None) -> Refined | None:
@@ -290,9 +290,9 @@ def noise_alone(left: Floats, order: int | None) -> Refined | None:
             break
         A, K, C = noise
         alone = with_shared((A, np.zeros((d, 0)), C, np.zeros((p, 0))), K, feedthrough=False)
-        found = refine(alone, (nothing, left), most=_QUICK)
-        if found is not None and _better(found, best):
-            best, worse = found, 0
+        result = refine(alone, (nothing, left), most=_QUICK)
+        if result is not None and _better(result, best):
+            best, worse = result, 0
         else:
             worse += 1
         if worse > _IN_A_ROW:

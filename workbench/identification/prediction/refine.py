@@ -243,9 +243,9 @@ def _newton_step(
         tried = now.model.moved(entries, now.directions @ step)
         n = tried.plant
         if tried.holds and radius(tried.predictor) < _STEADY and radius(tried.A[:n, :n]) < 1.0:
-            found = _equations(tried.balanced(), record, driven, entries)
-            if found.distance < now.distance:
-                return found, max(0.1 * damping, _LEAST)
+            result = _equations(tried.balanced(), record, driven, entries)
+            if result.distance < now.distance:
+                return result, max(0.1 * damping, _LEAST)
         damping *= 4.0
     return None
 

@@ -69,9 +69,9 @@ def whitened(u: Floats, y: Floats) -> Whitened:
 def _companion(arx: LongArx) -> Floats:
     """Return the matrix whose eigenvalues are the poles of the long equation."""
     lags, p, _ = arx.a.shape
-    found = np.eye(lags * p, k=-p)
-    found[:p] = np.hstack(list(arx.a))
-    return found
+    result = np.eye(lags * p, k=-p)
+    result[:p] = np.hstack(list(arx.a))
+    return result
 
 
 def realised(arx: LongArx, order: int, *, feedthrough: bool = True) -> tuple[Plant, Floats] | None:
@@ -89,10 +89,10 @@ def realised(arx: LongArx, order: int, *, feedthrough: bool = True) -> tuple[Pla
         None where the equation holds fewer states.
     """
     p, m = arx.b.shape[1:]
-    found = _cut_off(np.concatenate([arx.b[1:], arx.a], axis=2), order)
-    if found is None:
+    result = _cut_off(np.concatenate([arx.b[1:], arx.a], axis=2), order)
+    if result is None:
         return None
-    F, G, C = found
+    F, G, C = result
     K, D = G[:, m:], arx.b[0] if feedthrough else np.zeros((p, m))
     return (F + K @ C, G[:, :m] + K @ D, C, D), K
 
@@ -127,10 +127,10 @@ def disturbance(v: Floats, order: int) -> Noise | None:
     """
     if order == 0:
         return np.zeros((0, 0)), np.zeros((0, v.shape[1])), np.zeros((v.shape[1], 0))
-    found = _cut_off(fit_long_arx(np.zeros((len(v), 0)), v).a, order)
-    if found is None:
+    result = _cut_off(fit_long_arx(np.zeros((len(v), 0)), v).a, order)
+    if result is None:
         return None
-    F, K, C = found
+    F, K, C = result
     return stabilise(F + K @ C)[0], K, C
 
 

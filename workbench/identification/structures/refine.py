@@ -102,11 +102,11 @@ class WienerHammersteinModel:
 
     def entries(self) -> Entries:
         """Return numbers of the linear block's free entries; where g is there it has the offset."""
-        found = self.linear.free()
+        result = self.linear.free()
         if self.behind is None:
-            return found
+            return result
         sizes = np.cumsum([part.size for part in self.linear.parts])
-        return np.asarray(found[(found < sizes[4]) | (found >= sizes[5])], dtype=np.intp)
+        return np.asarray(result[(result < sizes[4]) | (result >= sizes[5])], dtype=np.intp)
 
 
 def line_of(signal: Floats, knots: Floats) -> tuple[Floats, Floats]:
@@ -160,10 +160,10 @@ def fitted(start: WienerHammersteinModel, u: Floats, y: Floats, *, stable: bool 
     """
     chain, colour, settled = start, np.zeros(0), False
     for k in range(_ROUNDS):
-        found = _steps(chain, u, y, colour, stable=stable)
-        if found is None:
+        result = _steps(chain, u, y, colour, stable=stable)
+        if result is None:
             return None
-        chain, settled = found
+        chain, settled = result
         if k + 1 < _ROUNDS:
             colour = _coloured(y - chain.output(u))
     e = _white(y - chain.output(u), colour)
@@ -257,11 +257,11 @@ def _coloured(noise: Floats) -> Floats:
     own = np.array([about[: len(about) - k] @ about[k:] for k in range(most + 1)]) / len(about)
     if own[0] <= 0.0:
         return np.zeros(0)
-    best, found = len(noise) * math.log(own[0]), np.zeros(0)
+    best, result = len(noise) * math.log(own[0]), np.zeros(0)
     for count in range(1, most + 1):
         taps = scipy.linalg.solve_toeplitz(own[:count], own[1 : count + 1])
         variance = own[0] - taps @ own[1 : count + 1]
         criterion = len(noise) * math.log(max(variance, 1e-300)) + count * math.log(len(noise))
         if criterion < best:
-            best, found = criterion, -taps
-    return found
+            best, result = criterion, -taps
+    return result

@@ -237,7 +237,7 @@ def _rest(model: IdentifiedModel, v: float) -> Floats:
     n = model.order
     with np.errstate(all="ignore"):
         try:
-            found = np.linalg.solve(np.eye(n) - model.A, model.B[:, 0] * (v - model.u0[0]))
+            result = np.linalg.solve(np.eye(n) - model.A, model.B[:, 0] * (v - model.u0[0]))
         except np.linalg.LinAlgError:
             return np.zeros(n)
-    return found if np.all(np.isfinite(found)) else np.zeros(n)
+    return result if np.all(np.isfinite(result)) else np.zeros(n)

@@ -48,17 +48,17 @@ _IN_A_ROW = 2  # without an improvement that end a search; two, as a pair of pol
 _WORTH = 0.02
 
 
-def run(data: Experiment | str | Path, asked: IdentifyStructure, job: Job) -> StructureResult:
+def run(data: Experiment | str | Path, request: IdentifyStructure, job: Job) -> StructureResult:
     """Identify the blocks; see `IdentifyStructure`."""
-    names = [None if name is None else [name] for name in (asked.input, asked.output)]
-    record = cut(chosen(data, names[0], names[1], asked.dt), asked.settle)
-    _check(record, asked)
-    linear = _linear(record, asked, asked.order)
-    scaled = _Scaled.of(record, asked.delay)
-    counts = _KNOTS if asked.knots == "auto" else (int(asked.knots),)
+    names = [None if name is None else [name] for name in (request.input, request.output)]
+    record = cut(chosen(data, names[0], names[1], request.dt), request.settle)
+    _check(record, request)
+    linear = _linear(record, request, request.order)
+    scaled = _Scaled.of(record, request.delay)
+    counts = _KNOTS if request.knots == "auto" else (int(request.knots),)
     many = max((n for n in counts if n * _EACH <= len(scaled.u)), default=counts[0])
-    search = _StructureSearch(scaled, linear.model, asked)
-    orders = range(1, min(search.order + _IN_A_ROW, asked.max_order) + 1) if asked.order == "auto" else ()
+    search = _StructureSearch(scaled, linear.model, request)
+    orders = range(1, min(search.order + _IN_A_ROW, request.max_order) + 1) if request.order == "auto" else ()
     steps = 1 + len(orders) + len(counts)
     job.done("linear model", 1, steps)
     with one_thread():
@@ -66,52 +66,52 @@ def run(data: Experiment | str | Path, asked: IdentifyStructure, job: Job) -> St
         of_orders, best = _searched(
             (
                 None if s is None else s.trial(many, job, k, steps)
-                for k, s in enumerate(_of_orders(orders, scaled, record, asked), 2)
+                for k, s in enumerate(_of_orders(orders, scaled, record, request), 2)
             ),
             _WORTH * len(scaled.u),
         )
         search = search if best is None else best.search
         of_knots, _ = _searched(search.trial(n, job, k, steps) for k, n in enumerate(counts, 2 + len(orders)))
     trials = list(dict.fromkeys([*of_orders, *of_knots]))
-    found = [t.fit for t in trials if t.search is search]
-    if not found:
+    result = [t.fit for t in trials if t.search is search]
+    if not result:
         raise InputError(f"{record.name}: no model of this structure has a finite output on these data")
     tried = sorted((t.tried for t in trials), key=lambda t: (t.order, t.knots))
-    return _result(min(found, key=lambda fit: fit.criterion), [alone, *tried], scaled, linear, asked)
+    return _result(min(result, key=lambda fit: fit.criterion), [alone, *tried], scaled, linear, request)
 
 
 def _of_orders(
-    orders: Iterable[int], scaled: _Scaled, record: Experiment, asked: IdentifyStructure
+    orders: Iterable[int], scaled: _Scaled, record: Experiment, request: IdentifyStructure
 ) -> Iterator[_StructureSearch | None]:
     """Yield a search for each order; None: the input does not excite enough for a linear model of this order."""
     for n in orders:
         try:
-            yield _StructureSearch(scaled, _linear(record, asked, n).model, asked)
+            yield _StructureSearch(scaled, _linear(record, request, n).model, request)
         except InputError:
             yield None
 
 
-def _linear(record: Experiment, asked: IdentifyStructure, order: int | Literal["auto"]) -> IdentifyResult:
+def _linear(record: Experiment, request: IdentifyStructure, order: int | Literal["auto"]) -> IdentifyResult:
     """Return the linear model of the data that have no static block."""
     return Identify(
-        order=order, validation=asked.validation, max_order=asked.max_order, feedthrough=asked.feedthrough,
-        delay=asked.delay, dt=asked.dt,
+        order=order, validation=request.validation, max_order=request.max_order, feedthrough=request.feedthrough,
+        delay=request.delay, dt=request.dt,
     ).run(record, Job())  # fmt: skip
 
 
-def run_command(data: Experiment | str | Path, asked: IdentifyCommand, job: Job) -> IdentifyResult | StructureResult:
+def run_command(data: Experiment | str | Path, request: IdentifyCommand, job: Job) -> IdentifyResult | StructureResult:
     """Identify a linear model, or one with static blocks; see `IdentifyCommand`."""
-    return identify_linear(data, asked, job) if asked.structure is None else run(data, asked.blocks, job)
+    return identify_linear(data, request, job) if request.structure is None else run(data, request.blocks, job)
 
 
-def _check(record: Experiment, asked: IdentifyStructure) -> None:
+def _check(record: Experiment, request: IdentifyStructure) -> None:
     if record.n_inputs != 1 or record.n_outputs != 1:
         raise InputError(
-            f"{record.name}: {asked.structure} is for one input and one output, not {record.n_inputs} and "
+            f"{record.name}: {request.structure} is for one input and one output, not {record.n_inputs} and "
             f"{record.n_outputs}; name one of each"
         )
     levels = len(np.unique(np.round(record.u[:, 0] / max(float(np.ptp(record.u)), 1e-300), 6)))
-    if asked.structure != "wiener" and levels < 3:
+    if request.structure != "wiener" and levels < 3:
         raise InputError(
             f"{record.name}: the input {record.input_names[0]} has {levels} levels, which show {levels} points of a "
             "static block before the linear one; excite with more (multisine, or several amplitudes)"
@@ -183,20 +183,20 @@ def _searched(trials: Iterable[_Trial | None], worth: float = 0.0) -> tuple[list
 class _StructureSearch:
     """Fits of one structure with a linear block of one order."""
 
-    def __init__(self, scaled: _Scaled, model: IdentifiedModel, asked: IdentifyStructure) -> None:
-        self.u, self.y, self.asked = scaled.u, scaled.y, asked
+    def __init__(self, scaled: _Scaled, model: IdentifiedModel, request: IdentifyStructure) -> None:
+        self.u, self.y, self.asked = scaled.u, scaled.y, request
         core, (su, sy) = model.undelayed(), scaled.sizes
         self.order = len(core.A)
         self._made: dict[int, _Trial | None] = {}
-        free = asked.feedthrough
+        free = request.feedthrough
         self.linear = block_of(core.A, core.B * su, core.C / sy, core.D * su / sy, feedthrough=free)
         powers = starts_before(len(core.A), self.u, self.y, feedthrough=free)
         self.blocks: tuple[Innovations, ...] = (self.linear,) if powers is None else (self.linear, powers)
 
     def alone(self) -> float:
         """Return the criterion of the linear block alone."""
-        found = fitted(WienerHammersteinModel(None, self.linear, None), self.u, self.y)
-        return float("inf") if found is None else found.criterion
+        result = fitted(WienerHammersteinModel(None, self.linear, None), self.u, self.y)
+        return float("inf") if result is None else result.criterion
 
     def trial(self, count: int, job: Job, done: int, steps: int) -> _Trial | None:
         """Return the best fit with so many knots; None: there is none.
@@ -208,8 +208,8 @@ class _StructureSearch:
             steps: of all.
         """
         if count not in self._made:
-            found = [fit for fit in _FITS[self.asked.structure](self, count) if fit is not None]
-            best = min(found, key=lambda fit: fit.criterion, default=None)
+            result = [fit for fit in _FITS[self.asked.structure](self, count) if fit is not None]
+            best = min(result, key=lambda fit: fit.criterion, default=None)
             self._made[count] = None if best is None else _Trial(self, count, best)
         job.done(f"order {self.order}, {count} knots", done, steps)
         return self._made[count]
@@ -237,8 +237,8 @@ class _StructureSearch:
 
     def _placed(self, first: Fitted, count: int) -> Fitted | None:
         """Return the fit with knots where the last block's input is, its scale that of the data it ends with."""
-        found = fitted(placed(first.chain, self.u, self.y, count), self.u, self.y)
-        return None if found is None else fitted(rescaled(found.chain, self.u), self.u, self.y)
+        result = fitted(placed(first.chain, self.u, self.y, count), self.u, self.y)
+        return None if result is None else fitted(rescaled(result.chain, self.u), self.u, self.y)
 
 
 _ENOUGH = f"a further state would explain less than {_WORTH:.0%} of what the blocks leave"
@@ -253,21 +253,21 @@ _FITS: Mapping[str, Callable[[_StructureSearch, int], Iterator[Fitted | None]]] 
 
 
 def _result(
-    best: Fitted, tried: list[Tried], scaled: _Scaled, linear: IdentifyResult, asked: IdentifyStructure
+    best: Fitted, tried: list[Tried], scaled: _Scaled, linear: IdentifyResult, request: IdentifyStructure
 ) -> StructureResult:
     before, behind, record = best.chain.before, best.chain.behind, linear.data
     first = 0 if before is None else before.free.shape[1]
     last = len(best.covariance) - (0 if behind is None else behind.free.shape[1])
     root = np.linalg.cholesky(best.covariance + 1e-15 * np.trace(best.covariance) * np.eye(len(best.covariance)))
-    other = None if asked.validation is None else linear.validation.data
-    found = StructureResult(
-        structure=asked.structure,
+    other = None if request.validation is None else linear.validation.data
+    result = StructureResult(
+        structure=request.structure,
         before=_table(before, root[:first], scaled.means[0], scaled.sizes[0]),
-        linear=_model(best, root[first:last], scaled, record, asked.delay),
+        linear=_model(best, root[first:last], scaled, record, request.delay),
         behind=_table(behind, root[last:], scaled.means[1], scaled.sizes[1]),
         knots=max(len(t.knots) for t in (before, behind) if t is not None),
         tried=tuple(tried),
-        order_reason="given" if asked.order != "auto" else _ENOUGH,
+        order_reason="given" if request.order != "auto" else _ENOUGH,
         noise_order=len(best.colour),
         noise_rms=scaled.sizes[1] * float(np.sqrt(best.variance)),
         settled=best.settled,
@@ -277,9 +277,9 @@ def _result(
         linear_fit_percent=linear.fit_percent,
         notes=tuple(record.notes),
     )
-    judged = found.judged
-    found = replace(found, simulated=found.simulate(judged.u[:, 0], judged.y[:, 0]))
-    return replace(found, notes=(*found.notes, *_notes(found, tried, linear)))
+    judged = result.judged
+    result = replace(result, simulated=result.simulate(judged.u[:, 0], judged.y[:, 0]))
+    return replace(result, notes=(*result.notes, *_notes(result, tried, linear)))
 
 
 def _table(table: PiecewiseLinearBlock | None, root: Floats, mean: float, size: float) -> StaticTable | None:
@@ -308,16 +308,16 @@ def _model(best: Fitted, root: Floats, scaled: _Scaled, record: Experiment, dela
     )  # fmt: skip
 
 
-def _notes(found: StructureResult, tried: list[Tried], linear: IdentifyResult) -> Iterator[str]:
+def _notes(result: StructureResult, tried: list[Tried], linear: IdentifyResult) -> Iterator[str]:
     """Yield what a user should know."""
-    if not found.pays and not found.failed:
+    if not result.pays and not result.failed:
         yield "the linear model alone has the lower Bayesian criterion: these data show no static block of this kind"
     counts = {t.knots for t in tried if t.knots}
-    if len(counts) > 1 and found.knots >= max(counts):
-        yield f"{found.knots} knots are the most that were tried: the block may bend more than it can"
-    if not found.settled:
+    if len(counts) > 1 and result.knots >= max(counts):
+        yield f"{result.knots} knots are the most that were tried: the block may bend more than it can"
+    if not result.settled:
         yield "the fit did not come to its end, or the data leave a parameter open; errors are those where it stopped"
     if linear.closed_loop:
         yield "the data come from a closed loop: the blocks are biased"
-    if found.other is None:
+    if result.other is None:
         yield "judged on the data of the fit, which makes the model look too good; give other data (--validate)"

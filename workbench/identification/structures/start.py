@@ -65,11 +65,11 @@ def starts_before(order: int, u: Floats, y: Floats, *, feedthrough: bool) -> Inn
     powers = np.array([u**k for k in range(1, _POWERS + 1)]).T
     powers = (powers - powers.mean(axis=0)) / powers.std(axis=0)
     try:
-        found = estimate(powers, (y - y.mean())[:, None], 1.0, order=order, feedthrough=feedthrough).model
+        result = estimate(powers, (y - y.mean())[:, None], 1.0, order=order, feedthrough=feedthrough).model
     except InputError:
         return None
-    left, _, _ = np.linalg.svd(np.vstack([found.B, found.D]), full_matrices=False)
-    return block_of(found.A, left[:order, :1], found.C, left[order:, :1], feedthrough=feedthrough)
+    left, _, _ = np.linalg.svd(np.vstack([result.B, result.D]), full_matrices=False)
+    return block_of(result.A, left[:order, :1], result.C, left[order:, :1], feedthrough=feedthrough)
 
 
 def block_of(A: Floats, B: Floats, C: Floats, D: Floats, *, feedthrough: bool) -> Innovations:
@@ -119,15 +119,15 @@ def rescaled(chain: WienerHammersteinModel, u: Floats) -> WienerHammersteinModel
     _, w = chain.inner(u)
     knots, values = chain.behind.knots, chain.behind.values
     hats = weights(w, knots)
-    told = hats @ values
+    notes = hats @ values
     slope = float(line_of(w, knots)[1] @ values)
-    odd = abs(slope) * w.std() > _EVEN * told.std()
+    odd = abs(slope) * w.std() > _EVEN * notes.std()
     gain = slope if odd else 1.0
     linear = chain.linear
     scaled = replace(linear, C=gain * linear.C, D=gain * linear.D, offset=gain * linear.offset)
     turned = slice(None, None, -1 if gain < 0.0 else 1)
     knots, values = (gain * knots)[turned], values[turned]
-    held = line_of(gain * w, knots)[1] if odd else (told - told.mean()) @ hats
+    held = line_of(gain * w, knots)[1] if odd else (notes - notes.mean()) @ hats
     return WienerHammersteinModel(chain.before, scaled, PiecewiseLinearBlock(knots, values, free_directions(held)))
 
 

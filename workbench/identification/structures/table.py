@@ -83,10 +83,10 @@ def weights(at: Floats, knots: Floats) -> Floats:
         knots: shape (k,).
     """
     k, t = places(at, knots)
-    found = np.zeros((len(at), len(knots)))
+    result = np.zeros((len(at), len(knots)))
     every = np.arange(len(at))
-    found[every, k], found[every, k + 1] = 1.0 - t, t
-    return found
+    result[every, k], result[every, k + 1] = 1.0 - t, t
+    return result
 
 
 def knots_for(signal: Floats, count: int) -> Floats:

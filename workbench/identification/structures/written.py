@@ -26,8 +26,8 @@ class IdentifyFiles(Written):
     _: KW_ONLY
     bode: File | None = option("Write a Bode plot of the model beside what --lin, --nfr or both hold.", default=None)
 
-    def check(self, asked: Identify) -> None:
-        if self.bode is not None and asked.lin is asked.nfr is None:
+    def check(self, request: Identify) -> None:
+        if self.bode is not None and request.lin is request.nfr is None:
             raise InputError("--bode: give what to compare the model with: --lin, --nfr or both")
 
     def write(self, record: IdentifyResult | StructureResult) -> Iterator[str | Path]:

@@ -110,8 +110,8 @@ def _estimated(
         first = first_trial(data, settings)
         choice = _order(data, first, settings)
         trial = _best_trial(data, first, choice.order, settings)
-        found = deliver(data, trial, choice.order, settings)
-    if not np.all(np.isfinite(found.fit.B)):
+        result = deliver(data, trial, choice.order, settings)
+    if not np.all(np.isfinite(result.fit.B)):
         raise InputError(
             f"a model of order {choice.order} grows beyond all numbers over {len(data[0])} samples; ask for a lower "
             "order, or for a stable model"
@@ -120,12 +120,12 @@ def _estimated(
         *record.notes,
         first.note,
         *choice.notes,
-        found.noise.note,
+        result.noise.note,
         _oblique(trial, settings.method),
-        _stability(found, settings),
+        _stability(result, settings),
     )
     return SubspaceEstimate(
-        model=model_of(found.A, found.C, found.fit, found.noise, record=record, delays=delays, dt=interval),
+        model=model_of(result.A, result.C, result.fit, result.noise, record=record, delays=delays, dt=interval),
         method=settings.method,
         basis=settings.weighting,
         biased=settings.biased,
@@ -136,7 +136,7 @@ def _estimated(
         principal_angles_deg=principal_angles(trial.parts),
         floor=trial.space.floor,
         horizon=trial.factor.horizon,
-        stabilised=found.moved,
+        stabilised=result.moved,
         notes=tuple(n for n in notes if n),
     )
 
@@ -166,8 +166,8 @@ def _merit(
     record: tuple[Floats, Floats], trial: HorizonView, order: int, settings: SubspaceSettings
 ) -> tuple[bool, float]:
     """Return what is smaller for the better horizon: one with a stable model before one without, then the error."""
-    found = deliver(record, trial, order, settings)
-    return found.moved > 0 or radius(found.A) >= 1.0, cost(found.error)
+    result = deliver(record, trial, order, settings)
+    return result.moved > 0 or radius(result.A) >= 1.0, cost(result.error)
 
 
 def _oblique(trial: HorizonView, method: str) -> str:
@@ -180,14 +180,14 @@ def _oblique(trial: HorizonView, method: str) -> str:
     )
 
 
-def _stability(found: Delivered, settings: SubspaceSettings) -> str:
-    if found.moved:
+def _stability(result: Delivered, settings: SubspaceSettings) -> str:
+    if result.moved:
         why = "" if settings.stable else (
             ": the model as it was estimated does not follow its own data; if the system itself is unstable, give the "
             "order"
         )  # fmt: skip
-        return f"{found.moved} pole(s) outside the unit circle were moved inside{why}"
-    size = radius(found.A)
+        return f"{result.moved} pole(s) outside the unit circle were moved inside{why}"
+    size = radius(result.A)
     if size < 1.0:
         return ""
     return f"the model is not stable (|pole| = {size:.6g}); if the system is, use a lower order, or the option stable"

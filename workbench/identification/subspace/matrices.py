@@ -261,8 +261,8 @@ def _solve(triangle: Floats) -> Floats:
     matrix, right = triangle[:, :-1], triangle[:, -1]
     length = np.linalg.norm(matrix, axis=0)
     length[length == 0.0] = 1.0
-    found = np.linalg.lstsq(matrix / length, right, rcond=10.0 * len(length) * ROUNDING)[0]
-    return np.asarray(found / length, dtype=np.float64)
+    result = np.linalg.lstsq(matrix / length, right, rcond=10.0 * len(length) * ROUNDING)[0]
+    return np.asarray(result / length, dtype=np.float64)
 
 
 def _regression(u: Floats, y: Floats, A: Floats, C: Floats, K: Floats, *, feedthrough: bool) -> Iterator[Floats]:

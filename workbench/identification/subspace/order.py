@@ -81,10 +81,10 @@ def deliver(record: tuple[Floats, Floats], trial: HorizonView, order: int, setti
     tame, moved = stabilise(A)
     if settings.stable:
         return _completed(record, (states, tame, C, moved), settings)
-    found = _completed(record, (states, A, C, 0), settings)
+    result = _completed(record, (states, A, C, 0), settings)
     if settings.order is not None or radius(A) < 1.0:
-        return found
-    return min(found, _completed(record, (states, tame, C, moved), settings), key=lambda model: cost(model.error))
+        return result
+    return min(result, _completed(record, (states, tame, C, moved), settings), key=lambda model: cost(model.error))
 
 
 def simulation_cost(record: tuple[Floats, Floats], trial: HorizonView, order: int, settings: SubspaceSettings) -> float:

@@ -11,22 +11,23 @@ __all__ = ["estimate_facts", "estimate_page", "matrices_section", "order_table",
 _BAR = 40  # length of the longest bar [characters]
 
 
-def estimate_facts(found: SubspaceEstimate) -> dict[str, str]:
+def estimate_facts(result: SubspaceEstimate) -> dict[str, str]:
     """Return by which method a model was estimated, as facts of a page."""
+    biased = ", biased" if result.biased else ""
     return {
-        "method": f"{found.method}, basis {found.basis}, horizon {found.horizon}{', biased' if found.biased else ''}",
-        "order": str(found.order),
+        "method": f"{result.method}, basis {result.basis}, horizon {result.horizon}{biased}",
+        "order": str(result.order),
     }
 
 
-def order_table(found: SubspaceEstimate) -> PageTable:
+def order_table(result: SubspaceEstimate) -> PageTable:
     """Return the first singular values with bars, which are full up to the order that was chosen."""
-    values = found.singular_values[: max(2 * found.order, found.order + 4)].tolist()
+    values = result.singular_values[: max(2 * result.order, result.order + 4)].tolist()
     largest = values[0] or 1.0
-    angles = found.principal_angles_deg.tolist()
+    angles = result.principal_angles_deg.tolist()
     rows = [(str(k), f"{v:.4g}", f"{a:.2f}") for k, (v, a) in enumerate(zip(values, angles, strict=False), start=1)]
     bars = [
-        ("█" if k < found.order else "░") * max(1, round(_BAR * value / largest))
+        ("█" if k < result.order else "░") * max(1, round(_BAR * value / largest))
         for k, value in enumerate(values[: len(rows)])
     ]
     return PageTable(("state", "singular value", "principal angle [deg]"), rows, bars=bars)

@@ -135,8 +135,8 @@ def excitation(u: Floats, length: int) -> int:
         length: block rows that are looked at; less than N.
     """
     beginning = u[: length + _ENOUGH * length * u.shape[1]]
-    found = _independent(beginning, length)
-    return found if found == length or len(beginning) == len(u) else _independent(u, length)
+    result = _independent(beginning, length)
+    return result if result == length or len(beginning) == len(u) else _independent(u, length)
 
 
 def _independent(u: Floats, length: int) -> int:

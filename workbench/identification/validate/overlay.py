@@ -236,22 +236,22 @@ class _Units:
         (above, up), (below, down) = (
             _scale(self.curve, side, getattr(self, side), getattr(wanted, side)) for side in ("output", "input")
         )
-        return above / below, tuple(told for told in (up, down) if told)
+        return above / below, tuple(notes for notes in (up, down) if notes)
 
 
 def _scale(curve: str, side: str, own: str | None, wanted: str | None) -> tuple[float, str]:
     if own is None or wanted is None or own == wanted:
         missing = own is None and wanted is not None
         return 1.0, f"{curve}: the {side} has no unit; it is taken to be in {wanted}" if missing else ""
-    found = named_conversion(own, wanted)
-    if found is None:
+    result = named_conversion(own, wanted)
+    if result is None:
         unknown = [unit for unit in (own, wanted) if known_unit(unit) is None]
         why = f"the unit '{unknown[0]}' is not known" if unknown else "they do not measure the same"
         raise InputError(
             f"overlay: the {side} of the {curve} model is in '{own}', and what it is compared with in '{wanted}': {why}"
             "; convert the data"
         )
-    return found[0], f"{curve}: the {side} is converted from {own} to {wanted}"
+    return result[0], f"{curve}: the {side} is converted from {own} to {wanted}"
 
 
 def _times(shape: Callable[[Floats], Complex], factor: float) -> Callable[[Floats], Complex]:
@@ -293,10 +293,10 @@ def sine_response(
     i, j = model.output_names.index(output), model.input_names.index(input)
 
     def response(frequency: Floats) -> Complex:
-        found = np.full(len(frequency), np.nan, dtype=np.complex128)
+        result = np.full(len(frequency), np.nan, dtype=np.complex128)
         below = frequency < 0.5 / model.dt
-        found[below] = shape(frequency[below])[:, i, j]
-        return found
+        result[below] = shape(frequency[below])[:, i, j]
+        return result
 
     return response, notes
 
@@ -352,10 +352,10 @@ def _places(linear: LinResult, source: str, target: str) -> tuple[int, int]:
 
 def _linear(linear: LinResult, i: int, j: int) -> Callable[[Floats], Complex]:
     def response(frequency: Floats) -> Complex:
-        found = linear.fundamental(frequency)[:, i, j].copy()
+        result = linear.fundamental(frequency)[:, i, j].copy()
         if linear.dt > 0.0:
-            found[frequency >= 0.5 / linear.dt] = np.nan
-        return np.asarray(found, dtype=np.complex128)
+            result[frequency >= 0.5 / linear.dt] = np.nan
+        return np.asarray(result, dtype=np.complex128)
 
     return response
 

@@ -43,8 +43,8 @@ def validation_section(title: str, validation: Validation) -> Section:
 
 def _residuals(validation: Validation, kind: str, words: str) -> list[tuple[Callable[[], Figure], str]]:
     """Return the picture of residuals, none where they are rounding: the verdicts say so."""
-    found = validation.residuals(kind)
-    if found.autocorrelation is None or found.cross is None:
+    result = validation.residuals(kind)
+    if result.autocorrelation is None or result.cross is None:
         return []
     return [(partial(validation.plot_residuals, kind=kind), words)]
 

@@ -176,12 +176,12 @@ def model_spread(
 
 def _in_parts(parameters: Parameters, at: Complex, late: Complex) -> tuple[Complex, Floats]:
     """Return the response, shape (k, p, m), and the covariance of its parts, shape (k, p, m, 2, 2), few at a time."""
-    found = []
+    result = []
     for first in range(0, len(at), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
         G, dG = parameters.response(at[part])
-        found.append((G * late[part, None], _response_shapes(dG * late[part, None, :, None])))
-    responses, shapes = zip(*found, strict=True)
+        result.append((G * late[part, None], _response_shapes(dG * late[part, None, :, None])))
+    responses, shapes = zip(*result, strict=True)
     return np.concatenate(responses), np.concatenate(shapes)
 
 
