@@ -21,9 +21,13 @@ import workbench as wb
 from workbench.core.values.arrays import Floats
 from workbench.data.bla.design import RandomPhase, lines_of
 from workbench.identification.identified.recursion import march_one
+from workbench.identification.prediction.innovations import Innovations, normal_equations
+from workbench.identification.prediction.model import parameter_spread
+from workbench.identification.prediction.refine import Refined
 
 __all__ = [
     "Modes", "Plant", "pole_error", "random_modes", "random_plant", "random_response", "scattered",
+    "truth_spread",
 ]  # fmt: skip
 
 
@@ -207,3 +211,25 @@ def scattered(
     """
     e = (random.standard_normal(len(response)) + 1j * random.standard_normal(len(response))) / np.sqrt(2.0)
     return np.asarray(response + size * e * (np.abs(response).max() if level else np.abs(response)))
+
+
+def truth_spread(model: Innovations, u: Floats, y: Floats, sizes: Floats) -> Floats:
+    """Return a factor of the Cramér–Rao bound of A, B, C, D of a known model: to judge estimates by.
+
+    Args:
+        model: the truth.
+        u: shape (N, m).
+        y: shape (N, p).
+        sizes: shape (p,), standard deviations of its innovations, which are independent.
+
+    Raises:
+        ValueError: the record leaves a direction open.
+    """
+    entries = model.free()
+    Q = model.coordinates(entries)
+    matrix, _ = normal_equations(model, (u, y), np.diag(1.0 / sizes), entries, Q)
+    truth = Refined(model, np.diag(sizes**2), 0.0, matrix, Q, entries, 10**9, 0, settled=True)
+    result = parameter_spread(truth, np.ones(u.shape[1]), np.ones(y.shape[1]))
+    if result is None:
+        raise ValueError("the record does not determine all parameters")
+    return result

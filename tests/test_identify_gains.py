@@ -10,11 +10,11 @@ import pytest
 from scipy import signal
 
 import workbench as wb
+from tests.random_systems import truth_spread
 from workbench.cli.app import run
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 from workbench.identification.prediction.innovations import Innovations
-from workbench.identification.prediction.model import truth_spread
 
 NUM, DEN, GAIN = [0.0, 0.1, 0.05], [1.0, -1.6, 0.8], 0.75
 

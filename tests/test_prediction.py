@@ -100,10 +100,10 @@ def test_stretches_give_the_same_derivatives(monkeypatch: pytest.MonkeyPatch) ->
     model, data = box_jenkins(), record(700)
     entries = model.free()
     whole = normal_equations(model, data, np.eye(2), entries, np.eye(len(entries)))
-    monkeypatch.setattr("workbench.identification.prediction.gradient._BYTES", 1.0)  # 64 rows at a time
+    monkeypatch.setattr("workbench.identification.prediction.innovations._BYTES", 1.0)  # 64 rows at a time
     parts = normal_equations(model, data, np.eye(2), entries, np.eye(len(entries)))
-    assert parts.matrix == pytest.approx(whole.matrix, rel=1e-10, abs=1e-8)
-    assert parts.right == pytest.approx(whole.right, rel=1e-9, abs=1e-8)
+    assert parts[0] == pytest.approx(whole[0], rel=1e-10, abs=1e-8)
+    assert parts[1] == pytest.approx(whole[1], rel=1e-9, abs=1e-8)
 
 
 @pytest.mark.parametrize(("shared", "freedom"), [(False, 3 * 4 + 4 + 2 * 4 + 2 + 5), (True, 3 * 6 + 4 + 2 + 3)])

@@ -20,11 +20,10 @@ import scipy.optimize
 from scipy import signal
 
 import workbench as wb
-from tests.random_systems import Plant, random_plant
+from tests.random_systems import Plant, random_plant, truth_spread
 from workbench.core.values.arrays import Complex, Floats
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.identification.prediction.innovations import Innovations
-from workbench.identification.prediction.model import truth_spread
 
 AR = 0.95
 FREQUENCIES = np.linspace(0.003, 0.497, 60)

@@ -12,7 +12,7 @@ from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.data.long_arx import LongArx, fit_long_arx
 from workbench.data.preprocess.outliers import remove_outliers
-from workbench.data.preprocess.settle import settling_samples
+from workbench.data.preprocess.settle import TAME, settling_samples
 from workbench.data.spectra.coherence import Coherence, coherence
 from workbench.errors import InputError
 
@@ -25,7 +25,6 @@ _FEWEST_SAMPLES = 40
 _LONGEST_MEMORY = 2_000
 _BEST_DB = 200.0
 _ALL_BUT_PERFECT = 1e-4  # of the variance left over
-_TAME = 1e-3  # relative: directions with less in the data are left out
 _EXCITED_DB = -30.0  # below the peak of an input's density: what is lower is not excitation
 
 
@@ -103,7 +102,7 @@ class DataStudy:
         """
         best = self.arx, self._run(self.arx)
         if self._left(best[1]) > _ALL_BUT_PERFECT:
-            tame = fit_long_arx(self.u, self.y, truncate=_TAME)
+            tame = fit_long_arx(self.u, self.y, truncate=TAME)
             other = tame, self._run(tame)
             best = min(best, other, key=lambda pair: self._left(pair[1]))
         return best

@@ -46,7 +46,7 @@ def run(experiments: Sequence[Experiment], request: BestLinear, job: Job) -> Bla
     u, y = (np.array([getattr(piece, side)[-periods:] for piece in kept]) for side in ("u", "y"))
     lines = _lines(u)
     approximation = approximate(u, y, lines, rest=math.nan)
-    notes = {
+    facts = {
         "model": request.name, "input": first.input_names[0], "output": first.output_names[0],
         "input_unit": first.input_units[0], "output_unit": first.output_units[0], "periods": periods,
         "realisations": len(u), "transient": request.transient, "lines": _kind(lines),
@@ -54,7 +54,7 @@ def run(experiments: Sequence[Experiment], request: BestLinear, job: Job) -> Bla
     }  # fmt: skip
     level = float(np.sqrt(np.mean(np.var(u, axis=2))))
     job.done("data evaluated", 1, 1)
-    return gathered([approximation], np.array([level]), Grid(lines, first.dt, length), notes)
+    return gathered([approximation], np.array([level]), Grid(lines, first.dt, length), facts)
 
 
 @dataclass(frozen=True, eq=False)

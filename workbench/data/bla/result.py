@@ -138,10 +138,10 @@ class BlaResult(Result):
             for which in (True, False, None)
         )
         if hidden:
-            notes = [f"; {what} at {where}{unit}" for what, where in (("it is", good), ("it is not", bad)) if where]
+            others = [f"; {what} at {where}{unit}" for what, where in (("it is", good), ("it is not", bad)) if where]
             return (
                 f"whether a linear model is worth having at {hidden}{unit} rms cannot be said: the periods have not "
-                f"settled{''.join(notes)}"
+                f"settled{''.join(others)}"
             )
         if not bad:
             return f"a linear model leaves less than {100.0 * WORTH:g} % of the output at all powers measured"

@@ -122,13 +122,13 @@ class _UnderWay:
         """Return the result of the powers that are done."""
         request, model = self.asked, self.model
         units = declared_units(model, (request.input, request.output))
-        notes = {
+        facts = {
             "model": model.name, "input": request.input, "output": request.output, "input_unit": units[request.input],
             "output_unit": units[request.output], "periods": request.measured_periods, "realisations": request.realisations,
             "transient": request.transient, "lines": request.lines, "notes": tuple(self.notes),
             "operating_point": self.where,
         }  # fmt: skip
-        return gathered(self.found, self.levels[: len(self.found)], self.grid, notes)
+        return gathered(self.found, self.levels[: len(self.found)], self.grid, facts)
 
 
 def _usual(model: Model, point: OperatingPoint | None, high: float) -> float | None:
@@ -212,14 +212,14 @@ def _doubts(result: Approximation, size: float) -> Iterator[str]:
         )
 
 
-def gathered(result: Sequence[Approximation], levels: Floats, grid: Grid, notes: dict[str, Any]) -> BlaResult:
+def gathered(result: Sequence[Approximation], levels: Floats, grid: Grid, facts: dict[str, Any]) -> BlaResult:
     """Return the result of all powers, with a note where periods differ.
 
     Args:
         result: one for each power.
         levels: root mean squares of the input.
         grid: of all.
-        notes: further fields by name.
+        facts: further fields by name.
     """
     stacked: dict[str, Any] = {name: np.array([getattr(a, name) for a in result]) for name in _STACKED}
     output = np.array([a.output for a in result])
@@ -231,5 +231,5 @@ def gathered(result: Sequence[Approximation], levels: Floats, grid: Grid, notes:
     return BlaResult(
         rms=levels, frequency_hz=grid.lines.excited / (grid.length * grid.dt), output_rms=output,
         linear_rms=np.array([a.linear for a in result]), dt=grid.dt, samples=grid.length,
-        **stacked, **{**notes, "notes": (*notes.get("notes", ()), *doubts)},
+        **stacked, **{**facts, "notes": (*facts.get("notes", ()), *doubts)},
     )  # fmt: skip

@@ -12,12 +12,12 @@ from workbench.data.long_arx import fit_long_arx
 from workbench.data.preprocess.steps import PreprocessingStep
 from workbench.errors import InputError
 
-__all__ = ["cut_settling", "settling_samples"]
+__all__ = ["TAME", "cut_settling", "settling_samples"]
 
 _PART = 2  # the record's first half is searched, its second half is the measure
 _VISIBLE = 0.3  # of an output's standard deviation
 _OUT = 4.0  # standard deviations of the later error
-_TAME = 1e-3  # relative: the start excites frequencies that the inputs later need not contain
+TAME = 1e-3  # relative: the start excites frequencies that the inputs later need not contain
 _LEFT = 0.3  # of the record, at least, is kept
 
 
@@ -45,7 +45,7 @@ def settling_samples(experiment: Experiment) -> int:
     """
     u, y = (np.asarray(x - x[len(x) // _PART :].mean(axis=0)) for x in (experiment.u, experiment.y))
     half = len(u) // _PART
-    equation = fit_long_arx(u, y, truncate=_TAME)
+    equation = fit_long_arx(u, y, truncate=TAME)
     error = y - equation.simulate(u)
     if not np.all(np.isfinite(error)):
         return 0

@@ -100,8 +100,8 @@ def measured(response: Response | NfrResult | BlaResult | FrequencyResponseData 
     others = [_one(given, request) for given in request.also or ()]
     for other in others:
         if abs(other.dt - first.dt) > 1e-9 * max(other.dt, first.dt):
-            notes = [f"{m.model} is {f'sampled every {m.dt:g} s' if m.dt else 'continuous'}" for m in (first, other)]
-            raise InputError(f"{' and '.join(notes)}: one model cannot follow both")
+            kinds = [f"{m.model} is {f'sampled every {m.dt:g} s' if m.dt else 'continuous'}" for m in (first, other)]
+            raise InputError(f"{' and '.join(kinds)}: one model cannot follow both")
     every = Measured(tuple(curve for result in (first, *others) for curve in result.curves), first.model, first.dt)
     if len(every.curves) > 1:
         _check_channels(every)

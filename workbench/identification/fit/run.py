@@ -42,23 +42,8 @@ _BESIDE = 2  # neighbours on either side, through which a cubic predicts a value
 _FLOORS = 10.0 ** np.arange(-8.0, 2.0, 0.5)  # squares of noise that stays, over that of the largest gain
 
 
-@dataclass(frozen=True, eq=False)
-class ResponseNoise:
-    """What several orders say of the noise.
-
-    Attributes:
-        criterion: shape (o,), of each order; smallest is best.
-        scale: shape (o,), r of each order, the numbers fitted allowed for.
-        free: shape (o,), numbers that are left to chance.
-    """
-
-    criterion: Floats
-    scale: Floats
-    free: Floats
-
-
-def judged(tried: Sequence[Rational | StateSpaceFit], points: Points, floor: Floats) -> ResponseNoise:
-    """Return the criterion of each order, the size of the noise being unknown.
+def judged(tried: Sequence[Rational | StateSpaceFit], points: Points, floor: Floats) -> tuple[Floats, Floats]:
+    """Return the criterion of each order, the size of the noise being unknown, and that size over σ.
 
     Args:
         tried: one for each order.
@@ -74,7 +59,7 @@ def judged(tried: Sequence[Rational | StateSpaceFit], points: Points, floor: Flo
     penalty = np.where(spare > 0.0, fitted * np.log(count) * count / np.maximum(spare, 1.0), np.inf)
     criterion = count * np.log(size) + 2.0 * np.sum(np.log(points.sigma**2)) + squares / size + penalty
     scale = np.sqrt(np.maximum(squares / np.maximum(count - fitted, 1.0), least))
-    return ResponseNoise(criterion, scale, count - fitted)
+    return criterion, scale
 
 
 def course(frequency_hz: Floats, value: Complex) -> Floats | None:
@@ -113,7 +98,7 @@ def _through(x: Floats) -> Floats:
     return np.array([np.prod([b / (b - a) for b in np.delete(x, j)]) for j, a in enumerate(x)])
 
 
-_CIRCLE = 1.7308  # radius of the 95 % circle over σ of a complex normal error: √(−ln 0.05)
+_CIRCLE = np.sqrt(-np.log(0.05))  # radius of the 95 % circle over σ of a complex normal error
 _LEAST = 1e-6  # of the largest gain: no response is known better
 _EVEN = 2.0 * np.log(20.0)  # criteria nearer than this are even: the odds are below 20 to 1
 _ENOUGH = 10  # numbers beyond those fitted: with fewer the size of noise is known to no better than half of itself
@@ -186,11 +171,11 @@ def _of_course(tried: Sequence[Rational | StateSpaceFit], points: Points, data: 
         criterion = np.array([2.0 * r.cost + r.freedom * np.log(count) for r in tried])
         best = tried[int(np.argmin(criterion))]
         return _Chosen(best, criterion, points.sigma, count - best.freedom)
-    noise = judged(tried, points, data.points.sigma)
-    place = int(np.argmin(noise.criterion))
-    scale, best = float(noise.scale[place]), tried[place]
+    criterion, scales = judged(tried, points, data.points.sigma)
+    place = int(np.argmin(criterion))
+    scale, best = float(scales[place]), tried[place]
     own = replace(best, cost=best.cost / scale**2, covariance=best.covariance * scale**2)
-    return _Chosen(own, noise.criterion, scale * points.sigma, float(noise.free[place]))
+    return _Chosen(own, criterion, scale * points.sigma, count - best.freedom)
 
 
 def _scattered(data: _Data) -> Iterator[Points]:

@@ -94,15 +94,15 @@ def _of_model(result: IdentifyResult) -> Section:
 
 def _of_refinement(result: IdentifyResult) -> list[Section]:
     """Return what the refinement tried, and how well the model is known; nothing where it was not asked for."""
-    notes = result.refinement
-    if not notes.tried:
+    refinement = result.refinement
+    if not refinement.tried:
         return []
     head = ("order", "disturbance", "numbers fitted", "criterion above the best")
-    tables = [PageTable(head, [tuple(row) for row in notes.table()], right=(0, 2, 3))]
-    known = result.uncertainty if notes.taken else None
+    tables = [PageTable(head, [tuple(row) for row in refinement.table()], right=(0, 2, 3))]
+    known = result.uncertainty if refinement.taken else None
     figures = [] if known is None else [(known.plot, "Frequency response with its 95 % regions.")]
     items = () if known is None else known.words
-    words = [f"{notes.words}."]
+    words = [f"{refinement.words}."]
     if known is not None and result.advice.finding("linearity").verdict != "good":
         words.append(
             "The regions are those of the best linear model for these data, which no linear system has made: the "

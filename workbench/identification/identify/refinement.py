@@ -143,15 +143,15 @@ def _judged(
     predicted = [cost(y - m.predict(u, y)) for m in models]
     simulated = [_simulation_cost(m, u, y) for m in models]
     p = len(before.y0)
-    notes = f"on {where} the prediction error changes by {_change(predicted, p)}"
+    reason = f"on {where} the prediction error changes by {_change(predicted, p)}"
     better = predicted[1] < predicted[0] + max(_SAME * p, 0.0 if other is not None else _saved(before, best, len(u)))
     if not after.is_stable:
         if before.is_stable and not closed:
-            return False, f"{notes}, but the model is unstable and has no simulation; refine=always takes it"
-        return better, notes
-    notes += f", the simulation error by {_change(simulated, p)}" if before.is_stable else ""
+            return False, f"{reason}, but the model is unstable and has no simulation; refine=always takes it"
+        return better, reason
+    reason += f", the simulation error by {_change(simulated, p)}" if before.is_stable else ""
     worse = _WORSE["own" if other is None else "other"]
-    return better and (closed or simulated[1] <= simulated[0] + worse * p), notes
+    return better and (closed or simulated[1] <= simulated[0] + worse * p), reason
 
 
 def _saved(before: IdentifiedModel, best: RefinedModel, samples: int) -> float:

@@ -245,19 +245,6 @@ _BYTES = 2.0**24  # of derivatives held at a time
 Record = tuple[Floats, Floats]
 
 
-@dataclass(frozen=True, eq=False)
-class Normal:
-    """The normal equations of the weighted errors.
-
-    Attributes:
-        matrix: shape (f, f), Σ Jᵀ W J, with J the derivatives of the prediction by the directions.
-        right: shape (f,), Σ Jᵀ W e.
-    """
-
-    matrix: Floats
-    right: Floats
-
-
 def errors_of(model: Innovations, record: Record) -> Floats:
     """Return the errors of the one-step prediction, shape (N, p); not finite where it is not stable.
 
@@ -270,8 +257,10 @@ def errors_of(model: Innovations, record: Record) -> Floats:
 
 def normal_equations(
     model: Innovations, record: Record, weight: Floats, entries: Entries, directions: Floats
-) -> Normal:
-    """Return the normal equations of some directions of the free entries.
+) -> tuple[Floats, Floats]:
+    """Return the normal equations of the weighted errors: Σ Jᵀ W J, shape (f, f), and Σ Jᵀ W e, shape (f,).
+
+    J are the derivatives of the prediction by the directions.
 
     Args:
         model: where the derivatives are taken.
@@ -286,7 +275,7 @@ def normal_equations(
         weighted = np.ascontiguousarray(np.matmul(weight, J)).reshape(-1, count)
         matrix += weighted.T @ weighted
         right += weighted.T @ (e @ weight.T).ravel()
-    return Normal(matrix, right)
+    return matrix, right
 
 
 def jacobian(

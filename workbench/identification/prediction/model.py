@@ -8,9 +8,7 @@ import numpy as np
 
 from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Floats
-from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel, NoiseModel
-from workbench.identification.prediction.innovations import Innovations, normal_equations
 from workbench.identification.prediction.model_selection import Chosen, SelectionOptions, choose
 from workbench.identification.prediction.refine import Refined, instrumented, refine
 from workbench.identification.prediction.start import started, with_own
@@ -18,7 +16,7 @@ from workbench.identification.subspace.estimate import model_of
 from workbench.identification.subspace.matrices import InputFit, Noise
 from workbench.identification.subspace.record import ScaledData, advance, as_tuple, prepare
 
-__all__ = ["RefinedModel", "instrumented_model", "refined_model", "truth_spread"]
+__all__ = ["RefinedModel", "instrumented_model", "parameter_spread", "refined_model"]
 
 
 _OPEN = 1e-13  # of the largest eigenvalue of the correlations of the information: rounding, the data say nothing
@@ -103,10 +101,10 @@ def _in_units(result: Refined, record: ScaledData, delays: tuple[int, ...], dt: 
     own = None
     if fit.disturbance:
         own = NoiseModel(A=fit.A[n:, n:], K=fit.K[n:] / sy, C=sy[:, None] * fit.C[:, n:])
-    return replace(model, noise=own, spread=_spread(result, su, sy))
+    return replace(model, noise=own, spread=parameter_spread(result, su, sy))
 
 
-def _spread(result: Refined, su: Floats, sy: Floats) -> Floats | None:
+def parameter_spread(result: Refined, su: Floats, sy: Floats) -> Floats | None:
     """Return a factor of the covariance of A, B, C, D of the plant; None where the data leave a direction open.
 
     The inverse of Fisher's information (Ljung 1999, section 9.4), enlarged for the numbers fitted. It is so much larger
@@ -134,25 +132,3 @@ def _spread(result: Refined, su: Floats, sy: Floats) -> Floats | None:
         A[:n, :n], B[:n] / su[:, None], sy[:, None, None] * C[:, :n], sy[:, None, None] * D / su[:, None],
     )  # fmt: skip
     return np.concatenate([part.reshape(-1, count) for part in parts])
-
-
-def truth_spread(model: Innovations, u: Floats, y: Floats, sizes: Floats) -> Floats:
-    """Return a factor of the Cramér–Rao bound of A, B, C, D of a known model: to judge estimates by.
-
-    Args:
-        model: the truth.
-        u: shape (N, m).
-        y: shape (N, p).
-        sizes: shape (p,), standard deviations of its innovations, which are independent.
-
-    Raises:
-        InputError: the record leaves a direction open.
-    """
-    entries = model.free()
-    Q = model.coordinates(entries)
-    normal = normal_equations(model, (u, y), np.diag(1.0 / sizes), entries, Q)
-    truth = Refined(model, np.diag(sizes**2), 0.0, normal.matrix, Q, entries, 10**9, 0, settled=True)
-    result = _spread(truth, np.ones(u.shape[1]), np.ones(y.shape[1]))
-    if result is None:
-        raise InputError("the record does not determine all parameters")
-    return result

@@ -160,7 +160,7 @@ class _ModelSearch:
 
     def __init__(self, record: Record, plants: tuple[Plant, ...], wish: SelectionOptions) -> None:
         self.record, self.plants, self.wish = record, plants, wish
-        self.white = whitened(*record)
+        *self.white, self.arx = whitened(*record)
         self.tried: dict[tuple[int, int, bool], Candidate] = {}
         self._known: dict[int, Refined | None] = {}
 
@@ -198,9 +198,7 @@ class _ModelSearch:
     def _first(self) -> int:
         """Return the order that the subspaces of the whitened signals show."""
         try:
-            return estimate(
-                self.white.u, self.white.y, 1.0, max_order=self.wish.most, feedthrough=self.wish.feedthrough
-            ).order
+            return estimate(*self.white, 1.0, max_order=self.wish.most, feedthrough=self.wish.feedthrough).order
         except InputError:
             return min(2, self.wish.most)
 
@@ -240,7 +238,7 @@ class _ModelSearch:
     def _plants(self, n: int) -> list[Plant]:
         """Return plants of an order to start from."""
         given = [plant for plant in self.plants if len(plant[0]) == n]
-        signals = [(self.white.u, self.white.y)]
+        signals = [self.white]
         if not given:
             signals.append(self.record)
         for u, y in signals:
@@ -254,7 +252,7 @@ class _ModelSearch:
     # -- disturbance with the plant's poles ----------------------------------------------------------
 
     def _shared(self, n: int) -> list[Refined | None]:
-        result = realised(self.white.arx, n, feedthrough=self.wish.feedthrough)
+        result = realised(self.arx, n, feedthrough=self.wish.feedthrough)
         if result is None:
             return []
         return [self._refined(with_shared(*result, feedthrough=self.wish.feedthrough))]

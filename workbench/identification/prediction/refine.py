@@ -36,7 +36,7 @@ from workbench.identification.prediction.innovations import (
 from workbench.identification.subspace.matrices import radius
 from workbench.identification.subspace.order import cost
 
-__all__ = ["Refined", "instrumented", "refine"]
+__all__ = ["STEADY", "Refined", "instrumented", "refine"]
 
 _MOST = 60  # steps
 _TRIES = 20  # dampings tried for a step
@@ -44,7 +44,7 @@ _FIRST, _LEAST, _MUCH = 1e-3, 1e-9, 1e9  # of the damping
 _GOOD = 0.75  # of the gain expected
 _MORE = 3.0  # times the damping where a step fails
 _NEAR = 1e-3  # of a standard deviation (its square: in χ²): from here on a step changes nothing
-_STEADY = 0.99999  # largest pole of the predictor
+STEADY = 0.99999  # largest pole of the predictor
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +112,7 @@ def refine(start: Innovations, record: Record, *, stable: bool = False, most: in
         spread = errors.T @ errors / len(errors)
         weight = np.linalg.inv(np.linalg.cholesky(spread + 1e-14 * np.trace(spread) * np.eye(len(spread))))
         Q = model.coordinates(entries)
-        normal = normal_equations(model, record, weight, entries, Q)
-        H, g = normal.matrix, normal.right
+        H, g = normal_equations(model, record, weight, entries, Q)
         done = None
         if steps < most and not settled:
             done = _step((model, errors, best), (H, g, Q, entries), damping, record, stable=stable)
@@ -143,7 +142,7 @@ def _step(
         step = scipy.linalg.cho_solve(factor, right, check_finite=False)
         expected = float(step @ right)
         tried = model.moved(entries, Q @ (step / scale))
-        if tried.holds and radius(tried.predictor) < _STEADY and not (stable and _unstable(tried)):
+        if tried.holds and radius(tried.predictor) < STEADY and not (stable and _unstable(tried)):
             new = errors_of(tried, record)
             value = cost(new)
             if value < best:
@@ -242,7 +241,7 @@ def _newton_step(
         step = other.T @ (values / (values**2 + damping) * (turned.T @ right)) / size
         tried = now.model.moved(entries, now.directions @ step)
         n = tried.plant
-        if tried.holds and radius(tried.predictor) < _STEADY and radius(tried.A[:n, :n]) < 1.0:
+        if tried.holds and radius(tried.predictor) < STEADY and radius(tried.A[:n, :n]) < 1.0:
             result = _equations(tried.balanced(), record, driven, entries)
             if result.distance < now.distance:
                 return result, max(0.1 * damping, _LEAST)

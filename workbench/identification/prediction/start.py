@@ -20,7 +20,7 @@ from workbench.data.long_arx import LongArx, fit_long_arx
 from workbench.identification.prediction.innovations import Innovations, errors_of
 from workbench.identification.subspace.matrices import fit_inputs, radius, residual, stabilise
 
-__all__ = ["Plant", "disturbance", "realised", "started", "whitened"]
+__all__ = ["Plant", "disturbance", "plant_alone", "realised", "started", "whitened"]
 
 Plant = tuple[Floats, Floats, Floats, Floats]  # A, B, C, D
 Noise = tuple[Floats, Floats, Floats]  # A, K, C
@@ -29,23 +29,8 @@ _STEADY = 0.998  # poles of a starting predictor are drawn in to here
 _COLOUR = 10  # coefficients of the filter that takes the colour off
 
 
-@dataclass(frozen=True, eq=False)
-class Whitened:
-    """Signals with the disturbance's colour taken off.
-
-    Attributes:
-        u: shape (N − k, m).
-        y: shape (N − k, p).
-        arx: the long equation of the signals as they were.
-    """
-
-    u: Floats
-    y: Floats
-    arx: LongArx
-
-
-def whitened(u: Floats, y: Floats) -> Whitened:
-    """Return both signals through one filter that makes the disturbance nearly white.
+def whitened(u: Floats, y: Floats) -> tuple[Floats, Floats, LongArx]:
+    """Return both signals through one filter that makes the disturbance nearly white, and their long equation.
 
     Of several outputs the mean colour is taken, as the plant stays the same only if all pass the same filter.
 
@@ -63,7 +48,7 @@ def whitened(u: Floats, y: Floats) -> Whitened:
     own[0] *= 1.0 + 1e-9
     taps = np.append(1.0, -scipy.linalg.solve_toeplitz(own[:-1], own[1:]))
     through = [np.asarray(scipy.signal.lfilter(taps, 1.0, s, axis=0))[_COLOUR:] for s in (u, y)]
-    return Whitened(through[0], through[1], arx)
+    return through[0], through[1], arx
 
 
 def _companion(arx: LongArx) -> Floats:
@@ -161,22 +146,25 @@ def started(record: tuple[Floats, Floats], plant: Plant) -> InitialPlant:
     u, y = record
     A, B, C, D = plant
     A = stabilise(A)[0] if radius(A) >= 1.0 else A
-    driven = _given(A, B, C, D)
-    rest = y - _response(driven, u)
+    rest = y + errors_of(plant_alone((A, B, C, D)), (u, np.zeros_like(y)))
     fit = fit_inputs(u[:, :0], rest, A, C, feedthrough=False)
     left = residual(u[:, :0], rest, A, C, fit)
     return InitialPlant((A, B, C, D), fit.offset, fit.x0, left)
 
 
-def _given(A: Floats, B: Floats, C: Floats, D: Floats) -> Innovations:
+def plant_alone(plant: Plant, *, feedthrough: bool = True) -> Innovations:
+    """Return a plant without a disturbance, at rest.
+
+    Args:
+        plant: A, B, C, D.
+        feedthrough: D is free.
+    """
+    A, B, C, D = plant
     n, p = len(A), len(C)
     return Innovations(
-        A=A, B=B, C=C, D=D, K=np.zeros((n, p)), offset=np.zeros(p), x0=np.zeros(n), plant=n, shared=False
+        A=A, B=B, C=C, D=D, K=np.zeros((n, p)), offset=np.zeros(p), x0=np.zeros(n), plant=n, shared=False,
+        feedthrough=feedthrough,
     )  # fmt: skip
-
-
-def _response(model: Innovations, u: Floats) -> Floats:
-    return -errors_of(model, (u, np.zeros((len(u), len(model.C)))))
 
 
 def with_own(start: InitialPlant, noise: Noise, *, feedthrough: bool) -> Innovations:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from workbench.identification.validate.picture import SHOWN
 from workbench.show.figure import ABOVE, COLOURS, label, panels
 
 if TYPE_CHECKING:
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from workbench.identification.structures.table import StaticTable
 
 __all__ = ["plot_structure"]
-
-_SHOWN = 300  # samples that can still be told apart over the width of a page
 
 
 def plot_structure(result: StructureResult) -> Figure:
@@ -39,7 +38,7 @@ def plot_structure(result: StructureResult) -> Figure:
     for ax, (table, name, unit) in zip(axes, blocks, strict=False):
         _block(ax, table, label(name, unit))
     judged, ax = result.judged, axes[-1]
-    part = slice(0, min(_SHOWN, judged.n_samples))
+    part = slice(0, min(SHOWN, judged.n_samples))
     ax.plot(judged.time[part], judged.y[part, 0], ".", color="#333333", markersize=3.0, label="measured")
     ax.plot(judged.time[part], result.simulated[part], color=COLOURS[0], linewidth=1.0, label="simulated")
     ax.set_ylabel(label(data.output_names[0], data.output_units[0]))

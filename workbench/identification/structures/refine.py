@@ -22,13 +22,13 @@ import scipy.signal
 
 from workbench.core.values.arrays import Floats
 from workbench.identification.prediction.innovations import Entries, Innovations, errors_of, jacobian
+from workbench.identification.prediction.refine import STEADY
 from workbench.identification.structures.table import places, weights
 from workbench.identification.subspace.matrices import radius
 
 __all__ = ["Fitted", "PiecewiseLinearBlock", "WienerHammersteinModel", "fitted", "line_of"]
 
 _MOST = 60  # steps
-_STEADY = 0.99999  # largest pole
 _NEAR = 0.01  # gain in χ² of a step that is the last
 _TRIES = 10
 _COLOUR = 25  # coefficients of the noise's equation that are tried
@@ -209,7 +209,7 @@ def _steps(
 
 
 def _fine(chain: WienerHammersteinModel, *, stable: bool) -> bool:
-    return radius(chain.linear.A) < (_STEADY if stable else 1.0 + 1e-9)
+    return radius(chain.linear.A) < (STEADY if stable else 1.0 + 1e-9)
 
 
 def _moved(chain: WienerHammersteinModel, coordinates: Floats, step: Floats) -> WienerHammersteinModel:

@@ -20,11 +20,11 @@ from workbench.identification.identify.request import Identify
 from workbench.identification.identify.result import IdentifyResult
 from workbench.identification.identify.run import run as identify_linear
 from workbench.identification.prediction.innovations import Innovations
+from workbench.identification.prediction.start import plant_alone
 from workbench.identification.structures.refine import Fitted, PiecewiseLinearBlock, WienerHammersteinModel, fitted
 from workbench.identification.structures.request import IdentifyCommand, IdentifyStructure
 from workbench.identification.structures.result import StructureResult, Tried
 from workbench.identification.structures.start import (
-    block_of,
     placed,
     rescaled,
     starts_before,
@@ -189,7 +189,7 @@ class _StructureSearch:
         self.order = len(core.A)
         self._made: dict[int, _Trial | None] = {}
         free = request.feedthrough
-        self.linear = block_of(core.A, core.B * su, core.C / sy, core.D * su / sy, feedthrough=free)
+        self.linear = plant_alone((core.A, core.B * su, core.C / sy, core.D * su / sy), feedthrough=free)
         powers = starts_before(len(core.A), self.u, self.y, feedthrough=free)
         self.blocks: tuple[Innovations, ...] = (self.linear,) if powers is None else (self.linear, powers)
 

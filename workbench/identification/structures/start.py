@@ -9,11 +9,12 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.identification.prediction.innovations import Innovations, errors_of
+from workbench.identification.prediction.start import plant_alone
 from workbench.identification.structures.refine import PiecewiseLinearBlock, WienerHammersteinModel, line_of
 from workbench.identification.structures.table import free_directions, knots_for, weights
 from workbench.identification.subspace.estimate import estimate
 
-__all__ = ["block_of", "placed", "rescaled", "starts_before", "straight", "with_before", "with_behind"]
+__all__ = ["placed", "rescaled", "starts_before", "straight", "with_before", "with_behind"]
 
 _POWERS = 3  # of the input, whose linear models start f
 _EVEN = 0.05  # correlation of a block's output with its input below which it counts as even
@@ -69,24 +70,7 @@ def starts_before(order: int, u: Floats, y: Floats, *, feedthrough: bool) -> Inn
     except InputError:
         return None
     left, _, _ = np.linalg.svd(np.vstack([result.B, result.D]), full_matrices=False)
-    return block_of(result.A, left[:order, :1], result.C, left[order:, :1], feedthrough=feedthrough)
-
-
-def block_of(A: Floats, B: Floats, C: Floats, D: Floats, *, feedthrough: bool) -> Innovations:
-    """Return a linear block with one input and output.
-
-    Args:
-        A: shape (n, n).
-        B: shape (n, 1).
-        C: shape (1, n).
-        D: shape (1, 1).
-        feedthrough: D is free.
-    """
-    n = len(A)
-    return Innovations(
-        A=A, B=B, C=C, D=D, K=np.zeros((n, 1)), offset=np.zeros(1), x0=np.zeros(n), plant=n, shared=False,
-        feedthrough=feedthrough,
-    )  # fmt: skip
+    return plant_alone((result.A, left[:order, :1], result.C, left[order:, :1]), feedthrough=feedthrough)
 
 
 def placed(chain: WienerHammersteinModel, u: Floats, y: Floats, count: int) -> WienerHammersteinModel:
@@ -119,15 +103,15 @@ def rescaled(chain: WienerHammersteinModel, u: Floats) -> WienerHammersteinModel
     _, w = chain.inner(u)
     knots, values = chain.behind.knots, chain.behind.values
     hats = weights(w, knots)
-    notes = hats @ values
+    levels = hats @ values
     slope = float(line_of(w, knots)[1] @ values)
-    odd = abs(slope) * w.std() > _EVEN * notes.std()
+    odd = abs(slope) * w.std() > _EVEN * levels.std()
     gain = slope if odd else 1.0
     linear = chain.linear
     scaled = replace(linear, C=gain * linear.C, D=gain * linear.D, offset=gain * linear.offset)
     turned = slice(None, None, -1 if gain < 0.0 else 1)
     knots, values = (gain * knots)[turned], values[turned]
-    held = line_of(gain * w, knots)[1] if odd else (notes - notes.mean()) @ hats
+    held = line_of(gain * w, knots)[1] if odd else (levels - levels.mean()) @ hats
     return WienerHammersteinModel(chain.before, scaled, PiecewiseLinearBlock(knots, values, free_directions(held)))
 
 

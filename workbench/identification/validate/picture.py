@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from workbench.identification.validate.spread import ModelSpread
     from workbench.response.nfr.result import NfrResult
 
-__all__ = ["plot_fit", "plot_overlay", "plot_poles", "plot_residuals", "plot_spread"]
+__all__ = ["SHOWN", "plot_fit", "plot_overlay", "plot_poles", "plot_residuals", "plot_spread"]
 
-_SHOWN = 300  # samples that can still be told apart over the width of a page
+SHOWN = 300  # samples that can still be told apart over the width of a page
 _DARK = "#333333"
 _BAND: dict[str, Any] = {"color": COLOURS[4], "alpha": 0.25, "linewidth": 0.0}
 _EDGE: dict[str, Any] = {"color": "#666666", "linewidth": 0.9, "linestyle": "--"}
@@ -52,7 +52,7 @@ def plot_fit(result: Validation, *, seconds: float | None = None) -> Figure:
     data = result.data
     if seconds is not None and not seconds > 0.0:
         raise InputError(f"seconds must be positive, not {seconds:g}")
-    span = _SHOWN if seconds is None else max(2, round(seconds / data.dt))
+    span = SHOWN if seconds is None else max(2, round(seconds / data.dt))
     shown = slice(0, min(span, data.n_samples))
     title = f"{data.name}: output of the model of order {result.model.order} and measured output"
     down = 2 * data.n_outputs
