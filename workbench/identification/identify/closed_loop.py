@@ -4,7 +4,7 @@ First what the reference makes of the inputs is found by a long equation: the re
 disturbance, so neither does this part of the inputs. Then the plant is identified from it as in an open loop
 (P. M. J. Van den Hof and R. J. P. Schrama, Automatica 29, 1993), and the disturbance is what the plant leaves of the
 output under the inputs as they were. From there both are refined under the inputs as they were, with the first part as
-an instrument; that has a covariance (`prediction/instrumental_variable.py`).
+an instrument; that has a covariance (`prediction/refine.py`).
 """
 
 from __future__ import annotations

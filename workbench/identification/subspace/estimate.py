@@ -71,7 +71,7 @@ def estimate(
         y: outputs, shape (N, p) or (N,); y[k] holds the effect of u[k] if there is feedthrough.
         dt: sampling interval [s].
         order: number of states without delays, 0 for a gain, or "auto".
-        method: name in `workbench.identification.subspace.weightings.METHODS`; which weighting, see there.
+        method: name in `workbench.identification.subspace.projections.METHODS`; which weighting, see there.
         basis: the source report's keyword: "combined" weights outputs by their covariance (principal angles),
             "unscaled" does not (singular values); None: the method's own.
         horizon: block rows of past and future [samples]; None: several are tried (`subspace/horizon.py`).
