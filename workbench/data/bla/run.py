@@ -125,8 +125,8 @@ class _UnderWay:
         facts = {
             "model": model.name, "input": request.input, "output": request.output, "input_unit": units[request.input],
             "output_unit": units[request.output], "periods": request.measured_periods,
-            "realisations": request.realisations, "transient": request.transient, "lines": request.lines, "notes": tuple(self.notes),
-            "operating_point": self.where,
+            "realisations": request.realisations, "transient": request.transient, "lines": request.lines,
+            "notes": tuple(self.notes), "operating_point": self.where,
         }  # fmt: skip
         return gathered(self.found, self.levels[: len(self.found)], self.grid, facts)
 
