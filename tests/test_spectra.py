@@ -56,12 +56,6 @@ def test_coherence_of_noise_has_its_closed_form_and_scatter() -> None:
     assert np.max(np.abs(found.response[2:-2, 0, 0] - h[2:-2])) < 0.15
 
 
-def test_unrelated_data_stay_below_the_level_of_chance() -> None:
-    found = coherence(data(white(20_000, 5), white(20_000, 6)), segments=40)
-    assert np.mean(found.multiple[1:-1, 0] > found.significance_95) == pytest.approx(0.05, abs=0.03)
-    assert np.mean(found.multiple[1:-1, 0]) == pytest.approx(np.mean(found.bias[1:-1, 0]), rel=0.2)
-
-
 def test_two_inputs_explain_together_what_neither_explains_alone() -> None:
     u = np.column_stack([white(20_000, 1), white(20_000, 2)])
     found = coherence(make_experiment(DT, u, u[:, 0] + u[:, 1]), segments=100)

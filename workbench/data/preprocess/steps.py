@@ -261,17 +261,10 @@ def resample(experiment: Experiment, *, dt: float, antialias: bool = True) -> Re
         raise InputError(f"without a filter {dt:g} s must be a multiple of the sampling interval, {experiment.dt:g} s")
     if experiment.n_samples / ratio < _FEWEST:
         raise InputError(f"{experiment.name}: fewer than {_FEWEST} samples would be left at {dt:g} s")
-    take = _filtered if antialias else _picked
-    u, y = (take(x, ratio) for x in (experiment.u, experiment.y))
+    u, y = experiment.u[:: ratio.numerator].copy(), experiment.y[:: ratio.numerator].copy()
+    if antialias:  # padded with the mean: a jump from the first sample to 0 would ring into the record
+        up, down = ratio.denominator, ratio.numerator
+        u, y = (signal.resample_poly(x, up, down, axis=0, padtype="mean") for x in (experiment.u, experiment.y))
     time = experiment.time[0] + dt * np.arange(len(u))
     what = f"resampled from {experiment.dt:g} s to {dt:g} s{'' if antialias else ' without a filter'}"
     return Resampled(experiment.with_data(u=u, y=y, time=time, note=what), what, ratio, antialias)
-
-
-def _filtered(x: Floats, ratio: Fraction) -> Floats:
-    # Padded with its mean: a jump from the first sample to 0 would ring into the record.
-    return np.asarray(signal.resample_poly(x, ratio.denominator, ratio.numerator, axis=0, padtype="mean"))
-
-
-def _picked(x: Floats, ratio: Fraction) -> Floats:
-    return x[:: ratio.numerator].copy()

@@ -44,15 +44,11 @@ class PreparedData:
     y0: Floats
 
 
-def _nothing(data: Experiment) -> Detrended:
-    return remove_offset(data, {})
-
-
 # Name → what takes the operating point off.
 _DETRENDS: Mapping[str, Callable[[Experiment], Detrended]] = {
     "mean": detrend,
     "linear": lambda data: detrend(data, kind="linear"),
-    "none": _nothing,
+    "none": lambda data: remove_offset(data, {}),
 }
 
 

@@ -61,6 +61,7 @@ def run(data: Experiment | str | Path, request: Identify, job: Job) -> IdentifyR
     advice.refuse(better.order)
     job.done("model estimated", 2, 3)
     model = _named(better, prepared)
+    rival = None if rival is None else without_joints(rival, prepared.u.shape[1])
     result = IdentifyResult(
         data=prepared.data,
         advice=advice,
@@ -73,16 +74,11 @@ def run(data: Experiment | str | Path, request: Identify, job: Job) -> IdentifyR
         settle=request.settle,
         own=validate(model, prepared.data, lags=request.lags),
         other=None if other is None else validate(model, other, lags=request.lags),
-        uncertainty=None if model.spread is None else model_spread(model, rival=_rival(rival, model)),
+        uncertainty=None if model.spread is None else model_spread(model, rival=rival),
         overlay=_overlay(model, request),
     )
     job.done("model validated", 3, 3)
     return result
-
-
-def _rival(rival: IdentifiedModel | None, model: IdentifiedModel) -> IdentifiedModel | None:
-    """Return a model that may be right in place of another, of the same inputs; None: there is none."""
-    return None if rival is None else without_joints(rival, len(model.input_names))
 
 
 def _delays(request: Identify, advice: Advice, inputs: int) -> tuple[int, ...]:

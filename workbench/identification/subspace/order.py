@@ -87,18 +87,6 @@ def deliver(record: tuple[Floats, Floats], trial: HorizonView, order: int, setti
     return min(result, _completed(record, (states, tame, C, moved), settings), key=lambda model: cost(model.error))
 
 
-def simulation_cost(record: tuple[Floats, Floats], trial: HorizonView, order: int, settings: SubspaceSettings) -> float:
-    """Return `cost` of the model that is handed out for an order.
-
-    Args:
-        record: u and y, of size one.
-        trial: how the record is seen.
-        order: n.
-        settings: of the identification.
-    """
-    return cost(deliver(record, trial, order, settings).error)
-
-
 def cost(error: Floats) -> float:
     """Return log det of the covariance of a simulation's error; infinite where there is no finite simulation.
 
@@ -200,7 +188,7 @@ def choose_order(record: tuple[Floats, Floats], trial: HorizonView, settings: Su
     costs = np.full(len(orders), np.nan)
     costs[-1] = cost(last)
     for n in orders[:-1]:
-        costs[n] = simulation_cost(record, trial, int(n), settings)
+        costs[n] = cost(deliver(record, trial, int(n), settings).error)
         if _settled(costs, price, int(n)):
             break
     return _choice(costs + price, costs)
