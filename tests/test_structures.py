@@ -14,11 +14,12 @@ import workbench as wb
 from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
+from workbench.identification.prediction.start import plant_alone
 from workbench.identification.structures.page import structure_page
 from workbench.identification.structures.refine import PiecewiseLinearBlock, WienerHammersteinModel, line_of
 from workbench.identification.structures.request import IdentifyCommand, IdentifyStructure
 from workbench.identification.structures.run import _Scaled, _StructureSearch
-from workbench.identification.structures.start import block_of, placed, rescaled
+from workbench.identification.structures.start import placed, rescaled
 from workbench.identification.structures.table import StaticTable, free_directions, knots_for, weights
 
 B, A = [0.0, 0.1, 0.05], [1.0, -1.6, 0.8]
@@ -228,7 +229,7 @@ def test_the_state_at_the_first_sample_is_found_behind_a_static_block() -> None:
 
 def test_scales_are_moved_without_a_change_of_the_output() -> None:
     u = np.random.default_rng(0).normal(size=200)
-    linear = block_of(np.array([[0.5]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)), feedthrough=False)
+    linear = plant_alone((np.array([[0.5]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1))), feedthrough=False)
     knots = np.linspace(-4.0, 4.0, 7)
     for values in (-3.0 * np.tanh(knots), np.cosh(knots)):
         chain = WienerHammersteinModel(None, linear, PiecewiseLinearBlock(knots, values, np.eye(7)))

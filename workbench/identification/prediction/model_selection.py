@@ -160,7 +160,8 @@ class _ModelSearch:
 
     def __init__(self, record: Record, plants: tuple[Plant, ...], wish: SelectionOptions) -> None:
         self.record, self.plants, self.wish = record, plants, wish
-        *self.white, self.arx = whitened(*record)
+        u, y, self.arx = whitened(*record)
+        self.white = u, y
         self.tried: dict[tuple[int, int, bool], Candidate] = {}
         self._known: dict[int, Refined | None] = {}
 
