@@ -68,7 +68,7 @@ def test_simulate_writes_a_time_history(tmp_path: Path, capsys: pytest.CaptureFi
     time, y = np.array(result["time"]), np.array(result["signals"]["y"])
     np.testing.assert_allclose(y, np.where(time < 1.0, 0.0, 2.0 - 2.0 * np.exp(-(time - 1.0) / 0.5)), atol=1e-4)
     with files[1].open(encoding="utf-8") as file:
-        assert next(csv.reader(file))[0] == "time"
+        assert next(csv.reader(file))[0] == "time [s]"
     assert files[2].read_text(encoding="utf-8").startswith("<?xml")
 
 

@@ -76,7 +76,7 @@ def test_files_and_pictures(tmp_path: Path) -> None:
     result = run()
     result.to_csv(tmp_path / "out.csv")
     rows = list(csv.reader((tmp_path / "out.csv").read_text().splitlines()))
-    assert rows[0] == ["time", "y", "u"]
+    assert rows[0] == ["time [s]", "y", "u [N]"]
     assert np.array(rows[1:], dtype=float)[:, 1].tolist() == result.signals["y"].tolist()
     assert json.loads(json.dumps(result.to_dict()))["signals"]["u"][-1] == 2.0
     figure = result.plot()

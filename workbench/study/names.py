@@ -94,7 +94,8 @@ def _open(study: Study, name: str, model: Change) -> _Names:
         with _opened(study, model) as opened:
             return _names(opened)
     except InputError as error:
-        raise InputError(f"{_where(study, name, str(error))}: {error}") from None
+        message = str(error).removeprefix("start_values: ")  # in a study the table says that
+        raise InputError(f"{_where(study, name, message)}: {message}") from None
 
 
 def _names(model: DescribedModel) -> _Names:
