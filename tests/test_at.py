@@ -157,7 +157,10 @@ def test_at_as_it_was_still_names_the_connection(lags: Path, held: Path, capsys:
         ([], "--open: at which connection? Name its source, as in --open plant.y"),
         (["--open", "k.y", "--at", "{held}", "--point", "{held}"], "--at and --point: only one of them"),
         (["--open", "k.y", "--at", "{held}", "--trim"], "--at and --trim: only one of them"),
-        (["--open", "k.y", "--at", "none.json"], "none.json: cannot be read: No such file or directory"),
+        (
+            ["--open", "k.y", "--at", "none.json"],
+            "--at: none.json: cannot be read: No such file or directory; workbench trim --json writes a point",
+        ),
     ],
 )
 def test_a_loop_asked_for_wrongly(

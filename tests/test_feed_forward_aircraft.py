@@ -315,6 +315,6 @@ def test_simulate_tells_of_an_escape(tmp_path: Path, capsys: pytest.CaptureFixtu
     time, *columns = np.array([row.split(",") for row in rows], dtype=float).T
     assert len(time) > 100
     assert (np.diff(time) >= 0.0).all()
-    rate = np.abs(columns[heading.split(",").index("outer_aileron_rate") - 1])
+    rate = np.abs(columns[heading.split(",").index("outer_aileron_rate [rad/s]") - 1])
     grown = rate[rate > rate.max() / 1e4]
     assert np.max(grown[1:] / grown[:-1]) < 1.5
