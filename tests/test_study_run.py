@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,12 @@ from tests.fmi3_fmus import build_sized
 from tests.hostile_fmus import build_hostile
 from workbench.cli.app import run
 from workbench.fmi.bundled import bundled_path
+from workbench.jobs.end_signals import INTERRUPTED
 from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
 from workbench.study import worker
 from workbench.study.plan import RunResult
+from workbench.study.result import StudyResult
 from workbench.study.run import StudyRun
 from workbench.study.worker import CommandJob, perform
 
@@ -362,6 +364,28 @@ def test_a_signal_before_the_store_is_open_ends_the_study(tmp_path: Path) -> Non
         job.stop()
     result = prepared.run(lambda: Workers(jobs=1), job)
     assert (result.measured, result.missing) == (0, prepared.total)
+
+
+@pytest.mark.parametrize(("where", "continues"), [(["--no-store"], False), (["--store", "kept"], True)])
+def test_the_same_command_continues_where_something_is_kept(
+    where: list[str],
+    continues: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    shutil.copy(bundled_path("fmu:FirstOrderLag"), tmp_path / "lag.fmu")
+    whole = StudyRun.run
+
+    def stopped(self: StudyRun, workers: Callable[[], Workers], job: Job, **more: str) -> StudyResult:
+        with job.ended_by():
+            job.stop()
+        return whole(self, workers, job, **more)
+
+    monkeypatch.setattr(StudyRun, "run", stopped)
+    monkeypatch.chdir(tmp_path)
+    assert run(["run", study(tmp_path, GRID), *where]) == INTERRUPTED
+    assert ("the same command continues" in capsys.readouterr().err) == continues
 
 
 # -- models that stay open ------------------------------------------------------------------------

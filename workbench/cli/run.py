@@ -121,7 +121,7 @@ def run(
     folder = None if no_store else store or default_store(study)
     prepared = StudyRun(study, store=folder, fresh=fresh)
     place = Workers(jobs=jobs, timeout=timeout, confine=confine, scheduler=scheduler, tls=scheduler_tls)
-    result = _run(prepared, place)
+    result = _run(prepared, place, kept=folder is not None)
     _show(result, out)
     out.write(result.to_dict, csv=result.to_csv, report=result)
     if junit is not None:
@@ -148,8 +148,8 @@ def _check_junit(path: Path | None) -> None:
         file_to_write(path, option="--junit")
 
 
-def _run(prepared: StudyRun, workers: Workers) -> StudyResult:
-    """Run with a bar; Ctrl-C ends it, what is finished stays."""
+def _run(prepared: StudyRun, workers: Workers, *, kept: bool) -> StudyResult:
+    """Run with a bar; Ctrl-C ends it, what is finished stays where it is kept."""
     from workbench.cli.command_line import command_line
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
@@ -160,7 +160,8 @@ def _run(prepared: StudyRun, workers: Workers) -> StudyResult:
     for text in result.notes:
         note(text)
     if result.missing:
-        note(f"{interrupted()}: {result.missing} of {prepared.total} analyses were not run; the same command continues")
+        again = "; the same command continues" if kept else ""
+        note(f"{interrupted()}: {result.missing} of {prepared.total} analyses were not run{again}")
     flush()
     return result
 
