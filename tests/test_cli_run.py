@@ -44,7 +44,7 @@ def facts(tmp_path: Path) -> Path:
 
 
 def test_every_command_with_a_result_can_be_an_analysis() -> None:
-    assert set(COMMANDS) | {"run", "ui"} == set(PROGRAM)
+    assert set(COMMANDS) | {"run", "schema", "ui"} == set(PROGRAM)
     assert all(command(name).options for name in REQUESTS)
 
 
@@ -95,7 +95,7 @@ def test_options_as_a_command_line_has_them(name: str, options: dict[str, Any], 
         ({"band": "0.5-20"}, "key 'band': '0.5-20' is not of the form LO:HI"),
         ({"freq": [[1]]}, "key 'freq': '[1]' is not a number"),
         ({"tolerance": -1}, "key 'tolerance': -1 is not a positive number"),
-        ({"max-periods": 2.5}, "key 'max-periods': '2.5' is not a whole number"),
+        ({"max-periods": 2.5}, "key 'max-periods': 2.5 is not a whole number"),
         ({"set": {"k": [1]}, "interface": "ms"}, "key 'interface': 'ms' is unknown; known: auto, cs, me"),
         ({"at": 3, "timeout": "long"}, "key 'timeout': 'long' is not a number"),
     ],

@@ -39,7 +39,7 @@ def test_navigation_names_every_page() -> None:
 def test_command_pages_name_every_option(name: str) -> None:
     page = command_page(name)
     assert page.startswith(f"# {name}\n")
-    assert "## Options" in page
+    assert "## Options" in page or name == "schema"  # which has none
     assert "**Example" in page, "the help of the command shows no example"
     assert f"workbench {name}" in page
 

@@ -13,6 +13,7 @@ import typer
 from workbench.cli.derive import command, meant
 from workbench.cli.program import program
 from workbench.commands import REQUESTS, request_of, requests_of
+from workbench.core.records.forms import of_type
 from workbench.core.records.option import DeclaredOption, asked_of, put_together, recast
 from workbench.data.excite.signals import MultisineDesign, PrbsDesign
 from workbench.errors import InputError
@@ -93,9 +94,10 @@ def value_of(request: str, declared: DeclaredOption, chance: random.Random) -> o
     """Return a random value of an option."""
     if declared.name in SPECIAL and (request, declared.name) != ("limit-cycle", "vary"):
         return SPECIAL[declared.name](chance)
-    if declared.option.choices:
-        return chance.choice(declared.option.choices)
-    if declared.form is not None:
+    if declared.choices:
+        return chance.choice(declared.choices)
+    if declared.form is not of_type(declared.type):
+        assert declared.form is not None
         return VALUES[declared.form.metavar](chance)
     if declared.type is bool:
         return chance.random() < 0.5

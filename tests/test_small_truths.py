@@ -11,7 +11,7 @@ import pytest
 
 import workbench as wb
 from tests.test_validate_overlay import measured
-from workbench.core.records.forms import _read_widths
+from workbench.core.records.forms import _WIDTHS
 from workbench.core.records.record import brief
 from workbench.core.values.arrays import Floats
 from workbench.core.values.conversion import known_unit
@@ -27,7 +27,7 @@ from workbench.health.check.step import _Convergence, _order_words
 from workbench.health.check.subject import Trajectory
 from workbench.identification.fit.run import _sampled
 from workbench.identification.subspace.order import _weight
-from workbench.jobs.options import Workers, _take_scheduler
+from workbench.jobs.options import Workers, _scheduler
 from workbench.limit_cycles.feedback.gains import crossings
 from workbench.limit_cycles.feedback.locus import shown_gains
 from workbench.limit_cycles.limit_cycle.bias import _meeting
@@ -129,7 +129,7 @@ def test_the_exponential_of_equal_entries_is_known(size: float) -> None:
 
 @pytest.mark.parametrize(("texts", "width"), [(["0.1"], 0.1), (["0.1,0.2"], (0.1, 0.2)), (["x=0.1"], {"x": 0.1})])
 def test_widths_are_one_or_several_or_by_name(texts: list[str], width: object) -> None:
-    assert _read_widths(texts) == width
+    assert _WIDTHS.read(_WIDTHS.layout.split(texts)) == width
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, math.inf])
@@ -142,8 +142,8 @@ def test_a_width_is_positive_and_finite(width: float) -> None:
 @pytest.mark.parametrize("place", [5, "", 1.0])
 def test_what_is_no_address_is_no_scheduler(place: object) -> None:
     with pytest.raises(ValueError, match="is not the address of a scheduler"):
-        _take_scheduler(place)
-    assert _take_scheduler("tcp://host:8786") == "tcp://host:8786"
+        _scheduler(place)
+    assert _scheduler("tcp://host:8786") == "tcp://host:8786"
 
 
 def test_missing_rows_are_counted_and_put_where_they_were() -> None:

@@ -183,6 +183,7 @@ from workbench.study.envelope.result import EnvelopeResult as EnvelopeResult
 from workbench.study.envelope.result import WorstCase as WorstCase
 from workbench.study.result import StudyResult as StudyResult
 from workbench.study.run import run_study as run_study
+from workbench.study.schema import schema as schema
 from workbench.system.connect import connect as connect
 from workbench.system.description import BlockComponent as BlockComponent
 from workbench.system.description import Connection as Connection

@@ -56,6 +56,7 @@ GROUPS: Mapping[str, Mapping[str, Mapping[str, str]]] = {
             "compile": "build.request:Compile",
             "export": "build.request:Export",
         },
+        "schema": {},
         "ui": {},
     },
 }

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Iterator
 
 from pydantic.fields import FieldInfo
 
 from workbench.study.requirements import KINDS
 from workbench.study.requirements.base import Requirement
-from workbench.system.files.toml_schema import TomlTable
+from workbench.system.files.toml_schema import TomlTable, meaning
 
 __all__ = ["requirements_page"]
 
@@ -69,11 +68,4 @@ def _default(field: FieldInfo) -> str:
 
 
 def _meaning(owner: type[TomlTable], name: str) -> str:
-    """Return what the docstring of the class, or of one that it builds on, says about a key."""
-    for kind in owner.__mro__:
-        attributes = (inspect.getdoc(kind) or "").partition("Attributes:\n")[2] if "__doc__" in vars(kind) else ""
-        for found in re.finditer(r"^    (?P<names>\w+(?:, \w+)*): (?P<text>.*(?:\n {8}.*)*)", attributes, re.MULTILINE):
-            if name in found["names"].split(", "):
-                words = " ".join(found["text"].split()).replace("|", r"\|")
-                return words.replace("None:", "without it:").replace("name in `KINDS`", "one of those below")
-    return ""
+    return meaning(owner, name).replace("|", r"\|").replace("name in `KINDS`", "one of those below")

@@ -6,13 +6,12 @@ import inspect
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.core.records.forms import File
+from workbench.core.records.forms import File, written
 from workbench.core.records.option import (
     DeclaredOption,
     Options,
@@ -22,7 +21,7 @@ from workbench.core.records.option import (
     put_together,
     values_of,
 )
-from workbench.errors import InputError, WorkbenchError, suggest
+from workbench.errors import InputError, WorkbenchError
 from workbench.jobs.end_signals import INTERRUPTED
 from workbench.requests.request import Request, asked_options, function, request_from, values_from
 from workbench.show.files_written import Written, written_of
@@ -104,7 +103,7 @@ def meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) ->
     own = _options(request)
     for other in requests:
         for name, (declared, _) in _options(other).items():
-            if name not in own and given.get(name) not in (None, declared.default, [], ()):
+            if name not in own and given.get(name) not in (None, _usual(declared), [], ()):
                 raise InputError(f"{declared.flag} is for {other.case or other.subject.metavar}; leave it out")
     for name, (declared, _) in own.items():
         if given.get(name) is not None:
@@ -248,15 +247,14 @@ def _argument(requests: Sequence[type[Request[Any, Any]]]) -> inspect.Parameter:
 
 
 def _merged(name: str, known: Sequence[DeclaredOption], group: str, *, everywhere: bool) -> inspect.Parameter:
-    """Return an option that requests of one command share, as the first declares it; what differs is read later."""
+    """Return an option that requests of one command share, as the first declares it: typer reads texts and switches."""
     first = known[0]
     needed = everywhere and all(d.required for d in known)
     usual = {repr(d.default) for d in known}
-    default = None if len(usual) > 1 or first.form is not None or first.required else first.default
-    kinds = {_typer_type(d) for d in known}
-    kind: Any = kinds.pop() if len(kinds) == 1 else list[str] if list[str] in kinds else str
+    default = None if len(usual) > 1 or first.required else _usual(first)
+    kind: Any = bool if first.form is None else list[str] if any(d.repeated for d in known) else str
     kind = kind if needed or (kind is bool and default is not None) else kind | None
-    annotation = _annotation(first, group, kind, both=first.type is bool and any(d.default for d in known))
+    annotation = _annotation(first, group, kind, both=first.form is None and any(d.default for d in known))
     return _parameter(name, annotation, inspect.Parameter.empty if needed else default)
 
 
@@ -264,32 +262,23 @@ def _parameter(name: str, kind: Any, default: Any) -> inspect.Parameter:  # noqa
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
 
 
+def _usual(declared: DeclaredOption) -> Any:  # noqa: ANN401
+    """Return the default as a command line would give it; None: it is not shown, as that of a list or the like."""
+    if declared.form is None:
+        return declared.default
+    return written(declared.default) if isinstance(declared.default, str | int | float) else None
+
+
 def _annotation(declared: DeclaredOption, group: str, kind: Any, *, both: bool) -> Any:  # noqa: ANN401 - types for typer
-    flag = f"{declared.flag}/--no-{declared.flag.removeprefix('--')}" if both else declared.flag
-    form = declared.form
-    choices = declared.option.choices
-    metavar = declared.option.metavar or (form.metavar if form is not None else "|".join(choices) or None)
     option = typer.Option(
-        *[flag, *filter(None, [declared.option.also])],
-        help=f"{declared.help} Repeatable." if form is not None and form.repeated else declared.help,
-        metavar=metavar,
+        f"{declared.flag}/--no-{declared.flag.removeprefix('--')}" if both else declared.flag,
+        *filter(None, [declared.option.also]),
+        help=f"{declared.help} Repeatable." if declared.repeated else declared.help,
+        metavar=declared.metavar or None,
         rich_help_panel=group or None,
         hidden=declared.option.hidden,
-        parser=partial(_one_of, choices) if choices and form is None else None,
     )
     return Annotated[kind, option]
-
-
-def _one_of(choices: tuple[str, ...], text: str) -> str:
-    if text not in choices:
-        raise typer.BadParameter(f"'{text}' is unknown; {suggest(text, choices)}")
-    return text
-
-
-def _typer_type(declared: DeclaredOption) -> Any:  # noqa: ANN401
-    if declared.form is not None:
-        return list[str] if declared.form.repeated else str
-    return declared.type
 
 
 # -- values ------------------------------------------------------------------------------------
@@ -302,16 +291,9 @@ def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[DeclaredOption
 
 def _as_read(declared: DeclaredOption, given: Any) -> Any:  # noqa: ANN401
     """Return what typer read as another request's option of that name has it."""
-    kind = _typer_type(declared)
-    if kind == list[str]:
+    if declared.repeated:
         return [given] if isinstance(given, str) else given
-    last = given[-1] if isinstance(given, list) and given else given
-    if isinstance(last, str) and kind in (int, float):
-        try:
-            return kind(last)
-        except ValueError:
-            raise InputError(f"{declared.flag}: '{last}' is not a number") from None
-    return last
+    return given[-1] if isinstance(given, list) and given else given
 
 
 def _files(request: type[Request[Any, Any]], written: type[Written]) -> dict[str, tuple[DeclaredOption, str]]:

@@ -23,7 +23,7 @@ from workbench.requests.request import Request
 
 __all__ = ["COMMANDS", "completing", "function_of", "options_of", "program", "said"]
 
-_FUNCTIONS = {"run": "cli.run:run", "ui": "cli.ui:ui"}
+_FUNCTIONS = {"run": "cli.run:run", "schema": "cli.schema:schema", "ui": "cli.ui:ui"}
 
 _WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses
 _NO_PARTS = r"No such option: (--scheduler\S*).*"

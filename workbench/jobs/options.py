@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
-from workbench.core.records.forms import Form
+from workbench.core.records.forms import LISTED, ONE, Form
 from workbench.core.records.option import Options, option, recast
 from workbench.errors import InputError
 
@@ -119,13 +119,13 @@ class Scheduler:
     address: str
 
 
-def _take_scheduler(value: object) -> object:
+def _scheduler(value: object) -> object:
     if isinstance(value, Scheduler) or (isinstance(value, str) and value):
         return value
     raise ValueError(f"{value!r} is not the address of a scheduler, such as tcp://host:8786, nor a Cluster")
 
 
-def _take_files(value: Sequence[str]) -> tuple[str, ...]:
+def _files(value: Sequence[str]) -> tuple[str, ...]:
     result = tuple(str(name).strip() for name in (value.split(",") if isinstance(value, str) else value))
     if len(result) != 3 or not all(result):
         raise ValueError("takes three files: certificate of the authority, own certificate, own key")
@@ -133,14 +133,9 @@ def _take_files(value: Sequence[str]) -> tuple[str, ...]:
 
 
 _ADDRESS = Form(
-    metavar="tcp://..",
-    read=lambda texts: texts[-1],
-    write=lambda value: [getattr(value, "address", value)],
-    take=_take_scheduler,
+    metavar="tcp://..", read=_scheduler, layout=replace(ONE, join=lambda value: [getattr(value, "address", value)])
 )
-_FILES = Form(
-    metavar="CA,CERT,KEY", read=lambda texts: texts[-1], write=lambda value: [",".join(value)], take=_take_files
-)
+_FILES = Form(metavar="CA,CERT,KEY", read=_files, layout=LISTED)
 
 if TYPE_CHECKING:
     _Address = str | Scheduler

@@ -209,7 +209,7 @@ class Request(Options, Generic[_Subject, _Record]):
         if not self.subject.opened or self.subject.several:
             return self
         told: set[str] = set()
-        texts = (d.name for d in options_of(type(self)) if not d.option.choices)
+        texts = (d.name for d in options_of(type(self)) if not d.choices)
         values = {name: getattr(self, name) for name in texts}
         found = {name: named(_BY_OWN_NAMES)(subject, value, told) for name, value in values.items()}
         changed = {name: value for name, value in found.items() if value != values[name]} if told else {}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 from workbench.core.records.csv_file import is_number
-from workbench.core.records.forms import Form, pairs, table
+from workbench.core.records.forms import ONE, Form, by_name, table
 from workbench.core.records.names_in_text import split_names
 from workbench.errors import InputError, suggest
 from workbench.signals.file import is_file, named_columns, read_table
@@ -366,9 +366,9 @@ def _signal(name: str, value: object, numbers: Numbers) -> Signal:
 _SIGNALS = Form(
     metavar="NAME=SIGNAL",
     example="u=step:time=1,value=2",
-    read=lambda texts: readable(pairs(texts)),
-    write=lambda value: [f"{n}={s if isinstance(s, str) else signal_text(s)}" for n, s in value.items()],
-    take=lambda value: readable(table(value)),
+    read=lambda value: readable(table(value)),
+    layout=by_name(replace(ONE, join=lambda signal: [signal if isinstance(signal, str) else signal_text(signal)])),
+    items=("string", "number"),
     repeated=True,
     files=lambda texts: [value for _, _, value in (text.partition("=") for text in texts) if is_file(value)],
 )

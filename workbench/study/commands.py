@@ -9,7 +9,6 @@ from typing import Any
 
 from workbench.commands import COMMANDS as EVERY
 from workbench.commands import request_of
-from workbench.core.records.forms import Form
 from workbench.core.records.option import DeclaredOption, options_of, parts_of, put_together
 from workbench.errors import InputError, suggest
 from workbench.model.loading import Loading
@@ -230,19 +229,19 @@ def command(name: str) -> Command:
 def _value(key: str, declared: DeclaredOption, value: Any) -> Any:  # noqa: ANN401 - what TOML can hold, or its option
     """Return the value of an option from what TOML holds: typed, or as text as on the command line."""
     form = declared.form
-    kind = declared.option.metavar or (form.metavar if form is not None else _KINDS.get(declared.type, ""))
-    if declared.type is bool and form is None:
+    if form is None:
         if not isinstance(value, bool):
             raise InputError(f"key '{key}' is true or false, not {value!r}")
         return value
+    kind = declared.option.metavar or _KINDS.get(declared.type, form.metavar)
     if isinstance(value, bool):
-        raise InputError(f"key '{key}' takes a value ({kind or 'text'}), not {str(value).lower()}")
-    if isinstance(value, Mapping) and (form is None or "=" not in form.metavar):
-        raise InputError(f"key '{key}' is not a table; it takes {kind or 'one value'}")
-    if isinstance(value, list) and (form is None or not (form.repeated or set(form.metavar) & set(",:"))):
+        raise InputError(f"key '{key}' takes a value ({kind}), not {str(value).lower()}")
+    if isinstance(value, Mapping) and not ("object" in form.items or form.layout.inner is not None):
+        raise InputError(f"key '{key}' is not a table; it takes {kind}")
+    if isinstance(value, list) and not (form.repeated or form.layout.kind in {"list", "span"}):
         raise InputError(f"key '{key}' takes one value, not a list")
     try:
-        return declared.checked(_plain(declared.type, value) if form is None else _formed(form, value))
+        return declared.checked(form.parts(value))
     except InputError as error:
         text = str(error).removeprefix(f"{declared.spoken}: ").removeprefix(f"{declared.spoken} ")
         raise InputError(f"key '{key}': {text}") from None
@@ -250,33 +249,12 @@ def _value(key: str, declared: DeclaredOption, value: Any) -> Any:  # noqa: ANN4
         raise InputError(f"key '{key}': {error}") from None
 
 
-def _plain(kind: type, value: Any) -> Any:  # noqa: ANN401
-    try:
-        return kind(str(value)) if kind in (int, str) else kind(value)
-    except ValueError:
-        raise ValueError(f"'{value}' is not {_KINDS.get(kind, kind.__name__)}") from None
-
-
-def _formed(form: Form, value: Any) -> Any:  # noqa: ANN401
-    """Return a value with its texts read as those of a command line."""
-    if isinstance(value, str | int | float):
-        return form.read([str(value)])
-    if isinstance(value, list) and form.repeated and all(isinstance(item, str) for item in value):
-        return form.read(value)
-    texts = {k: v for k, v in value.items() if isinstance(v, str)} if isinstance(value, Mapping) else {}
-    if not (texts and form.repeated):
-        return value
-    read = form.read([f"{name}={text}" for name, text in texts.items()])
-    if len(texts) == len(value):
-        return read
-    return {**read, **{name: x for name, x in value.items() if name not in texts}}
-
-
 def _as_text(declared: DeclaredOption, value: Any) -> bool:  # noqa: ANN401
     """Return whether a value is written as on the command line already: names of files stay as they are there."""
     several = value.values() if isinstance(value, Mapping) else value if isinstance(value, list) else ()
-    repeated = declared.form is not None and declared.form.repeated
-    return isinstance(value, str) or (repeated and bool(several) and all(isinstance(item, str) for item in several))
+    return isinstance(value, str) or (
+        declared.repeated and bool(several) and all(isinstance(item, str) for item in several)
+    )
 
 
 def references(value: Any) -> Iterator[Reference]:  # noqa: ANN401 - what TOML can hold, references in it

@@ -87,7 +87,7 @@ def _field(name: str, declared: DeclaredOption, group: str, *, needed: bool) -> 
         "help": " ".join([option.help, *_range(option)]),
         "unit": option.unit,
         "sample": _sample(declared),
-        "choices": list(option.choices),
+        "choices": list(declared.choices),
         "group": group,
         "required": needed,
         "default": declared.default if declared.type is bool else ", ".join(t.partition("=")[2] for t in default),
@@ -99,9 +99,8 @@ def _sample(declared: DeclaredOption) -> str:
     form, own = declared.form, declared.option.metavar
     if form is not None and form.example and (not own or form.metavar.count(":") == own.count(":")):
         return f"e.g. {form.example}"
-    if form is None:  # a letter says nothing of a number
-        return own if declared.type is str else ""
-    return own or form.metavar
+    # A letter says nothing of a number, and a word no more of a choice.
+    return own if declared.type is str else "" if _kind(declared) != _TEXT else declared.metavar
 
 
 def _range(option: Option) -> Iterator[str]:
@@ -115,9 +114,9 @@ def _range(option: Option) -> Iterator[str]:
 
 
 def _kind(declared: DeclaredOption) -> str:
-    if declared.form is not None:
-        return _LIST if declared.form.repeated else _TEXT
-    return _CHOICE if declared.option.choices else _TYPES.get(declared.type, _TEXT)
+    if declared.repeated:
+        return _LIST
+    return _CHOICE if declared.choices else _TYPES.get(declared.type, _TEXT)
 
 
 def request_of_form(command: str, given: Mapping[str, Any], root: ServedFolder) -> tuple[Request[Any, Any], Loading]:
@@ -222,17 +221,7 @@ def _given(declared: DeclaredOption, value: Any) -> Any:  # noqa: ANN401 - of a 
         return None if value is None else bool(value)
     texts = [str(text).strip() for text in (value if isinstance(value, list) else [value]) if text is not None]
     texts = [text for text in texts if text]
-    if not texts:
-        return None
-    if kind == _LIST:
-        return texts
-    if kind not in {_NUMBER, _WHOLE}:
-        return texts[0]
-    try:
-        return int(texts[0]) if kind == _WHOLE else float(texts[0])
-    except ValueError:
-        what = "a whole number" if kind == _WHOLE else "a number"
-        raise InputError(f"{declared.flag}: '{texts[0]}' is not {what}") from None
+    return None if not texts else texts if kind == _LIST else texts[0]
 
 
 def _named(message: str, options: Mapping[str, tuple[DeclaredOption, str]]) -> str:

@@ -1,4 +1,4 @@
-"""How the value of an option is written as text, and read again: one form for each kind of value."""
+"""How the value of an option is written as text, and read: one form for each kind of value."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from workbench.core.records.names_in_text import split_names
 from workbench.core.records.quantity import alike, amount, number, quantity, shortest
@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 __all__ = [
     "FILE",
     "FILES",
+    "LISTED",
     "MODEL",
+    "ONE",
+    "SPAN",
     "TEXTS",
     "VARIED",
     "Amount",
@@ -28,6 +31,7 @@ __all__ = [
     "File",
     "Form",
     "Grid",
+    "Layout",
     "Limits",
     "Names",
     "Numbers",
@@ -37,6 +41,8 @@ __all__ = [
     "Starts",
     "Values",
     "Widths",
+    "by_name",
+    "of_type",
     "pairs",
     "setting",
     "several",
@@ -44,8 +50,61 @@ __all__ = [
     "two_numbers",
     "varied",
     "whole",
+    "word_or_number",
     "written",
 ]
+
+
+# -- how values are laid out as text -------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """How a value is laid out as text.
+
+    Attributes:
+        kind: "one" value, "list" of such, "span" of two, "names" with a value each, or "mixed": a list or names.
+        split: the texts that were given for an option → its parts, which are not read yet.
+        join: the value → texts, one for each time the option has to be given.
+        inner: of the value that each name has; None: there are no names.
+    """
+
+    kind: Literal["one", "list", "span", "names", "mixed"]
+    split: Callable[[Sequence[str]], Any]
+    join: Callable[[Any], list[str]]
+    inner: Layout | None = None
+
+
+def _two(texts: Sequence[str]) -> list[str]:
+    parts = texts[-1].split(":")
+    if len(parts) != 2:
+        raise ValueError(f"'{texts[-1]}' is not of the form LO:HI, as in 0.1:10")
+    return parts
+
+
+ONE = Layout(kind="one", split=lambda texts: texts[-1], join=lambda value: [written(value)])
+LISTED = Layout(
+    kind="list",
+    split=lambda texts: [item for text in texts for item in text.split(",")],
+    join=lambda value: [",".join(map(written, value))] if len(value) else [],
+)
+_NAMED = replace(LISTED, split=lambda texts: [name for text in texts for name in split_names(text)])
+SPAN = Layout(kind="span", split=_two, join=lambda value: [":".join(map(written, value))])
+
+
+def by_name(inner: Layout, sample: str = "NAME=VALUE") -> Layout:
+    """Return the layout of names, each with a value.
+
+    Args:
+        inner: layout of one of these values.
+        sample: what a message shows.
+    """
+    return Layout(
+        kind="names",
+        split=lambda texts: {name: inner.split([text]) for name, text in pairs(texts, sample).items()},
+        join=lambda value: [f"{name}={text}" for name, x in value.items() for text in inner.join(x)],
+        inner=inner,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,21 +113,40 @@ class Form:
 
     Attributes:
         metavar: what `--help` shows in place of the value, such as "LO:HI".
-        read: the texts that were given for an option → its value; raises ValueError with what is wrong.
-        write: the value → texts, one for each time the option has to be given.
-        take: what Python or a TOML file holds → the value; raises ValueError with what is wrong.
+        read: parts of a text, or what Python or a TOML file holds → the value; raises ValueError with what is wrong.
+        layout: how they are laid out as text.
+        items: types of a single value in JSON, see `schema`.
         repeated: whether the option can be given several times.
         example: what stands in an empty field in place of the metavar, where that says too little.
         files: the texts → those files and models that they name, for whoever opens only some.
     """
 
     metavar: str
-    read: Callable[[Sequence[str]], Any]
-    write: Callable[[Any], list[str]]
-    take: Callable[[Any], Any]
+    read: Callable[[Any], Any] = lambda value: value
+    layout: Layout = ONE
+    items: tuple[str, ...] = ("string",)
     repeated: bool = False
     example: str = ""
     files: Callable[[Sequence[str]], Sequence[str]] = lambda _: ()
+
+    def parts(self, value: Any) -> Any:  # noqa: ANN401 - what TOML can hold
+        """Return what a TOML file holds with its texts divided as those of a command line."""
+        if self.repeated and isinstance(value, list) and all(isinstance(item, str) for item in value):
+            return self.layout.split(value)
+        if self.layout.kind == "one" and self.items == ("string",) and isinstance(value, int | float):
+            value = str(value)
+        return _divided(self.layout, value)
+
+
+def _divided(layout: Layout, value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, str):
+        return layout.split([value])
+    if layout.inner is not None and isinstance(value, Mapping):
+        return {str(name): _divided(layout.inner, x) for name, x in value.items()}
+    return value
+
+
+# -- values of one kind --------------------------------------------------------------------------
 
 
 def two_numbers(value: Any) -> tuple[float, float]:  # noqa: ANN401 - what Python or a TOML file holds
@@ -115,13 +193,6 @@ def pairs(texts: Iterable[str], sample: str = "NAME=VALUE") -> dict[str, str]:
     return found
 
 
-# -- the forms ---------------------------------------------------------------------------------
-
-
-def _read_numbers(texts: Sequence[str]) -> tuple[float, ...]:
-    return tuple(number(item) for text in texts for item in text.split(","))
-
-
 def several(value: Amounts) -> tuple[float, ...]:
     """Return one number, or several, as a tuple.
 
@@ -136,191 +207,73 @@ def _items(value: Any) -> Iterable[Any]:  # noqa: ANN401
     return items
 
 
-_NUMBERS = Form(
-    metavar="A,..",
-    example="1,2,5",
-    read=_read_numbers,
-    write=lambda value: [",".join(map(shortest, value))],
-    take=several,
-)
-
-
-def _read_band(texts: Sequence[str]) -> tuple[float, float]:
-    parts = texts[-1].split(":")
-    if len(parts) != 2:
-        raise ValueError(f"'{texts[-1]}' is not of the form LO:HI, as in 0.1:10")
-    return number(parts[0]), number(parts[1])
-
-
-_BAND = Form(
-    metavar="LO:HI",
-    example="0.1:10",
-    read=_read_band,
-    write=lambda value: [":".join(map(shortest, value))],
-    take=two_numbers,
-)
-
-
-def _take_names(value: Any) -> tuple[str, ...]:  # noqa: ANN401
-    return tuple(split_names(value)) if isinstance(value, str) else tuple(map(str, value))
-
-
-_NAMES = Form(
-    metavar="NAME,..",
-    read=lambda texts: tuple(name for text in texts for name in split_names(text)),
-    write=lambda value: [",".join(value)] if value else [],
-    take=_take_names,
-    repeated=True,
-)
-
-
-def _read_values(texts: Sequence[str]) -> dict[str, float]:
-    return {name: _named(name, text) for name, text in pairs(texts).items()}
-
-
-def _named(name: str, value: Any, read: Callable[[Any], float] = amount) -> float:  # noqa: ANN401
-    try:
-        return read(value)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
-
-
-def _take_amounts(value: Any) -> tuple[float, ...]:  # noqa: ANN401
+def _amounts(value: Any) -> tuple[float, ...]:  # noqa: ANN401
     return alike(map(amount, value.split(",") if isinstance(value, str) else _items(value)))
 
 
-_AMOUNTS = replace(
-    _NUMBERS, read=lambda texts: alike(amount(item) for text in texts for item in text.split(",")), take=_take_amounts
-)
-_AMOUNT = Form(
-    metavar="A",
-    example="0.1",
-    read=lambda texts: amount(texts[-1]),
-    write=lambda value: [shortest(value)],
-    take=amount,
-)
-_VALUES = Form(
-    metavar="NAME=VALUE",
-    read=_read_values,
-    write=lambda value: [f"{name}={shortest(x)}" for name, x in value.items()],
-    take=lambda value: {name: _named(name, x) for name, x in table(value).items()},
-    repeated=True,
-)
+def _names(value: Any) -> tuple[str, ...]:  # noqa: ANN401
+    return tuple(split_names(value)) if isinstance(value, str) else tuple(map(str, value))
 
 
-def _take_quantities(value: Any) -> dict[str, float | str]:  # noqa: ANN401
-    found = {}
-    for name, given in table(value).items():
-        try:
-            number_, unit = quantity(given)
-        except ValueError as error:
-            raise ValueError(f"{name}: {error}") from None
-        found[name] = str(given).strip() if unit else number_
-    return found
+def _each(read: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
+    """Return the reader of names, each with a value; what is wrong with one is told with its name."""
+
+    def each(value: Any) -> dict[str, Any]:  # noqa: ANN401
+        found = {}
+        for name, x in table(value).items():
+            try:
+                found[name] = read(x)
+            except ValueError as error:
+                raise ValueError(f"{name}: {error}") from None
+        return found
+
+    return each
 
 
-_QUANTITIES = Form(
-    metavar="NAME=VALUE",
-    read=lambda texts: _take_quantities(pairs(texts)),
-    write=lambda value: [f"{name}={written(x)}" for name, x in value.items()],
-    take=_take_quantities,
-    repeated=True,
-)
+def _quantity_or_number(value: Any) -> float | str:  # noqa: ANN401
+    found, unit = quantity(value)
+    return str(value).strip() if unit else found
 
 
-def _read_grid(texts: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    return {name: _several_named(name, text.split(",")) for name, text in pairs(texts).items()}
+_values = _each(amount)
 
 
-def _several_named(name: str, values: Iterable[Any]) -> tuple[float, ...]:
-    found = [_named(name, x) for x in values]
-    try:
-        return alike(found)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
+def _widths(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, Mapping):
+        return _values(value)
+    found = several(value)
+    return found[0] if isinstance(value, int | float) else found
 
 
-def _take_grid(value: Any) -> dict[str, tuple[float, ...]]:  # noqa: ANN401
-    return {
-        name: _several_named(name, [x] if isinstance(x, int | float | str) else x) for name, x in table(value).items()
-    }
-
-
-_GRID = Form(
-    metavar="NAME=A,B,..",
-    read=_read_grid,
-    write=lambda value: [f"{name}={','.join(map(shortest, x))}" for name, x in value.items()],
-    take=_take_grid,
-    repeated=True,
-)
-
-
-def _read_widths(texts: Sequence[str]) -> float | tuple[float, ...] | dict[str, float]:
+def _split_widths(texts: Sequence[str]) -> Any:  # noqa: ANN401
     if any("=" in text for text in texts):
-        return _read_values(texts)
-    found = _read_numbers(texts)
-    return found[0] if len(found) == 1 else found
+        return pairs(texts)
+    found = LISTED.split(texts)
+    return number(found[0]) if len(found) == 1 else found
 
 
-def _write_widths(value: Any) -> list[str]:  # noqa: ANN401
-    if isinstance(value, Mapping):
-        return _VALUES.write(value)
-    return _NUMBERS.write(several(value))
+def _join_widths(value: Any) -> list[str]:  # noqa: ANN401
+    return _ONE_EACH.join(value) if isinstance(value, Mapping) else LISTED.join(several(value))
 
 
-def _take_widths(value: Any) -> Any:  # noqa: ANN401
-    if isinstance(value, Mapping):
-        return _VALUES.take(value)
-    return number(value) if isinstance(value, int | float) else several(value)
+def _ends(value: Any) -> tuple[float, float]:  # noqa: ANN401
+    """Return two ends; of "LO:HI" either may be left out."""
+    if isinstance(value, str):
+        low, colon, high = (part.strip() for part in value.partition(":"))
+        if not colon or not (low or high):
+            raise ValueError(f"needs LO:HI, LO: or :HI, not '{value}'")
+        value = low or "-inf", high or "inf"
+    found = _amounts(value)
+    if len(found) != 2:
+        raise ValueError(f"takes two numbers, not {len(found)}")
+    return found[0], found[1]
 
 
-_WIDTHS = Form(metavar="[NAME=]WIDTH", read=_read_widths, write=_write_widths, take=_take_widths, repeated=True)
-
-
-def _read_limits(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    return {name: _span(name, text) for name, text in pairs(texts, "NAME=LO:HI").items()}
-
-
-def _span(name: str, text: str) -> tuple[float, float]:
-    """Read LO:HI; either may be left out."""
-    low, colon, high = (part.strip() for part in text.partition(":"))
-    if not colon or not (low or high):
-        raise ValueError(f"{name} needs LO:HI, LO: or :HI, not '{text}'")
-    return _ends(name, (low or "-inf", high or "inf"))
-
-
-def _ends(name: str, value: Any) -> tuple[float, float]:  # noqa: ANN401 - what Python or a TOML file holds
-    ends = _several_named(name, value.split(":") if isinstance(value, str) else value)
-    if len(ends) != 2:
-        raise ValueError(f"{name}: takes two numbers, not {len(ends)}")
-    return ends[0], ends[1]
-
-
-_LIMITS = Form(
-    metavar="NAME=LO:HI",
-    read=_read_limits,
-    write=lambda value: [f"{name}={shortest(low)}:{shortest(high)}" for name, (low, high) in value.items()],
-    take=lambda value: {name: _ends(name, x) for name, x in table(value).items()},
-    repeated=True,
-)
-
-
-def _take_ranges(value: Any) -> dict[str, tuple[float, float]]:  # noqa: ANN401
-    found = {name: several(ends) for name, ends in table(value).items()}
-    for name, ends in found.items():
-        if len(ends) != 2 or not -math.inf < ends[0] < ends[1] < math.inf:
-            written = ":".join(f"{x:g}" for x in ends)
-            raise ValueError(f"{name}={written} is not of the form NAME=LO:HI with LO < HI")
-    return {name: (ends[0], ends[1]) for name, ends in found.items()}
-
-
-_RANGES = replace(
-    _LIMITS,
-    read=lambda texts: _take_ranges(
-        {name: [_named(name, x) for x in text.split(":")] for name, text in pairs(texts, "NAME=LO:HI").items()}
-    ),
-    take=_take_ranges,
-)
+def _rising(value: Any) -> tuple[float, float]:  # noqa: ANN401
+    found = several(value.split(":") if isinstance(value, str) else value)
+    if len(found) != 2 or not -math.inf < found[0] < found[1] < math.inf:
+        raise ValueError(f"{':'.join(f'{x:g}' for x in found)} is not of the form LO:HI with LO < HI")
+    return found[0], found[1]
 
 
 def varied(text: str) -> tuple[str, str]:
@@ -335,23 +288,20 @@ def varied(text: str) -> tuple[str, str]:
     if "=" not in text:
         return text, ""
     ((name, limits),) = pairs([text]).items()
-    found = [_named(name, x, number) for x in limits.split(":" if ":" in limits else ",")]
+    found = _each(lambda values: [number(x) for x in values])({name: limits.split(":" if ":" in limits else ",")})[name]
     if ":" in limits and (len(found) != 2 or not found[0] < found[1]):
         raise ValueError(f"'{text}' is not of the form NAME=LO:HI with LO < HI, as in airspeed=150:350")
     return name, limits
 
 
-def _read_varied(texts: Sequence[str]) -> str:
+def _split_varied(texts: Sequence[str]) -> str:
     pairs(texts)  # with values, on the command line
-    return _take_varied(texts[-1])
+    return texts[-1]
 
 
-def _take_varied(text: str) -> str:
+def _varied(text: str) -> str:
     varied(text)
     return text
-
-
-VARIED = Form(metavar="NAME=LO:HI", read=_read_varied, write=lambda value: [value], take=_take_varied)
 
 
 def setting(text: str) -> float | int | bool | str:
@@ -387,70 +337,134 @@ def whole(value: Any) -> str:  # noqa: ANN401 - what Python or a TOML file holds
     return f"[{','.join(whole(x) if isinstance(x, list | tuple) else written(x) for x in items)}]"
 
 
-def _take_settings(value: Any) -> dict[str, Any]:  # noqa: ANN401
+def _settings(value: Any) -> dict[str, Any]:  # noqa: ANN401
     found = table(value)
     return {n: x if isinstance(x, str) or not hasattr(x, "__len__") else whole(x) for n, x in found.items()}
 
 
-_SETTINGS = Form(
-    metavar="NAME=VALUE",
-    read=lambda texts: {name: setting(text) for name, text in pairs(texts).items()},
-    write=lambda value: [f"{name}={written(x)}" for name, x in value.items()],
-    take=_take_settings,
+def _texts(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, Mapping):
+        return value
+    return (value,) if isinstance(value, str | Path) else tuple(value)
+
+
+def _data_sets(value: Any) -> tuple[Any, ...]:  # noqa: ANN401
+    return (value,) if isinstance(value, str) or not isinstance(value, Sequence) else tuple(value)
+
+
+def _model(value: Any) -> str:  # noqa: ANN401
+    if not isinstance(value, str | Path):
+        raise ValueError(f"'{value}' is not the file of an FMU, or fmu:NAME")
+    return str(value)
+
+
+def _whole_number(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f"'{text}' is not a whole number") from None
+
+
+# -- the forms -----------------------------------------------------------------------------------
+
+_NUMBER, _WITH_UNIT, _SCALAR = ("number",), ("number", "string"), ("number", "string", "boolean")
+_ONE_EACH = by_name(ONE)
+
+# Of plain types. What Python gives for them is taken as it is.
+_PLAIN = {
+    float: Form(metavar="NUMBER", items=_NUMBER, layout=replace(ONE, split=lambda texts: number(texts[-1]))),
+    int: Form(metavar="N", items=("integer",), layout=replace(ONE, split=lambda texts: _whole_number(texts[-1]))),
+    str: Form(metavar="TEXT"),
+}
+
+
+def of_type(kind: Any) -> Form | None:  # noqa: ANN401 - a type
+    """Return the form of values of a plain type; None: there is none, as for switches, which have no value."""
+    return _PLAIN.get(kind)
+
+
+def word_or_number(*words: str, what: str) -> Form:
+    """Return the form of a word or a whole number, 0 or more.
+
+    Args:
+        words: that it can be.
+        what: the number, for messages, with its article.
+    """
+
+    def split(texts: Sequence[str]) -> int | str:
+        if texts[-1] not in words and not texts[-1].isdecimal():
+            raise ValueError(f"'{texts[-1]}' is neither {' nor '.join([*words, what])}")
+        return texts[-1] if texts[-1] in words else int(texts[-1])
+
+    return Form(metavar="|".join([*words, "N"]), layout=replace(ONE, split=split), items=("integer", "string"))
+
+
+_NUMBERS = Form(metavar="A,..", example="1,2,5", read=several, layout=LISTED, items=_NUMBER)
+_BAND = Form(metavar="LO:HI", example="0.1:10", read=two_numbers, layout=SPAN, items=_NUMBER)
+_NAMES = Form(metavar="NAME,..", read=_names, layout=_NAMED, repeated=True)
+_AMOUNTS = replace(_NUMBERS, read=_amounts, items=_WITH_UNIT)
+_AMOUNT = Form(metavar="A", example="0.1", read=amount, items=_WITH_UNIT)
+_VALUES = Form(metavar="NAME=VALUE", read=_values, layout=_ONE_EACH, items=_WITH_UNIT, repeated=True)
+_QUANTITIES = replace(_VALUES, read=_each(_quantity_or_number))
+_GRID = replace(_VALUES, metavar="NAME=A,B,..", read=_each(_amounts), layout=by_name(LISTED))
+_WIDTHS = Form(
+    metavar="[NAME=]WIDTH",
+    read=_widths,
+    layout=Layout(kind="mixed", split=_split_widths, join=_join_widths, inner=ONE),
+    items=_WITH_UNIT,
     repeated=True,
 )
-
+_LIMITS = Form(
+    metavar="NAME=LO:HI",
+    read=_each(_ends),
+    layout=by_name(replace(SPAN, split=lambda texts: texts[-1]), "NAME=LO:HI"),
+    items=_WITH_UNIT,
+    repeated=True,
+)
+_RANGES = replace(_LIMITS, read=_each(_rising), items=_NUMBER)
+VARIED = Form(metavar="NAME=LO:HI", read=_varied, layout=replace(ONE, split=_split_varied))
+_SETTINGS = Form(
+    metavar="NAME=VALUE",
+    read=_settings,
+    layout=by_name(replace(ONE, split=lambda texts: setting(texts[-1]))),
+    items=(*_SCALAR, "array"),
+    repeated=True,
+)
 _CONFIGURATIONS = Form(
     metavar="NAME=VALUE,..",
-    read=lambda texts: tuple(_SETTINGS.read(split_names(text)) for text in texts),
-    write=lambda value: [",".join(_SETTINGS.write(one)) for one in value],
-    take=lambda value: tuple(_SETTINGS.take(one) for one in ([value] if isinstance(value, Mapping) else value or ())),
+    read=lambda value: tuple(map(_settings, [value] if isinstance(value, Mapping) else value or ())),
+    layout=Layout(
+        kind="list",
+        split=lambda texts: [_SETTINGS.layout.split(split_names(text)) for text in texts],
+        join=lambda value: [",".join(_SETTINGS.layout.join(one)) for one in value],
+    ),
+    items=("object", "string"),
     repeated=True,
 )
 
 # Texts as they are, commas and all; what Python takes in their place may be something else, or have names.
 TEXTS = Form(
     metavar="TEXT",
-    read=tuple,
-    write=lambda value: [str(item) for item in (value.values() if isinstance(value, Mapping) else value)],
-    take=lambda value: (
-        (value,) if isinstance(value, str | Path) else value if isinstance(value, Mapping) else tuple(value)
+    read=_texts,
+    layout=Layout(
+        kind="list",
+        split=tuple,
+        join=lambda value: [str(item) for item in (value.values() if isinstance(value, Mapping) else value)],
     ),
     repeated=True,
 )
-
-FILE = Form(
-    metavar="PATH",
-    read=lambda texts: Path(texts[-1]),
-    write=lambda value: [str(value)],
-    take=lambda value: value,
-    files=lambda texts: texts,
-)
+FILE = Form(metavar="PATH", layout=replace(ONE, split=lambda texts: Path(texts[-1])), files=lambda texts: texts)
 
 # One or more data sets: files on the command line, anything that can be read as data in Python.
 FILES = Form(
     metavar="DATA,..",
-    read=lambda texts: tuple(part for text in texts for part in text.split(",") if part),
-    write=lambda value: [",".join(map(str, value))] if value else [],
-    take=lambda value: (value,) if isinstance(value, str) or not isinstance(value, Sequence) else tuple(value),
+    read=_data_sets,
+    layout=replace(LISTED, split=lambda texts: [part for text in texts for part in text.split(",") if part]),
     repeated=True,
 )
 
-
-def _take_model(value: Any) -> str:  # noqa: ANN401
-    if not isinstance(value, str | Path):
-        raise ValueError(f"'{value}' is not the file of an FMU, or fmu:NAME")
-    return str(value)
-
-
 # An FMU beside the model that is analysed.
-MODEL = Form(
-    metavar="MODEL",
-    read=lambda texts: texts[-1],
-    write=lambda value: [value],
-    take=_take_model,
-    files=lambda texts: texts,
-)
+MODEL = Form(metavar="MODEL", read=_model, files=lambda texts: texts)
 
 
 # -- types of options: what Python takes, and the form on the command line ----------------------

@@ -16,16 +16,18 @@ from typing import (
     Any,
     ClassVar,
     Concatenate,
+    Literal,
     ParamSpec,
     TypeVar,
     cast,
     dataclass_transform,
     get_args,
     get_origin,
+    get_type_hints,
 )
 
 from workbench.core.machine.interrupts import insisting
-from workbench.core.records.forms import Form, written
+from workbench.core.records.forms import Form, of_type
 from workbench.core.records.quantity import quantities_in
 from workbench.errors import InputError, suggest
 
@@ -137,52 +139,75 @@ class DeclaredOption:
         return self.name.replace("_", " ")
 
     @property
+    def choices(self) -> tuple[str, ...]:
+        """Values that it can have; empty: any of its type."""
+        return get_args(self.type) if get_origin(self.type) is Literal else self.option.choices
+
+    @property
+    def metavar(self) -> str:
+        """What `--help` shows in place of the value; empty: it has none."""
+        return self.option.metavar or "|".join(self.choices) or (self.form.metavar if self.form is not None else "")
+
+    @property
+    def repeated(self) -> bool:
+        """Whether it can be given several times."""
+        return self.form is not None and self.form.repeated
+
+    @property
     def help(self) -> str:
         """The sentence of help with the unit."""
-        unit = self.option.unit
-        return f"{self.option.help.removesuffix('.')} [{unit}]." if unit else self.option.help
+        return f"{self.option.help.removesuffix('.')}{self._unit}." if self.option.unit else self.option.help
 
-    def checked(self, value: Any) -> Any:  # noqa: ANN401 - of any option
+    @property
+    def _unit(self) -> str:
+        return f" [{self.option.unit}]" if self.option.unit else ""
+
+    def checked(self, value: Any, spoken: str = "") -> Any:  # noqa: ANN401 - of any option
         """Return a value as the analysis takes it.
+
+        Args:
+            value: as Python or a TOML file has it, or the parts of a text.
+            spoken: what a message calls the option; empty: its name.
 
         Raises:
             InputError: it is outside its range, or is nothing of the kind.
         """
+        spoken = spoken or self.spoken
         if value is None and self.option.needed:
-            raise InputError(f"{self.spoken}: none given; {self.option.needed}")
+            raise InputError(f"{spoken}: none given; {self.option.needed}")
         if value is None or value is self.default:
             return value
-        if self.option.choices and value not in self.option.choices:
-            raise InputError(f"{self.spoken} '{value}' is unknown; {suggest(str(value), self.option.choices)}")
+        if self.choices and value not in self.choices:
+            raise InputError(f"{spoken} '{value}' is unknown; {suggest(str(value), self.choices)}")
         try:
-            found = value if self.form is None else self.form.take(value)
+            found = value if self.form is None else self.form.read(value)
             if not self.option.of and (given := next(quantities_in(found), None)) is not None:
                 raise ValueError(f"'{given}' is not a number")
             self._check_range(found)
         except (TypeError, AttributeError):
             form = f"of the form {self.form.metavar}" if self.form is not None else "a number"
-            raise InputError(f"{self.spoken}: '{value}' is not {form}") from None
+            raise InputError(f"{spoken}: '{value}' is not {form}") from None
         except ValueError as error:
-            raise InputError(f"{self.spoken}: {error}") from None
+            told = in_unit(str(error), self.option.unit) if spoken == self.flag else f"{error}{self._unit}"
+            raise InputError(f"{spoken}: {told}") from None
         return found
 
-    def read(self, given: Any) -> Any:  # noqa: ANN401 - what a command line or a form holds, and any value
+    def read(self, given: Any) -> Any:  # noqa: ANN401 - what a command line or a form holds
         """Return the value that is written as a command line has it; what is wrong with it is said of the flag.
 
         Args:
-            given: text, or texts where the form is repeated; where there is no form, the value.
+            given: text, or texts where the form is repeated; true or false of a switch.
 
         Raises:
             InputError: it is outside its range, or is nothing of the kind.
         """
+        if self.form is None:
+            return self.checked(given, self.flag)
         try:
-            found = given if self.form is None else self.form.read(given if self.form.repeated else [given])
+            parts = self.form.layout.split(given if self.form.repeated else [given])
         except ValueError as error:
             raise InputError(f"{self.flag}: {in_unit(str(error), self.option.unit)}") from None
-        try:
-            return self.checked(found)
-        except InputError as error:
-            raise InputError(str(error).replace(self.spoken, self.flag, 1)) from None
+        return self.checked(parts, self.flag)
 
     def write(self, value: Any) -> list[str]:  # noqa: ANN401 - of this option
         """Return the words by which a command line gives a value, one for each time the option stands there.
@@ -190,31 +215,29 @@ class DeclaredOption:
         Args:
             value: as the analysis takes it.
         """
-        if isinstance(value, bool) and self.form is None:
+        if self.form is None:
             return [self.flag if value else f"--no-{self.flag.removeprefix('--')}"]
-        texts = [written(value)] if self.form is None else self.form.write(value)
-        return [f"{self.flag}={text}" for text in texts]
+        return [f"{self.flag}={text}" for text in self.form.layout.join(value)]
 
     def _check_range(self, value: Any) -> None:  # noqa: ANN401
-        unit = f" [{self.option.unit}]" if self.option.unit else ""
         ranged = self.option.positive or self.option.finite or {self.option.below, self.option.least} != {None}
         if self.type is bool and value not in (True, False):
             raise ValueError(f"{value!r} is not True or False")
         for x in value if isinstance(value, tuple) else (value,):
             if (ranged or self.type in (int, float)) and (isinstance(x, bool) or not isinstance(x, Real)):
-                raise ValueError(f"{x!r} is not a number{unit}")
+                raise ValueError(f"{x!r} is not a number")
             if isinstance(x, int) and abs(x) > sys.float_info.max:
                 raise ValueError("a whole number beyond 1e308 is too large")
             if self.type is int and not isinstance(x, Integral):
-                raise ValueError(f"{x!r} is not a whole number{unit}")
+                raise ValueError(f"{x!r} is not a whole number")
             if self.option.positive and not 0.0 < x < math.inf:
-                raise ValueError(f"{x:g} is not a positive{' finite' if x == math.inf else ''} number{unit}")
+                raise ValueError(f"{x:g} is not a positive{' finite' if x == math.inf else ''} number")
             if self.option.below is not None and not x < self.option.below:
-                raise ValueError(f"{x:g} is too large; it must be below {self.option.below:g}{unit}")
+                raise ValueError(f"{x:g} is too large; it must be below {self.option.below:g}")
             if self.option.finite and not math.isfinite(x):
-                raise ValueError(f"{x:g} is not a finite number{unit}")
+                raise ValueError(f"{x:g} is not a finite number")
             if self.option.least is not None and not x >= self.option.least:
-                raise ValueError(f"{x:g} is too small; take at least {self.option.least:g}{unit}")
+                raise ValueError(f"{x:g} is too small; take at least {self.option.least:g}")
 
 
 def in_unit(complaint: str, unit: str) -> str:
@@ -394,7 +417,7 @@ def _options_of(request: Any) -> tuple[DeclaredOption, ...]:  # noqa: ANN401 - a
         DeclaredOption(
             name=f.name,
             type=_plain(hints[f.name]),
-            form=f.metadata[_DECLARED].form or next(_forms(hints[f.name]), None),
+            form=f.metadata[_DECLARED].form or next(_forms(hints[f.name]), of_type(_plain(hints[f.name]))),
             default=None if f.default is MISSING else f.default,
             required=f.default is f.default_factory is MISSING or bool(f.metadata[_DECLARED].needed),
             group=f.metadata[_DECLARED].group or _heading(request, f.name),
@@ -421,9 +444,8 @@ class _Known(dict[str, Any]):
 def _hints(request: type[Options]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for owner in reversed(request.__mro__):
-        known = _Known(vars(sys.modules[owner.__module__]))
-        for name, text in vars(owner).get("__annotations__", {}).items():
-            found[name] = eval(text, {}, known) if isinstance(text, str) else text  # noqa: S307 - our own source
+        own = type(owner.__name__, (), {"__annotations__": vars(owner).get("__annotations__", {})})
+        found |= get_type_hints(own, {}, _Known(vars(sys.modules[owner.__module__])), include_extras=True)
     return found
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, fields
+from dataclasses import KW_ONLY, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
-from workbench.core.records.forms import Form, Names
+from workbench.core.records.forms import ONE, Form, Names
 from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
@@ -25,9 +25,9 @@ def _form(kind: str) -> Form:
     """Return how a design of one kind is written: KEY=VALUE pairs with commas between."""
     return Form(
         metavar="KEY=VALUE,..",
-        read=lambda texts: _design(kind, texts[-1]),
-        write=lambda value: [_written(value)],
-        take=lambda value: _design(kind, value),
+        read=lambda value: _design(kind, value),
+        layout=replace(ONE, join=lambda value: [_written(value)]),
+        items=("string", "object"),
     )
 
 

@@ -63,7 +63,7 @@ def _parameter(declared: DeclaredOption) -> BlockParameter:
     default = declared.default
     return BlockParameter(
         name=declared.name,
-        type=f"one of {', '.join(declared.option.choices)}" if declared.option.choices else _type(declared),
+        type=f"one of {', '.join(declared.choices)}" if declared.choices else _type(declared),
         unit=declared.option.unit,
         default="" if default is None or declared.required else toml_value(default),
         required=declared.required,
@@ -72,6 +72,6 @@ def _parameter(declared: DeclaredOption) -> BlockParameter:
 
 
 def _type(declared: DeclaredOption) -> str:
-    if declared.form is not None:
-        return "rows of numbers" if declared.form.metavar.startswith("[[") else "list of numbers"
+    if declared.form is not None and declared.form.layout.kind == "list":
+        return "rows of numbers" if "array" in declared.form.items else "list of numbers"
     return {bool: "true or false", int: "whole number"}.get(declared.type, "number")

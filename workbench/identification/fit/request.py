@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from workbench.core.records.forms import FILES, Form
+from workbench.core.records.forms import FILES, word_or_number
 from workbench.core.records.named import named
 from workbench.core.records.option import option
 from workbench.requests.request import Request, Subject, function
@@ -24,13 +24,7 @@ if TYPE_CHECKING:  # the types of the subject and of the record, below
 __all__ = ["Fit", "fit"]
 
 
-def _read_order(texts: Sequence[str]) -> int | str:
-    if texts[-1] != "auto" and not texts[-1].isdecimal():
-        raise ValueError(f"'{texts[-1]}' is neither auto nor a number of states")
-    return texts[-1] if texts[-1] == "auto" else int(texts[-1])
-
-
-_ORDER = Form(metavar="auto|N", read=_read_order, write=lambda value: [str(value)], take=lambda value: value)
+_ORDER = word_or_number("auto", what="a number of states")
 
 if TYPE_CHECKING:
     _Order = int | Literal["auto"]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY
+from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from workbench.core.records.forms import FILE, FILES, File, Form, Names, Values
+from workbench.core.records.forms import FILE, FILES, LISTED, File, Form, Names, Values, word_or_number
 from workbench.core.records.option import option
 from workbench.errors import InputError
 from workbench.requests.request import Request, Subject, function
@@ -21,15 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Identify", "identify"]
 
 
-def _read_order(texts: Sequence[str]) -> int | str:
-    if texts[-1] in ("auto", "ask"):  # whom to ask, the command line knows
-        return "auto"
-    if not texts[-1].isdecimal():
-        raise ValueError(f"'{texts[-1]}' is neither auto nor ask nor a number of states, 0 (a gain) or more")
-    return int(texts[-1])
-
-
-def _read_delay(texts: Sequence[str]) -> int | str | list[int]:
+def _split_delay(texts: Sequence[str]) -> int | str | list[int]:
     if texts[-1] == "auto":
         return "auto"
     parts = [part.strip() for part in texts[-1].split(",")]
@@ -38,22 +30,21 @@ def _read_delay(texts: Sequence[str]) -> int | str | list[int]:
     return int(parts[0]) if len(parts) == 1 else [int(part) for part in parts]
 
 
-def _read_noise(texts: Sequence[str]) -> int | str:
-    if texts[-1] in ("auto", "shared"):
-        return texts[-1]
-    if not texts[-1].isdecimal():
-        raise ValueError(f"'{texts[-1]}' is neither auto nor shared nor a number of states, 0 (white) or more")
-    return int(texts[-1])
-
-
-_ORDER = Form(metavar="auto|N|ask", read=_read_order, write=lambda value: [str(value)], take=lambda value: value)
+_ORDER = replace(
+    word_or_number("auto", "ask", what="a number of states, 0 (a gain) or more"),
+    metavar="auto|N|ask",
+    read=lambda value: "auto" if value == "ask" else value,  # whom to ask, the command line knows
+)
 _DELAY = Form(
     metavar="auto|N,..",
-    read=_read_delay,
-    write=lambda value: [str(value) if isinstance(value, int | str) else ",".join(map(str, value))],
-    take=lambda value: value,
+    layout=replace(
+        LISTED,
+        split=_split_delay,
+        join=lambda value: [str(value) if isinstance(value, int | str) else ",".join(map(str, value))],
+    ),
+    items=("integer", "string"),
 )
-_NOISE = Form(metavar="auto|shared|N", read=_read_noise, write=lambda value: [str(value)], take=lambda value: value)
+_NOISE = word_or_number("auto", "shared", what="a number of states, 0 (white) or more")
 
 if TYPE_CHECKING:
     _Noise = int | Literal["auto", "shared"]

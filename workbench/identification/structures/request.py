@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from workbench.core.records.forms import FILE, File, Form
+from workbench.core.records.forms import FILE, File, word_or_number
 from workbench.core.records.option import Options, option, options_of, recast
 from workbench.errors import InputError
 from workbench.identification.identify.request import Identify
@@ -22,13 +21,7 @@ __all__ = ["STRUCTURES", "IdentifyCommand", "IdentifyStructure", "identify_struc
 STRUCTURES = ("hammerstein", "wiener", "hammerstein-wiener")
 
 
-def _read(texts: Sequence[str]) -> int | str:
-    if texts[-1] != "auto" and not texts[-1].isdecimal():
-        raise ValueError(f"'{texts[-1]}' is neither auto nor a number")
-    return texts[-1] if texts[-1] == "auto" else int(texts[-1])
-
-
-_NUMBER = Form(metavar="auto|N", read=_read, write=lambda value: [str(value)], take=lambda value: value)
+_NUMBER = word_or_number("auto", what="a number")
 
 if TYPE_CHECKING:
     _Number = int | Literal["auto"]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated
 
-from workbench.core.records.forms import MODEL, Band, Form, Names, two_numbers
+from workbench.core.records.forms import LISTED, MODEL, SPAN, Band, Form, Names, several
 from workbench.core.records.option import option
 from workbench.core.records.quantity import number
 from workbench.core.values.operating_point import AtPoint
@@ -24,14 +24,14 @@ _FILTER = "Design of the filter"
 _TRIALS = "Simulations, with --input"
 
 
-def _read_gain(texts: Sequence[str]) -> tuple[str, float]:
+def _split_gain(texts: Sequence[str]) -> tuple[str, str]:
     name, colon, gain = texts[-1].rpartition(":")
     if not (colon and name.strip()):
         raise ValueError(f"'{texts[-1]}' is not of the form NAME:GAIN, as in aircraft.outer_aileron_position:-1")
-    return name.strip(), number(gain)
+    return name.strip(), gain
 
 
-def _take_gain(value: tuple[str, float]) -> tuple[str, float]:
+def _gain(value: tuple[str, float]) -> tuple[str, float]:
     if len(value) != 2:
         raise ValueError(f"'{value}' is not a name and a gain")
     name, gain = value[0], number(value[1])
@@ -40,20 +40,15 @@ def _take_gain(value: tuple[str, float]) -> tuple[str, float]:
     return str(name), gain
 
 
-def _read_orders(texts: Sequence[str]) -> tuple[int, int]:
-    found = [number(part) for part in texts[-1].split(",")]
-    if len(found) != 2 or any(x != int(x) for x in found):
-        raise ValueError(f"'{texts[-1]}' is not of the form G,H with two whole numbers, as in 36,29")
+def _orders(value: Sequence[float]) -> tuple[int, int]:
+    found = several(value)
+    if len(found) != 2 or not all(x.is_integer() for x in found):
+        raise ValueError(f"{','.join(f'{x:g}' for x in found)} is not two whole numbers G,H, as in 36,29")
     return int(found[0]), int(found[1])
 
 
-def _take_orders(value: tuple[int, int]) -> tuple[int, int]:
-    g, h = map(int, two_numbers(value))
-    return g, h
-
-
-_GAIN = Form(metavar="NAME:GAIN", read=_read_gain, write=lambda value: [f"{value[0]}:{value[1]!r}"], take=_take_gain)
-_ORDERS = Form(metavar="G,H", read=_read_orders, write=lambda value: [",".join(map(str, value))], take=_take_orders)
+_GAIN = Form(metavar="NAME:GAIN", read=_gain, layout=replace(SPAN, split=_split_gain), items=("string", "number"))
+_ORDERS = Form(metavar="G,H", read=_orders, layout=LISTED, items=("integer",))
 
 if TYPE_CHECKING:
     _Gain = tuple[str, float]

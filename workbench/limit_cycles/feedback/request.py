@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING, Annotated
 
-from workbench.core.records.forms import MODEL, Form, Names, two_numbers
+from workbench.core.records.forms import MODEL, SPAN, Form, Names, two_numbers
 from workbench.core.records.option import option
 from workbench.core.records.quantity import quantity
 from workbench.core.values.operating_point import AtPoint
@@ -29,21 +29,10 @@ _RUN = "One simulation, with --gain"
 _ACTUATOR = "Between gain and target"
 
 
-def _read_range(texts: Sequence[str]) -> tuple[float, float]:
-    low, colon, high = texts[-1].partition(":")
-    try:
-        found = float(low), float(high)
-    except ValueError:
-        found = (math.nan, math.nan)
-    if not (colon and found[0] < found[1]):
-        raise ValueError(f"'{texts[-1]}' is not of the form LO:HI with LO < HI, as in -2:0.5")
-    return found
-
-
-def _take_range(value: Sequence[float]) -> tuple[float, float]:
+def _range(value: Sequence[float]) -> tuple[float, float]:
     low, high = two_numbers(value)
     if not low < high:
-        raise ValueError(f"{low:g} … {high:g} must rise")
+        raise ValueError(f"{low:g}:{high:g} is not of the form LO:HI with LO < HI, as in -2:0.5")
     return low, high
 
 
@@ -52,8 +41,8 @@ def _checked_quantity(value: float | str) -> float | str:
     return value
 
 
-_RANGE = Form(metavar="LO:HI", read=_read_range, write=lambda value: [f"{value[0]!r}:{value[1]!r}"], take=_take_range)
-_SIZE = Form(metavar="X", read=lambda texts: texts[-1], write=lambda value: [str(value)], take=_checked_quantity)
+_RANGE = Form(metavar="LO:HI", read=_range, layout=SPAN, items=("number",))
+_SIZE = Form(metavar="X", read=_checked_quantity, items=("number", "string"))
 
 if TYPE_CHECKING:
     Range = tuple[float, float]

@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from workbench.core.records.forms import FILE, Amounts, Band, Form, Numbers, several
+from workbench.core.records.forms import FILE, ONE, Amounts, Band, Form, Numbers, several
 from workbench.core.records.named import named
 from workbench.core.records.option import DeclaredOption, option
 from workbench.core.values.operating_point import At
@@ -28,9 +28,7 @@ _MEASURING = "Measuring at amplitudes"
 
 _CONNECTION = Form(
     metavar="PLANT.Y",
-    read=lambda texts: texts[-1],
-    write=lambda value: [value if isinstance(value, str) else " -> ".join(value)],
-    take=lambda value: value,
+    layout=replace(ONE, join=lambda value: [value if isinstance(value, str) else " -> ".join(value)]),
 )
 Open = str | tuple[str, str]
 

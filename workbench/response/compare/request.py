@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Annotated, Any
 
-from workbench.core.records.forms import TEXTS, Form, Names, two_numbers, written
+from workbench.core.records.forms import SPAN, TEXTS, Form, Layout, Names, two_numbers
 from workbench.core.records.option import option
-from workbench.core.records.quantity import number
 from workbench.core.values.operating_point import At
 from workbench.jobs.options import InWorker
 from workbench.requests.request import Request, Subject, function
@@ -22,14 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["CompareMotions", "compare_motions"]
 
 
-def _read_window(text: str) -> tuple[float, ...]:
-    limits = tuple(map(number, text.split(":")))
-    if len(limits) != 2:
-        raise ValueError(f"'{text}' is not of the form BEGIN:END, as in 120:140")
-    return limits
-
-
-def _take_windows(value: Any) -> tuple[tuple[float, float], ...]:  # noqa: ANN401
+def _windows(value: Any) -> tuple[tuple[float, float], ...]:  # noqa: ANN401
     found = tuple(map(two_numbers, value))
     for begin, end in found:
         if not 0.0 <= begin < end < math.inf:
@@ -39,9 +31,13 @@ def _take_windows(value: Any) -> tuple[tuple[float, float], ...]:  # noqa: ANN40
 
 _WINDOWS = Form(
     metavar="BEGIN:END",
-    read=lambda texts: _take_windows(map(_read_window, texts)),
-    write=lambda value: [f"{written(begin)}:{written(end)}" for begin, end in value],
-    take=_take_windows,
+    read=_windows,
+    layout=Layout(
+        kind="list",
+        split=lambda texts: [SPAN.split([text]) for text in texts],
+        join=lambda value: [text for window in value for text in SPAN.join(window)],
+    ),
+    items=("array", "string"),
     repeated=True,
 )
 if TYPE_CHECKING:

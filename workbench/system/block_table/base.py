@@ -6,20 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple
 
-from workbench.core.records.forms import Form, several
+from workbench.core.records.forms import LISTED, Form, several
 from workbench.core.records.option import Options, options_of, values_of
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 
 __all__ = ["Block", "BlockStateSpace", "Described", "Floats", "Matrix", "Values"]
-
-
-def _unwritten(_texts: object) -> object:
-    raise ValueError("is written in a system file, not on a command line")
-
-
-def _listed(value: object) -> list[str]:
-    return [str(value)]
 
 
 def _rows(value: Any) -> tuple[tuple[float, ...], ...]:  # noqa: ANN401 - what Python or a TOML file holds
@@ -35,10 +27,10 @@ def _values(value: Any) -> tuple[float, ...]:  # noqa: ANN401 - what Python or a
     return several(value)
 
 
-Values = Annotated[tuple[float, ...], Form(metavar="[A, ..]", read=_unwritten, write=_listed, take=_values)]
+Values = Annotated[tuple[float, ...], Form(metavar="[A, ..]", read=_values, layout=LISTED, items=("number",))]
 Matrix = Annotated[
     tuple[tuple[float, ...], ...],
-    Form(metavar="[[A, ..], ..]", read=_unwritten, write=_listed, take=_rows),
+    Form(metavar="[[A, ..], ..]", read=_rows, layout=LISTED, items=("array",)),
 ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,14 @@ import numpy as np
 
 from workbench.core.machine.files import content_of, named_path
 from workbench.core.records.forms import whole
+from workbench.core.records.option import options_of
 from workbench.core.records.parsing import from_json
+from workbench.core.records.schema import table_schema
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, close_names, suggest
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
 from workbench.system.block_table.linear import realised
+from workbench.system.block_table.registry import BLOCKS
 from workbench.system.description import (
     BlockComponent,
     Component,
@@ -31,11 +34,13 @@ from workbench.system.files.toml_schema import (
     SumTable,
     TransferTable,
     UnitsTable,
+    json_schema,
     read_record,
     read_table,
+    table_of,
 )
 
-__all__ = ["existing_fmu", "read_component"]
+__all__ = ["component_schemas", "existing_fmu", "read_component"]
 
 
 def read_component(name: str, given: object, folder: Path) -> Component:
@@ -259,3 +264,17 @@ _READERS: Mapping[str, _Reader] = {
     "linear": _linear_file,
     "numerator": _transfer,
 }
+
+
+def component_schemas() -> Iterator[dict[str, Any]]:
+    """Yield the JSON Schema of each way of writing a component."""
+    yield {"type": "string", "description": "FMU, or system, of the component."}
+    yield {"type": "number", "description": "Gain of the component."}
+    for kind in (FmuTable, table_of(GainComponent, known=("name",)), SumTable, LinearTable, LinearFileTable):
+        yield json_schema(kind)
+    yield json_schema(TransferTable)
+    for name, block in BLOCKS.items():
+        found = table_schema({d.name: d for d in options_of(block)})
+        own = {"block": {"const": name}, "units": {"type": "object", "additionalProperties": {"type": "string"}}}
+        properties = {**own, **found["properties"]}
+        yield {**found, "properties": properties, "required": ["block", *found["required"]], "title": name}

@@ -7,15 +7,23 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from workbench.core.records.record import read_toml_table
+from workbench.core.records.schema import DRAFT
 from workbench.errors import InputError
 from workbench.fmi.description import DefaultExperiment
 from workbench.system.description import Component, Connection, FmuComponent, MasterOptions, SystemDescription
 from workbench.system.files.read import is_system_file, read_system
-from workbench.system.files.toml_components import read_component
-from workbench.system.files.toml_schema import ExperimentTable, SystemTable, read_record, read_table
+from workbench.system.files.toml_components import component_schemas, read_component
+from workbench.system.files.toml_schema import (
+    ExperimentTable,
+    SystemTable,
+    json_schema,
+    read_record,
+    read_table,
+    table_of,
+)
 from workbench.system.nested import Inner, embed
 
-__all__ = ["connections_in", "read_toml"]
+__all__ = ["connections_in", "read_toml", "system_schema"]
 
 
 def read_toml(path: Path, parents: tuple[Path, ...] = ()) -> SystemDescription:
@@ -97,4 +105,23 @@ def _connection(destination: str, given: object) -> Connection:
         return Connection(source=given, destination=destination)
     if not isinstance(given, dict):
         raise InputError(f'{where}: must be a source such as "plant.w" or {{from = "plant.w", gain = -1}}')
-    return read_record(Connection, given, where, keys={"source": "from"}, destination=destination)
+    return read_record(Connection, given, where, keys=_KEYS, destination=destination)
+
+
+_KEYS = {"source": "from"}
+
+
+def system_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a system file: what can be said without opening the FMUs that it names."""
+    found = json_schema(SystemTable)
+    source = {"type": "string", "description": "Output that the input takes, as plant.w."}
+    table = json_schema(table_of(Connection, keys=_KEYS, known=("destination",)))
+    # Without quotes, a.u is a table a with the key u.
+    more = {"type": "object", "additionalProperties": {"$ref": "#/$defs/connection"}}
+    found["properties"] |= {
+        "components": {"type": "object", "additionalProperties": {"anyOf": list(component_schemas())}},
+        "connections": {"type": "object", "additionalProperties": {"$ref": "#/$defs/connection"}},
+        "experiment": json_schema(ExperimentTable),
+        "master": json_schema(table_of(MasterOptions)),
+    }
+    return {"$schema": DRAFT, **found, "title": "System", "$defs": {"connection": {"anyOf": [source, table, more]}}}

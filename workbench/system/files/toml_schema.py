@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, fields
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar, get_type_hints
@@ -21,8 +23,11 @@ __all__ = [
     "TomlTable",
     "TransferTable",
     "UnitsTable",
+    "json_schema",
+    "meaning",
     "read_record",
     "read_table",
+    "table_of",
 ]
 
 _Matrix = list[list[float]]
@@ -131,7 +136,59 @@ def read_table(kind: type[_Read], data: object, where: str) -> _Read:
         raise InputError(f"{where}{': ' if where else ''}{_message(kind, error.errors())}") from None
 
 
+def json_schema(kind: type[TomlTable]) -> dict[str, Any]:
+    """Return the JSON Schema of a table, with what the docstrings of its class say of its keys.
+
+    Args:
+        kind: of the table.
+    """
+    found = kind.model_json_schema()
+    for name, field in kind.model_fields.items():
+        held = found["properties"][field.alias or name]
+        held.pop("title", None)
+        if text := meaning(kind, name):
+            held["description"] = text
+    return found
+
+
+def meaning(kind: type[TomlTable], name: str) -> str:
+    """Return what the docstring of a table's class, or of one that it builds on, says of a key; empty: nothing.
+
+    Args:
+        kind: of the table.
+        name: of the field.
+    """
+    for owner in kind.__mro__:
+        attributes = (inspect.getdoc(owner) or "").partition("Attributes:\n")[2] if "__doc__" in vars(owner) else ""
+        for found in re.finditer(r"^    (?P<names>\w+(?:, \w+)*): (?P<text>.*(?:\n {8}.*)*)", attributes, re.MULTILINE):
+            if name in found["names"].split(", "):
+                return " ".join(found["text"].split()).replace("None:", "without it:")
+    return ""
+
+
 _Record = TypeVar("_Record")
+
+
+def table_of(
+    kind: type[Any], *, keys: Mapping[str, str] = MappingProxyType({}), known: Collection[str] = ()
+) -> type[TomlTable]:
+    """Return the table whose keys are the fields of a dataclass.
+
+    Args:
+        kind: the dataclass.
+        keys: field → key of the file, where it is not the field's name.
+        known: fields that the table does not hold.
+    """
+    types = get_type_hints(kind)
+    made: Any = {
+        f.name: (
+            types[f.name],
+            Field(... if f.default is f.default_factory is MISSING else None, alias=keys.get(f.name)),
+        )
+        for f in fields(kind)
+        if f.name not in known
+    }
+    return create_model(kind.__name__, __base__=TomlTable, __doc__=kind.__doc__, **made)
 
 
 def read_record(
@@ -149,16 +206,7 @@ def read_record(
     Raises:
         InputError: as `read_table`.
     """
-    types = get_type_hints(kind)
-    made: Any = {
-        f.name: (
-            types[f.name],
-            Field(... if f.default is f.default_factory is MISSING else None, alias=keys.get(f.name)),
-        )
-        for f in fields(kind)  # type: ignore[arg-type]  # a dataclass
-        if f.name not in known
-    }
-    table = read_table(create_model(kind.__name__, __base__=TomlTable, **made), data, where)
+    table = read_table(table_of(kind, keys=keys, known=known), data, where)
     return kind(**known, **table.model_dump(exclude_unset=True))
 
 

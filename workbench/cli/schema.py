@@ -1,0 +1,28 @@
+"""The command `schema`: JSON Schema of the files that people write."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Annotated
+
+import typer
+
+__all__ = ["schema"]
+
+
+def schema(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="study, system, or a command: the table of its options in a study.")
+    ],
+) -> int:
+    """Print the JSON Schema (draft 2020-12) of a study, a system file, or a command's table in a study.
+
+    Editors complete and check a file by it while it is written.
+
+    Example: `workbench schema study > study.schema.json`
+    """
+    from workbench.study.schema import schema as schema_of
+
+    sys.stdout.write(json.dumps(schema_of(name), indent=2, ensure_ascii=False) + "\n")
+    return 0
