@@ -24,7 +24,7 @@ from workbench.cli.app import run
 from workbench.errors import WorkbenchError
 from workbench.fmi.instance import DiscardError
 from workbench.kernel import library
-from workbench.kernel.structs import FUNCTIONS, STRUCTURES
+from workbench.kernel.structs import FUNCTIONS, STRUCTURES, name_in_c
 from workbench.model.load import load
 from workbench.session.compiled import CompiledSession
 from workbench.session.compiled_errors import FAILURES, PAUSED
@@ -177,7 +177,7 @@ def test_codes_and_structures_agree() -> None:
     assert len(FAILURES) + 1 == PAUSED
     loaded = library.kernel()
     for structure in STRUCTURES:
-        assert loaded.kernel_sizeof(structure.__name__.encode()) == ctypes.sizeof(structure)
+        assert loaded.kernel_sizeof(name_in_c(structure).encode()) == ctypes.sizeof(structure)
     assert loaded.kernel_function_name(len(FUNCTIONS)) is None
 
 

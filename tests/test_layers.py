@@ -146,6 +146,19 @@ def test_no_modules_import_each_other() -> None:
     assert not (circle := circle_in(graph_of(every()))), " → ".join(circle)
 
 
+def classes() -> Iterator[tuple[str, str]]:
+    """Every class at the top of a module, with the module."""
+    for name, path in modules().items():
+        yield from ((n.name, name) for n in ast.parse(path.read_text()).body if isinstance(n, ast.ClassDef))
+
+
+def test_a_class_has_one_name_and_a_name_one_class() -> None:
+    where: dict[str, list[str]] = {}
+    for name, module in classes():
+        where.setdefault(name, []).append(module)
+    assert {name: homes for name, homes in where.items() if len(homes) > 1} == {}
+
+
 def test_what_points_up_is_found() -> None:
     text = """
 from workbench.errors import InputError

@@ -20,7 +20,7 @@ from workbench.jobs.options import Workers
 from workbench.limit_cycles.limit_cycle.harmonic_balance import Cycle, balance
 from workbench.limit_cycles.limit_cycle.request import limit_cycle
 from workbench.limit_cycles.limit_cycle.result import LimitCycleResult
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.describe import standard_block
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.zero_crossings import told_mean
@@ -154,7 +154,7 @@ def test_harmonic_balance_that_leads_out_of_the_band_is_no_cycle(monkeypatch: py
 
     def slow(
         part: LinearPart,
-        blocks: tuple[Block, ...],
+        blocks: tuple[DescribedBlock, ...],
         *,
         frequency: float,
         amplitude: float,

@@ -91,7 +91,7 @@ from workbench.limit_cycles.limit_cycle.request import limit_cycle as limit_cycl
 from workbench.limit_cycles.limit_cycle.result import LimitCycle as LimitCycle
 from workbench.limit_cycles.limit_cycle.result import LimitCycleResult as LimitCycleResult
 from workbench.limit_cycles.limit_cycle.result import SimulatedCycle as SimulatedCycle
-from workbench.loops.describing.base import Block as Block
+from workbench.loops.describing.base import DescribedBlock as DescribedBlock
 from workbench.loops.describing.describe import DescribingFunction as DescribingFunction
 from workbench.loops.describing.describe import describing_function as describing_function
 from workbench.loops.describing.describe import standard_block as standard_block
@@ -148,7 +148,7 @@ from workbench.response.compare.result import MotionFailed as MotionFailed
 from workbench.response.compare.result import MotionHistory as MotionHistory
 from workbench.response.compare_linear.request import compare as compare
 from workbench.response.compare_linear.result import LinComparison as LinComparison
-from workbench.response.compare_linear.result import Verdict as Verdict
+from workbench.response.compare_linear.result import MethodAgreement as MethodAgreement
 from workbench.response.nfr.certificate import Certificate as Certificate
 from workbench.response.nfr.point import NfrPoint as NfrPoint
 from workbench.response.nfr.request import Nfr as Nfr

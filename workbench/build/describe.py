@@ -14,7 +14,7 @@ from workbench.build.units import base_unit
 
 
 @dataclass(frozen=True, slots=True)
-class DefaultExperiment:
+class BuiltExperiment:
     """FMI's default experiment [s]."""
 
     stop_time: float | None
@@ -30,7 +30,7 @@ class ModelDescriptionParts:
     order: Sequence[Assignment]
     token: str
     tool: str
-    experiment: DefaultExperiment
+    experiment: BuiltExperiment
     sources: Sequence[str]
     naming: str = "structured"  # FMI's variable naming convention
 
@@ -173,7 +173,7 @@ def _enumeration_name(model: ScalarModel, variable: ScalarVariable) -> str:
     return f"Enumeration{types.index(variable.literals) + 1}"
 
 
-def _default_experiment(root: ET.Element, experiment: DefaultExperiment) -> None:
+def _default_experiment(root: ET.Element, experiment: BuiltExperiment) -> None:
     attributes = {"startTime": "0", "tolerance": repr(experiment.tolerance)}
     if experiment.stop_time is not None:
         attributes["stopTime"] = repr(experiment.stop_time)

@@ -14,7 +14,7 @@ import fmpy
 
 from workbench.build.causalise import causalise
 from workbench.build.describe import (
-    DefaultExperiment,
+    BuiltExperiment,
     ModelDescriptionParts,
     build_description,
     model_description_2,
@@ -181,7 +181,7 @@ def generate(file: Path, model: str, *, stiff: bool | None = None) -> Sources:
 
 def assemble(
     scalar: ScalarModel,
-    experiment: DefaultExperiment,
+    experiment: BuiltExperiment,
     *,
     stiff: bool | None = None,
     origin: str = "its Modelica source",
@@ -229,8 +229,8 @@ def assemble(
     )
 
 
-def _experiment(checked: FlatModel) -> DefaultExperiment:
-    return DefaultExperiment(checked.stop_time, checked.tolerance or DEFAULT_TOLERANCE, checked.interval)
+def _experiment(checked: FlatModel) -> BuiltExperiment:
+    return BuiltExperiment(checked.stop_time, checked.tolerance or DEFAULT_TOLERANCE, checked.interval)
 
 
 def _runtime() -> dict[str, bytes]:

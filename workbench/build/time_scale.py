@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.build.describe import DefaultExperiment
+from workbench.build.describe import BuiltExperiment
 from workbench.build.fmu import DEFAULT_TOLERANCE
 from workbench.build.matrices import StateSpaceFile
 from workbench.core.values.arrays import Floats
@@ -22,7 +22,7 @@ _DECAYS = 10.0  # time constants of the slowest pole until the stop
 _MOST_STEPS = 10_000
 
 
-def default_experiment(matrices: StateSpaceFile) -> DefaultExperiment:
+def default_experiment(matrices: StateSpaceFile) -> BuiltExperiment:
     """Return FMI's default experiment: the slowest pole decays, a step resolves the fastest one.
 
     A discrete model steps by its period. Without poles to go by, the stop time and the step of a continuous model stay
@@ -30,12 +30,12 @@ def default_experiment(matrices: StateSpaceFile) -> DefaultExperiment:
     """
     speeds = _speeds(matrices)
     if not speeds.size:
-        return DefaultExperiment(None, DEFAULT_TOLERANCE, matrices.dt or None)
+        return BuiltExperiment(None, DEFAULT_TOLERANCE, matrices.dt or None)
     stop = _round(_DECAYS / float(speeds.min()), up=True)
     if matrices.dt > 0.0:
-        return DefaultExperiment(max(stop, 100.0 * matrices.dt), DEFAULT_TOLERANCE, matrices.dt)
+        return BuiltExperiment(max(stop, 100.0 * matrices.dt), DEFAULT_TOLERANCE, matrices.dt)
     step = max(2.0 * math.pi / (_A_CYCLE * float(speeds.max())), stop / _MOST_STEPS)
-    return DefaultExperiment(stop, DEFAULT_TOLERANCE, _round(step, up=False))
+    return BuiltExperiment(stop, DEFAULT_TOLERANCE, _round(step, up=False))
 
 
 def _speeds(matrices: StateSpaceFile) -> Floats:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from workbench.fmi.declared import ClockVariable, Variable
+from workbench.fmi.declared import ClockVariable, DeclaredVariable
 from workbench.fmi.description import Clock
 
 __all__ = ["clocked_by", "clocks_of"]
 
 
-def clocked_by(variables: Iterable[Variable]) -> dict[str, tuple[str, ...]]:
+def clocked_by(variables: Iterable[DeclaredVariable]) -> dict[str, tuple[str, ...]]:
     """Return variable → names of the clocks at whose ticks alone its value changes.
 
     Args:
@@ -22,7 +22,7 @@ def clocked_by(variables: Iterable[Variable]) -> dict[str, tuple[str, ...]]:
     return {name: clocks for name, clocks in found.items() if clocks}
 
 
-def clocks_of(variables: Iterable[Variable], clocked: Mapping[str, tuple[str, ...]]) -> dict[str, Clock]:
+def clocks_of(variables: Iterable[DeclaredVariable], clocked: Mapping[str, tuple[str, ...]]) -> dict[str, Clock]:
     """Return name → how a clock ticks.
 
     Args:

@@ -21,17 +21,17 @@ __all__ = [
     "Category",
     "ClockVariable",
     "Declared",
+    "DeclaredDisplayUnit",
+    "DeclaredExperiment",
+    "DeclaredType",
+    "DeclaredUnit",
+    "DeclaredVariable",
     "Dimension",
-    "DisplayUnit",
-    "Experiment",
     "Interface",
     "Item",
     "Root",
     "Start",
-    "Type",
-    "Unit",
     "Unknown",
-    "Variable",
     "fill",
 ]
 
@@ -82,7 +82,7 @@ class Interface:
 
 
 @dataclass(slots=True)
-class Experiment:
+class DeclaredExperiment:
     """DefaultExperiment."""
 
     start_time: float | None = None
@@ -115,7 +115,7 @@ class BaseUnit:
 
 
 @dataclass(slots=True)
-class DisplayUnit:
+class DeclaredDisplayUnit:
     """A unit in which values of another may be shown; DisplayUnitDefinition in FMI 1.0."""
 
     name: str | None = field(default=None, metadata=written("name", "displayUnit"))
@@ -124,12 +124,12 @@ class DisplayUnit:
 
 
 @dataclass(slots=True)
-class Unit:
+class DeclaredUnit:
     """A unit; in FMI 1.0 its name alone is known."""
 
     name: str | None = field(default=None, metadata=written("name", "unit"))
     base: list[BaseUnit] = field(default_factory=list, metadata=written())
-    display: list[DisplayUnit] = field(default_factory=list, metadata=written())
+    display: list[DeclaredDisplayUnit] = field(default_factory=list, metadata=written())
 
 
 @dataclass(slots=True)
@@ -141,7 +141,7 @@ class Item:
 
 
 @dataclass(slots=True)
-class Type:
+class DeclaredType:
     """A type that variables may be declared to be of.
 
     Attributes:
@@ -184,7 +184,7 @@ class Start:
 
 
 @dataclass(slots=True)
-class Variable:
+class DeclaredVariable:
     """A variable; in FMI 1.0 and 2.0 together with the element of its type.
 
     Attributes:
@@ -216,7 +216,7 @@ class Variable:
 
 
 @dataclass(slots=True)
-class ClockVariable(Variable):
+class ClockVariable(DeclaredVariable):
     """A clock (FMI 3.0); what is counted is counted in ticks of 1 / `resolution` seconds."""
 
     interval_variability: Word | None = None
@@ -258,11 +258,11 @@ class Declared:
 
     root: Root = field(default_factory=Root)
     interfaces: dict[str, Interface] = field(default_factory=dict)
-    experiment: Experiment | None = None
+    experiment: DeclaredExperiment | None = None
     categories: list[Category] = field(default_factory=list)
-    units: list[Unit] = field(default_factory=list)
-    types: list[Type] = field(default_factory=list)
-    variables: list[Variable] = field(default_factory=list)
+    units: list[DeclaredUnit] = field(default_factory=list)
+    types: list[DeclaredType] = field(default_factory=list)
+    variables: list[DeclaredVariable] = field(default_factory=list)
     structure: dict[str, list[Unknown]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -353,7 +353,7 @@ _KNOWN: Mapping[type[Any], Mapping[str, tuple[str, Callable[[str], Any]]]] = {
         for name in _names(entry)
     }
     for kind in (
-        Root, Interface, Experiment, Category, BaseUnit, DisplayUnit, Unit, Item, Type, Dimension, Alias, Start,
-        Variable, ClockVariable, Unknown,
+        Root, Interface, DeclaredExperiment, Category, BaseUnit, DeclaredDisplayUnit, DeclaredUnit, Item, DeclaredType,
+        Dimension, Alias, Start, DeclaredVariable, ClockVariable, Unknown,
     )
 }  # fmt: skip

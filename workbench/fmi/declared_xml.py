@@ -22,16 +22,16 @@ from workbench.fmi.declared import (
     Category,
     ClockVariable,
     Declared,
+    DeclaredDisplayUnit,
+    DeclaredExperiment,
+    DeclaredType,
+    DeclaredUnit,
+    DeclaredVariable,
     Dimension,
-    DisplayUnit,
-    Experiment,
     Interface,
     Item,
     Start,
-    Type,
-    Unit,
     Unknown,
-    Variable,
     fill,
 )
 
@@ -170,7 +170,7 @@ def _implementation(found: Declared, element: etree._Element) -> None:
 
 
 def _experiment(found: Declared, element: etree._Element) -> None:
-    found.experiment = _made(Experiment, element)
+    found.experiment = _made(DeclaredExperiment, element)
 
 
 def _category(found: Declared, element: etree._Element) -> None:
@@ -178,9 +178,9 @@ def _category(found: Declared, element: etree._Element) -> None:
 
 
 def _unit(found: Declared, element: etree._Element) -> None:
-    made = _made(Unit, element)
+    made = _made(DeclaredUnit, element)
     made.base = _each(BaseUnit, element.iterchildren("BaseUnit"))
-    made.display = _each(DisplayUnit, element.iterchildren("DisplayUnit", "DisplayUnitDefinition"))
+    made.display = _each(DeclaredDisplayUnit, element.iterchildren("DisplayUnit", "DisplayUnitDefinition"))
     found.units.append(made)
 
 
@@ -189,7 +189,7 @@ def _type(found: Declared, element: etree._Element) -> None:
     inner = next(element.iterchildren("{*}*"), None) if element.tag in ("Type", "SimpleType") else element
     if inner is None:
         return
-    made = _made(Type, inner)
+    made = _made(DeclaredType, inner)
     made.kind, made.name = inner.tag.removesuffix("Type"), element.get("name")
     made.items = _each(Item, inner.iterchildren("Item"))
     found.types.append(made)
@@ -197,7 +197,7 @@ def _type(found: Declared, element: etree._Element) -> None:
 
 def _scalar(found: Declared, element: etree._Element) -> None:
     """Read a variable of FMI 1.0 or 2.0."""
-    made = _made(Variable, element)
+    made = _made(DeclaredVariable, element)
     made.line = element.sourceline
     for inner in element:
         if inner.tag in _KINDS_2:
@@ -209,7 +209,7 @@ def _scalar(found: Declared, element: etree._Element) -> None:
 
 def _variable(found: Declared, element: etree._Element) -> None:
     """Read a variable of FMI 3.0."""
-    made = _made(ClockVariable if element.tag == "Clock" else Variable, element)
+    made = _made(ClockVariable if element.tag == "Clock" else DeclaredVariable, element)
     made.kind, made.line = element.tag, element.sourceline
     if len(element):
         made.dimensions = _each(Dimension, element.iterchildren("Dimension"))

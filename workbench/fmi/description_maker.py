@@ -124,7 +124,7 @@ def _has_history(declared: Declared) -> bool:
     return declared.root.generation_tool == OUR_TOOL and me is not None and me.completed_step
 
 
-def _experiment(given: said.Experiment | None) -> DefaultExperiment:
+def _experiment(given: said.DeclaredExperiment | None) -> DefaultExperiment:
     if given is None:
         return DefaultExperiment()
     return DefaultExperiment(
@@ -143,7 +143,7 @@ def _units(declared: Declared) -> dict[str, UnitDefinition]:
     return {plain_unit(u.name): _unit(u) for u in declared.units if u.name is not None}
 
 
-def _unit(unit: said.Unit) -> UnitDefinition:
+def _unit(unit: said.DeclaredUnit) -> UnitDefinition:
     display = tuple(DisplayUnit(d.name, _or(d.factor, 1.0), _or(d.offset, 0.0)) for d in unit.display if d.name)
     if not unit.base:
         return UnitDefinition(display=display)
@@ -156,7 +156,7 @@ def _or(value: float | None, default: float) -> float:
     return default if value is None else value
 
 
-def _items(declared: said.Type) -> dict[str, int]:
+def _items(declared: said.DeclaredType) -> dict[str, int]:
     # FMI 1.0 numbers its items from 1 by their order.
     return {i.name or "": n if i.value is None else i.value for n, i in enumerate(declared.items, 1)}
 
@@ -202,7 +202,7 @@ class _Variables:
                 v.name = given
             known.add(v.name)
 
-    def find(self, which: int | None) -> said.Variable:
+    def find(self, which: int | None) -> said.DeclaredVariable:
         """Return the variable that the file means by a number: its position before FMI 3.0, there its reference.
 
         Raises:
@@ -222,10 +222,10 @@ class _Variables:
         aliases = [(v, a) for v in self._declared for a in v.aliases or ()]
         return (*own, *chain.from_iterable(self._alias(v, a) for v, a in aliases if self._usable(v)))
 
-    def _usable(self, v: said.Variable) -> bool:
+    def _usable(self, v: said.DeclaredVariable) -> bool:
         return bool(v.kind)
 
-    def _alias(self, v: said.Variable, alias: said.Alias) -> Iterator[Variable]:
+    def _alias(self, v: said.DeclaredVariable, alias: said.Alias) -> Iterator[Variable]:
         name = alias.name or ""
         for element, scalar in enumerate(self._scalars(v)):
             yield scalar._replace(
@@ -238,7 +238,7 @@ class _Variables:
                 alias_of=scalar.name,
             )
 
-    def _scalars(self, v: said.Variable) -> Iterator[Variable]:
+    def _scalars(self, v: said.DeclaredVariable) -> Iterator[Variable]:
         """Yield the scalars of one variable: itself, or the elements of the array."""
         if v.value_reference is None:
             raise FmuError(f"line {v.line}: variable {v.name} has no valueReference")
@@ -273,13 +273,13 @@ class _Variables:
 
     # -- arrays --
 
-    def _shape(self, v: said.Variable) -> tuple[int, ...]:
+    def _shape(self, v: said.DeclaredVariable) -> tuple[int, ...]:
         extents = [self._extent(v, d) for d in v.dimensions or ()]
         if min(extents) < 0 or math.prod(extents) > MAX_ELEMENTS:
             raise FmuError(f"line {v.line}: array {v.name} has {math.prod(extents)} elements")
         return tuple(extents)
 
-    def _extent(self, v: said.Variable, dimension: said.Dimension) -> int:
+    def _extent(self, v: said.DeclaredVariable, dimension: said.Dimension) -> int:
         if dimension.start is not None:
             return dimension.start
         holder = self._by_reference.get(dimension.value_reference)
@@ -287,10 +287,10 @@ class _Variables:
             raise FmuError(f"line {v.line}: array {v.name} does not say how large it is")
         return int(holder.start or "")
 
-    def _size(self, v: said.Variable) -> int:
+    def _size(self, v: said.DeclaredVariable) -> int:
         return math.prod(self._extents.get(id(v), ()))
 
-    def _index(self, v: said.Variable, element: int) -> str:
+    def _index(self, v: said.DeclaredVariable, element: int) -> str:
         """Return the 1-based indices of an element, in brackets; the last index runs first."""
         shape = self._extents.get(id(v))
         if not shape:
@@ -311,7 +311,7 @@ class _Variables:
 
     # -- references --
 
-    def _state(self, v: said.Variable, element: int) -> str | None:
+    def _state(self, v: said.DeclaredVariable, element: int) -> str | None:
         """Return the name of the variable whose derivative this is."""
         if v.derivative is None:
             return None
@@ -350,7 +350,7 @@ class _Variables:
             states.append(state)
         return tuple(states), derivatives
 
-    def _listed_derivatives(self) -> list[said.Variable]:
+    def _listed_derivatives(self) -> list[said.DeclaredVariable]:
         """Return the derivatives as they are listed, each once.
 
         Raises:
@@ -366,7 +366,7 @@ class _Variables:
 
     # -- start values --
 
-    def _starts(self, v: said.Variable) -> list[Value | None]:
+    def _starts(self, v: said.DeclaredVariable) -> list[Value | None]:
         """Return one start value an element."""
         size = self._size(v)
         texts = _words(v)
@@ -386,12 +386,12 @@ class _Variables:
         return values if len(values) == size else [None] * size
 
 
-_NO_TYPE = said.Type()
+_NO_TYPE = said.DeclaredType()
 _INFINITE = (math.inf, -math.inf)  # which may be written, as INF; with digits it is a number that no computer has
 _DIGITS = 20  # of any number that FMI counts with
 
 
-def _words(v: said.Variable) -> list[str] | None:
+def _words(v: said.DeclaredVariable) -> list[str] | None:
     """Return the texts of the start values: elements of FMI 3.0, a list with blanks, or one."""
     if v.starts:
         return [s.value or "" for s in v.starts]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from workbench.fmi.declared import Declared, Unknown, Variable
+from workbench.fmi.declared import Declared, DeclaredVariable, Unknown
 from workbench.fmi.variable import FLOAT_TYPES
 
 __all__ = ["broken_rules", "complete", "less_kept_rules", "structured_name"]
@@ -41,14 +41,14 @@ def complete(declared: Declared) -> None:
             v.initial = _INITIAL.get((v.causality, v.variability), (None,))[0]
 
 
-def _as_in_fmi_2(v: Variable) -> None:
+def _as_in_fmi_2(v: DeclaredVariable) -> None:
     if v.causality == "internal":
         v.causality = "local"
     if v.variability == "parameter":
         v.causality, v.variability = "parameter", "fixed"
 
 
-def _variability(v: Variable, major: int) -> str:
+def _variability(v: DeclaredVariable, major: int) -> str:
     if major < 3:
         return "continuous"
     if v.causality in _PARAMETERS:
@@ -79,11 +79,11 @@ def broken_rules(declared: Declared) -> Iterator[str]:
         yield "there must be exactly one independent variable"
 
 
-_Rule = Callable[[Variable], str | None]
+_Rule = Callable[[DeclaredVariable], str | None]
 
 
 def _of_variability() -> _Rule:
-    def rule(v: Variable) -> str | None:
+    def rule(v: DeclaredVariable) -> str | None:
         if v.variability == "continuous" and v.kind not in FLOAT_TYPES:
             return f"is of type {v.kind}, which cannot be continuous"
         return None
@@ -91,10 +91,10 @@ def _of_variability() -> _Rule:
     return rule
 
 
-def _of_uniqueness(key: Callable[[Variable], object], what: str) -> _Rule:
-    seen: dict[object, Variable] = {}
+def _of_uniqueness(key: Callable[[DeclaredVariable], object], what: str) -> _Rule:
+    seen: dict[object, DeclaredVariable] = {}
 
-    def rule(v: Variable) -> str | None:
+    def rule(v: DeclaredVariable) -> str | None:
         other = seen.setdefault(key(v), v)
         return None if other is v else f"has the {what} of {other.name} (line {other.line})"
 
@@ -102,7 +102,7 @@ def _of_uniqueness(key: Callable[[Variable], object], what: str) -> _Rule:
 
 
 def _of_causality() -> _Rule:
-    def rule(v: Variable) -> str | None:
+    def rule(v: DeclaredVariable) -> str | None:
         allowed = _INITIAL.get((v.causality or "", v.variability or ""))
         if allowed is None:
             return f'has causality="{v.causality}" and variability="{v.variability}", which do not go together'
@@ -114,7 +114,7 @@ def _of_causality() -> _Rule:
 
 
 def _of_starts() -> _Rule:
-    def rule(v: Variable) -> str | None:
+    def rule(v: DeclaredVariable) -> str | None:
         given = v.start is not None or bool(v.starts)
         if given and (v.initial == "calculated" or v.causality == "independent"):
             return f"has a start value, which a {v.initial or v.causality} variable must not have"
@@ -129,7 +129,7 @@ def _of_units(declared: Declared) -> _Rule:
     units = {u.name: {d.name for d in u.display} for u in declared.units}
     types = {t.name: t for t in declared.types}
 
-    def rule(v: Variable) -> str | None:
+    def rule(v: DeclaredVariable) -> str | None:
         if v.declared_type is not None and v.declared_type not in types:
             return f'has the type "{v.declared_type}", which is not defined'
         unit = v.unit
@@ -148,7 +148,7 @@ def _of_units(declared: Declared) -> _Rule:
 # -- model structure and names -----------------------------------------------------------------
 
 
-def less_kept_rules(declared: Declared, find: Callable[[int], Variable]) -> Iterator[str]:
+def less_kept_rules(declared: Declared, find: Callable[[int], DeclaredVariable]) -> Iterator[str]:
     """Yield what is wrong with the model structure and with names: many exporters bend these rules, few importers ask.
 
     Args:
@@ -177,12 +177,12 @@ def _of_dependencies(declared: Declared) -> Iterator[str]:
                 yield f"line {unknown.line}: {section}: {len(kinds)} kinds for {number} dependencies"
 
 
-def _of_outputs(declared: Declared, find: Callable[[int], Variable]) -> Iterator[str]:
+def _of_outputs(declared: Declared, find: Callable[[int], DeclaredVariable]) -> Iterator[str]:
     wanted = [v for v in declared.variables if v.causality == "output"]
     yield from _differ("Outputs", wanted, _meant(declared, "Outputs", find))
 
 
-def _meant(declared: Declared, section: str, find: Callable[[int], Variable]) -> list[Variable]:
+def _meant(declared: Declared, section: str, find: Callable[[int], DeclaredVariable]) -> list[DeclaredVariable]:
     return [find(_index(u)) for u in declared.structure.get(section, ())]
 
 
@@ -190,13 +190,13 @@ def _index(unknown: Unknown) -> int:
     return -1 if unknown.variable is None else unknown.variable
 
 
-def _of_derivatives(declared: Declared, find: Callable[[int], Variable]) -> Iterator[str]:
+def _of_derivatives(declared: Declared, find: Callable[[int], DeclaredVariable]) -> Iterator[str]:
     for derivative in _meant(declared, "Derivatives", find):
         if derivative.derivative is None:
             yield f"line {derivative.line}: {derivative.name} is listed as a derivative, and does not say of what"
 
 
-def _of_initial_unknowns(declared: Declared, find: Callable[[int], Variable]) -> Iterator[str]:
+def _of_initial_unknowns(declared: Declared, find: Callable[[int], DeclaredVariable]) -> Iterator[str]:
     guessed = ("approx", "calculated")
     wanted = [
         v
@@ -209,7 +209,7 @@ def _of_initial_unknowns(declared: Declared, find: Callable[[int], Variable]) ->
     yield from _differ("InitialUnknowns", wanted, _meant(declared, "InitialUnknowns", find))
 
 
-def _differ(section: str, wanted: Iterable[Variable], given: Iterable[Variable]) -> Iterator[str]:
+def _differ(section: str, wanted: Iterable[DeclaredVariable], given: Iterable[DeclaredVariable]) -> Iterator[str]:
     want, have = ({id(v): v for v in some} for some in (wanted, given))
     for word, names in (
         ("lacks", [v.name for i, v in want.items() if i not in have]),

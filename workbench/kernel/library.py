@@ -11,7 +11,7 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.fmi.platforms import SUFFIXES, host
-from workbench.kernel.structs import FUNCTIONS, STRUCTURES
+from workbench.kernel.structs import FUNCTIONS, STRUCTURES, name_in_c
 
 __all__ = ["KernelMissingError", "intermediate_update", "kernel", "kernel_path", "why_kernel_missing"]
 
@@ -106,8 +106,8 @@ def _misfit(library: ctypes.CDLL) -> str:
         return f"the kernel has version {version}, this package needs {VERSION}"
     library.kernel_sizeof.restype, library.kernel_sizeof.argtypes = c_size_t, [c_char_p]
     for structure in STRUCTURES:
-        if library.kernel_sizeof(structure.__name__.encode()) != ctypes.sizeof(structure):
-            return f"the kernel's structure {structure.__name__} has another size"
+        if library.kernel_sizeof(name_in_c(structure).encode()) != ctypes.sizeof(structure):
+            return f"the kernel's structure {name_in_c(structure)} has another size"
     library.kernel_function_name.restype, library.kernel_function_name.argtypes = c_char_p, [c_size_t]
     names = tuple((library.kernel_function_name(i) or b"").decode() for i in range(len(FUNCTIONS)))
     return "" if names == FUNCTIONS else "the kernel calls other functions"

@@ -10,7 +10,7 @@ from workbench.fmi.access import TypeCalls, VariableAccess, decode_flag
 from workbench.fmi.access import VariableBlock as Variables
 from workbench.fmi.c_array import array_type, c_array
 from workbench.kernel.structs import Access as Native
-from workbench.kernel.structs import Block, Type
+from workbench.kernel.structs import BlockStruct, CType
 
 __all__ = ["indices", "join_access", "native_access", "value_type"]
 
@@ -23,8 +23,8 @@ def indices(values: Sequence[int]) -> ctypes.Array[ctypes.c_size_t]:
 def value_type(calls: TypeCalls) -> int:
     """Return the ValueType of one FMI type."""
     if calls.decode is decode_flag:
-        return Type.BOOLEAN32 if calls.ctype is ctypes.c_int else Type.BOOLEAN8
-    return Type.NUMBERS[calls.ctype]
+        return CType.BOOLEAN32 if calls.ctype is ctypes.c_int else CType.BOOLEAN8
+    return CType.NUMBERS[calls.ctype]
 
 
 def native_access(access: VariableAccess, *, columns: Sequence[int], component: int = 0) -> tuple[Native, Any]:
@@ -46,23 +46,23 @@ def join_access(parts: Sequence[tuple[Native, Any]]) -> tuple[Native, Any]:
     """Return one access to the variables of several components."""
     if len(parts) == 1:
         return parts[0]
-    blocks: list[Block] = []
+    blocks: list[BlockStruct] = []
     for native, _ in parts:
-        blocks.extend(array_type(Block, native.n_blocks).from_address(native.blocks) if native.n_blocks else ())
+        blocks.extend(array_type(BlockStruct, native.n_blocks).from_address(native.blocks) if native.n_blocks else ())
     return _native(blocks, list(parts))
 
 
-def _native(blocks: Sequence[Block], kept: list[Any]) -> tuple[Native, Any]:
-    array = c_array(Block, blocks)
+def _native(blocks: Sequence[BlockStruct], kept: list[Any]) -> tuple[Native, Any]:
+    array = c_array(BlockStruct, blocks)
     return Native(ctypes.addressof(array), len(blocks)), (array, kept)
 
 
-def _block(block: Variables, columns: Sequence[int], component: int) -> tuple[Block, Any]:
+def _block(block: Variables, columns: Sequence[int], component: int) -> tuple[BlockStruct, Any]:
     calls, library = block.calls, block.instance.library
     slots, places = indices(block.slots), indices(columns)
-    kind = Type.TICKS if block.counts else value_type(calls)
+    kind = CType.TICKS if block.counts else value_type(calls)
     contiguous = list(columns) == list(range(columns[0], columns[0] + len(columns)))
-    native = Block(
+    native = BlockStruct(
         get=library.address(calls.getter),
         set=library.address(calls.setter) if calls.setter else None,
         get_name=calls.getter.encode(),
@@ -77,6 +77,6 @@ def _block(block: Variables, columns: Sequence[int], component: int) -> tuple[Bl
         type=kind,
         component=component,
         partial=block.partial,
-        plain=block.plain and contiguous and kind == Type.FLOAT64,
+        plain=block.plain and contiguous and kind == CType.FLOAT64,
     )
     return native, (slots, places)

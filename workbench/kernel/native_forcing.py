@@ -11,13 +11,13 @@ from workbench.fmi.variable import Variable
 from workbench.kernel.native_access import join_access, native_access, value_type
 from workbench.kernel.native_signals import native_signal
 from workbench.kernel.native_system import NativeSystem
-from workbench.kernel.structs import Access, Forcing, Signal
-from workbench.signals.kinds import Signal as PythonSignal
+from workbench.kernel.structs import Access, ForcingStruct, SignalStruct
+from workbench.signals.kinds import Signal
 
 __all__ = ["ForcedInput", "NativeForcing"]
 
 Ports = Sequence[tuple[int, Variable]]  # components, and their variables
-ForcedInput = tuple[Variable, PythonSignal, float, Ports]  # variable, signal, bias, what is written
+ForcedInput = tuple[Variable, Signal, float, Ports]  # variable, signal, bias, what is written
 
 
 class NativeForcing:
@@ -34,13 +34,13 @@ class NativeForcing:
         self.n = n = len(inputs)
         discrete = [not variable.is_continuous_input for variable, *_ in inputs]
         self.written = self._keep(ctypes.c_double, [0.0] * n)
-        self.signals = self._keep(Signal, [self._signal(i) for i in range(n)])
+        self.signals = self._keep(SignalStruct, [self._signal(i) for i in range(n)])
         biases = [bias for _, _, bias, _ in inputs]
         bias, wanted, seen, slopes = self._columns(ctypes.c_double, biases, *[[0.0] * n] * 3)
         owned = [ports[0][0] for *_, ports in inputs]
         kinds = [self._type(i) for i in range(n)]
         types, owners, held, orders = self._columns(ctypes.c_int32, kinds, owned, discrete, [1] * n)
-        self.structure = Forcing(
+        self.structure = ForcingStruct(
             signals=ctypes.addressof(self.signals),
             bias=bias,
             types=types,
@@ -70,7 +70,7 @@ class NativeForcing:
         step = len(columns[0]) * ctypes.sizeof(ctype)
         return [ctypes.addressof(array) + i * step for i in range(len(columns))]
 
-    def _signal(self, i: int) -> Signal:
+    def _signal(self, i: int) -> SignalStruct:
         native, kept = native_signal(self._inputs[i][1], self._system.trouble)
         self._kept.append(kept)
         return native

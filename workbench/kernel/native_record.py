@@ -13,7 +13,7 @@ from workbench.fmi.c_array import c_array
 from workbench.fmi.variable import Variable
 from workbench.kernel.native_access import join_access, native_access
 from workbench.kernel.native_system import NativeSystem
-from workbench.kernel.structs import Fourier, Record
+from workbench.kernel.structs import Fourier, RecordStruct
 
 __all__ = ["NativeFourier", "NativeRecord"]
 
@@ -40,7 +40,7 @@ class NativeRecord:
             access = system.instances[owner].access([variables[i][0] for i in columns])
             parts.append(native_access(access, columns=columns, component=owner))
         native, self._kept = join_access(parts)
-        self.structure = Record(access=native, n_values=len(variables), bound=math.inf, keep=1, every=1)
+        self.structure = RecordStruct(access=native, n_values=len(variables), bound=math.inf, keep=1, every=1)
         self.address = ctypes.addressof(self.structure)
         self._declared = all(_no_feedthrough(system, variable, owner) for variable, owner in variables)
 

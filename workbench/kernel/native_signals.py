@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.fmi.c_array import array_type, c_array
 from workbench.kernel.structs import PARAMETERS
-from workbench.kernel.structs import Signal as Native
+from workbench.kernel.structs import SignalStruct as Native
 from workbench.signals.kinds import Constant, Prbs, Signal, Sine, Step, Table
 
 __all__ = ["Trouble", "native_signal"]

@@ -16,13 +16,14 @@ __all__ = [
     "FUNCTIONS",
     "STRUCTURES",
     "Access",
-    "Block",
+    "BlockStruct",
+    "CType",
     "Component",
     "Control",
     "Cs",
     "Element",
     "Failure",
-    "Forcing",
+    "ForcingStruct",
     "Fourier",
     "Groups",
     "Link",
@@ -30,14 +31,14 @@ __all__ = [
     "Master",
     "Me",
     "Predictor",
-    "Record",
-    "Signal",
+    "RecordStruct",
+    "SignalStruct",
     "Slopes",
     "Sparsity",
     "System",
-    "Type",
-    "Unit",
+    "UnitStruct",
     "Wires",
+    "name_in_c",
 ]
 
 MESSAGE = 256
@@ -67,7 +68,7 @@ FUNCTIONS = (
 )
 
 
-class Type:
+class CType:
     """ValueType in access.h."""
 
     NUMBERS: Mapping[Any, int] = {
@@ -142,7 +143,7 @@ class Component(ctypes.Structure):
     )
 
 
-class Block(ctypes.Structure):
+class BlockStruct(ctypes.Structure):
     """access.h: variables of one type and component."""
 
     _fields_ = (
@@ -170,7 +171,7 @@ class Access(ctypes.Structure):
     _fields_ = (("blocks", c_void_p), ("n_blocks", c_size_t))
 
 
-class Signal(ctypes.Structure):
+class SignalStruct(ctypes.Structure):
     """signals.h."""
 
     _fields_ = (
@@ -185,7 +186,7 @@ class Signal(ctypes.Structure):
     )
 
 
-class Forcing(ctypes.Structure):
+class ForcingStruct(ctypes.Structure):
     """forcing.h."""
 
     _fields_ = (
@@ -357,7 +358,7 @@ class Fourier(ctypes.Structure):
     )
 
 
-class Record(ctypes.Structure):
+class RecordStruct(ctypes.Structure):
     """record.h."""
 
     _fields_ = (
@@ -527,7 +528,7 @@ class Cs(ctypes.Structure):
     )
 
 
-class Unit(ctypes.Structure):
+class UnitStruct(ctypes.Structure):
     """master.h."""
 
     _fields_ = (
@@ -608,7 +609,7 @@ class Control(ctypes.Structure):
         ("fine", c_void_p),
         ("saved", c_void_p),
         ("states", c_void_p),
-        ("trial", Record),
+        ("trial", RecordStruct),
     )
 
 
@@ -629,7 +630,16 @@ class Predictor(ctypes.Structure):
 
 
 STRUCTURES: tuple[type[ctypes.Structure], ...] = (
-    Failure, Component, Block, Access, Signal, Forcing, Link, System, Fourier, Record, GearLibrary, Me, Cs,
-    Wires, Lti, Slopes, Unit, Master, Control, Sparsity, Clocks, Tick, Intermediate, Predictor,
-    Element, Instants,
+    Failure, Component, BlockStruct, Access, SignalStruct, ForcingStruct, Link, System, Fourier, RecordStruct,
+    GearLibrary, Me, Cs, Wires, Lti, Slopes, UnitStruct, Master, Control, Sparsity, Clocks, Tick, Intermediate,
+    Predictor, Element, Instants,
 )  # fmt: skip
+
+
+def name_in_c(structure: type[ctypes.Structure]) -> str:
+    """Return what a structure is called in the kernel; where a class of the package has that name, it ends differently.
+
+    Args:
+        structure: one of `STRUCTURES`.
+    """
+    return structure.__name__.removesuffix("Struct")

@@ -13,7 +13,7 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import WorkbenchError
 from workbench.limit_cycles.feed_forward.plant import Plant
 from workbench.limit_cycles.limit_cycle.cut import cut
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.nyquist.nyquist import nyquist
 from workbench.loops.nyquist.result import Crossing
 from workbench.model.described_model import DescribedModel
@@ -94,7 +94,7 @@ def remaining(
     return Remaining(without=without, with_filter=with_it)
 
 
-def _cycles(loop: LinearPart, block: Block, band: tuple[float, float], *, size: float) -> tuple[Crossing, ...]:
+def _cycles(loop: LinearPart, block: DescribedBlock, band: tuple[float, float], *, size: float) -> tuple[Crossing, ...]:
     """Return the crossings to which an amplitude belongs; of a loop that is nothing but rounding there are none."""
     if _size_of(loop, band) <= _ROUNDING * size:
         return ()

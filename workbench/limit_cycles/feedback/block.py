@@ -15,7 +15,7 @@ from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath
 from workbench.limit_cycles.feedback.plant import Standing, linear
 from workbench.limit_cycles.limit_cycle.cut import SplitLoop, cut
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.nyquist.nyquist import nyquist
 from workbench.loops.nyquist.result import Crossing, NyquistResult
 from workbench.loops.opened_system import find_ports, without_block
@@ -70,14 +70,14 @@ class CyclesLeft(RecordPart):
         return {"words": self.words}
 
 
-class _Remembering(Block):
+class _Remembering(DescribedBlock):
     """A block whose N(A) is evaluated once for each amplitude, for many gains.
 
     Args:
         block: static, or with a memory that it runs through by itself.
     """
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: DescribedBlock) -> None:
         self.name, self.real, self.frequency_dependent = block.name, block.real, block.frequency_dependent
         self._block = block
         self._known: dict[tuple[float, float], complex] = {}
@@ -108,7 +108,7 @@ class TwoPorts:
     loop: SplitLoop
 
     @cached_property
-    def block(self) -> Block | None:
+    def block(self) -> DescribedBlock | None:
         """The block about the operating point; None: it has a memory of its own."""
         return None if self.loop.block is None else _Remembering(self.loop.block)
 

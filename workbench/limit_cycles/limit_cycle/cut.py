@@ -15,7 +15,7 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.limit_cycles.equilibrium import rest_of
 from workbench.limit_cycles.limit_cycle.bias import Centre, centre_of, is_moving
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.describe import standard_block
 from workbench.loops.describing.static import StaticBlock, pointwise
 from workbench.loops.opened_system import Ports, find_ports, linear_between, recipe_of, without_block
@@ -64,8 +64,8 @@ class SplitLoop:
 
     every: tuple[Ports, ...]
     whole: LinResult
-    blocks: tuple[Block | None, ...]
-    formulas: tuple[Block | None, ...]
+    blocks: tuple[DescribedBlock | None, ...]
+    formulas: tuple[DescribedBlock | None, ...]
     turned: bool
     rest: LinResult
     point: OperatingPoint
@@ -80,7 +80,7 @@ class SplitLoop:
         return self.every[0]
 
     @property
-    def block(self) -> Block | None:
+    def block(self) -> DescribedBlock | None:
         """The first block; None: it has a memory of its own."""
         return self.blocks[0]
 
@@ -166,11 +166,11 @@ def _refuse_linear(model: DescribedModel, name: str) -> None:
         )
 
 
-def _block(function: Callable[[Floats], Floats], ports: Ports, centre: float, output: float) -> Block:
+def _block(function: Callable[[Floats], Floats], ports: Ports, centre: float, output: float) -> DescribedBlock:
     return StaticBlock(function, name=ports.component, centre=centre, rest=output)
 
 
-def _formula(component: Component, centre: float, output: float) -> Block | None:
+def _formula(component: Component, centre: float, output: float) -> DescribedBlock | None:
     """Return the describing function of a hysteresis about its middle in closed form; None: there is none.
 
     The closed form of a block with states is that of an ideal one, without its lag.

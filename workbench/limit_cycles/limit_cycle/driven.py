@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import SimulationError
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.model.described_model import DescribedModel
 from workbench.response.periodic.fourier import measure_period
 from workbench.session import Recorded, Session
@@ -25,7 +25,7 @@ _TOLERANCE = 1e-9
 _SHORTEST = 1e-9  # period [s], of the session time if that is longer
 
 
-class DrivenBlock(Block):
+class DrivenBlock(DescribedBlock):
     """What a model answers to a periodic input with harmonics, by simulation until it repeats itself.
 
     Unlike a describing function measured over a grid of sines, the harmonics of the motion act on the block here, and

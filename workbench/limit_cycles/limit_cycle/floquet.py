@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
 from workbench.limit_cycles.limit_cycle.harmonic_balance import Cycle
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.fourier import series
 
 __all__ = ["multipliers", "others"]
@@ -23,7 +23,7 @@ _SEEN = 1e-10  # of the largest multiplier: smaller ones are rounding
 _FOUND = 0.2  # by which the multiplier of the motion along the orbit may be off from 1
 
 
-def multipliers(part: Linear, blocks: Sequence[Block], cycle: Cycle) -> Complex:
+def multipliers(part: Linear, blocks: Sequence[DescribedBlock], cycle: Cycle) -> Complex:
     """Return the Floquet multipliers, largest first, shape (n,); one of them is 1 (the motion along the orbit).
 
     Over each of many steps each block is replaced by the slope of its chord, which keeps jumps: a relay is passed as
@@ -63,7 +63,7 @@ def _sorted(flow: Floats) -> Complex:
     return found[np.argsort(-np.abs(found))]
 
 
-def _slopes(part: Linear, blocks: Sequence[Block], cycle: Cycle, count: int) -> tuple[Floats, float]:
+def _slopes(part: Linear, blocks: Sequence[DescribedBlock], cycle: Cycle, count: int) -> tuple[Floats, float]:
     """Return K over each step, from what the states do to the blocks' inputs to their outputs, and the step [s].
 
     With the slopes S of the chords K = S (1 + D S)⁻¹, so that dξ/dt = (A − B K C) ξ; shape (count, m, m).

@@ -10,7 +10,7 @@ from scipy.optimize import root
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
-from workbench.loops.describing.base import HARMONICS, Block
+from workbench.loops.describing.base import HARMONICS, DescribedBlock
 from workbench.loops.describing.fourier import series
 from workbench.response.simulate.zero_crossings import told_mean
 
@@ -67,7 +67,7 @@ class HarmonicBalance:
         scales: sizes of their inputs, shape (m,).
     """
 
-    def __init__(self, part: Linear, blocks: Sequence[Block], *, count: int, scales: Floats) -> None:
+    def __init__(self, part: Linear, blocks: Sequence[DescribedBlock], *, count: int, scales: Floats) -> None:
         self.part, self.blocks, self.count, self.scales = part, tuple(blocks), count, scales
 
     def pack(self, v: Complex, frequency: float) -> Floats:
@@ -126,7 +126,7 @@ def responses(part: Linear, frequency_hz: Floats, unit: float) -> Complex:
 
 def balance(
     part: Linear,
-    blocks: Sequence[Block],
+    blocks: Sequence[DescribedBlock],
     *,
     frequency: float,
     amplitude: float,

@@ -13,7 +13,7 @@ from workbench.limit_cycles.limit_cycle.cut import SplitLoop, only_block
 from workbench.limit_cycles.limit_cycle.harmonic_balance import Cycle
 from workbench.limit_cycles.limit_cycle.request import LimitCycles
 from workbench.limit_cycles.limit_cycle.several_blocks import Gain, ManyBlocks, tabulated
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.measured import MeasuredBlock
 from workbench.loops.nyquist.nyquist import AMPLITUDES, nyquist
 from workbench.loops.nyquist.result import Crossing, NyquistResult
@@ -122,13 +122,15 @@ def _gains(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> list[
 # -- a block with a memory of its own: its describing function is measured where it matters -------
 
 
-def _measured(block: DescribedModel, asked: LimitCycles, name: str) -> Block:
+def _measured(block: DescribedModel, asked: LimitCycles, name: str) -> DescribedBlock:
     """Return a block, with the input v and the output w, whose N(A, f) is measured over a grid."""
     amplitudes = np.geomspace(*(asked.amplitudes or AMPLITUDES), _AMPLITUDES)
     return _table(block, amplitudes, np.geomspace(*asked.band, _FREQUENCIES), asked, name)
 
 
-def _table(block: DescribedModel, amplitudes: Floats, frequencies: Floats, asked: LimitCycles, name: str) -> Block:
+def _table(
+    block: DescribedModel, amplitudes: Floats, frequencies: Floats, asked: LimitCycles, name: str
+) -> DescribedBlock:
     response = nfr(block, "v", "w", frequencies, amplitudes, errcrit=_ERRCRIT, workers=asked.workers)
     return MeasuredBlock(response, name=name)
 

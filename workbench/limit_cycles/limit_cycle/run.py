@@ -32,7 +32,7 @@ from workbench.limit_cycles.limit_cycle.request import (
 )
 from workbench.limit_cycles.limit_cycle.result import LimitCycle, LimitCycleResult, SimulatedCycle
 from workbench.limit_cycles.limit_cycle.shooting import Orbits, shoot
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.nyquist.absolute import AbsoluteStability, absolute_stability
 from workbench.loops.nyquist.nyquist import AMPLITUDES
 from workbench.loops.nyquist.result import Crossing
@@ -99,7 +99,7 @@ class _LimitCycleRun:
     found: list[LimitCycle] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     simulated: SimulatedCycle | None = None
-    answering: tuple[Block, ...] = ()
+    answering: tuple[DescribedBlock, ...] = ()
     observed: list[Observation] = field(default_factory=list)
     branches: list[Branch] = field(default_factory=list)
     following: Callable[[], Branch] | None = None
@@ -242,7 +242,7 @@ class _LimitCycleRun:
         if run is not None and run.steady and self._is_shootable(run.states):
             self._shot(None, run.states, run.sizes, run.frequency_hz, run.amplitude[self.loop.ports.v])
 
-    def _blocks(self) -> tuple[Block, ...]:
+    def _blocks(self) -> tuple[DescribedBlock, ...]:
         """Return the blocks as harmonic balance asks them; none where one has a memory, and only N is asked for."""
         loop = self.loop
         needs_none = set(self.asked.methods) <= {DESCRIBING_FUNCTION} and not self.asked.vary
@@ -305,7 +305,7 @@ class _LimitCycleRun:
             ended=ended,
         )
 
-    def _balanced(self, number: int, first: LimitCycle, blocks: tuple[Block, ...]) -> Cycle | None:
+    def _balanced(self, number: int, first: LimitCycle, blocks: tuple[DescribedBlock, ...]) -> Cycle | None:
         """Return the motion by harmonic balance; where it leads nowhere, the sine; None: it has been found before."""
         part, sine = self.loop.whole, self.predicted.sine(first.frequency_hz, first.amplitude)
         cycle = balance(

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear, LinearPart
 from workbench.limit_cycles.limit_cycle.harmonic_balance import responses
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 
 __all__ = ["Gain", "ManyBlocks", "tabulated"]
 
@@ -22,7 +22,7 @@ _ROUNDS, _UNDAMPED = 60, 4
 _SAME = 1e-9
 
 
-def tabulated(block: Block) -> Gain:
+def tabulated(block: DescribedBlock) -> Gain:
     """Return N(A) of a static block, interpolated over log A; NaN outside 1e-6 … 1e6.
 
     Args:
@@ -40,7 +40,7 @@ def tabulated(block: Block) -> Gain:
     return gain
 
 
-class ManyBlocks(Block):
+class ManyBlocks(DescribedBlock):
     """All blocks of a loop as one around `part`, so that 1 + N·L = 0 where the fundamentals of all of them balance.
 
     For an amplitude of the first block's input the fundamentals of the others' inputs solve

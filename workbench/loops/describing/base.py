@@ -8,13 +8,13 @@ import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
 
-__all__ = ["HARMONICS", "Block", "Complex", "Floats"]
+__all__ = ["HARMONICS", "Complex", "DescribedBlock", "Floats"]
 
 
 HARMONICS = 7
 
 
-class Block(ABC):
+class DescribedBlock(ABC):
     """One input, one output; what it answers to a periodic input is periodic with the same period.
 
     Fourier coefficients are those of x(θ) = X[0] + Re Σ X[k] e^{jkθ}, so that A sin θ has X[1] = −jA.
@@ -87,19 +87,19 @@ class Block(ABC):
         both = np.broadcast(amplitudes, frequencies)
         return np.array([self.gain(float(a), float(f)) for a, f in both], dtype=np.complex128).reshape(both.shape)
 
-    def negated(self) -> Block:
+    def negated(self) -> DescribedBlock:
         """Return the block with the other sign at its output."""
         return Negated(self)
 
 
-class Negated(Block):
+class Negated(DescribedBlock):
     """A block with the other sign at its output.
 
     Args:
         block: as it was.
     """
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: DescribedBlock) -> None:
         self.name, self.real, self.frequency_dependent = block.name, block.real, block.frequency_dependent
         self.centre = block.centre
         self._block = block
@@ -113,5 +113,5 @@ class Negated(Block):
     def gain(self, amplitude: float, frequency: float = 1.0) -> complex:
         return -self._block.gain(amplitude, frequency)
 
-    def negated(self) -> Block:
+    def negated(self) -> DescribedBlock:
         return self._block

@@ -13,7 +13,7 @@ from workbench.core.records.record import complex_of, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, suggest
 from workbench.jobs.options import Workers
-from workbench.loops.describing.base import HARMONICS, Block
+from workbench.loops.describing.base import HARMONICS, DescribedBlock
 from workbench.loops.describing.formulas import cubic, dead_band, preload, quadratic, quantiser, relay, saturation
 from workbench.loops.describing.measured import MeasuredBlock
 from workbench.loops.describing.memory import BacklashDescribingFunction, RelayWithHysteresis
@@ -28,7 +28,7 @@ from workbench.show.result import Result
 __all__ = ["STANDARD", "DescribingFunction", "describing_function", "standard_block"]
 
 # Name of a standard block → how it is made.
-STANDARD: Mapping[str, Callable[..., Block]] = {
+STANDARD: Mapping[str, Callable[..., DescribedBlock]] = {
     "saturation": saturation,
     "dead_band": dead_band,
     "quantiser": quantiser,
@@ -96,7 +96,7 @@ class DescribingFunction(Result):
                 yield (a, f, n.real, n.imag, inverse.real, inverse.imag)
 
 
-def standard_block(kind: str, parameters: Mapping[str, float] | None = None) -> Block:
+def standard_block(kind: str, parameters: Mapping[str, float] | None = None) -> DescribedBlock:
     """Return a standard block with a closed-form describing function.
 
     Args:
@@ -126,7 +126,7 @@ def standard_block(kind: str, parameters: Mapping[str, float] | None = None) -> 
 
 @with_origin()
 def describing_function(
-    block: Block | Callable[[Floats], Floats] | Model,
+    block: DescribedBlock | Callable[[Floats], Floats] | Model,
     amplitudes: Sequence[float] | Floats,
     frequencies: Sequence[float] | Floats | None = None,
     *,
@@ -166,7 +166,7 @@ def describing_function(
             raise InputError(f"{block.name}: a model is measured; give frequencies")
         model, f = block, _rising("frequencies", frequencies)
         block = _measured(lambda u, y: nfr(model, u, y, f, a, errcrit=errcrit, workers=workers), model, (input, output))
-    elif not isinstance(block, Block):
+    elif not isinstance(block, DescribedBlock):
         block = StaticBlock(block, name=getattr(block, "__name__", "block"))
     if block.frequency_dependent and frequencies is None:
         raise InputError(f"block {block.name}: it depends on the frequency; give frequencies")
@@ -181,7 +181,7 @@ def describing_function(
     )
 
 
-def _method(block: Block) -> str:
+def _method(block: DescribedBlock) -> str:
     if isinstance(block, MeasuredBlock):
         return "measured"
     return "quadrature" if type(block) is StaticBlock else "closed form"
@@ -194,7 +194,7 @@ def _rising(what: str, values: Sequence[float] | Floats) -> Floats:
     return found
 
 
-def _harmonics(block: Block, a: Floats, f: Floats) -> Floats:
+def _harmonics(block: DescribedBlock, a: Floats, f: Floats) -> Floats:
     shape = (len(a), len(f), HARMONICS + 1)
     if isinstance(block, MeasuredBlock):
         return np.array([[block.harmonic_sizes(x, y) for y in f.tolist()] for x in a.tolist()]).reshape(shape)
@@ -203,7 +203,9 @@ def _harmonics(block: Block, a: Floats, f: Floats) -> Floats:
         return np.asarray(found / found[:, :, 1:2], dtype=np.float64)
 
 
-def _measured(response: Callable[[str, str], NfrResult], model: Model, ports: tuple[str | None, str | None]) -> Block:
+def _measured(
+    response: Callable[[str, str], NfrResult], model: Model, ports: tuple[str | None, str | None]
+) -> DescribedBlock:
     u = ports[0] or _only(model, "input", [v.name for v in model.inputs])
     y = ports[1] or _only(model, "output", [v.name for v in model.outputs])
     return MeasuredBlock(response(u, y), name=model.name)

@@ -6,14 +6,16 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.fourier import coefficients
 from workbench.loops.describing.static import StaticBlock
 
 __all__ = ["beside_sine", "gain_beside_bias"]
 
 
-def gain_beside_bias(block: Block, amplitude: float, bias: float, *, frequency: float = 1.0) -> tuple[float, complex]:
+def gain_beside_bias(
+    block: DescribedBlock, amplitude: float, bias: float, *, frequency: float = 1.0
+) -> tuple[float, complex]:
     """Return the mean of a block's output for bias + amplitude · sin θ, and the describing function of that sine.
 
     With f the block about its operating point, the mean is (1/2π) ∫ f(B + A sin θ) dθ, and N = Y₁/(−jA) of the
@@ -43,7 +45,7 @@ def gain_beside_bias(block: Block, amplitude: float, bias: float, *, frequency: 
     return float(found[0].real), complex(found[1] / (-1j * amplitude))
 
 
-def beside_sine(block: Block, amplitude: float) -> StaticBlock:
+def beside_sine(block: DescribedBlock, amplitude: float) -> StaticBlock:
     """Return the block as another signal sees it beside a sine of a fixed amplitude: averaged over that sine.
 
     f̄(v) = (1/2π) ∫ f(v + B sin φ) dφ: the mean over the sine, whose frequency has no common multiple with the other's

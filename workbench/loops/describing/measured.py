@@ -7,13 +7,13 @@ from scipy.interpolate import RegularGridInterpolator
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import HARMONICS, Block
+from workbench.loops.describing.base import HARMONICS, DescribedBlock
 from workbench.response.nfr.result import NfrResult
 
 __all__ = ["MeasuredBlock"]
 
 
-class MeasuredBlock(Block):
+class MeasuredBlock(DescribedBlock):
     """N(A, f) interpolated in a measured frequency response; outside the grid it has no value.
 
     Gain (its logarithm where it is nowhere zero) and phase are interpolated linearly over log A and log f. Of the

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.fourier import series
 
 __all__ = ["BacklashDescribingFunction", "RelayWithHysteresis", "sampled_coefficients"]
@@ -30,7 +30,7 @@ def sampled_coefficients(w: Floats, count: int) -> Complex:
     return found
 
 
-class RelayWithHysteresis(Block):
+class RelayWithHysteresis(DescribedBlock):
     """y = ±level: + once the input exceeds half_width, − once it falls below −half_width.
 
     N = (4M/πA) e^{−j asin(h/A)} for A > h; a smaller sine never switches, and N = 0 [Gelb & Vander Velde, appendix B].
@@ -83,7 +83,7 @@ def _alternating(up: list[float], down: list[float]) -> list[tuple[float, float]
     return [*kept, (kept[0][0] + 2.0 * math.pi, kept[0][1])] if kept else []
 
 
-class BacklashDescribingFunction(Block):
+class BacklashDescribingFunction(DescribedBlock):
     """Play: the output, slope · position, moves only when the input has taken up the gap of ±half_width.
 
     N in closed form [Slotine & Li, 5.2.1]; a sine smaller than the gap moves nothing.

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.fourier import series
 from workbench.loops.describing.memory import sampled_coefficients
 
@@ -22,7 +22,7 @@ _TRIANGLE = math.sqrt(1.0 + 0.25 * math.pi**2)  # from here on the output is a t
 _X, _W = np.polynomial.legendre.leggauss(40)
 
 
-class RateLimiterDescribingFunction(Block):
+class RateLimiterDescribingFunction(DescribedBlock):
     """The output follows the input, at most `rate` per second.
 
     With ρ = ωA/rate: N = 1 for ρ ≤ 1; a triangle, N = (4/πρ) e^{−j acos(π/2ρ)}, for ρ ≥ √(1 + π²/4) = 1.862; between

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 
 __all__ = ["Sector", "sector_of"]
 
@@ -37,7 +37,7 @@ class Sector(RecordPart):
     reach: float | None = None
 
 
-def sector_of(block: Block, reach: float) -> Sector:
+def sector_of(block: DescribedBlock, reach: float) -> Sector:
     """Return the sector of a static block about its operating point.
 
     f(v)/v is looked at for both signs on a grid of 200 inputs a decade over ten decades up to `reach`, and finer around
@@ -59,7 +59,7 @@ def sector_of(block: Block, reach: float) -> Sector:
     return Sector(low=low + 0.0, high=high, reach=None if all(f[2] for f in found) else reach)
 
 
-def _side(block: Block, v: Floats) -> tuple[float, float, bool]:
+def _side(block: DescribedBlock, v: Floats) -> tuple[float, float, bool]:
     """Return the smallest and the largest f(v)/v on one side, and whether it stays between them farther out."""
     slope = block.static(v) / v
     low, high = (_extreme(block, v, slope, sign) for sign in (1.0, -1.0))
@@ -95,7 +95,7 @@ def _limit(last: Floats, size: float) -> float | None:
     return float(here) if abs(step) <= _STEADY * size else None
 
 
-def _extreme(block: Block, v: Floats, slope: Floats, sign: float) -> float:
+def _extreme(block: DescribedBlock, v: Floats, slope: Floats, sign: float) -> float:
     """Return the smallest of sign·f(v)/v, times the sign: looked at more closely around the grid's."""
     best = math.inf
     for _ in range(_ZOOMS):  # beside a jump the extreme is only approached

@@ -9,13 +9,13 @@ import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.fourier import coefficients
 
 __all__ = ["StaticBlock", "find_levels", "pointwise"]
 
 
-class StaticBlock(Block):
+class StaticBlock(DescribedBlock):
     """y = f(v), about an operating point: f(v + centre) − f(centre).
 
     N(A) = (1/πA) ∫ f(A sin θ) sin θ dθ [Slotine & Li, Applied Nonlinear Control, 5.2], all harmonics likewise. An

@@ -13,7 +13,7 @@ from scipy.optimize import minimize_scalar
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.sector import Sector, sector_of
 from workbench.loops.nyquist.level_crossings import level_frequencies, real_crossings, scan
 from workbench.loops.nyquist.part import part_of
@@ -84,7 +84,7 @@ class AbsoluteStability(Result):
 
 def absolute_stability(
     loop: LinearPart | LinearModel | StateSpace | TransferFunction,
-    block: Block | Sector | None = None,
+    block: DescribedBlock | Sector | None = None,
     *,
     reach: float = REACH,
     low: float = 0.0,
@@ -128,7 +128,7 @@ def absolute_stability(
     part = part_of(loop)
     if not reach > 0.0:
         raise InputError(f"reach: {reach:g} is not positive")
-    sector = _sector(block, reach) if isinstance(block, Block) else block
+    sector = _sector(block, reach) if isinstance(block, DescribedBlock) else block
     low = low if sector is None else sector.low
     if not math.isfinite(low):
         raise InputError(f"sector: its lower end is {low:g}; give a finite one")
@@ -149,7 +149,7 @@ def absolute_stability(
     )
 
 
-def _sector(block: Block, reach: float) -> Sector:
+def _sector(block: DescribedBlock, reach: float) -> Sector:
     try:
         return sector_of(block, reach)
     except NotImplementedError:

@@ -12,7 +12,7 @@ from scipy.optimize import root
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.modal import poles_of
-from workbench.loops.describing.base import Block
+from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.nyquist.level_crossings import real_crossings
 
 __all__ = ["SAME", "AxisCrossing", "axis_crossings", "intersections"]
@@ -136,7 +136,7 @@ _CLOSE = 1e-8
 _LIMITS = 60.0  # of the logarithms, so that a search that runs away ends
 
 
-def intersections(block: Block, part: LinearPart, f: Floats, value: Complex, amplitudes: Floats) -> Floats:
+def intersections(block: DescribedBlock, part: LinearPart, f: Floats, value: Complex, amplitudes: Floats) -> Floats:
     """Return amplitude and frequency [Hz] of each solution of 1 + N(A, f) L(f) = 0, shape (k, 2).
 
     Cells of the grid in which real and imaginary part change sign are searched by Powell's hybrid method.
@@ -164,7 +164,7 @@ def intersections(block: Block, part: LinearPart, f: Floats, value: Complex, amp
     return np.array(sorted(found, key=lambda s: s[1]), dtype=np.float64).reshape(-1, 2)
 
 
-def _gains(block: Block, amplitudes: Floats, f: Floats) -> Complex:
+def _gains(block: DescribedBlock, amplitudes: Floats, f: Floats) -> Complex:
     if not block.frequency_dependent:
         column = np.array([block.gain(a) for a in amplitudes.tolist()], dtype=np.complex128)
         return np.repeat(column[:, None], len(f), axis=1)
@@ -178,7 +178,7 @@ def _mixed(values: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
 
 
 def _refined(
-    block: Block, part: LinearPart, begin: tuple[float, float], spread: tuple[float, float]
+    block: DescribedBlock, part: LinearPart, begin: tuple[float, float], spread: tuple[float, float]
 ) -> tuple[float, float] | None:
     def distance(z: Floats) -> Floats:
         a, x = np.exp(np.clip(z, -_LIMITS, _LIMITS)).tolist()

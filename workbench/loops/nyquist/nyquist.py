@@ -12,7 +12,7 @@ from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.errors import InputError
-from workbench.loops.describing.base import HARMONICS, Block
+from workbench.loops.describing.base import HARMONICS, DescribedBlock
 from workbench.loops.describing.measured import MeasuredBlock
 from workbench.loops.nyquist.crossings import AxisCrossing, axis_crossings, intersections
 from workbench.loops.nyquist.grid import adaptive_grid
@@ -37,7 +37,7 @@ _STANDS = 1e-12  # relative: N that changes by less between two amplitudes stand
 @with_origin()
 def nyquist(
     loop: LinearPart | LinearModel | control.StateSpace | control.TransferFunction,
-    block: Block | None = None,
+    block: DescribedBlock | None = None,
     *,
     band: tuple[float, float] = BAND,
     amplitudes: tuple[float, float] | Sequence[float] | Floats = AMPLITUDES,
@@ -77,7 +77,9 @@ def nyquist(
         return _nyquist(part_of(loop), block, _checked(band), _grid(amplitudes), name)
 
 
-def _nyquist(part: LinearPart, block: Block | None, band: tuple[float, float], a: Floats, name: str) -> NyquistResult:
+def _nyquist(
+    part: LinearPart, block: DescribedBlock | None, band: tuple[float, float], a: Floats, name: str
+) -> NyquistResult:
     f, value = adaptive_grid(part, band)
     real_axis = [c for c in axis_crossings(part) if band[0] <= c.frequency <= band[1]]
     sides = _LoopParts(part, real_axis)
@@ -145,7 +147,9 @@ class _LoopParts:
         )  # fmt: skip
 
 
-def _with_amplitudes(axis: AxisCrossing, block: Block, a: Floats, gains: Floats, sides: _LoopParts) -> list[Crossing]:
+def _with_amplitudes(
+    axis: AxisCrossing, block: DescribedBlock, a: Floats, gains: Floats, sides: _LoopParts
+) -> list[Crossing]:
     """Return a crossing of the real axis once for each amplitude at which N is its gain."""
     bare = sides.plain(axis)
     roots = _amplitudes(axis.gain, block, a, gains)
@@ -167,7 +171,7 @@ def _with_amplitudes(axis: AxisCrossing, block: Block, a: Floats, gains: Floats,
     return found
 
 
-def _amplitudes(gain: float, block: Block, a: Floats, gains: Floats) -> list[float]:
+def _amplitudes(gain: float, block: DescribedBlock, a: Floats, gains: Floats) -> list[float]:
     """Return the amplitudes at which N passes a gain."""
     distance = gains - gain
 
@@ -186,7 +190,7 @@ def _amplitudes(gain: float, block: Block, a: Floats, gains: Floats) -> list[flo
     return sorted(found + (exact if len(exact) == 1 else []))
 
 
-def _complex_crossing(part: LinearPart, block: Block, amplitude: float, frequency: float) -> Crossing:
+def _complex_crossing(part: LinearPart, block: DescribedBlock, amplitude: float, frequency: float) -> Crossing:
     value = part.at(frequency)
     less, more = (block.gain(amplitude * (1.0 + e), frequency) for e in (-_ASIDE, _ASIDE))
     if not (np.isfinite(less) and np.isfinite(more)):  # the last measured amplitude
@@ -206,7 +210,7 @@ def _complex_crossing(part: LinearPart, block: Block, amplitude: float, frequenc
     )
 
 
-def _distortion(part: LinearPart, block: Block, amplitude: float, frequency: float) -> float | None:
+def _distortion(part: LinearPart, block: DescribedBlock, amplitude: float, frequency: float) -> float | None:
     """Return the largest harmonic at the block's input over the fundamental, the loop opened there."""
     if isinstance(block, MeasuredBlock):
         w = block.harmonic_sizes(amplitude, frequency) * abs(block.gain(amplitude, frequency)) * amplitude

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from workbench.response.compare_linear.result import LinComparison
-from workbench.response.compare_linear.result import Verdict as Agreement
+from workbench.response.compare_linear.result import MethodAgreement as Agreement
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted, number
 from workbench.show.verdicts import Verdict

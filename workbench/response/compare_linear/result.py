@@ -14,11 +14,11 @@ from workbench.response.compare_linear.interfaces import InterfaceDifference
 from workbench.response.nfr.result import NfrResult
 from workbench.show.result import Result
 
-__all__ = ["LinComparison", "Verdict"]
+__all__ = ["LinComparison", "MethodAgreement"]
 
 
 @dataclass(frozen=True)
-class Verdict(RecordPart):
+class MethodAgreement(RecordPart):
     """One linear model against the measured response at one frequency.
 
     Attributes:
@@ -90,7 +90,7 @@ class LinComparison(Result):
     results: dict[str, LinResult]
     failed: dict[str, str] = field(metadata=entry(key="not_applicable"))
     measured: NfrResult | None
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[MethodAgreement, ...]
     interfaces: InterfaceDifference | None
     words: tuple[str, ...]
     operating_point: OperatingPoint

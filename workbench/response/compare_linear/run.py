@@ -25,7 +25,7 @@ from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import LinTask, make_task, open_base
 from workbench.response.compare_linear.interfaces import InterfaceDifference, compare_interfaces
 from workbench.response.compare_linear.request import Compare
-from workbench.response.compare_linear.result import LinComparison, Verdict
+from workbench.response.compare_linear.result import LinComparison, MethodAgreement
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.result import NfrResult
 
@@ -188,7 +188,7 @@ def _measure(
     return measured, words if unsettled else []
 
 
-def _verdicts(name: str, result: LinResult, grid: Floats, measured: NfrResult | None) -> list[Verdict]:
+def _verdicts(name: str, result: LinResult, grid: Floats, measured: NfrResult | None) -> list[MethodAgreement]:
     response = result.fundamental(grid)[:, 0, 0]
     real = np.full(len(grid), np.nan, dtype=np.complex128)
     if measured is not None:  # what did not settle is not compared with, unless nothing moved at all
@@ -197,17 +197,17 @@ def _verdicts(name: str, result: LinResult, grid: Floats, measured: NfrResult | 
     return [_verdict(name, frequency, model, truth) for frequency, model, truth in triples]
 
 
-def _verdict(name: str, frequency: float, model: complex, truth: complex) -> Verdict:
+def _verdict(name: str, frequency: float, model: complex, truth: complex) -> MethodAgreement:
     size = abs(truth)
     if not math.isfinite(size) or not math.isfinite(abs(model)) or model == truth == 0.0:
-        return Verdict(name, frequency, math.nan, math.nan, None, size)
+        return MethodAgreement(name, frequency, math.nan, math.nan, None, size)
     if model == 0.0 or truth == 0.0:
-        return Verdict(name, frequency, math.inf if model else -math.inf, math.nan, False, size)
+        return MethodAgreement(name, frequency, math.inf if model else -math.inf, math.nan, False, size)
     gain, phase = (float(d) for d in difference(model, truth))
-    return Verdict(name, frequency, gain, phase, abs(gain) <= GAIN_DB and abs(phase) <= PHASE_DEG, size)
+    return MethodAgreement(name, frequency, gain, phase, abs(gain) <= GAIN_DB and abs(phase) <= PHASE_DEG, size)
 
 
-def _summary(results: Mapping[str, LinResult], verdicts: Sequence[Verdict]) -> list[str]:
+def _summary(results: Mapping[str, LinResult], verdicts: Sequence[MethodAgreement]) -> list[str]:
     words = []
     for name in results:
         mine = [v for v in verdicts if v.method == name and v.agrees is not None]
@@ -225,7 +225,7 @@ def _summary(results: Mapping[str, LinResult], verdicts: Sequence[Verdict]) -> l
     return words
 
 
-def _off(verdict: Verdict) -> float:
+def _off(verdict: MethodAgreement) -> float:
     if not math.isfinite(verdict.gain_db):
         return math.inf
     return abs(verdict.gain_db) / GAIN_DB + abs(verdict.phase_deg) / PHASE_DEG

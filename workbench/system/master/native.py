@@ -22,7 +22,7 @@ from workbench.kernel.native_forcing import NativeForcing
 from workbench.kernel.native_record import NativeRecord
 from workbench.kernel.native_system import NativeSystem
 from workbench.kernel.structs import Access as NativeAccess
-from workbench.kernel.structs import Control, Master, Unit
+from workbench.kernel.structs import Control, Master, UnitStruct
 from workbench.session.forcing import Forcing
 from workbench.signals.kinds import Table
 from workbench.system.master.group_unit import GroupUnit
@@ -194,7 +194,7 @@ class NativeMaster:
         inlets = self._forced_inlets(forcing)
         count = len(self._instance.decided.units.units)
         pairs = [self._unit(k, [*self._connected(k), *inlets.get(k, ())]) for k in range(count)]
-        array = (Unit * count)(*(unit for unit, _ in pairs))
+        array = (UnitStruct * count)(*(unit for unit, _ in pairs))
         self._kept.append(array)
         self.structure.units = ctypes.addressof(array)
         self._units, self._groups = list(array), [group for _, group in pairs]
@@ -219,14 +219,14 @@ class NativeMaster:
                 result.setdefault(decided.units.of[component], []).append(inlet)
         return result
 
-    def _unit(self, number: int, inlets: Sequence[_Inlet]) -> tuple[Unit, NativeForcing | None]:
+    def _unit(self, number: int, inlets: Sequence[_Inlet]) -> tuple[UnitStruct, NativeForcing | None]:
         decided, n = self._instance.decided, len(inlets)
         about = decided.units.units[number]
         connections = [decided.units.connections[i] for i in about.outgoing]
         samplers = self._instance.ticks.get(number, ())
         ports = [(i.component, i.variable) for i in inlets]
         moving = [i.variable.is_continuous_input for i in inlets]
-        unit = Unit(
+        unit = UnitStruct(
             component=-1 if about.group else about.members[0],
             held=number in decided.held,
             as_start=decided.hold_inputs or number in decided.held,
@@ -249,7 +249,7 @@ class NativeMaster:
         )
         return unit, self._group(unit, self._instance.groups[number], ports) if about.group else None
 
-    def _group(self, unit: Unit, group: GroupUnit, ports: Sequence[tuple[int, Variable]]) -> NativeForcing:
+    def _group(self, unit: UnitStruct, group: GroupUnit, ports: Sequence[tuple[int, Variable]]) -> NativeForcing:
         """Let the group's own session be forced by its inputs."""
         system, number = group.compiled.loop.system, {c: k for k, c in enumerate(group.members)}
         inputs = [(variable, _LINE, 0.0, ((number[c], variable),)) for c, variable in ports]
