@@ -128,11 +128,28 @@ def test_every_command_confines(tmp_path: Path, home: Path, command: str, capsys
 
 
 @needs_landlock
-@pytest.mark.parametrize("command", ["limit-cycle", "feedback", "feed-forward", "onset"])
-def test_commands_that_ask_others_confine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
-    """A confined process begins no worker for them."""
+@pytest.mark.parametrize("command", ["limit-cycle", "feedback", "feed-forward", "onset", "loop", "lin --compare"])
+def test_a_confined_process_begins_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+    """What a command does in parts, or asks of other analyses, it does where it is."""
     monkeypatch.chdir(tmp_path)
-    assert run([*words_of(tmp_path, command, "nothing", "never"), "--confine", "--json", "out.json"]) == 0
+    words = words_of(tmp_path, command, "nothing", "never")
+    assert run([*words, "--confine", "--json", "out.json"]) == 0
+    assert "cannot be started" not in Path("out.json").read_text()
+
+
+@needs_landlock
+def test_parts_of_a_confined_analysis_run_one_after_the_other(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ["modes", "fmu:FirstOrderLag", "--vary", "tau=0.5:2", "--points", "3", "--jobs", "2", "--confine"]
+    assert run([*line, "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert any(note.startswith("a confined process begins no others") for note in found["notes"])
+    assert run([*line[:-3], "--json", "-"]) == 0
+    assert found["sets"] == json.loads(capsys.readouterr().out)["sets"]
+
+
+@needs_landlock
+def test_a_confined_probe_finds_what_another_finds() -> None:
+    assert wb.info("fmu:Rudder", confine=True).capabilities == wb.info("fmu:Rudder").capabilities
 
 
 @needs_landlock

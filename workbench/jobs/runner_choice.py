@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from workbench.errors import InputError
+from workbench.jobs.confine import confined
 from workbench.jobs.job import Job
 from workbench.jobs.limits import cores, memory_limit_works
 from workbench.jobs.options import Limits, Workers
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from workbench.model.base import Model
 
 __all__ = ["at_work", "choose", "runner_for"]
+
+_ALONE = "a confined process begins no others: the parts of this analysis ran one after the other, whatever --jobs says"
 
 
 @contextmanager
@@ -52,7 +55,7 @@ def choose(model: Model, workers: Workers) -> tuple[Runner, tuple[str, ...]]:
     | asked for                         | model with a recipe (an FMU)   | without one (Python, only in this process) |
     |-----------------------------------|--------------------------------|--------------------------------------------|
     | nothing, or a number of jobs      | `Pool` of worker processes     | `InProcess`                                |
-    | `in_process`                      | `InProcess`                    | `InProcess`                                |
+    | `in_process`, or in a confined one | `InProcess`                   | `InProcess`                                |
     | an executor                       | `OnExecutor`                   | `InProcess`, with a remark                 |
     | a scheduler                       | `OnCluster`                    | `InProcess`, with a remark                 |
 
@@ -69,7 +72,8 @@ def choose(model: Model, workers: Workers) -> tuple[Runner, tuple[str, ...]]:
             raise InputError(f"confine: not possible: {model.name} exists only in this process")
         return InProcess(model), _without_recipe(model, place, workers)
     if place == "here":
-        return InProcess(model), ()
+        alone = confined() and (workers.jobs or 1) > 1
+        return InProcess(model), (_ALONE,) if alone else ()
     notes = _memory_note(workers) if place == "workers" else ()
     return _MAKE[place](model.recipe, workers), notes
 
@@ -88,7 +92,8 @@ def runner_for(workers: Workers) -> Runner:
 
 
 def _place(workers: Workers) -> str:
-    asked = {"here": workers.in_process, "executor": workers.executor, "scheduler": workers.scheduler}
+    here = workers.in_process or confined()  # such a process cannot begin another
+    asked = {"here": here, "executor": workers.executor, "scheduler": workers.scheduler}
     return next((place for place, wanted in asked.items() if wanted), "workers")
 
 

@@ -124,12 +124,14 @@ def tell(item: Any, *, finished: bool) -> None:  # noqa: ANN401 - any task's
 
 
 def inside(limits: Limits) -> bool:
-    """Return whether this is a worker process under limits as strict as these, so that no other one is needed.
+    """Return whether this is a worker process under limits as strict as these, or one that can begin no other.
 
     Args:
         limits: that are wanted; the time limit that everything has by default was not asked for.
     """
-    if _Worker.channel is None or (limits.confine and not confined()):
+    if confined():
+        return True
+    if _Worker.channel is None or limits.confine:
         return False
     own = _Worker.limits
     longest = math.inf if limits.timeout in {None, DEFAULT_TIMEOUT} else limits.timeout

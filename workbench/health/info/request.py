@@ -38,7 +38,6 @@ class Info(InWorker, Request[str | Path, "FmuInfo | SystemInfo"]):
     algorithm = "workbench.health.info.run:run"
     example = "workbench info fmu:Rudder"
     subject = MODEL_FILE
-    isolated = True
     unwritten = ("csv", "plot")
 
     _: KW_ONLY

@@ -26,6 +26,7 @@ from workbench.health.info.result import (
 )
 from workbench.health.info.snapshots import Snapshots, probe_snapshots
 from workbench.jobs.job import Job
+from workbench.jobs.options import Limits
 from workbench.model.load import FmuRecipe
 from workbench.requests.kept import remember
 from workbench.requests.model_facts import facts_of, fmu_facts
@@ -50,16 +51,16 @@ def run(path: str | Path, request: Info, job: Job) -> FmuInfo | SystemInfo:
     if is_system_file(path):
         return _system(path)
     with undisturbed():
-        return _fmu(path, job, probe=request.probe)
+        return _fmu(path, request, job)
 
 
-def _fmu(path: str | Path, job: Job, *, probe: bool) -> FmuInfo:
+def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
     source = locate(path)
     with unpack(source) as unpacked:
         found = read_description(unpacked.folder, source=str(source))
         reasons = {i: _why_not(unpacked.folder, c.identifier, source) for i, c in found.interfaces.items()}
         runs = [i for i, reason in reasons.items() if not reason]
-        snapshots = _snapshots(unpacked, found, runs, job) if probe and runs else {}
+        snapshots = _snapshots(unpacked, found, runs, request.place.limits, job) if request.probe and runs else {}
 
     def having(causality: str) -> tuple[VariableFacts, ...]:
         return _facts(v for v in found.variables if v.causality == causality and v.type != "Clock")
@@ -132,7 +133,7 @@ def _why_not(folder: Path, identifier: str, source: Path) -> str:
 
 
 def _snapshots(
-    unpacked: Unpacked, description: ModelDescription, interfaces: Sequence[str], job: Job
+    unpacked: Unpacked, description: ModelDescription, interfaces: Sequence[str], limits: Limits, job: Job
 ) -> dict[str, Snapshots]:
     """Return how snapshots are taken with each interface that runs here."""
     recipe = FmuRecipe(
@@ -141,7 +142,7 @@ def _snapshots(
         interface=interfaces[0],
         solver="auto",
     )
-    return dict(probe_snapshots(recipe, description.interfaces, interfaces, job))
+    return dict(probe_snapshots(recipe, description.interfaces, interfaces, limits, job))
 
 
 def _system(path: str | Path) -> SystemInfo:

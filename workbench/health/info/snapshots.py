@@ -46,7 +46,7 @@ class _Probe(WorkItem):
 
 
 def probe_snapshots(
-    recipe: FmuRecipe, claims: Mapping[str, Capabilities], interfaces: Sequence[str], told: telling.Job
+    recipe: FmuRecipe, claims: Mapping[str, Capabilities], interfaces: Sequence[str], limits: Limits, told: telling.Job
 ) -> dict[str, Snapshots]:
     """Take, disturb, restore and compare, in worker processes.
 
@@ -54,7 +54,8 @@ def probe_snapshots(
         recipe: of the FMU, with one of the interfaces.
         claims: what the FMU says about its interfaces.
         interfaces: those to be probed; they must be able to run on this platform.
-        told: gets what the user should know of how they ran.
+        limits: of the processes; a probe has 20 s at most.
+        told: ends the probe, and gets what the user should know of how they ran.
     """
     result = {
         name: Snapshots("replay", "the FMU does not claim to save its state")
@@ -62,7 +63,8 @@ def probe_snapshots(
         if not claims[name].state
     }
     jobs: deque[_Probe] = deque(_Probe(name) for name in interfaces if name not in result)
-    with Pool(recipe, jobs=1, limits=Limits(timeout=_PATIENCE)) as pool:
+    patient = replace(limits, timeout=min(_PATIENCE, limits.timeout or _PATIENCE))
+    with Pool(recipe, jobs=1, limits=patient) as pool, told.ended_by(pool.stop):
         try:
             for event in pool.run(perform, jobs):
                 if isinstance(event, Reply):
