@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import re
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +26,18 @@ from tests.ssp_packages import (
     wire,
 )
 from tests.system_fmus import plain_fmu
-from workbench.errors import FmuError
+from workbench.errors import FmuError, InputError
+from workbench.fmi.bundled import bundled_path
+from workbench.health.info.result import SystemInfo
+from workbench.model.recipe import content_hash
 from workbench.system.connection_checks import resolve
 from workbench.system.description import (
     Connection,
     FmuComponent,
+    SystemDescription,
 )
 from workbench.system.files.read import read_system
+from workbench.system.recipe import SystemRecipe
 
 
 def test_a_part_without_binary_is_named_by_its_place_in_the_package(tmp_path: Path) -> None:
@@ -38,6 +46,31 @@ def test_a_part_without_binary_is_named_by_its_place_in_the_package(tmp_path: Pa
         wb.load(path)
     place = f"component a: {path}/resources/a.fmu: no binary"
     assert str(caught.value).startswith(place)
+
+
+def test_no_temporary_folder_is_shown(tmp_path: Path) -> None:
+    """Neither in what a reader of pages, files and errors sees, nor in what is written."""
+    path, lag = tmp_path / "s.ssp", FmuComponent(name="lag", file="fmu:FirstOrderLag")
+    wb.write_ssp(SystemDescription(name="s", components=(lag,)), path)
+    place = f"{path}/resources/{bundled_path('fmu:FirstOrderLag').name}"
+    found = wb.info(path)
+    assert isinstance(found, SystemInfo)
+    assert found.components[0].what == place
+    with wb.load(path) as model:
+        assert isinstance(model.recipe, SystemRecipe)
+        (recipe,) = model.recipe.parts.values()
+        assert (recipe.source, recipe.content()) == (place, content_hash(bundled_path("fmu:FirstOrderLag")))
+        assert "fmi-workbench-" not in json.dumps([model.recipe.identity(), wb.simulate(model, stop=0.1).to_dict()])
+        with pytest.raises(InputError, match=f"{re.escape(place)} is inside a package; write an .ssp instead"):
+            wb.write_toml(replace(model.recipe.system, folder=None), tmp_path / "b.toml")
+
+
+@pytest.mark.parametrize("key", ["model", "linear"])
+def test_a_block_of_a_package_names_no_other_file(tmp_path: Path, key: str) -> None:
+    block = '<ssd:Component name="b" source="b.json" type="application/x-fmi-workbench-block"/>'
+    files = {"SystemStructure.ssd": minimal(elements(block)), "b.json": json.dumps({key: str(tmp_path / "x")})}
+    told = f"component 'b': b.json names another file ('{key}'); write it out there"
+    assert refusal(package(tmp_path / "s.ssp", files)) == told
 
 
 def test_package_of_omsimulator(tmp_path: Path) -> None:
@@ -273,7 +306,8 @@ def test_broken_and_hostile_packages(tmp_path: Path) -> None:
     assert not (tmp_path.parent / "evil.txt").exists()
     assert "no SystemStructure.ssd inside" in refusal(package(tmp_path / "c.ssp", {"readme.txt": "x"}))
     broken = {"SystemStructure.ssd": minimal(elements(component("a"))), "resources/a.fmu": "no zip"}
-    assert "component 'a': resources/a.fmu: not a zip archive" in refusal(package(tmp_path / "d.ssp", broken))
+    told = refusal(package(tmp_path / "d.ssp", broken))
+    assert told.startswith(f"component 'a': {tmp_path / 'd.ssp'}/resources/a.fmu: not a zip archive")
 
 
 def test_connectors_in_a_circle_are_refused(tmp_path: Path) -> None:

@@ -274,6 +274,8 @@ def test_a_component_that_is_a_system_in_another_file(tmp_path: Path, kind: str)
     inner = system.components[1]
     assert isinstance(inner, FmuComponent)
     assert inner.set == {"k": 5.0, "l": 2.0}  # what is bound outside counts
+    assert inner.called.startswith(f"{system.source}/resources/")
+    assert inner.called.endswith("inner.ssp/resources/c.fmu" if kind == "package" else "resources/c.fmu")
     (wired,) = resolve(system, variables_of(system)).wires
     assert wired.gain == pytest.approx(1e-3)
     assert Path(inner.file).exists()

@@ -100,7 +100,7 @@ def container_part(component: Component, starts: Mapping[str, Value], *, step: f
 
 def _part(component: FmuComponent, starts: Mapping[str, Value]) -> ContainerPart:
     path = locate(component.file).resolve()
-    facts = fmu_facts(component.file)
+    facts = fmu_facts(component.file, component.called)
     variables = facts.variables
     described = _described(component, path)
     return ContainerPart(

@@ -78,8 +78,12 @@ def locate(model: str | Path) -> Path:
     return path
 
 
-def unpack(model: str | Path) -> Unpacked:
+def unpack(model: str | Path, called: str = "") -> Unpacked:
     """Unpack the FMU that `model` names, as far as it is needed to run here (a folder is used where it is).
+
+    Args:
+        model: a path or `fmu:NAME[@3]`.
+        called: what the user calls it, where that is not its path: it lies in a package that was unpacked.
 
     Raises:
         InputError: nothing there.
@@ -87,12 +91,13 @@ def unpack(model: str | Path) -> Unpacked:
             would leave the target folder, is a link, or is absurdly large.
     """
     path = locate(model)
+    source = Path(called or path)
     if path.is_dir():
-        return _checked(Unpacked(path, path, owned=False))
+        return _checked(Unpacked(source, path, owned=False))
     folder = scratch_folder("fmu")
-    unpacked = Unpacked(path, folder, owned=True)
+    unpacked = Unpacked(source, folder, owned=True)
     try:
-        left = extract(path, folder, wanted=_is_needed)
+        left = extract(path, folder, wanted=_is_needed, called=called)
         note_foreign(folder, [file for file in left if is_foreign(file)])
         note_sources(folder, left)
         return _checked(unpacked)
@@ -115,24 +120,27 @@ def _any(_file: PurePosixPath) -> bool:
     return True
 
 
-def damaged(path: Path) -> FmuError:
+def damaged(source: str) -> FmuError:
     """Return the error for a file that is no archive, though its name says so, or that was not meant to be one.
 
     Args:
-        path: of the file.
+        source: what the user calls the file.
     """
-    if path.suffix.lower() in _ARCHIVES:
-        return FmuError(f"{path}: not a zip archive or damaged; copy or export it again")
-    return FmuError(f"{path}: is not an FMU, a system or an SSP package; give {_MODELS}")
+    if Path(source).suffix.lower() in _ARCHIVES:
+        return FmuError(f"{source}: not a zip archive or damaged; copy or export it again")
+    return FmuError(f"{source}: is not an FMU, a system or an SSP package; give {_MODELS}")
 
 
-def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool] = _any) -> list[PurePosixPath]:
+def extract(
+    path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool] = _any, called: str = ""
+) -> list[PurePosixPath]:
     """Extract a zip archive into an empty folder.
 
     Args:
         path: of the archive.
         folder: where its files go.
         wanted: whether a file of the archive is to be extracted.
+        called: what the user calls the archive; empty: by its path.
 
     Returns:
         The files that were not wanted.
@@ -140,43 +148,44 @@ def extract(path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool]
     Raises:
         FmuError: damaged, or an entry that would leave the folder, is a link, or is absurdly large.
     """
+    source = called or str(path)
     if not path.is_file():  # a pipe cannot be read twice, and /dev/zero has no end
-        raise FmuError(f"{path}: is not a file; an archive is needed")
+        raise FmuError(f"{source}: is not a file; an archive is needed")
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
-            _check_sizes(path, entries)
-            named = [(entry, _safe_name(path, entry)) for entry in entries]
-            _check_names(path, named)
+            _check_sizes(source, entries)
+            named = [(entry, _safe_name(source, entry)) for entry in entries]
+            _check_names(source, named)
             for entry, name in named:
                 if name.parts and wanted(name):
                     _extract_entry(archive, entry, folder.joinpath(*name.parts))
             return [name for entry, name in named if not (_is_folder(entry) or wanted(name))]
     except DAMAGED:
-        raise damaged(path) from None
+        raise damaged(source) from None
     except OSError as error:
         hint = "; make room there, or set TMPDIR to another folder" if error.errno == errno.ENOSPC else ""
         why = error.strerror or error
-        raise FmuError(f"{path}: cannot be unpacked into {folder.parent}: {why}{hint}") from None
+        raise FmuError(f"{source}: cannot be unpacked into {folder.parent}: {why}{hint}") from None
     except (RuntimeError, NotImplementedError) as error:
-        raise FmuError(f"{path}: cannot be unpacked: {error}") from None
+        raise FmuError(f"{source}: cannot be unpacked: {error}") from None
 
 
-def _check_sizes(path: Path, entries: list[zipfile.ZipInfo]) -> None:
+def _check_sizes(source: str, entries: list[zipfile.ZipInfo]) -> None:
     total = sum(e.file_size for e in entries)
     packed = max(1, sum(e.compress_size for e in entries))
     if total > MAX_BYTES or len(entries) > MAX_FILES:
-        raise FmuError(f"{path}: would unpack to {total >> 20} MiB in {len(entries)} files; refused")
+        raise FmuError(f"{source}: would unpack to {total >> 20} MiB in {len(entries)} files; refused")
     if total > _SMALL and total > MAX_RATIO * packed:
-        raise FmuError(f"{path}: unpacks {total // packed} times larger, as zip bombs do; refused")
+        raise FmuError(f"{source}: unpacks {total // packed} times larger, as zip bombs do; refused")
 
 
-def _check_names(path: Path, named: list[tuple[zipfile.ZipInfo, PurePosixPath]]) -> None:
+def _check_names(source: str, named: list[tuple[zipfile.ZipInfo, PurePosixPath]]) -> None:
     known: dict[PurePosixPath, zipfile.ZipInfo] = {}
     for entry, name in named:
         other = known.setdefault(name, entry)
         if not _is_folder(entry) and (other.CRC, other.file_size) != (entry.CRC, entry.file_size):
-            raise FmuError(f"{path}: '{name}' is in it twice, with different contents; which counts? Pack it again")
+            raise FmuError(f"{source}: '{name}' is in it twice, with different contents; which counts? Pack it again")
 
 
 def _is_folder(entry: zipfile.ZipInfo) -> bool:
@@ -193,10 +202,10 @@ def _extract_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Pat
         shutil.copyfileobj(source, sink)
 
 
-def _safe_name(path: Path, entry: zipfile.ZipInfo) -> PurePosixPath:
+def _safe_name(source: str, entry: zipfile.ZipInfo) -> PurePosixPath:
     name = PurePosixPath(entry.filename.replace("\\", "/"))
     if name.is_absolute() or ".." in name.parts or ":" in entry.filename or not (name.parts or _is_folder(entry)):
-        raise FmuError(f"{path}: entry '{entry.filename}' would leave the target folder; refused")
+        raise FmuError(f"{source}: entry '{entry.filename}' would leave the target folder; refused")
     if stat.S_ISLNK(entry.external_attr >> 16):
-        raise FmuError(f"{path}: entry '{entry.filename}' is a symbolic link; refused")
+        raise FmuError(f"{source}: entry '{entry.filename}' is a symbolic link; refused")
     return name

@@ -50,28 +50,30 @@ def read_description(folder: Path, *, source: str, structure: Mapping[str, int] 
     return replace(found, platforms=platforms_in(folder), terminals=terminals, notes=(*found.notes, *remarks))
 
 
-def described_at(path: Path) -> ModelDescription:
+def described_at(path: Path, called: str = "") -> ModelDescription:
     """Read the description of an FMU without unpacking it; `platforms` and `terminals` stay empty.
 
     Args:
         path: an FMU, or the folder of an unpacked one.
+        called: what the user calls it; empty: by its path.
 
     Raises:
         FmuError: not an FMU, or see `read_description`.
     """
+    source = called or str(path)
     if path.is_dir():
-        return _described(_data_in(path, str(path)), str(path), {})
+        return _described(_data_in(path, source), source, {})
     try:
         with zipfile.ZipFile(path) as archive:
-            _check_size(archive.getinfo(DESCRIPTION).file_size, str(path))
+            _check_size(archive.getinfo(DESCRIPTION).file_size, source)
             data = archive.read(DESCRIPTION)
     except KeyError:
-        raise FmuError(f"{path}: no {DESCRIPTION} inside; this is not an FMU") from None
+        raise FmuError(f"{source}: no {DESCRIPTION} inside; this is not an FMU") from None
     except DAMAGED:
-        raise damaged(path) from None
+        raise damaged(source) from None
     except (OSError, RuntimeError, NotImplementedError) as error:
-        raise FmuError(f"{path}: cannot be read: {error}") from None
-    return _described(data, str(path), {})
+        raise FmuError(f"{source}: cannot be read: {error}") from None
+    return _described(data, source, {})
 
 
 def _data_in(folder: Path, source: str) -> bytes:

@@ -105,12 +105,13 @@ class FmuModel(DescribedModel):
         self._unpacked.close()
 
 
-def load_fmu(path: str | Path, request: Loading) -> FmuModel:
+def load_fmu(path: str | Path, request: Loading, called: str = "") -> FmuModel:
     """Load an FMU.
 
     Args:
         path: an `.fmu` file, the folder of an unpacked FMU, `fmu:NAME` or `fmu:NAME@3`.
         request: how.
+        called: what the user calls it, where that is not its path.
 
     Returns:
         The model; close it, or use it in a `with` block, to remove its temporary folder.
@@ -119,10 +120,11 @@ def load_fmu(path: str | Path, request: Loading) -> FmuModel:
         InputError: no such file, interface, solver, variable; a value out of range.
         FmuError: the file is not a usable FMU, or has no binary for this platform.
     """
-    unpacked = unpack(path)
+    unpacked = unpack(path, called)
     try:
         recipe = FmuRecipe(
-            source=str(unpacked.source.absolute()),
+            source=called or str(unpacked.source.absolute()),
+            file=str(path) if called else "",
             folder=str(unpacked.folder.absolute()),
             **values_of(request),
         )
@@ -144,7 +146,8 @@ class FmuRecipe(LoadRecipe):
     """An FMU and what `load` was told.
 
     Attributes:
-        source: what the user named, for messages and for `identity`.
+        source: what the user named, for messages.
+        file: the FMU, where that is no name of it: it lies in a package that was unpacked; empty: `source`.
         folder: where it is unpacked; the loading process owns it.
         archive: the FMU itself as a zip archive, in place of `folder`; None: use the folder.
         sha256: of the FMU, told along with the archive; empty: read the file.
@@ -152,8 +155,14 @@ class FmuRecipe(LoadRecipe):
 
     _: KW_ONLY
     folder: str
+    file: str = ""
     archive: bytes | None = field(default=None, repr=False)
     sha256: str = ""
+
+    @property
+    def path(self) -> Path:
+        """Where the FMU is."""
+        return Path(self.file or self.source)
 
     def open(self) -> FmuModel:
         unpacked = self._unpacked()
@@ -173,13 +182,13 @@ class FmuRecipe(LoadRecipe):
         return unpacked
 
     def identity(self) -> dict[str, Any]:
-        return {"fmu": content_hash(Path(self.source)), **self.settings()}
+        return {"fmu": content_hash(self.path), **self.settings()}
 
     def content(self) -> str:
         if self.sha256:
             return self.sha256
         try:
-            return hash_of(Path(self.source))
+            return hash_of(self.path)
         except InputError:  # removed since it was loaded
             return ""
 
@@ -199,9 +208,8 @@ class FmuRecipe(LoadRecipe):
             return replace(self, folder=str(_settled[key].folder.absolute()), archive=None)
 
     def _with_archive(self) -> FmuRecipe:
-        source = Path(self.source)
-        if source.is_file():  # with the binaries of other platforms, which were not unpacked here
-            return replace(self, archive=source.read_bytes())
+        if self.path.is_file():  # with the binaries of other platforms, which were not unpacked here
+            return replace(self, archive=self.path.read_bytes())
         buffer = io.BytesIO()
         folder = Path(self.folder)
         with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:

@@ -99,11 +99,12 @@ def fmu_facts(path: Path, description: ModelDescription, interface: str) -> FmuO
 def _fmus(model: DescribedModel, recipe: LoadRecipe) -> tuple[FmuOrigin, ...]:
     if isinstance(recipe, SystemRecipe):
         return tuple(_part(name, part, model.interface) for name, part in recipe.parts.items())
-    return (fmu_facts(Path(recipe.source), model.description, model.interface),)
+    path = recipe.path if isinstance(recipe, FmuRecipe) else Path(recipe.source)
+    return (fmu_facts(path, model.description, model.interface),)
 
 
 def _part(name: str, recipe: FmuRecipe, interface: str) -> FmuOrigin:
-    path = Path(recipe.source)
+    path = recipe.path
     chosen = interface if interface in ("me", "cs") else recipe.interface
     try:
         found = described_at(Path(recipe.folder) if Path(recipe.folder).is_dir() else path)

@@ -15,7 +15,8 @@ from workbench.fmi.structure import STRUCTURAL
 from workbench.fmi.variable import Value, Variable
 from workbench.model.base import DeclaredRates
 from workbench.model.described_model import DescribedModel
-from workbench.model.load import FmuRecipe, load, silent_clocks
+from workbench.model.load import FmuRecipe, load_fmu, silent_clocks
+from workbench.model.loading import Loading
 from workbench.model.starts import check_starts
 from workbench.system.blocks import BlockInstance, NativeComponent, block_description
 from workbench.system.description import (
@@ -223,7 +224,8 @@ def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> OpenComponent:
         model: DescribedModel = recipe.open()
     else:
         # The solver and the communication step are the system's affair, or the master's.
-        model = load(component.file, component.interface, start_values=component.set, step=component.step)
+        asked = Loading(component.interface, start_values=component.set, step=component.step)
+        model = load_fmu(component.file, asked, component.called)
     starts = dict(model.start_values)
     described = _told(model.description, starts, component.units)
     doubted = ("the dependencies that it declares are not believed",) if component.dependencies == "all" else ()

@@ -232,11 +232,12 @@ def _loaded(name: str, value: object) -> Component:
     _refuse_bias(name, recipe)
     return FmuComponent(
         name=name,
-        file=recipe.source,
+        file=recipe.file or recipe.source,
         interface=value.interface,
         set=recipe.start_values,
         step=recipe.step,
         solver=recipe.solver,
+        called=recipe.source if recipe.file else "",
     )
 
 

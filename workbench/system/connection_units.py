@@ -44,7 +44,7 @@ def all_units(description: SystemDescription) -> dict[str, Unit]:
 
 def _fmu_units(component: FmuComponent) -> Mapping[str, Unit]:
     try:
-        return fmu_facts(component.file).units
+        return fmu_facts(component.file, component.called).units
     except WorkbenchError:  # the FMU is open elsewhere, its file may be gone; then other definitions must do
         return {}
 

@@ -50,6 +50,7 @@ class FmuComponent:
         units: variable → unit that the system file declares; counts where the FMU declares none.
         dependencies: "declared": its outputs and derivatives depend on the inputs and states that it declares; "all":
             what it declares is not believed, each of them depends on all.
+        called: what the user calls the file, where it lies in a package that was unpacked; empty: by its path.
     """
 
     name: str
@@ -60,6 +61,7 @@ class FmuComponent:
     solver: str = "auto"
     units: Mapping[str, str] = field(default_factory=dict)
     dependencies: str = "declared"
+    called: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -49,8 +49,12 @@ class FmuInterface:
         return check_starts(values, self.variables, types, self.definitions)
 
 
-def fmu_facts(file: str) -> FmuInterface:
-    """Return the facts about the FMU that `file` names: a path or `fmu:NAME`.
+def fmu_facts(file: str, called: str = "") -> FmuInterface:
+    """Return the facts about the FMU that `file` names.
+
+    Args:
+        file: a path or `fmu:NAME`.
+        called: what the user calls it, where that is not the file.
 
     Raises:
         InputError: nothing there.
@@ -59,14 +63,14 @@ def fmu_facts(file: str) -> FmuInterface:
     path = locate(file).resolve()
     described = path / DESCRIPTION if path.is_dir() else path
     if not described.is_file():
-        raise FmuError(f"{file}: no {DESCRIPTION} inside; this is not an FMU")
+        raise FmuError(f"{called or file}: no {DESCRIPTION} inside; this is not an FMU")
     status = described.stat()
-    return _facts(path, status.st_mtime_ns, status.st_size)
+    return _facts(path, called or str(path), status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=64)
-def _facts(path: Path, _changed: int, _size: int) -> FmuInterface:
-    description = described_at(path)
+def _facts(path: Path, called: str, _changed: int, _size: int) -> FmuInterface:
+    description = described_at(path, called)
     made = {name: unit.unit(name) for name, unit in description.units.items()}
     return FmuInterface(
         variables={v.name: v for v in description.variables},

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import ExitStack
 from dataclasses import replace
 
-from workbench.errors import FmuError, InputError
+from workbench.errors import InputError
 from workbench.model.described_model import DescribedModel
-from workbench.system.components import OpenComponent, Opened, open_parts
+from workbench.system.components import Opened, open_parts
 from workbench.system.connection_checks import resolve
 from workbench.system.master.model import MasterModel
 from workbench.system.model import SystemModel
@@ -27,24 +26,13 @@ class OpenableSystem(SystemRecipe):
         if system is not self.system:
             return replace(self, system=system, start_values=starts).open()
         with ExitStack() as undo:
-            parts = self._open_parts(undo)
+            parts = open_parts(self.system.components, undo, self.parts, interface=self.interface)
             system = members_connected(self.system, parts)
             opened = Opened(system, parts, resolve(system, [p.description.variables for p in parts]))
             self._check_interface(opened)
             model = (SystemModel if opened.interface == "me" else MasterModel)(opened, self.with_parts(parts))
             undo.pop_all()
         return model
-
-    def _open_parts(self, undo: ExitStack) -> tuple[OpenComponent, ...]:
-        """Open the components; a message names those of a package by their places in it, not where it is unpacked."""
-        try:
-            return open_parts(self.system.components, undo, self.parts, interface=self.interface)
-        except (InputError, FmuError) as error:
-            unpacked = self.system.folder
-            if unpacked is None or str(unpacked.folder) not in str(error):
-                raise
-            inside = rf"{re.escape(str(unpacked.folder))}/(?:\d+/)?"
-            raise type(error)(re.sub(inside, lambda _: f"{self.source}/", str(error))) from None
 
     def _check_interface(self, opened: Opened) -> None:
         if self.interface not in ("auto", opened.interface):

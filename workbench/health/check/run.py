@@ -47,6 +47,7 @@ class _CheckedInterface:
     component: str
     file: str
     loading: Loading
+    called: str = ""  # see `FmuComponent`
 
 
 def run(path: str | Path, request: Check, job: Job) -> HealthCard:
@@ -76,6 +77,7 @@ def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> li
         _CheckedInterface(
             component=c.name,
             file=c.file,
+            called=c.called,
             loading=replace(
                 given,
                 interface=c.interface if given.interface == "auto" else given.interface,
@@ -104,7 +106,7 @@ def _card(
     job: Job,
     joined: Callable[[HealthCard], HealthCard],
 ) -> HealthCard:
-    with load_fmu(part.file, part.loading) as model:
+    with load_fmu(part.file, part.loading, part.called) as model:
         interfaces = _interfaces(model, part.loading.interface)
         wanted = {i: tuple(n for n in names if i in CHECKS[n].interfaces) for i in interfaces}
         lines = [_validated(model)] if VALIDATION in names else []
@@ -115,8 +117,8 @@ def _card(
         def card() -> HealthCard:
             return HealthCard(
                 model=about.model_name,
-                source=part.file,
-                sha256=content_hash(Path(model.recipe.source)),
+                source=part.called or part.file,
+                sha256=content_hash(model.recipe.path),
                 fmi_version=about.fmi_version,
                 generation_tool=about.generation_tool or "unknown tool",
                 interfaces=tuple(interfaces),

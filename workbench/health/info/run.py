@@ -171,7 +171,7 @@ def _what(component: Component) -> str:
     """A component in a few words."""
     match component:
         case FmuComponent():
-            return component.file
+            return component.called or component.file
         case LinearComponent():
             kind = f"sampled at {component.dt:g} s" if component.dt > 0.0 else "continuous"
             return f"linear, {len(component.A)} states, {kind}"

@@ -301,11 +301,12 @@ def _as_system(model: DescribedModel) -> SystemRecipe:
         raise InputError(f"{model.name}: this kind of model cannot be put into a feedback loop")
     component = FmuComponent(
         name=_PLANT,
-        file=recipe.source,
+        file=recipe.file or recipe.source,
         interface=model.interface,
         set=recipe.start_values,
         step=recipe.step,
         solver=recipe.solver,
+        called=recipe.source if recipe.file else "",
     )
     inputs = {v.name: (f"{_PLANT}.{v.name}",) for v in model.inputs if v.is_number}
     system = SystemDescription(name=model.name, components=(component,), inputs=inputs)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,6 +30,7 @@ __all__ = ["read_ssd", "read_ssp"]
 _DEFAULT_TYPE = "application/x-fmu-sharedlibrary"
 _STANDARD = "SystemStructure.ssd"
 _ROOT = "SystemStructureDescription"
+_OF_FILES = {"model", "linear"}  # keys of a block that is in another file, anywhere on the machine
 _INTERFACES = {"any": "auto", "ModelExchange": "me", "CoSimulation": "cs"}
 
 
@@ -53,13 +53,13 @@ def read_ssd(path: Path) -> SystemDescription:
     return _read(path / _STANDARD if path.is_dir() else path, str(path), [], packed=False)
 
 
-def _find_ssd(path: Path, folder: Path) -> tuple[Path, list[str]]:
+def _find_ssd(source: str, folder: Path) -> tuple[Path, list[str]]:
     if (folder / _STANDARD).is_file():
         return folder / _STANDARD, []
     others = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".ssd")
     if len(others) == 1:
         return others[0], [f"the package has no {_STANDARD}; {others[0].name} was read"]
-    raise InputError(f"{path}: no {_STANDARD} inside; this is not an SSP package")
+    raise InputError(f"{source}: no {_STANDARD} inside; this is not an SSP package")
 
 
 def _read(path: Path, source: str, notes: list[str], *, packed: bool) -> SystemDescription:
@@ -67,12 +67,11 @@ def _read(path: Path, source: str, notes: list[str], *, packed: bool) -> SystemD
     unpacked = Unpacked(path, scratch_folder("ssp"), owned=True)
     files = _Files(unpacked.folder, notes)
     try:
-        origin = files.opened(path, packed=packed)
+        origin = files.opened(path, source, packed=packed)
         description = _SspReader(origin, notes).description(source)
     except WorkbenchError as error:
         unpacked.close()
-        message = re.sub(rf"{re.escape(str(unpacked.folder))}/(?:\d+/)?", "", str(error))
-        raise InputError(message if message.startswith(f"{source}: ") else f"{source}: {message}") from None
+        raise InputError(f"{source}: {str(error).removeprefix(f'{source}: ')}") from None
     except BaseException:
         unpacked.close()
         raise
@@ -96,11 +95,12 @@ class _Files:
     notes: list[str]
     count: int = 0
 
-    def opened(self, path: Path, *, packed: bool) -> SspSource:
+    def opened(self, path: Path, called: str, *, packed: bool) -> SspSource:
         """Return the root of a file.
 
         Args:
             path: an SSD, or a package.
+            called: what the user calls it.
             packed: whether it is a package.
         """
         if not packed:
@@ -108,18 +108,19 @@ class _Files:
         folder = self.room / str(self.count)
         self.count += 1
         folder.mkdir()
-        extract(path, folder)
-        ssd, notes = _find_ssd(path, folder)
+        extract(path, folder, called=called)
+        ssd, notes = _find_ssd(called, folder)
         self.notes.extend(notes)
-        return SspSource(Package(folder, within=folder), parse(ssd, _ROOT), self._nested)
+        return SspSource(Package(folder, within=folder, called=called), parse(ssd, _ROOT), self._nested)
 
     def _nested(self, source: str, where: str, around: SspSource) -> SspSource:
         path = around.package.file(source, where)
         if path.is_dir():
             path /= _STANDARD
+        called = around.package.name_of(path) or str(path)
         if path.suffix.lower() == ".ssp":
-            return self.opened(path, packed=True)
-        return replace(self.opened(path, packed=False), package=replace(around.package, folder=path.parent))
+            return self.opened(path, called, packed=True)
+        return replace(self.opened(path, called, packed=False), package=replace(around.package, folder=path.parent))
 
 
 @dataclass(frozen=True)
@@ -205,9 +206,10 @@ class _SspReader:
             step=_optional(own, "step"),
             solver="auto" if own is None else own.get("solver") or "auto",
             dependencies="declared" if own is None else own.get("dependencies") or "declared",
+            called=node.origin.package.name_of(path),
         )
         try:
-            self.fmus[node.path] = _Fmu(component, fmu_facts(str(path)))
+            self.fmus[node.path] = _Fmu(component, fmu_facts(component.file, component.called))
         except WorkbenchError as error:
             raise InputError(f"{where}: {error}") from None
         return component
@@ -313,6 +315,8 @@ def _block(name: str, path: Path) -> Component:
         data = from_json(content_of(path).decode("utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"component '{name}': {path.name} is not JSON: {error}") from None
+    if isinstance(data, dict) and (others := data.keys() & _OF_FILES):
+        raise InputError(f"component '{name}': {path.name} names another file ('{min(others)}'); write it out there")
     return read_component(name, data, path.parent)
 
 

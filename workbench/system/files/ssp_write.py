@@ -242,7 +242,7 @@ class _SspWriter:
 
 def _part(component: Component) -> _SspComponent:
     if isinstance(component, FmuComponent):
-        facts = fmu_facts(component.file)
+        facts = fmu_facts(component.file, component.called)
         return _SspComponent(component, facts, tuple(facts.variables.values()))
     if isinstance(component, FunctionComponent):
         raise InputError(f"component {component.name} is a Python function, which no file can hold")

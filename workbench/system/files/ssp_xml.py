@@ -137,10 +137,16 @@ class Package:
     Attributes:
         folder: of the SSD.
         within: outside of this folder nothing may be read (an unpacked archive); None: anything may.
+        called: what the user calls the archive.
     """
 
     folder: Path
     within: Path | None = None
+    called: str = ""
+
+    def name_of(self, path: Path) -> str:
+        """Return what the user calls a file of an archive, by its place in it; empty: there is no archive."""
+        return "" if self.within is None else f"{self.called}/{path.relative_to(self.within.resolve()).as_posix()}"
 
     def file(self, source: str, where: str) -> Path:
         """Return the file that a relative URI names.

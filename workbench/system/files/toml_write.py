@@ -47,8 +47,8 @@ def write_toml(description: SystemDescription, path: str | Path) -> None:
     """
     description = to_write(description)
     target = file_to_write(path, ".toml")
-    if description.folder is not None:
-        raise InputError(f"{target}: the FMUs of {description.name} are inside an .ssp; write an .ssp instead")
+    if inside := [c.called for c in description.components if isinstance(c, FmuComponent) and c.called]:
+        raise InputError(f"{target}: {inside[0]} is inside a package; write an .ssp instead")
     if description.units:
         names = ", ".join(description.units)
         raise InputError(f"{target}: a system file cannot define units ({names}); write an .ssp instead")
