@@ -23,14 +23,23 @@ from tests.fakes import EulerOscillator, FakeModel
 from tests.misbehaving_fmus import build_misbehaving
 from tests.record_examples import Maker
 from tests.test_told_in_records import words_of
-from tests.worker_tasks import Trap, obey
+from tests.worker_tasks import Pretended, Trap, number, obey
 from workbench.cli.app import run
+from workbench.data.excite.run import _ExciteJob
+from workbench.errors import LostError
+from workbench.health.check.job import CheckJob
 from workbench.jobs import answers, confine
 from workbench.jobs.answers import Records, in_records
+from workbench.jobs.job import Job
 from workbench.jobs.options import Limits, Worker, Workers
 from workbench.jobs.pool import Pool
-from workbench.jobs.runner import Lost
+from workbench.jobs.runner import Lost, Reply, perform, yielded
+from workbench.limit_cycles.feedback.settling import _closed
 from workbench.point.lin.result import LinResult
+from workbench.point.lin.sweep import linearise_one
+from workbench.point.modes.source import _linearised
+from workbench.requests.in_worker import _perform
+from workbench.response.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
 
 needs_landlock = pytest.mark.skipif(bool(confine.why_not()), reason=confine.why_not())
 posix = pytest.mark.skipif(
@@ -400,3 +409,29 @@ def test_a_confined_worker_that_sends_something_else_is_lost(kind: str) -> None:
         (event,) = pool.run(obey, deque([("forge", kind)]))
     assert isinstance(event, Lost)
     assert "its worker's answer cannot be read" in event.reason
+
+
+@needs_landlock
+def test_an_item_of_another_kind_than_the_task_declares_is_refused() -> None:
+    with wb.load("fmu:FirstOrderLag") as model, Pool(model.recipe, jobs=1, limits=Limits(confine=True)) as pool:
+        good, lost = pool.run(number, deque([("say", 3), ("name",)]))
+    assert (good.value if isinstance(good, Reply) else None) == 3
+    assert isinstance(lost, Lost)
+    assert lost.reason == "its worker's answer cannot be read: part of it is missing, or was not asked for"
+
+
+@needs_landlock
+@pytest.mark.parametrize("when", ["on its way", "at its end"])
+def test_a_record_of_another_kind_than_was_asked_for_is_refused(when: str) -> None:
+    """It is whole and sound, and would fail wherever it is used."""
+    told = "its worker's answer cannot be read: it is a Remark, not a TrimResult"
+    with wb.load("fmu:FirstOrderLag") as model, pytest.raises(LostError, match=f"^{told}$"):
+        Pretended(when=when, confine=True).run(model, Job())
+
+
+def test_every_task_declares_what_it_yields() -> None:
+    jobs = (PointsJob, StartJob, SurroundingsJob, BranchesJob, CheckJob, _ExciteJob)
+    for kind in jobs:
+        assert yielded(perform, object.__new__(kind)) is not Any
+    for task in (linearise_one, _linearised, _closed, _perform):
+        assert yielded(task, None) is not Any

@@ -8,18 +8,48 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import KW_ONLY
 from pathlib import Path
 from typing import Any
 
+from workbench.core.records.option import option
 from workbench.errors import SimulationError
+from workbench.jobs.job import Job
+from workbench.jobs.runner import Remark
 from workbench.jobs.worker_main import _Worker
 from workbench.model import Model
+from workbench.requests.request import ModelRequest
 
 
 def obey(model: Model, job: tuple[Any, ...]) -> Iterator[Any]:
     """Jobs are tuples: a word, then its arguments."""
     word, *arguments = job
     yield from _DEEDS[word](model, *arguments)
+
+
+def number(model: Model, job: tuple[Any, ...]) -> Iterator[int]:
+    """Do the same, and declare what is right only for numbers."""
+    yield from obey(model, job)
+
+
+class Pretended(ModelRequest["TrimResult"]):
+    """A request whose answer is another's."""
+
+    command = "pretended"
+    algorithm = "tests.worker_tasks:pretend"
+    example = "workbench pretended"
+
+    _: KW_ONLY
+    when: str = option("When the other record is told.", default="at its end")
+
+
+def pretend(model: Model, asked: Pretended, job: Job) -> object:
+    """Return, or tell on the way, a record that nobody asked for."""
+    other = Remark("another")
+    if asked.when == "on its way":
+        job.partial = lambda: other
+        job.done("a part", 1, 2)
+    return other
 
 
 def _say(model: Model, *values: int) -> Iterator[Any]:

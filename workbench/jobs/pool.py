@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from workbench.core.records.record import fits
 from workbench.errors import (
     CrashedError,
     ExitedError,
@@ -25,7 +26,7 @@ from workbench.errors import (
 )
 from workbench.jobs.confine import why_not
 from workbench.jobs.options import Limits
-from workbench.jobs.runner import Lost, Reply, Runner
+from workbench.jobs.runner import Lost, Reply, Runner, perform, yielded
 from workbench.jobs.twice import ENOUGH, Sample
 from workbench.jobs.worker_main import BEGUN, BUG, DONE, ERROR, FOREIGN, ITEM, MEMORY, OPENED, READY, TOLD, Task
 from workbench.jobs.worker_process import AFTERWARDS, WorkerProcess, keep, kept
@@ -75,6 +76,7 @@ class Pool(Runner):
             raise InputError(f"confine: not possible here: {why}")
         self._recipe, self._jobs, self._limits, self._fresh = recipe, jobs, limits, fresh
         self._workers: list[WorkerProcess] = []
+        self._task: Task = perform  # that was run last
         self._in_work: dict[int, Any] = {}
         self._again: deque[Any] = deque()  # jobs that were not begun, for a worker that was broken before
         self._begun = self._before = 0  # jobs; before this run
@@ -90,7 +92,7 @@ class Pool(Runner):
         return "the FMU" if self._recipe is None else self._recipe.source
 
     def run(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
-        self._before = self._begun
+        self._before, self._task = self._begun, task
         try:
             while jobs or self._again or self._second() or any(w.index is not None for w in self._workers):
                 self._dispatch(task, jobs)
@@ -224,7 +226,10 @@ class Pool(Runner):
     def _take(self, worker: WorkerProcess, kind: str, content: Any) -> Iterator[Reply | Lost]:  # noqa: ANN401
         """Take one message of a worker."""
         job = self._in_work.get(worker.index or 0)
-        if (worker.index in self._in_work) == (kind == READY):  # a message between was lost, or this one is not its own
+        # A message between was lost, or this one is not its own: a confined FMU can say all that the worker can.
+        between = (worker.index in self._in_work) == (kind == READY)
+        checked = not between and kind in (ITEM, TOLD) and self._limits.confine
+        if between or (checked and not fits(yielded(self._task, job), content)):
             yield from self._end(worker, LostError(f"{_UNREADABLE}: part of it is missing, or was not asked for"))
         elif kind == READY:
             self._free(worker, bound=content is True)

@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 from workbench.core.machine.closable import Closable
 from workbench.errors import LostError
@@ -15,7 +16,7 @@ from workbench.jobs.worker_main import Task
 if TYPE_CHECKING:
     from workbench.model.base import Model
 
-__all__ = ["InProcess", "Lost", "Remark", "Reply", "Runner", "WorkItem", "perform"]
+__all__ = ["InProcess", "Lost", "Remark", "Reply", "Runner", "WorkItem", "perform", "yielded"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,17 @@ class WorkItem(ABC):
 def perform(model: Model, job: WorkItem) -> Iterator[Any]:
     """Do a job: the task that is handed to a `Runner` with a queue of jobs."""
     return job.run(model)
+
+
+def yielded(task: Task, job: object) -> Any:  # noqa: ANN401 - a type
+    """Return the type of the items that a task declares to yield for a job."""
+    return _declared(type(job).run if isinstance(job, WorkItem) else task)
+
+
+@lru_cache
+def _declared(function: Callable[..., Iterator[Any]]) -> Any:  # noqa: ANN401 - as above
+    (item,) = get_args(get_type_hints(function)["return"])
+    return item
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from workbench.model import Model
 from workbench.model.base import Recipe
 from workbench.requests.kept import origin_of, remember
 from workbench.requests.origin import Origin
-from workbench.requests.request import Request
+from workbench.requests.request import Request, record_of
 from workbench.session.pauses import at_pauses
 
 __all__ = ["in_worker"]
@@ -95,7 +95,7 @@ def _whole(asked: Request[Any, Any], subject: object) -> _Whole:
     return _Whole(asked, subject)
 
 
-def _perform(model: Model | None, whole: _Whole) -> Iterator[_RequestEnded]:
+def _perform(model: Model | None, whole: _Whole) -> Iterator[_RequestEnded | _Told | _Said]:
     """Run a request in a worker."""
     begun = last = time.monotonic()
     most, spent = 0, 0.0
@@ -162,6 +162,21 @@ def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _
     return record
 
 
+def _told_by(events: Iterator[Any], whole: _Whole) -> Iterator[Any]:
+    """Yield what a worker tells, as long as its records are of the kind that was asked for.
+
+    Raises:
+        LostError: the FMU, which shares the worker's memory, told of another.
+    """
+    kinds = (type(None).__name__, *record_of(type(whole.asked)).split(" | "))
+    for event in events:
+        told = event.value if isinstance(event, Reply) else None
+        record = told.record if isinstance(told, _RequestEnded) else getattr(told, "partial", None)
+        if (kind := type(record).__name__) not in kinds:
+            raise LostError(f"its worker's answer cannot be read: it is a {kind}, not a {' or '.join(kinds[1:])}")
+        yield event
+
+
 def _refuse_if(place: Worker, why: str) -> None:
     if place.confine:
         raise InputError(f"confine: not possible: {why}")
@@ -179,7 +194,7 @@ def _unknown_elsewhere(whole: _Whole) -> str:
 def _run(recipe: Recipe | None, whole: _Whole, place: Worker, job: telling.Job) -> Any:  # noqa: ANN401
     with Pool(recipe, jobs=1, limits=place.limits) as pool, job.ended_by(pool.end_soon):
         try:
-            found = _heard(pool.run(_perform, deque([whole])), job)
+            found = _heard(_told_by(pool.run(_perform, deque([whole])), whole), job)
         except SimulationError as error:
             if error.before is not None:
                 job.partial = partial(_same, error.before)

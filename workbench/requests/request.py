@@ -60,6 +60,7 @@ __all__ = [
     "asked_options",
     "command_line_of",
     "function",
+    "record_of",
     "request_from",
     "values_from",
 ]
@@ -421,7 +422,7 @@ def function(
     name = kind.called or kind.command.replace("-", "_")
     subject = kind.subject
     made: Any = with_options(
-        request, _run, name=name, first=subject.first, optional=subject.optional, returns=_record_of(kind)
+        request, _run, name=name, first=subject.first, optional=subject.optional, returns=record_of(kind)
     )
     made.command_line = partial(_line_of, kind)
     return with_origin(*kind.parts)(made)
@@ -448,8 +449,12 @@ def _line_of(kind: type[Request[Any, Any]], given: Mapping[str, Any]) -> str:
         return ""
 
 
-def _record_of(request: type[Request[Any, Any]]) -> str:
-    """Return the name of the record, as the class of the request has it in its brackets."""
+def record_of(request: type[Request[Any, Any]]) -> str:
+    """Return the name of a request's record, as its class has it in its brackets; of several, with | between them.
+
+    Args:
+        request: the class.
+    """
     bases = (base for owner in request.__mro__ for base in vars(owner).get("__orig_bases__", ()))
     record = next(args[-1] for base in bases if (args := get_args(base)))
     return str(record.__forward_arg__ if isinstance(record, ForwardRef) else record.__name__)
