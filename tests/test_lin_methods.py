@@ -19,6 +19,7 @@ from workbench.model.load import load
 from workbench.point.lin.request import lin
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.state_space import LinearModel
+from workbench.point.lin.task import HELD
 from workbench.system.connect import connect
 
 LATCH = """
@@ -294,6 +295,14 @@ def test_each_state_may_be_an_output() -> None:
 def test_states_that_cannot_be_set_are_no_refusal(tmp_path: Path) -> None:
     """FMI 1.0 shows states without start values: what samples is held then, and said."""
     with load(build_fmi1(tmp_path, "Hybrid", "me")) as model:
-        found = lin(model).result
+        found, asked = lin(model).result, lin(model, method="difference").result
     assert found.method == "difference"
     assert "cannot be set; what is discrete is held" in found.why
+    for notes in (found.notes, asked.notes):
+        assert HELD in notes  # and no method is named that cannot be had
+
+
+def test_what_includes_the_discrete_states_is_named_where_it_can_be_had() -> None:
+    with load("fmu:ElevatorLaw", "me") as model:
+        assert f"{HELD}; kalman-bertram includes them" in lin(model, method="difference").result.notes
+        assert not any(note.startswith(HELD) for note in lin(model).result.notes)

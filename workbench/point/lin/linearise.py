@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.core.values.matrices import unheld
-from workbench.errors import InputError
+from workbench.errors import InputError, WorkbenchError
 from workbench.jobs.job import Job
 from workbench.model import Model
 from workbench.model.described_model import DescribedModel
@@ -17,12 +17,12 @@ from workbench.model.sample_rates import NoRatesError
 from workbench.point.lin.delayed import has_delays, through_delays
 from workbench.point.lin.difference import difference
 from workbench.point.lin.exact import NoDerivativesError, exact
-from workbench.point.lin.kalman_bertram import kalman_bertram
+from workbench.point.lin.kalman_bertram import kalman_bertram, period_map
 from workbench.point.lin.period_map import NotSettableError
 from workbench.point.lin.request import Lin
 from workbench.point.lin.response import response
 from workbench.point.lin.result import LinResult
-from workbench.point.lin.task import LinTask, make_task, open_base
+from workbench.point.lin.task import HELD, LinTask, make_task, open_base
 from workbench.system.description import BlockComponent, Component, LinearComponent, SystemDescription
 
 __all__ = ["METHODS", "choose", "linearise", "plain", "run"]
@@ -70,6 +70,9 @@ def plain(task: LinTask, method: str) -> LinResult:
         method: one of `METHOD_NAMES`.
     """
     result = _automatic(task) if method == "auto" else METHODS[method](task).because(f"{method} was asked for")
+    if HELD in result.notes and method != "auto" and _can_be_included(task):
+        included = f"{HELD}; kalman-bertram includes them"
+        result = replace(result, notes=tuple(included if note == HELD else note for note in result.notes))
     notes = (*task.notes, *result.notes, *_of_history(task.model), *task.model.remarks())
     result = replace(result, notes=notes, operating_point=named(task.model, result.operating_point))
     if task.continuous and result.dt > 0.0:
@@ -95,6 +98,16 @@ def _automatic(task: LinTask) -> LinResult:
             raise
         instead = f"auto: {str(error).partition(';')[0]}; what is discrete is held"
     return METHODS["difference"](task).because(instead)
+
+
+def _can_be_included(task: LinTask) -> bool:
+    """Return whether the map over a period can be had: there are rates, and the FMU starts where it is set."""
+    try:
+        setting, _ = period_map(task)
+        setting.run(np.zeros(len(setting.values)))
+    except WorkbenchError:
+        return False
+    return True
 
 
 def _has_history(model: Model) -> bool:

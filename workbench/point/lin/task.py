@@ -23,6 +23,7 @@ from workbench.point.lin.request import Lin, PointOptions
 from workbench.session.point import ModelPoint
 
 __all__ = [
+    "HELD",
     "NOT_AT_REST",
     "LinTask",
     "Width",
@@ -158,11 +159,14 @@ def no_equations(task: LinTask) -> InputError:
     return InputError(f"co-simulation shows neither states nor derivatives; {way}")
 
 
+HELD = "the model is sampled: its discrete states are held here"
+
+
 def sampled_note(point: ModelPoint) -> tuple[str, ...]:
     """Return a remark where derivatives are half the truth: the model has samplers, which hold."""
     if not (len(point.ticks(1, np.inf)) and point.memory):
         return ()
-    return ("the model is sampled: its discrete states are held here; kalman-bertram includes them",)
+    return (HELD,)
 
 
 NOT_AT_REST = "the point is not at rest"
