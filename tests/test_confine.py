@@ -28,13 +28,13 @@ from workbench.cli.app import run
 from workbench.data.excite.run import _ExciteJob
 from workbench.errors import LostError
 from workbench.health.check.job import CheckJob
+from workbench.health.info.result import FmuInfo
 from workbench.jobs import answers, confine
 from workbench.jobs.answers import Records, in_records
 from workbench.jobs.job import Job
 from workbench.jobs.options import Limits, Worker, Workers
 from workbench.jobs.pool import Pool
 from workbench.jobs.runner import Lost, Reply, perform, yielded
-from workbench.limit_cycles.feedback.settling import _closed
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.sweep import linearise_one
 from workbench.point.modes.source import _linearised
@@ -158,7 +158,10 @@ def test_parts_of_a_confined_analysis_run_one_after_the_other(capsys: pytest.Cap
 
 @needs_landlock
 def test_a_confined_probe_finds_what_another_finds() -> None:
-    assert wb.info("fmu:Rudder", confine=True).capabilities == wb.info("fmu:Rudder").capabilities
+    found, other = wb.info("fmu:Rudder", confine=True), wb.info("fmu:Rudder")
+    assert isinstance(found, FmuInfo)
+    assert isinstance(other, FmuInfo)
+    assert found.capabilities == other.capabilities
 
 
 @needs_landlock
@@ -433,5 +436,5 @@ def test_every_task_declares_what_it_yields() -> None:
     jobs = (PointsJob, StartJob, SurroundingsJob, BranchesJob, CheckJob, _ExciteJob)
     for kind in jobs:
         assert yielded(perform, object.__new__(kind)) is not Any
-    for task in (linearise_one, _linearised, _closed, _perform):
+    for task in (linearise_one, _linearised, _perform):
         assert yielded(task, None) is not Any

@@ -29,7 +29,7 @@ from tests.system_fmus import plain_fmu
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path
 from workbench.health.info.result import SystemInfo
-from workbench.model.recipe import content_hash
+from workbench.model.content_hash import content_hash
 from workbench.system.connection_checks import resolve
 from workbench.system.description import (
     Connection,

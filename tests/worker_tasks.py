@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import KW_ONLY
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from workbench.core.records.option import option
 from workbench.errors import SimulationError
@@ -19,6 +19,9 @@ from workbench.jobs.runner import Remark
 from workbench.jobs.worker_main import _Worker
 from workbench.model import Model
 from workbench.requests.request import ModelRequest
+
+if TYPE_CHECKING:
+    from workbench.point.trim.result import TrimResult  # noqa: F401 - the record's type, below
 
 
 def obey(model: Model, job: tuple[Any, ...]) -> Iterator[Any]:

@@ -299,6 +299,7 @@ def _as_system(model: DescribedModel) -> SystemRecipe:
         return recipe
     if not isinstance(model, FmuModel):
         raise InputError(f"{model.name}: this kind of model cannot be put into a feedback loop")
+    recipe = model.recipe
     component = FmuComponent(
         name=_PLANT,
         file=recipe.file or recipe.source,
