@@ -37,7 +37,6 @@ from workbench.jobs.pool import Pool
 from workbench.jobs.runner import Lost, Reply, perform, yielded
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.sweep import linearise_one
-from workbench.point.modes.source import _linearised
 from workbench.requests.in_worker import _perform
 from workbench.response.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
 
@@ -436,5 +435,5 @@ def test_every_task_declares_what_it_yields() -> None:
     jobs = (PointsJob, StartJob, SurroundingsJob, BranchesJob, CheckJob, _ExciteJob)
     for kind in jobs:
         assert yielded(perform, object.__new__(kind)) is not Any
-    for task in (linearise_one, _linearised, _perform):
+    for task in (linearise_one, _perform):
         assert yielded(task, None) is not Any

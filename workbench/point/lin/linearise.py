@@ -104,7 +104,7 @@ def _can_be_included(task: LinTask) -> bool:
     """Return whether the map over a period can be had: there are rates, and the FMU starts where it is set."""
     try:
         setting, _ = period_map(task)
-        setting.run(np.zeros(len(setting.values)))
+        setting.run(np.zeros(len(setting.names)))
     except WorkbenchError:
         return False
     return True
