@@ -38,12 +38,8 @@ def run(
         own: request of a command that is not one of the package's; None: all of these.
         called: how the program is called, as in a shell.
     """
-    words = sys.argv[1:] if arguments is None else arguments
-    code = _run(words or ["--help"], own, called)
-    return code if words else BAD_INPUT
-
-
-def _run(words: Sequence[str], own: type[Request[Any, Any]] | None, called: str) -> int:
+    given = sys.argv[1:] if arguments is None else arguments
+    words = given or ["--help"]
     notes.drop()
     begun = completing()
     name = next(iter(begun[1:] or words), None)
@@ -67,12 +63,18 @@ def _run(words: Sequence[str], own: type[Request[Any, Any]] | None, called: str)
         if not was_interrupted():  # else what was being imported made an error of its own of it
             raise
         code = INTERRUPTED
-    if code == INTERRUPTED:
-        code = exit_code()
-        if not any(text.startswith("interrupted") for text in notes.said()):
-            notes.note(f"{interrupted()}: there is no result")
+    code = _told(code)
     notes.flush()
-    return code if isinstance(code, int) else 0
+    return code if given else BAD_INPUT
+
+
+def _told(code: object) -> int:
+    """Return the exit code of what a command returned; an interrupt that nobody told of is told."""
+    if code != INTERRUPTED:
+        return code if isinstance(code, int) else 0
+    if not any(text.startswith("interrupted") for text in notes.said()):
+        notes.note(f"{interrupted()}: there is no result")
+    return exit_code()
 
 
 def _expect(name: str | None, words: Sequence[str]) -> None:
