@@ -50,7 +50,7 @@ def test_json_csv_and_picture(loop: str, tmp_path: Path) -> None:
         (["--block", "blok"], "did you mean block"),
         (["--block", "block", "--band", "3"], "LO:HI"),
         (["--block", "block", "--vary", "gain=2:1"], "LO < HI"),
-        (["--block", "block", "--vary", "gain=2"], "--vary: gain=2 is not of the form NAME=LO:HI with LO < HI"),
+        (["--block", "block", "--vary", "gain=2"], "--vary: gain: 2 is not of the form LO:HI with LO < HI"),
         (["--block", "block", "--vary", "gain=2:"], "--vary: gain: '' is not a number"),
         (["--block", "block", "--vary", "gain"], "--vary: 'gain' is not of the form NAME=LO:HI"),
         (["--block", "block", "--method", "shoting"], "did you mean shooting"),

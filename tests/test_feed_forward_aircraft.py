@@ -265,12 +265,12 @@ def test_json_csv_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--orders", "36"], "--orders: '36' is not of the form G,H"),
+        (["--orders", "36"], "--orders: 36 is not two whole numbers G,H"),
         (["--orders", "36,a"], "'a' is not a number"),
         (["--orders", "99,29"], "order must lie between"),
         (["--out", "filter.mat"], "must end in one of .json, .fmu"),
         (["--out", "nowhere/filter.json"], "does not exist"),
-        (["--figure", "phase"], "'--figure': 'phase' is unknown; known: "),
+        (["--figure", "phase"], "--figure 'phase' is unknown; known: "),
         (["--crude"], "--crude and --figure simulated need a simulation"),
         (["--band", "5:1"], "--band: '5:1' is not a band; write the lower frequency first"),
         (["--low-pass", "0"], "--low-pass: 0 is not a positive number [Hz]"),

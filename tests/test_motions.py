@@ -186,7 +186,7 @@ def test_command_writes_everything(tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--output", "y", "--window", "3"], "BEGIN:END"),
+        (["--output", "y", "--window", "3"], "not of the form LO:HI"),
         (["--output", "yy", "--window", "0:1"], "did you mean y"),
         (["--output", "y", "--window", "0:1", "--input", "v=1"], "no input 'v'"),
         (["--output", "y", "--window", "0:1", "--label", "a"], "1 names for 2 models"),

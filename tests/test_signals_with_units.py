@@ -171,7 +171,7 @@ def test_options_in_units_of_a_variable(
         ("lin --u0 delC=2K", "--u0: delC: 'K' does not convert to its unit, deg"),
         ("lin --over mass=1:2", "--over: mass: '1:2' is not a number"),
         ("modes --vary m=1kg:2kg", "--vary: m: '1kg' is not a number"),
-        ("branches --input delC --output del --freq 1 --vary m=1kg:2kg", "--vary: '1kg' is not a number"),
+        ("branches --input delC --output del --freq 1 --vary m=1kg:2kg", "--vary: m: '1kg' is not a number"),
     ],
 )  # fmt: skip
 def test_options_whose_unit_does_not_fit(words: str, told: str, capfd: pytest.CaptureFixture[str]) -> None:

@@ -149,7 +149,7 @@ def link(*, gain: float = 1.0, offset: float = 0.0, closes_at: float | None = No
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        (control.tf([1.0], [1.0, 1.0]), "component b: a linear system is not an FMU; make it one with `workbench expo"),
+        (control.tf([1.0], [1.0, 1.0]), "component b: a linear system is not an FMU; make it one with `workbench buil"),
         (2.0, "component b: a gain is not an FMU"),
         (np.tanh, "component b: a Python function exists only in this process"),
     ],

@@ -97,7 +97,7 @@ def test_simulate_keeps_what_came_before_an_error(tmp_path: Path, capfd: pytest.
     captured = capfd.readouterr()
     assert "the pump ran dry" in captured.err
     heading, *rows, end = captured.out.splitlines()
-    assert heading == "time,y"
+    assert heading == "time [s],y"
     # The step of its default experiment, until it fails.
     assert [float(row.split(",")[0]) for row in rows] == pytest.approx(np.arange(0.0, 0.505, 0.01))
     assert end.startswith("# ended at 0.5 s: ")

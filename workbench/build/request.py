@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 __all__ = ["Build", "Compile", "Export", "compile_fmu", "export"]
 
 
+def _holds(folder: Path, name: str) -> bool:
+    try:
+        return (folder / name).is_file()
+    except OSError:  # a name that no file can have, of which whoever opens it tells
+        return False
+
+
 class Build(Request[Sequence[str | Path], "BuiltModels"]):
     """Turn a Modelica model into an FMU for five platforms (model exchange and co-simulation), or a folder of them.
 
@@ -125,7 +132,7 @@ class Compile(Request[str | Path, "CompiledFmu"]):
             given: as the command line names it.
         """
         path = Path(given[0])
-        return path.suffix.lower() == ".fmu" or given[0].startswith("fmu:") or (path / "modelDescription.xml").is_file()
+        return path.suffix.lower() == ".fmu" or given[0].startswith("fmu:") or _holds(path, "modelDescription.xml")
 
 
 compile_fmu = function(Compile)
@@ -222,9 +229,7 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
         """
         path = Path(given[0])
         models = (".json", ".toml", ".ssp", ".ssd")
-        return (
-            path.suffix.lower() in models or given[0].startswith("system:") or (path / "SystemStructure.ssd").is_file()
-        )
+        return path.suffix.lower() in models or given[0].startswith("system:") or _holds(path, "SystemStructure.ssd")
 
 
 export = function(Export)

@@ -18,9 +18,9 @@ def schema(
 ) -> int:
     """Print the JSON Schema (draft 2020-12) of a study, a system file, or a command's table in a study.
 
-    Editors complete and check a file by it while it is written.
+    Editors complete and check a file by it while it is written; `> study.schema.json` behind it makes a file of it.
 
-    Example: `workbench schema study > study.schema.json`
+    Example: `workbench schema study`
     """
     from workbench.study.schema import schema as schema_of
 

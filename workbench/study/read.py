@@ -101,7 +101,7 @@ def has_envelope(name: str) -> bool:
     try:
         with locate_study(name).open("rb") as file:
             return "envelope" in tomllib.load(file)
-    except (InputError, OSError, ValueError):
+    except (InputError, OSError, ValueError, RecursionError):  # what is wrong with it, who reads it says
         return False
 
 
