@@ -87,7 +87,7 @@ def test_a_worker_tells_what_there_is_at_once_and_then_for_a_twentieth_of_its_ti
     monkeypatch.setattr(one_worker, "wanted_stop", lambda: False)
     monkeypatch.setattr(one_worker, "named", lambda _: work)
     request: Any = SimpleNamespace(algorithm="", undivided=False)
-    (end,) = one_worker._perform(None, one_worker._Whole(request, "a record"))
+    (end,) = one_worker._perform(None, one_worker._WholeRequest(request, "a record"))
     assert isinstance(end, one_worker._RequestEnded)
     assert end.record == "ended"
     assert [done for done, _ in told] == list(range(1, 41))

@@ -15,7 +15,7 @@ from workbench.errors import SimulationError
 from workbench.jobs.job import Job
 from workbench.point.trim.problem import TrimSets
 from workbench.point.trim.request import Trim, trim
-from workbench.point.trim.run import _Trim
+from workbench.point.trim.run import _TrimRun
 from workbench.session.settle import settle
 from workbench.session.start_values import NotReachedError
 
@@ -271,7 +271,7 @@ def test_what_moves_by_more_than_1e_5_of_its_size_in_the_periods_after_the_first
         unknowns=(), equations=(), at=lambda _: (), values=none, nominal=none, verdict=verdict
     )
     lag = Plant(Equations(x={"x": 0.0}, f=lambda v: [-v["x"]]))
-    said = _Trim(lag, TrimSets(), 0.0, Trim(), Job())._restless(balance, nothing, nothing)
+    said = _TrimRun(lag, TrimSets(), 0.0, Trim(), Job())._restless(balance, nothing, nothing)
     assert said == (f"after 20 periods {names} moved although the states had returned" if names else "")
 
 

@@ -16,7 +16,7 @@ from workbench.core.records.option import option
 from workbench.errors import SimulationError
 from workbench.jobs.job import Job
 from workbench.jobs.runner import Remark
-from workbench.jobs.worker_main import _Worker
+from workbench.jobs.worker_main import _WorkerState
 from workbench.model import Model
 from workbench.requests.request import ModelRequest
 
@@ -197,7 +197,7 @@ def _forge(model: Model, kind: str) -> Iterator[Any]:
         "no tuple": b"[1,2,3]",
         "an array for a kind": b'{"tuple":[{"array":["<f8",[2],0]},1]}',
     }
-    channel = _Worker.channel
+    channel = _WorkerState.channel
     if channel is not None:
         channel.put(len(texts[kind]).to_bytes(8, "big") + texts[kind] + bytes(16))
     yield from ()

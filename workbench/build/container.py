@@ -129,7 +129,7 @@ def export_container(
     resolved = resolve(description, [tuple(p.variables.values()) for p in parts])
     wires, notes = container_wires(parts, resolved)
     shown = shown_variables(parts, resolved, own, fmi=fmi)
-    plan = _Plan(description, tuple(parts), tuple(wires), tuple(shown), step, fmi)
+    plan = _ContainerPlan(description, tuple(parts), tuple(wires), tuple(shown), step, fmi)
     _write(plan, target)
     return _result(plan, resolved, target, notes)
 
@@ -190,7 +190,7 @@ def _check_together(parts: Sequence[ContainerPart]) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Plan:
+class _ContainerPlan:
     description: SystemDescription
     parts: tuple[ContainerPart, ...]
     wires: tuple[Wire, ...]
@@ -199,7 +199,7 @@ class _Plan:
     fmi: int
 
 
-def _write(plan: _Plan, target: Path) -> None:
+def _write(plan: _ContainerPlan, target: Path) -> None:
     from fmpy.container_fmu.cli import create_container_fmu  # noqa: PLC0415  older versions have none
 
     with scratch("container") as folder:
@@ -227,7 +227,7 @@ def _stage(parts: Sequence[ContainerPart], folder: Path) -> dict[Path, Path]:
     return staged
 
 
-def _configuration(plan: _Plan, staged: Mapping[Path, Path]) -> Any:
+def _configuration(plan: _ContainerPlan, staged: Mapping[Path, Path]) -> Any:
     from fmpy.container_fmu.config import Component, Configuration, Connection  # noqa: PLC0415  as in _write
 
     components = [Component(p.name, staged[p.path], p.described) for p in plan.parts]
@@ -258,7 +258,7 @@ def _connector(part: ContainerPart, name: str) -> Any:
     return made
 
 
-def _model_description(plan: _Plan) -> Any:
+def _model_description(plan: _ContainerPlan) -> Any:
     stop = plan.description.default_experiment.stop_time
     stops = [float(e.stopTime) for p in plan.parts if (e := p.described.defaultExperiment) and e.stopTime]
     last = stop if stop is not None else max(stops, default=None)
@@ -285,7 +285,7 @@ def _model_description(plan: _Plan) -> Any:
     )
 
 
-def _token(plan: _Plan) -> str:
+def _token(plan: _ContainerPlan) -> str:
     """Return an identifier that depends on what the container consists of only."""
     words = [plan.fmi, plan.step, plan.description.name]
     words += [(p.name, p.described.instantiationToken) for p in plan.parts]
@@ -304,7 +304,7 @@ def _pack(folder: Path, target: Path) -> None:
 # -- what is told -----------------------------------------------------------------------------
 
 
-def _result(plan: _Plan, resolved: Resolved, target: Path, notes: Sequence[str]) -> ContainerResult:
+def _result(plan: _ContainerPlan, resolved: Resolved, target: Path, notes: Sequence[str]) -> ContainerResult:
     names = {
         kind: tuple(s.variable.name for s in plan.shown if s.variable.causality == kind)
         for kind in ("input", "output", "parameter")
@@ -322,7 +322,7 @@ def _result(plan: _Plan, resolved: Resolved, target: Path, notes: Sequence[str])
     )
 
 
-def _delay(plan: _Plan) -> list[str]:
+def _delay(plan: _ContainerPlan) -> list[str]:
     step = f"{plan.step:.9g} s"
     said = [
         f"communication step {step}: the importing tool must step the container by multiples of it",

@@ -98,7 +98,7 @@ class Writer:
             expressions: what they are assigned; of one shape.
             comment: what stands behind it.
         """
-        columns, root = _Columns(len(targets)), expressions[0]
+        columns, root = _LoopColumns(len(targets)), expressions[0]
         inner = Writer(self.graph, self.n_relations, uses_of(self.graph, [root]), self.shapes, prefix="s")
         inner.texts = self._given(expressions, columns)
         assigned = f"{left.format(columns.whole(targets))} = {bare(inner.text(root))};{comment}"
@@ -111,7 +111,7 @@ class Writer:
             "}",
         ]
 
-    def _given(self, expressions: Sequence[int], columns: _Columns) -> dict[int, str]:
+    def _given(self, expressions: Sequence[int], columns: _LoopColumns) -> dict[int, str]:
         """Return the texts of what a pass of a loop does not compute, by the nodes of the first expression."""
         places = list(zip(*(self.shapes.nodes(e) for e in expressions), strict=True))
         moving = {place[0] for place in places if len(set(place)) > 1}
@@ -124,7 +124,7 @@ class Writer:
                 texts |= {o: self.text(o) for o in operands if o not in moving}
         return texts if expressions[0] in moving else {expressions[0]: self.text(expressions[0])}
 
-    def _moving_leaf(self, nodes: Sequence[ExpressionNode], columns: _Columns) -> str:
+    def _moving_leaf(self, nodes: Sequence[ExpressionNode], columns: _LoopColumns) -> str:
         operation = nodes[0].operation
         if operation == NUMBER:
             return columns.number([node.number for node in nodes])
@@ -169,7 +169,7 @@ def uses_of(graph: ExpressionGraph, expressions: Iterable[int]) -> dict[int, int
     return uses
 
 
-class _Columns:
+class _LoopColumns:
     """What changes from pass to pass of a loop, as text in `i`: a straight line, or an entry of a table."""
 
     def __init__(self, count: int) -> None:

@@ -48,7 +48,7 @@ class _Plain:
                     formatter.write_text(_unquoted(text))
 
 
-class _Command(_Plain, typer.core.TyperCommand):
+class _PlainCommand(_Plain, typer.core.TyperCommand):
     """A command whose line of usage has its argument as the texts have it, MODEL, and whose options have headings."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:  # noqa: ANN401 - as above
@@ -102,7 +102,7 @@ def program(name: str | None, own: type[Request[Any, Any]] | None = None) -> Any
     if not alone:
         app.callback()(_options)
     for one in [str(name)] if own is not None or name in COMMANDS else COMMANDS:
-        app.command(one, cls=_Command)(function_of(one, own) if one == name else _words(one))
+        app.command(one, cls=_PlainCommand)(function_of(one, own) if one == name else _words(one))
     return typer.main.get_command(app)
 
 

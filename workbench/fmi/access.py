@@ -60,7 +60,7 @@ class TypeCalls:
         return cls(getter, setter, ctypes.c_char_p, _utf8, lambda s: str(s).encode())
 
 
-class _Instance(Protocol):
+class _InstanceCalls(Protocol):
     """What is needed of an instance to read and write its variables."""
 
     TYPES: ClassVar[Mapping[str, TypeCalls]]
@@ -89,7 +89,7 @@ class VariableBlock:
 
     counts = False
 
-    def __init__(self, instance: _Instance, calls: TypeCalls, variables: Sequence[Variable]) -> None:
+    def __init__(self, instance: _InstanceCalls, calls: TypeCalls, variables: Sequence[Variable]) -> None:
         references, self.slots, total = laid_out(instance.description.shapes, variables)
         self.calls = calls
         self.instance = instance
@@ -132,7 +132,7 @@ class ClockTicks(VariableBlock):
 
     counts = True
 
-    def __init__(self, instance: _Instance, variables: Sequence[Variable]) -> None:  # no FMI function reads it
+    def __init__(self, instance: _InstanceCalls, variables: Sequence[Variable]) -> None:  # no FMI function reads it
         found = instance.ticks_so_far
         if found is None:
             raise InputError(f"{variables[0].name}: clocks tick in event mode, which this interface does not have")
@@ -184,7 +184,7 @@ class VariableAccess:
         order: for each block, where its variables stand in the list.
     """
 
-    def __init__(self, instance: _Instance, variables: Sequence[Variable]) -> None:
+    def __init__(self, instance: _InstanceCalls, variables: Sequence[Variable]) -> None:
         self.variables = tuple(variables)
         groups: dict[str, list[int]] = {}
         for i, variable in enumerate(self.variables):
@@ -211,7 +211,7 @@ class VariableAccess:
             block.write([values[i] for i in indices])
 
 
-def _block(instance: _Instance, variables: Sequence[Variable]) -> VariableBlock:
+def _block(instance: _InstanceCalls, variables: Sequence[Variable]) -> VariableBlock:
     """Return the block of variables that one function reads."""
     kind = variables[0].type
     return (
@@ -222,7 +222,7 @@ def _block(instance: _Instance, variables: Sequence[Variable]) -> VariableBlock:
 _CLOCK = "Clock"
 
 
-def _getter(instance: _Instance, variable: Variable) -> str:
+def _getter(instance: _InstanceCalls, variable: Variable) -> str:
     if variable.type == _CLOCK:
         return _CLOCK
     calls = instance.TYPES.get(variable.type)

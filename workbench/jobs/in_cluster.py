@@ -78,7 +78,7 @@ class _Some:
 
 
 @dataclass(frozen=True)
-class _Item:
+class _PickledItem:
     """What a job yielded, pickled: this worker only passes it on."""
 
     number: int
@@ -93,10 +93,10 @@ class _Over:
     ended: bool
 
 
-def _perform(model: Model | None, some: _Some) -> Iterator[_Item | _Over]:
+def _perform(model: Model | None, some: _Some) -> Iterator[_PickledItem | _Over]:
     for number, job in some.jobs.items():
         for value in some.task(model, job):
-            yield _Item(number, pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
+            yield _PickledItem(number, pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
         yield _Over(number, ended=False)
         end_now()  # if the FMU crashes now, that costs nothing
         yield _Over(number, ended=True)
@@ -172,7 +172,7 @@ def _do_some(
             if told is None:
                 lost[number] = event.error
             left.pop(number)
-        elif isinstance(event.value, _Item):
+        elif isinstance(event.value, _PickledItem):
             found[event.value.number].append(event.value.value)
         elif event.value.ended:
             left.pop(event.value.number)
@@ -231,7 +231,7 @@ def _released() -> bool:
 # -- recipes without the FMUs in them ----------------------------------------------------------
 
 
-class _Apart(pickle.Pickler):
+class _PickledApart(pickle.Pickler):
     """Pickles everything but long bytes, which it keeps by their hash."""
 
     def __init__(self, file: io.BytesIO) -> None:
@@ -262,7 +262,7 @@ def take_apart(recipe: Recipe | None) -> tuple[bytes, Mapping[str, bytes]]:
         recipe: of the model; None: there is none.
     """
     file = io.BytesIO()
-    packer = _Apart(file)
+    packer = _PickledApart(file)
     packer.dump(None if recipe is None else recipe.packed())
     return file.getvalue(), packer.archives
 

@@ -94,7 +94,7 @@ _FILE = 4 << 30
 _LINE_BUFFERED = 1  # _IOLBF where it is not 0 and not 2
 
 
-class _Worker:
+class _WorkerState:
     """The state of this process.
 
     Attributes:
@@ -119,8 +119,8 @@ def tell(item: Any, *, finished: bool) -> None:  # noqa: ANN401 - any task's
         item: as `Runner.run` gives it.
         finished: whether it is a result, after which the time limit begins again.
     """
-    if _Worker.channel is not None:
-        _Worker.channel.send((ITEM if finished else TOLD, item))
+    if _WorkerState.channel is not None:
+        _WorkerState.channel.send((ITEM if finished else TOLD, item))
 
 
 def inside(limits: Limits) -> bool:
@@ -131,9 +131,9 @@ def inside(limits: Limits) -> bool:
     """
     if confined():
         return True
-    if _Worker.channel is None or limits.confine:
+    if _WorkerState.channel is None or limits.confine:
         return False
-    own = _Worker.limits
+    own = _WorkerState.limits
     longest = math.inf if limits.timeout in {None, DEFAULT_TIMEOUT} else limits.timeout
     return all(
         wanted in {None, math.inf} or (given is not None and given <= wanted)
@@ -143,7 +143,7 @@ def inside(limits: Limits) -> bool:
 
 def wanted_stop() -> bool:
     """Return whether the parent asked for the end of the task in work; it sends nothing else meanwhile."""
-    channel = _Worker.channel
+    channel = _WorkerState.channel
     _end_copy()
     return channel is not None and STOP in list(channel.receive())
 
@@ -170,12 +170,12 @@ def main(link: int | None, parent: int, scratch: str, module: str) -> None:
     if not why_kernel_missing():  # also while code that hangs keeps Python from running
         arguments = (lifeline, parent, int(1000 * _FAREWELL))
         threading.Thread(target=kernel().kernel_end_with, args=arguments, daemon=True).start()
-    _Worker.process = os.getpid()
+    _WorkerState.process = os.getpid()
     mark = end.recv(MARK_BYTES, socket.MSG_WAITALL)
-    channel = _Worker.channel = Channel(end, mark, dumps=_packed)
+    channel = _WorkerState.channel = Channel(end, mark, dumps=_packed)
     if module:
         import_module(module)
-    _Worker.state, usual = state(), Arithmetic()
+    _WorkerState.state, usual = state(), Arithmetic()
     try:
         channel.send((READY, False))
         for order in _orders(channel):
@@ -184,7 +184,7 @@ def main(link: int | None, parent: int, scratch: str, module: str) -> None:
             end_now()
             _flush()
             usual.put_back()
-            before, after = _Worker.state, state()
+            before, after = _WorkerState.state, state()
             bound = before != after and only_handlers(before, after) and order[1] != _NO_MODEL
             channel.send((READY, bound))
             if before != after and not bound:
@@ -212,7 +212,7 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
         work: task and argument, pickled.
         limits: of the task.
     """
-    watch, _Worker.limits = MemoryWatch(None), limits
+    watch, _WorkerState.limits = MemoryWatch(None), limits
     try:
         os.chdir(folder)
         try:
@@ -220,11 +220,11 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
         except (AttributeError, ImportError) as error:
             return FOREIGN, str(error)
         channel.send((BEGUN, None))  # what was to be imported is: time limits are for the FMU
-        _Worker.state = state()
+        _WorkerState.state = state()
         model = _model(recipe)
         watch = MemoryWatch(limits.memory)
         if watch.most is not None:
-            _Worker.state["RLIMIT_AS"] = allowances()["RLIMIT_AS"]
+            _WorkerState.state["RLIMIT_AS"] = allowances()["RLIMIT_AS"]
         end_later(_ENDED, Room(watch.most))
         channel.send((OPENED, watch.most))
         for item in task(model, argument):
@@ -237,7 +237,7 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
         return (MEMORY, None) if watch.exceeded() else _failure(error)
     finally:
         _flush()
-    return DONE, arithmetic() != _Worker.state.get("arithmetic")
+    return DONE, arithmetic() != _WorkerState.state.get("arithmetic")
 
 
 def _failure(error: BaseException) -> tuple[str, Any]:
@@ -258,25 +258,25 @@ def _failure(error: BaseException) -> tuple[str, Any]:
 
 def _lowered() -> list[str]:
     """Return the limits of this process that are not what they were when the task began."""
-    return [name for name, allowed in allowances().items() if allowed != _Worker.state.get(name)]
+    return [name for name, allowed in allowances().items() if allowed != _WorkerState.state.get(name)]
 
 
 def _model(packed: bytes) -> Model | None:
     """Return the open model of a recipe."""
-    if packed not in _Worker.opened:
+    if packed not in _WorkerState.opened:
         recipe: Recipe | None = pickle.loads(packed)  # noqa: S301 - of the parent
         if recipe is None:
             return None
-        _Worker.opened[packed] = recipe.open()
+        _WorkerState.opened[packed] = recipe.open()
         _end_at_once()
-    _Worker.opened.move_to_end(packed)
-    return _Worker.opened[packed]
+    _WorkerState.opened.move_to_end(packed)
+    return _WorkerState.opened[packed]
 
 
 def _make_room() -> None:
     """Close the models that were not used for longest."""
-    while len(_Worker.opened) > _MODELS:
-        _Worker.opened.popitem(last=False)[1].close()
+    while len(_WorkerState.opened) > _MODELS:
+        _WorkerState.opened.popitem(last=False)[1].close()
 
 
 # -- the process -------------------------------------------------------------------------------
@@ -311,7 +311,7 @@ def _packed(item: object) -> bytes:
 
 def _end_copy() -> None:
     """End this process if it is a copy that the FMU has made by fork: there is one answer, that of the original."""
-    if os.getpid() != _Worker.process:
+    if os.getpid() != _WorkerState.process:
         os._exit(0)
 
 

@@ -74,7 +74,7 @@ class _RequestEnded:
 
 
 @dataclass(frozen=True)
-class _Whole:
+class _WholeRequest:
     """A request for a worker.
 
     Attributes:
@@ -89,13 +89,13 @@ class _Whole:
         return _whole, (self.asked, self.subject)
 
 
-def _whole(asked: Request[Any, Any], subject: object) -> _Whole:
+def _whole(asked: Request[Any, Any], subject: object) -> _WholeRequest:
     """Read a request in a worker, with what it takes to do it: that is not on the FMU's time."""
     named(asked.algorithm)
-    return _Whole(asked, subject)
+    return _WholeRequest(asked, subject)
 
 
-def _perform(model: Model | None, whole: _Whole) -> Iterator[_RequestEnded | _Told | _Said]:
+def _perform(model: Model | None, whole: _WholeRequest) -> Iterator[_RequestEnded | _Told | _Said]:
     """Run a request in a worker."""
     begun = last = time.monotonic()
     most, spent = 0, 0.0
@@ -153,7 +153,7 @@ def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _
         return _here(subject, asked, job)
     if getattr(asked, "store", None) is not None:
         _refuse_if(place, "the process that is confined would have to write the store; leave store out")
-    whole = _Whole(replace(asked, progress=None), None if recipe is not None else subject)
+    whole = _WholeRequest(replace(asked, progress=None), None if recipe is not None else subject)
     if why := _unknown_elsewhere(whole):
         _refuse_if(place, why)
         job.notes.append(f"{why}: the FMU runs in this process, behind no wall")
@@ -162,7 +162,7 @@ def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _
     return record
 
 
-def _told_by(events: Iterator[Any], whole: _Whole) -> Iterator[Any]:
+def _told_by(events: Iterator[Any], whole: _WholeRequest) -> Iterator[Any]:
     """Yield what a worker tells, as long as its records are of the kind that was asked for.
 
     Raises:
@@ -182,7 +182,7 @@ def _refuse_if(place: Worker, why: str) -> None:
         raise InputError(f"confine: not possible: {why}")
 
 
-def _unknown_elsewhere(whole: _Whole) -> str:
+def _unknown_elsewhere(whole: _WholeRequest) -> str:
     """Return why a request cannot be sent to another process; empty: it can."""
     try:
         pickle.dumps(whole)
@@ -191,7 +191,7 @@ def _unknown_elsewhere(whole: _Whole) -> str:
     return ""
 
 
-def _run(recipe: Recipe | None, whole: _Whole, place: Worker, job: telling.Job) -> Any:  # noqa: ANN401
+def _run(recipe: Recipe | None, whole: _WholeRequest, place: Worker, job: telling.Job) -> Any:  # noqa: ANN401
     with Pool(recipe, jobs=1, limits=place.limits) as pool, job.ended_by(pool.end_soon):
         try:
             found = _heard(_told_by(pool.run(_perform, deque([whole])), whole), job)

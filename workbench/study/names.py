@@ -36,7 +36,7 @@ def check_names(study: Study, runs: Sequence[PlannedRun]) -> None:
         InputError: no such parameter, input or output; near names in the message.
         FmuError: a model cannot be opened.
     """
-    opened: dict[tuple[str, str], _Names] = {}
+    opened: dict[tuple[str, str], _ModelNames] = {}
     for run in runs:
         for name, model in zip(run.analysis.models, run.models, strict=True):
             if Path(str(model.model)).suffix.lower() == _MATRICES:
@@ -68,7 +68,7 @@ def units_of(study: Study, names: Sequence[str]) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class _Names:
+class _ModelNames:
     """The variables of a model.
 
     Attributes:
@@ -89,7 +89,7 @@ def _opened(study: Study, model: Change) -> DescribedModel:
     return load(path, start_values=values["set"], bias=values["bias"])
 
 
-def _open(study: Study, name: str, model: Change) -> _Names:
+def _open(study: Study, name: str, model: Change) -> _ModelNames:
     try:
         with _opened(study, model) as opened:
             return _names(opened)
@@ -98,11 +98,11 @@ def _open(study: Study, name: str, model: Change) -> _Names:
         raise InputError(f"{_where(study, name, message)}: {message}") from None
 
 
-def _names(model: DescribedModel) -> _Names:
+def _names(model: DescribedModel) -> _ModelNames:
     groups = (model.description.variables, model.inputs, model.outputs, model.parameters, model.states)
     every = frozenset(v.name for group in groups for v in group)
     outputs = tuple(v.name for v in (*model.outputs, *model.states))
-    return _Names(every, tuple(v.name for v in model.inputs), outputs)
+    return _ModelNames(every, tuple(v.name for v in model.inputs), outputs)
 
 
 def _where(study: Study, model: str, message: str) -> str:
@@ -116,7 +116,7 @@ def _where(study: Study, model: str, message: str) -> str:
     return f"[models] {model}"
 
 
-def _check(run: PlannedRun, file: str, names: _Names) -> None:
+def _check(run: PlannedRun, file: str, names: _ModelNames) -> None:
     for key, name in _named(run.analysis.options):
         if name not in names.every:
             known, kinds = (names.inputs, ("input",)) if key.startswith("in") else (names.outputs, ("output", "state"))

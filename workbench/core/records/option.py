@@ -434,7 +434,7 @@ def _heading(request: Any, name: str) -> str:  # noqa: ANN401 - a class
     return str(vars(owner).get("group", ""))
 
 
-class _Known(dict[str, Any]):
+class _AnnotationNames(dict[str, Any]):
     """Names that an annotation may use; one that only the type checker imports stands for anything."""
 
     def __missing__(self, name: str) -> Any:  # noqa: ANN401
@@ -445,7 +445,7 @@ def _hints(request: type[Options]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for owner in reversed(request.__mro__):
         own = type(owner.__name__, (), {"__annotations__": vars(owner).get("__annotations__", {})})
-        found |= get_type_hints(own, {}, _Known(vars(sys.modules[owner.__module__])), include_extras=True)
+        found |= get_type_hints(own, {}, _AnnotationNames(vars(sys.modules[owner.__module__])), include_extras=True)
     return found
 
 

@@ -124,7 +124,7 @@ def run(model: Model, request: Excite, job: telling.Job) -> ExciteResult:
         workers=None,
         progress=None,
     )
-    recording = _Recording(model, plain, [*remarks])
+    recording = _ExperimentRun(model, plain, [*remarks])
     job.partial = recording.result
     with at_work(model, request.place, job) as runner:
         for event in runner.run(perform, deque([_ExciteJob(plain, point)])):
@@ -139,7 +139,7 @@ def run(model: Model, request: Excite, job: telling.Job) -> ExciteResult:
 
 
 @dataclass
-class _Recording:
+class _ExperimentRun:
     """An experiment under way: what is recorded is kept, whatever ends it.
 
     Attributes:

@@ -133,7 +133,7 @@ def run(
 
 
 @dataclass(frozen=True, eq=False)
-class _Chosen:
+class _BestOrder:
     """The best order.
 
     Attributes:
@@ -149,10 +149,10 @@ class _Chosen:
     free: float
 
 
-def _chosen(data: _Data, orders: Sequence[int], request: Fit, job: Job) -> _Chosen:
+def _chosen(data: _Data, orders: Sequence[int], request: Fit, job: Job) -> _BestOrder:
     """Return the order of the least criterion; where errors are not known, with the course of noise of the least."""
     courses = [data.points] if data.known else [data.points, *_scattered(data)]
-    result: list[_Chosen] = []
+    result: list[_BestOrder] = []
     for part, points in enumerate(courses, 1):
         tried: list[Rational | StateSpaceFit] = []
         job.stage(part, len(courses))
@@ -163,19 +163,19 @@ def _chosen(data: _Data, orders: Sequence[int], request: Fit, job: Job) -> _Chos
     return min(result, key=lambda one: float(np.min(one.criterion)))
 
 
-def _of_course(tried: Sequence[Rational | StateSpaceFit], points: Points, data: _Data) -> _Chosen:
+def _of_course(tried: Sequence[Rational | StateSpaceFit], points: Points, data: _Data) -> _BestOrder:
     """Return the best of several orders with one course of the noise."""
     count = 2.0 * len(points.s)
     if data.known:
         # The misfits of real and imaginary parts over their σ/√2 have χ² of 2 k numbers.
         criterion = np.array([2.0 * r.cost + r.freedom * np.log(count) for r in tried])
         best = tried[int(np.argmin(criterion))]
-        return _Chosen(best, criterion, points.sigma, count - best.freedom)
+        return _BestOrder(best, criterion, points.sigma, count - best.freedom)
     criterion, scales = judged(tried, points, data.points.sigma)
     place = int(np.argmin(criterion))
     scale, best = float(scales[place]), tried[place]
     own = replace(best, cost=best.cost / scale**2, covariance=best.covariance * scale**2)
-    return _Chosen(own, criterion, scale * points.sigma, count - best.freedom)
+    return _BestOrder(own, criterion, scale * points.sigma, count - best.freedom)
 
 
 def _scattered(data: _Data) -> Iterator[Points]:
@@ -187,7 +187,7 @@ def _scattered(data: _Data) -> Iterator[Points]:
             yield replace(points, sigma=result * float(np.median(points.sigma / result)))
 
 
-def _noise_notes(result: _Chosen, data: _Data) -> Iterator[str]:
+def _noise_notes(result: _BestOrder, data: _Data) -> Iterator[str]:
     """Yield what the order and the errors rest on where the response comes without errors."""
     if data.known:
         yield from data.bare

@@ -31,7 +31,7 @@ else:
     _Data = Annotated[object, FILE]
 
 
-class _Blocks(Options):
+class _BlockOptions(Options):
     _: KW_ONLY
     knots: _Number = option(
         "Number of knots of the static blocks of --structure, at least 3; auto takes the smallest Bayesian criterion.",
@@ -40,7 +40,7 @@ class _Blocks(Options):
     )
 
 
-class IdentifyStructure(_Blocks, Request["Experiment | File", "StructureResult"]):
+class IdentifyStructure(_BlockOptions, Request["Experiment | File", "StructureResult"]):
     """Identify a linear block with static blocks before or behind it from recorded data of one input and one output.
 
     Hammerstein: y = G f(u) + n (an actuator that saturates); Wiener: y = g(G u) + n (a sensor that bends);
@@ -102,7 +102,7 @@ class IdentifyStructure(_Blocks, Request["Experiment | File", "StructureResult"]
             raise InputError(f"knots must be auto or 3 or more, not {self.knots!r}: with fewer a block is linear")
 
 
-class IdentifyCommand(_Blocks, Identify):
+class IdentifyCommand(_BlockOptions, Identify):
     """Identify a discrete linear model from recorded data, judge the data, and validate the model.
 
     If requested, with static blocks before or behind it.

@@ -142,7 +142,7 @@ class _Scaled:
 
 
 @dataclass(frozen=True, eq=False)
-class _Trial:
+class _OrderTrial:
     """What was found with one order and number of knots.
 
     Attributes:
@@ -161,14 +161,14 @@ class _Trial:
         return Tried(order=self.search.order, knots=self.knots, criterion=self.fit.criterion)
 
 
-def _searched(trials: Iterable[_Trial | None], worth: float = 0.0) -> tuple[list[_Trial], _Trial | None]:
+def _searched(trials: Iterable[_OrderTrial | None], worth: float = 0.0) -> tuple[list[_OrderTrial], _OrderTrial | None]:
     """Return the trials, made until so many in a row gain nothing, and the best of them.
 
     Args:
         trials: from simple to rich; None: there is no fit.
         worth: what one must gain in its criterion to be better than a simpler one.
     """
-    made: list[_Trial] = []
+    made: list[_OrderTrial] = []
     best, worse = None, 0
     for trial in trials:
         if trial is not None:
@@ -187,7 +187,7 @@ class _StructureSearch:
         self.u, self.y, self.asked = scaled.u, scaled.y, request
         core, (su, sy) = model.undelayed(), scaled.sizes
         self.order = len(core.A)
-        self._made: dict[int, _Trial | None] = {}
+        self._made: dict[int, _OrderTrial | None] = {}
         free = request.feedthrough
         self.linear = plant_alone((core.A, core.B * su, core.C / sy, core.D * su / sy), feedthrough=free)
         powers = starts_before(len(core.A), self.u, self.y, feedthrough=free)
@@ -198,7 +198,7 @@ class _StructureSearch:
         result = fitted(WienerHammersteinModel(None, self.linear, None), self.u, self.y)
         return float("inf") if result is None else result.criterion
 
-    def trial(self, count: int, job: Job, done: int, steps: int) -> _Trial | None:
+    def trial(self, count: int, job: Job, done: int, steps: int) -> _OrderTrial | None:
         """Return the best fit with so many knots; None: there is none.
 
         Args:
@@ -210,7 +210,7 @@ class _StructureSearch:
         if count not in self._made:
             result = [fit for fit in _FITS[self.asked.structure](self, count) if fit is not None]
             best = min(result, key=lambda fit: fit.criterion, default=None)
-            self._made[count] = None if best is None else _Trial(self, count, best)
+            self._made[count] = None if best is None else _OrderTrial(self, count, best)
         job.done(f"order {self.order}, {count} knots", done, steps)
         return self._made[count]
 

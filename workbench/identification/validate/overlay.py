@@ -195,13 +195,13 @@ def overlay(
         raise InputError("overlay: give a linearisation, a measured frequency response or both")
     kind = plant or ("sampled" if _is_sampled(linear) else "continuous")
     identified, notes = sine_response(model, kind, source, target)
-    own = _Units(IDENTIFIED, model.units.get(source), model.units.get(target))
-    wanted = own if nfr is None else _Units("measured", nfr.input_unit, nfr.output_unit)
+    own = _CurveUnits(IDENTIFIED, model.units.get(source), model.units.get(target))
+    wanted = own if nfr is None else _CurveUnits("measured", nfr.input_unit, nfr.output_unit)
     factor, told = own.factor(wanted)
     shapes: dict[str, Callable[[Floats], Complex]] = {IDENTIFIED: _times(identified, factor)}
     if linear is not None:
         i, j = _places(linear, source, target)
-        factor, more = _Units(
+        factor, more = _CurveUnits(
             LINEAR, linear.units.get(linear.input_names[j]), linear.units.get(linear.output_names[i])
         ).factor(wanted)
         shapes[LINEAR], told = _times(_linear(linear, i, j), factor), (*told, *more)
@@ -217,14 +217,14 @@ def overlay(
 
 
 @dataclass(frozen=True)
-class _Units:
+class _CurveUnits:
     """Units of a curve's input and output, None where not known."""
 
     curve: str
     input: str | None
     output: str | None
 
-    def factor(self, wanted: _Units) -> tuple[float, tuple[str, ...]]:
+    def factor(self, wanted: _CurveUnits) -> tuple[float, tuple[str, ...]]:
         """Return what a response is multiplied by to be in other units, and a note where it is not one.
 
         Args:

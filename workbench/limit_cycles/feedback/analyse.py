@@ -53,7 +53,7 @@ def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
         between = _actuator(system, asked)
         found = linear(place, where, time=time, actuator=between, method=asked.method)
         seen = found.operating_point.y.get(SEEN, 0.0)
-        work = _FeedbackRun(place, where, seen, between, time, asked, keep)
+        work = _FeedbackAnalysis(place, where, seen, between, time, asked, keep)
         result = work.linear_result(found)
         job.partial = lambda: result  # what is known, should a run of the study fail or somebody end it
         chosen = work.study_gains(result) if asked.settle else ()
@@ -101,7 +101,7 @@ def _size(option: str, size: float | str | None, target: str, own: str | None, *
 
 
 @dataclass(frozen=True, eq=False)
-class _FeedbackRun:
+class _FeedbackAnalysis:
     """One analysis under way."""
 
     place: FeedbackPath

@@ -32,7 +32,7 @@ _GREY = "#555555"
 
 
 @dataclass(frozen=True, eq=False)
-class _Shown:
+class _DrawnCurve:
     """One curve of L."""
 
     label: str
@@ -62,11 +62,11 @@ def plot_loop(result: LoopResult) -> Figure:
     return figure
 
 
-def _shown(result: LoopResult) -> Iterator[_Shown]:
+def _shown(result: LoopResult) -> Iterator[_DrawnCurve]:
     if result.linear is not None:
         f = result.frequencies(600)
         style = {"color": COLOURS[-1], "linewidth": 1.4}
-        yield _Shown("linear", f, result.linear.response(f), result.linear.margins, style)
+        yield _DrawnCurve("linear", f, result.linear.response(f), result.linear.margins, style)
     unit = f" {result.place.unit}" if result.place.unit and result.place.unit != "1" else ""
     amplitudes = sorted({c.amplitude for c in result.curves})
     for c in result.curves:
@@ -78,10 +78,10 @@ def _shown(result: LoopResult) -> Iterator[_Shown]:
             "markerfacecolor": "white",
             "linewidth": 1.0,
         }
-        yield _Shown(f"{c.how}, {c.amplitude:g}{unit}", c.frequency_hz, c.value, c.margins, style)
+        yield _DrawnCurve(f"{c.how}, {c.amplitude:g}{unit}", c.frequency_hz, c.value, c.margins, style)
 
 
-def _curve(grid: list[list[Axes]], s: _Shown) -> None:
+def _curve(grid: list[list[Axes]], s: _DrawnCurve) -> None:
     if not len(s.frequency):
         return
     gain, phase, nyquist, sensitivity = grid[0][0], grid[1][0], grid[0][1], grid[1][1]
@@ -92,7 +92,7 @@ def _curve(grid: list[list[Axes]], s: _Shown) -> None:
     sensitivity.plot(s.frequency, decibels(s.value / (1.0 + s.value)), **{**plain, "linestyle": ":"})
 
 
-def _bode(gain: Axes, phase: Axes, shown: list[_Shown]) -> None:
+def _bode(gain: Axes, phase: Axes, shown: list[_DrawnCurve]) -> None:
     gain.set_ylabel("|L| [dB]")
     phase.set_ylabel("arg L [deg]")
     gain.axhline(0.0, color=_GREY, linewidth=0.8)
@@ -116,7 +116,7 @@ def _bode(gain: Axes, phase: Axes, shown: list[_Shown]) -> None:
         _frequency(ax, shown)
 
 
-def _legend(gain: Axes, phase: Axes, shown: list[_Shown]) -> None:
+def _legend(gain: Axes, phase: Axes, shown: list[_DrawnCurve]) -> None:
     """Name the curves in one panel, and what marks their margins in the other, as far as there are any."""
     gain.legend(**LEGEND)
     marks: list[Line2D] = []
@@ -138,7 +138,7 @@ def _span(curves: list[Floats]) -> tuple[float, float]:
     return max(float(finite.max()), 0.0) + 6.0, min(float(finite.min()), 0.0) - 6.0
 
 
-def _sensitivities(ax: Axes, shown: list[_Shown]) -> None:
+def _sensitivities(ax: Axes, shown: list[_DrawnCurve]) -> None:
     ax.set_ylabel("|S|, dotted |T| [dB]")
     ax.axhline(0.0, color=_GREY, linewidth=0.8)
     curves = [decibels(1.0 / (1.0 + s.value)) for s in shown]
@@ -147,7 +147,7 @@ def _sensitivities(ax: Axes, shown: list[_Shown]) -> None:
     _frequency(ax, shown)
 
 
-def _frequency(ax: Axes, shown: list[_Shown]) -> None:
+def _frequency(ax: Axes, shown: list[_DrawnCurve]) -> None:
     """Show where |L| is not far from 1: three decades around the crossovers at most."""
     plain_decades(ax)
     ax.set_xlabel("frequency [Hz]")
@@ -162,7 +162,7 @@ def _frequency(ax: Axes, shown: list[_Shown]) -> None:
     ax.set_xlim(max(low, min(ends)), min(max([high, *measured]), max(ends)))
 
 
-def _nyquist(ax: Axes, shown: list[_Shown]) -> None:
+def _nyquist(ax: Axes, shown: list[_DrawnCurve]) -> None:
     unit = Circle((0.0, 0.0), 1.0, fill=False, color="#999999", linestyle="--", linewidth=0.8, label="|L| = 1")
     ax.add_patch(unit)
     disk = next((s.margins.disk for s in shown if s.margins.disk is not None), None)
@@ -188,7 +188,7 @@ def _nyquist(ax: Axes, shown: list[_Shown]) -> None:
 # -- words ----------------------------------------------------------------------------------------
 
 
-def _words(shown: list[_Shown]) -> list[str]:
+def _words(shown: list[_DrawnCurve]) -> list[str]:
     lines = [f"{s.label}: {_short(s.margins)}" for s in shown]
     return [line if len(line) <= 1.6 * LINE else f"{line[: int(1.6 * LINE)]}…" for line in lines[:8]]
 

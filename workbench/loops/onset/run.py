@@ -64,7 +64,7 @@ def run(model: DescribedModel, asked: RateOnset, job: Job) -> OnsetResult:
             _check_held(placed, closed, ports.w)
         band, told = _band(closed, asked.band)
         notes += [*told, *closed.notes, *(f"{z.name}: {z.reason}" for z in closed.zeros if z.name == asked.input)]
-        motion = _Motion(closed, rate, *_curve(closed, 0, band))
+        motion = _LimiterMotion(closed, rate, *_curve(closed, 0, band))
         points = []
         for number, amplitude in enumerate(every, 1):
             found = _point(amplitude, motion, opened.lin)
@@ -104,7 +104,7 @@ def _watched(model: DescribedModel, limited: str) -> Iterator[DescribedModel]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Motion:
+class _LimiterMotion:
     """How the limiter's output moves in the linear closed loop.
 
     That of a sampled limiter is a staircase. Its fundamental is F = F_k sin(x)/x with x = πfT, of samples F_k, and the
@@ -201,7 +201,7 @@ def _band(closed: LinResult, asked: tuple[float, float]) -> tuple[tuple[float, f
     return (low, top), [f"sampled every {closed.dt:g} s: searched up to {top:.4g} Hz, half the sample rate"]
 
 
-def _point(amplitude: float, motion: _Motion, opened: LinResult) -> OnsetPoint:
+def _point(amplitude: float, motion: _LimiterMotion, opened: LinResult) -> OnsetPoint:
     """Return the lowest frequency at which the limit is reached, and the open loop there."""
     ratios = amplitude * motion.ratios
     top = int(ratios.argmax())
@@ -231,7 +231,7 @@ def _point(amplitude: float, motion: _Motion, opened: LinResult) -> OnsetPoint:
     )
 
 
-def _followed(point: OnsetPoint, watched: Model, asked: RateOnset, motion: _Motion) -> OnsetPoint:
+def _followed(point: OnsetPoint, watched: Model, asked: RateOnset, motion: _LimiterMotion) -> OnsetPoint:
     """Return the point with the folds of the model's own periodic responses around the onset."""
     if point.frequency_hz is None:
         return replace(point, jumps=(), jumps_told="the limit is not reached")

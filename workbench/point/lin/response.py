@@ -92,7 +92,7 @@ def _check(task: LinTask) -> None:
         raise InputError(f"points: {task.points} are too few for a realisation; at least 8 are needed")
 
 
-def _better(first: _Tried, task: LinTask, recipe: LoadRecipe, runs: RunCosts) -> LinResult | None:
+def _better(first: _Attempt, task: LinTask, recipe: LoadRecipe, runs: RunCosts) -> LinResult | None:
     """Return the linear model with another tolerance where it predicts better; None: it does not."""
     try:
         with recipe.open() as model:
@@ -110,7 +110,7 @@ def _better(first: _Tried, task: LinTask, recipe: LoadRecipe, runs: RunCosts) ->
 
 
 @dataclass(frozen=True)
-class _Tried:
+class _Attempt:
     """What one attempt gave.
 
     Attributes:
@@ -142,14 +142,14 @@ def _tighter(task: LinTask) -> LoadRecipe | None:
     return replace(recipe, tolerance=INTEGRATION)
 
 
-def _tried(task: LinTask, runs: RunCosts) -> _Tried:
+def _tried(task: LinTask, runs: RunCosts) -> _Attempt:
     try:
         return _identified(task, _period(task), runs)
     except SimulationError as error:
-        return _Tried(None, np.inf, error)
+        return _Attempt(None, np.inf, error)
 
 
-def _identified(task: LinTask, period: float, costs: RunCosts) -> _Tried:
+def _identified(task: LinTask, period: float, costs: RunCosts) -> _Attempt:
     """Return the linear model, and how well it predicts runs that it was not made from."""
     with open_at_point(task, period, costs) as session:
         runs = PulseRuns(task, session, period, costs)
@@ -187,7 +187,7 @@ def _identified(task: LinTask, period: float, costs: RunCosts) -> _Tried:
     untested = {name for t in trials for name in t.untested}
     zeros = tuple(_not_known(z) if z.kind == "output" and z.name in untested else z for z in result.zeros)
     result = replace(result, notes=tuple(notes), doubts=tuple(doubts), refused=refused, calls=calls, zeros=zeros)
-    return _Tried(result, np.inf if untested or refused else max(t.error(found) for t in trials))
+    return _Attempt(result, np.inf if untested or refused else max(t.error(found) for t in trials))
 
 
 def _so_far(task: LinTask, point: OperatingPoint, pulses: Pulses, period: float) -> LinResult:

@@ -42,7 +42,7 @@ _DECIDING = ("method", "x0", "u0", "dx", "du", "inputs", "outputs", "time", "per
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Job:
+class _LinJob:
     """One linearisation, for a worker process; `trimmed`: about the equilibrium that is found from its point."""
 
     varied: dict[str, float]
@@ -102,7 +102,7 @@ def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
         raise InputError(f"over: the parameters of {model.name} cannot be set, as it is not a file")
 
 
-def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool, trimmed: bool) -> _Job:
+def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool, trimmed: bool) -> _LinJob:
     inputs, states = {v.name for v in model.inputs}, {v.name for v in model.states}
     request = replace(
         common,
@@ -110,10 +110,10 @@ def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool
         x0={**(common.x0 or {}), **{n: v for n, v in varied.items() if n in states}},
     )
     parameters = {n: v for n, v in varied.items() if n not in inputs | states}
-    return _Job(varied=varied, parameters=parameters, request=request, explained=explained, trimmed=trimmed)
+    return _LinJob(varied=varied, parameters=parameters, request=request, explained=explained, trimmed=trimmed)
 
 
-def _all(model: Model, todo: Sequence[_Job], workers: Workers, kept: Store | None, job: Job) -> Iterator[LinPoint]:
+def _all(model: Model, todo: Sequence[_LinJob], workers: Workers, kept: Store | None, job: Job) -> Iterator[LinPoint]:
     """Yield every point: those on disk, then those that are made now, each on disk before the next."""
     done = kept.load() if kept is not None else {}
     job.notes += kept.remarks() if kept is not None else []
@@ -151,7 +151,7 @@ def _point(answer: Reply | Lost) -> LinPoint:
     return point
 
 
-def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
+def linearise_one(model: Model, job: _LinJob) -> Iterator[LinPoint]:
     """Linearise one point of a grid; what a worker process runs."""
     varied = with_parameters(model, job.parameters)
     try:
@@ -162,7 +162,7 @@ def linearise_one(model: Model, job: _Job) -> Iterator[LinPoint]:
         yield LinPoint(job.varied, None, str(error), error.kind)
 
 
-def _at_rest(model: Model, job: _Job) -> Lin:
+def _at_rest(model: Model, job: _LinJob) -> Lin:
     """Return the linearisation about the equilibrium that is found from its point."""
     request, states = job.request, {v.name for v in model.states}
     begin = {n: v for n, v in (request.x0 or {}).items() if n in states}

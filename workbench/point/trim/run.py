@@ -57,12 +57,12 @@ def run(model: Model, request: Trim, job: Job) -> TrimResult:
         guess={**begin, **(request.x0 or {}), **(request.u0 or {})},
     )
     begins = model.start_time if request.time is None else request.time
-    result = _Trim(model, sets, begins, request, job).run()
+    result = _TrimRun(model, sets, begins, request, job).run()
     return replace(result, notes=(*remarks, *result.notes))
 
 
 @dataclass
-class _Trim:
+class _TrimRun:
     """One trim under way."""
 
     model: Model

@@ -118,7 +118,7 @@ class Approach:
     motions: list[Solved] = field(default_factory=list)
     seen: list[tuple[Floats, Period]] = field(default_factory=list)
     may_jump: bool = False
-    _last: _Modes | None = None
+    _last: _PeriodModes | None = None
 
     def add(self, session: CompiledMeSession, period: Period) -> bool:
         """Take one more period; return whether the motion is known to be reached."""
@@ -142,7 +142,7 @@ class Approach:
     def reaches(self, motion: Solved) -> bool:
         """Return whether the run, as far as it has come, is known to end in a motion."""
         if self._last is None or self._last.motion is not motion:
-            self._last = _Modes(motion)
+            self._last = _PeriodModes(motion)
         modes = self._last
         distances = [modes.distance(x) for x, _ in self.seen]
         if len(distances) < 2:
@@ -162,7 +162,7 @@ class Approach:
 
 
 @dataclass
-class _Modes:
+class _PeriodModes:
     """Deviations from a motion in coordinates in which its period map is diagonal; those that stand are left out."""
 
     motion: Solved

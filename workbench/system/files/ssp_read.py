@@ -65,7 +65,7 @@ def _find_ssd(source: str, folder: Path) -> tuple[Path, list[str]]:
 def _read(path: Path, source: str, notes: list[str], *, packed: bool) -> SystemDescription:
     """Return the system in a file; what is unpacked lies in a folder that the description owns."""
     unpacked = Unpacked(path, scratch_folder("ssp"), owned=True)
-    files = _Files(unpacked.folder, notes)
+    files = _SspFiles(unpacked.folder, notes)
     try:
         origin = files.opened(path, source, packed=packed)
         description = _SspReader(origin, notes).description(source)
@@ -82,7 +82,7 @@ def _read(path: Path, source: str, notes: list[str], *, packed: bool) -> SystemD
 
 
 @dataclass
-class _Files:
+class _SspFiles:
     """Opens SSDs and packages.
 
     Attributes:

@@ -81,7 +81,7 @@ def write_ssp(description: SystemDescription, path: str | Path) -> tuple[str, ..
 
 
 @dataclass
-class _SspComponent:
+class _WrittenComponent:
     """A component with what its XML needs; `shown` are further variables with a connector."""
 
     component: Component
@@ -143,7 +143,7 @@ class _SspWriter:
             for name, port, kind in shown:
                 self._connector(connectors, self.parts[port.component], port.variable, name, kind)
 
-    def _connector(self, parent: Element, part: _SspComponent, variable: Variable, name: str, kind: str) -> None:
+    def _connector(self, parent: Element, part: _WrittenComponent, variable: Variable, name: str, kind: str) -> None:
         items = {} if part.facts is None else part.facts.items.get(variable.name, {})
         enumeration = f"{part.component.name}.{variable.name}" if items else None
         if enumeration is not None:
@@ -151,7 +151,7 @@ class _SspWriter:
         unit = self._unit(part, declared_unit(part.component, variable))
         add_connector(parent, name, kind, variable.type, unit=unit, enumeration=enumeration)
 
-    def _unit(self, part: _SspComponent, name: str | None) -> str | None:
+    def _unit(self, part: _WrittenComponent, name: str | None) -> str | None:
         """Return a unit that the SSD can refer to, and remember its definition; None: there is none."""
         if name is None or name in self.units:
             return name
@@ -165,7 +165,7 @@ class _SspWriter:
 
     # -- components -----------------------------------------------------------------------------------
 
-    def _component(self, parent: Element, part: _SspComponent) -> None:
+    def _component(self, parent: Element, part: _WrittenComponent) -> None:
         component = part.component
         if isinstance(component, FmuComponent):
             source = self.resources.add_fmu(component.file, component.name)
@@ -179,7 +179,7 @@ class _SspWriter:
         if isinstance(component, FmuComponent):
             self._settings(xml, component, part)
 
-    def _component_connectors(self, xml: Element, part: _SspComponent) -> None:
+    def _component_connectors(self, xml: Element, part: _WrittenComponent) -> None:
         connectors = element("ssd:Connectors", xml)
         bound = part.component.set if isinstance(part.component, FmuComponent) else {}
         for variable in part.variables:
@@ -195,7 +195,7 @@ class _SspWriter:
         if not len(connectors):
             xml.remove(connectors)
 
-    def _settings(self, xml: Element, component: FmuComponent, part: _SspComponent) -> None:
+    def _settings(self, xml: Element, component: FmuComponent, part: _WrittenComponent) -> None:
         if component.set and part.facts is not None:
             add_parameters(xml, component, part.facts)
         told = {"step": component.step, "solver": component.solver, "dependencies": component.dependencies}
@@ -240,10 +240,10 @@ class _SspWriter:
         return {f"{side}Element": component, f"{side}Connector": port.variable.name}
 
 
-def _part(component: Component) -> _SspComponent:
+def _part(component: Component) -> _WrittenComponent:
     if isinstance(component, FmuComponent):
         facts = fmu_facts(component.file, component.called)
-        return _SspComponent(component, facts, tuple(facts.variables.values()))
+        return _WrittenComponent(component, facts, tuple(facts.variables.values()))
     if isinstance(component, FunctionComponent):
         raise InputError(f"component {component.name} is a Python function, which no file can hold")
-    return _SspComponent(component, None, block_variables(component))
+    return _WrittenComponent(component, None, block_variables(component))
