@@ -179,6 +179,10 @@ def test_a_stop_time_of_the_fmus_own_is_moved_where_a_run_goes_on(tmp_path: Path
         short = wb.simulate(model, stop=1.5)
         found = wb.simulate(model, stop=4.0)
         response = wb.nfr(model, "u", "y", [0.5], 0.1)
+    with wb.load(build_mimic(tmp_path, "finishes"), interface="cs") as model:
+        linear = wb.lin(model).result
+    with wb.load(build_mimic(tmp_path, "finishes"), interface="cs") as model:
+        best = wb.bla(model, "u", "y", rms=[1.0], band=(0.1, 1.0), realisations=2)
     assert not any("goes no further" in n for n in short.notes)
     assert any("goes no further than 2 s" in n for n in found.notes)
     damped = math.sqrt(96.0)
@@ -186,4 +190,7 @@ def test_a_stop_time_of_the_fmus_own_is_moved_where_a_run_goes_on(tmp_path: Path
     truth = 1.0 - np.exp(-2.0 * found.time) * (np.cos(angle) + 2.0 / damped * np.sin(angle))
     assert found.signals["y"] == pytest.approx(truth, abs=1e-6)
     s = 1j * math.pi
-    assert response.response[0, 0] == pytest.approx(100.0 / (s * s + 4.0 * s + 100.0), rel=1e-3)
+    expected = 100.0 / (s * s + 4.0 * s + 100.0)
+    assert response.response[0, 0] == pytest.approx(expected, rel=1e-3)
+    assert linear.fundamental([0.5])[0, 0, 0] == pytest.approx(expected, rel=1e-2)
+    assert any("goes no further than 2 s" in n for n in best.notes)

@@ -59,7 +59,7 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
 
     try:
         with at_pauses(tell):
-            found = _once(running)
+            found = running.once(None)
         tell(stop)
         if found.step is not None and asked.verify_step:
             job.found(lambda: running.result(found, told), "the repetition with half the communication step")
@@ -79,18 +79,6 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
     if found.step is not None and asked.verify_step:
         told += running.doubts(found)
     return running.result(found, told)
-
-
-def _once(running: _Run) -> _Once:
-    """Run; once more where the failure showed what lets the FMU go on."""
-    known = running.model.remarks()
-    try:
-        return running.once(None)
-    except SimulationError:
-        if running.model.remarks() == known:
-            raise
-        running.begins.clear()
-        return running.once(None)
 
 
 def _left_out(model: Model, inputs: Mapping[str, Signal]) -> Iterator[str]:
