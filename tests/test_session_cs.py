@@ -183,6 +183,8 @@ def test_a_stop_time_of_the_fmus_own_is_moved_where_a_run_goes_on(tmp_path: Path
         linear = wb.lin(model).result
     with wb.load(build_mimic(tmp_path, "finishes"), interface="cs") as model:
         best = wb.bla(model, "u", "y", rms=[1.0], band=(0.1, 1.0), realisations=2)
+    with wb.load(build_mimic(tmp_path, "finishes"), interface="cs") as model:
+        data = wb.excite(model, "u", "y", prbs="amplitude=1", dt=0.1, samples=100).identification
     assert not any("goes no further" in n for n in short.notes)
     assert any("goes no further than 2 s" in n for n in found.notes)
     damped = math.sqrt(96.0)
@@ -192,5 +194,6 @@ def test_a_stop_time_of_the_fmus_own_is_moved_where_a_run_goes_on(tmp_path: Path
     s = 1j * math.pi
     expected = 100.0 / (s * s + 4.0 * s + 100.0)
     assert response.response[0, 0] == pytest.approx(expected, rel=1e-3)
-    assert linear.fundamental([0.5])[0, 0, 0] == pytest.approx(expected, rel=1e-2)
+    assert linear.fundamental(np.array([0.5]))[0, 0, 0] == pytest.approx(expected, rel=1e-2)
     assert any("goes no further than 2 s" in n for n in best.notes)
+    assert data.y.shape == (100, 1)

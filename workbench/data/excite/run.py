@@ -163,7 +163,7 @@ class _ExperimentRun:
     def take(self, item: object) -> None:
         """Take what the job yields."""
         if isinstance(item, Begin):
-            self.begin = item
+            self.begin, self.pieces, self.done = item, [], 0
             again = self.model.interface == "cs" and self.asked.verify_step
             self.total = item.total + (len(item.sequences.identification.values) if again else 0)
         elif isinstance(item, Samples):
@@ -203,14 +203,24 @@ class _ExciteJob(WorkItem):
     def run(self, model: Model) -> Iterator[Begin | Samples | Remark | int]:
         begin: Begin | None = None
         pieces: list[Samples] = []
-        for item in measure(model, self.asked, self.at):
+        for item in self._measured(model):
             if isinstance(item, Begin):
-                begin = item
+                begin, pieces = item, []
             else:
                 pieces.append(item)
             yield item
         if self.asked.verify_step and model.interface == "cs" and begin is not None:
             yield from self._verify(model, begin, np.vstack([p.y for p in pieces]))
+
+    def _measured(self, model: Model) -> Iterator[Begin | Samples]:
+        """Run the experiment; once more from its begin where its failure showed what lets the FMU go on."""
+        known = model.remarks()
+        try:
+            yield from measure(model, self.asked, self.at)
+        except SimulationError:
+            if model.remarks() == known:
+                raise
+            yield from measure(model, self.asked, self.at)
 
     def _verify(self, model: Model, begin: Begin, y: Floats) -> Iterator[Remark | int]:
         """Repeat the identification part with half the communication step; yields progress, then remarks."""
