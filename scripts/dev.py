@@ -295,7 +295,7 @@ def mutants(paths: Sequence[str] = (), count: int = 300, *, record: bool = False
 
     Args:
         paths: files or folders; by default the numerical rooms.
-        count: how many changes are tried; which ones follows from a fixed seed.
+        count: how many changes are tried; which ones follows from the commit.
         record: whether to find out again which tests run which lines.
     """
     _ensure_installed()

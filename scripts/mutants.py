@@ -3,17 +3,17 @@
 
     python scripts/mutants.py                         300 mutants of the numerical rooms
     python scripts/mutants.py --count 20 workbench/core/values/linear.py
-    python scripts/mutants.py --seed 7 --count 60     others
+    python scripts/mutants.py --seed 7 --count 60     the same ones at each commit that leaves the code as it is
     python scripts/mutants.py --again tests/test_linear.py    after tests were added there
     python scripts/mutants.py --list --count 20       show them, run nothing
 
-A mutant is one operator, comparison, number or condition changed. They are drawn from the code as it is; the
-seed says which. Each is run, without a change
+A mutant is one operator, comparison, number or condition changed. They are drawn from the code as it is, by a
+seed that follows from the commit (--seed: another). Each is run, without a change
 on disk, against tests that run its line, the quickest first, until one fails; which they are is recorded once
 (`covered.py`; --record does so again, --again for some files of tests). It is killed where one of them fails, or does
 not end, and passes without it. What survives is listed: mend it by a test with a truth of its own (a closed form, a
-residual, a second method), never by writing down what comes out. What changes nothing that anybody could see is
-equivalent: it stands in `equivalent.toml` with the reason, and holds as long as its line is the same.
+residual, a second method), never by writing down what comes out. Some change
+nothing that anybody could see.
 
 A driver of our own: mutmut wants all tests in one run of one process first, which takes ten minutes here and does not
 see worker processes; cosmic-ray has one test command for all modules, and changes the files themselves.
@@ -28,7 +28,6 @@ import random
 import re
 import subprocess
 import sys
-import tomllib
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -44,12 +43,10 @@ FOLDERS = (
     "point", "response", "health", "data", "loops", "identification", "limit_cycles",
     "core", "system", "session", "kernel",
 )  # fmt: skip
-COUNT, SEED = 300, 19
+COUNT = 300
 TESTS, SECONDS = 300, 60.0  # of a mutant, at most: so many tests, which take so long [s]
-FEW_SECONDS = 10.0  # of one that is said to be equivalent
 PATIENCE, LEAST = 4.0, 30.0  # times what the tests take without a change; [s]
 ENOUGH = 0.9  # of them
-EQUIVALENT = ROOT / "scripts" / "equivalent.toml"
 
 _COMPARED = {
     ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==", ast.Is: "is not",
@@ -288,14 +285,13 @@ def _pytest(tests: Sequence[str]) -> list[str]:
     return ["-m", "pytest", "-q", "-x", "--tb=no", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
 
 
-def tried(mutant: Mutant, most: float) -> Tried:
+def tried(mutant: Mutant) -> Tried:
     """Run the tests of a mutant, until one fails.
 
     Args:
         mutant: what is changed.
-        most: how long they take at most [s].
     """
-    tests = tests_of(mutant, most)
+    tests = tests_of(mutant, SECONDS)
     if not tests:
         return Tried(mutant, tests, None)
     one, every = (LEAST + PATIENCE * of(t.seconds for t in tests) for of in (max, sum))
@@ -320,22 +316,19 @@ def _unjust(killers: set[str]) -> set[str]:
     return {name for name in killers if done.returncode and name in done.stdout}
 
 
-def equivalent() -> dict[tuple[str, str, str], str]:
-    """Return why mutants change nothing, by their keys."""
-    rows = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8"))["mutant"]
-    return {(row["file"], row["line"], row["change"]): row["why"] for row in rows}
-
-
-def _show(what: Tried, known: dict[tuple[str, str, str], str]) -> None:
+def _show(what: Tried) -> None:
     word = {None: "NOT RUN", "": "SURVIVES"}.get(what.killer, "killed")
-    why = None if what.killer else known.get(what.mutant.key)
-    print(f"{word if why is None else 'same':9s}{what.mutant.words}", flush=True)
-    if why is not None:
-        print(f"{'':9s}{why}", flush=True)
-    elif what.killer:
+    print(f"{word:9s}{what.mutant.words}", flush=True)
+    if what.killer:
         print(f"{'':9s}by {what.killer}", flush=True)
     elif what.tests:
         print(f"{'':9s}tried: {' '.join(t.name for t in what.tests)}", flush=True)
+
+
+def _seed() -> int:
+    """Return a seed that follows from the commit: a sample that nobody has mended."""
+    done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
+    return int(done.stdout[:8], 16)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -343,7 +336,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="*", type=Path, help="files or folders; by default the numerical ones")
     parser.add_argument("--count", type=int, default=COUNT, help=f"how many are tried; by default {COUNT}")
-    parser.add_argument("--seed", type=int, default=SEED, help="of the choice")
+    parser.add_argument("--seed", type=int, help="of the choice; by default that of the commit")
     parser.add_argument("--record", action="store_true", help="first find out again which tests run their lines")
     parser.add_argument("--again", nargs="+", metavar="FILE", help="record these files of tests again, and new ones")
     parser.add_argument("--list", action="store_true", help="show the mutants, run nothing")
@@ -351,7 +344,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     paths = [p.resolve() for p in asked.paths] or [ROOT / "workbench" / name for name in FOLDERS]
     if missing := [p for p in paths if not p.exists()]:
         parser.error(f"there is no {missing[0]}")
-    mutants = fresh(paths, asked.count, asked.seed)
+    mutants = fresh(paths, asked.count, _seed() if asked.seed is None else asked.seed)
     places = [(m.file, m.line) for m in mutants]
     if asked.record or not is_recorded(places):
         print("recording which tests run their lines ...", flush=True)
@@ -367,23 +360,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(mutants: Sequence[Mutant]) -> int:
     """Try them all, show them, and return the exit code."""
-    every, known = list[Tried](), equivalent()
+    every = list[Tried]()
     with ThreadPoolExecutor(min(2, os.cpu_count() or 1)) as pool:  # the tests have processes of their own
-        for done in pool.map(tried, mutants, (FEW_SECONDS if m.key in known else SECONDS for m in mutants)):
+        for done in pool.map(tried, mutants):
             every.append(done)
-            _show(done, known)
+            _show(done)
     unjust = _unjust({t.killer for t in every if t.killer})
     for name in sorted(unjust):
         print(f"fails without a mutant, too, and killed none: {name}")
     killed = [t.mutant for t in every if t.killer and t.killer not in unjust]
-    same = [t.mutant for t in every if t.mutant not in killed and t.mutant.key in known]
-    count, dead, alike = (
-        Counter(m.file.relative_to(ROOT).parts[1] for m in group) for group in (mutants, killed, same)
-    )
+    count, dead = (Counter(m.file.relative_to(ROOT).parts[1] for m in group) for group in (mutants, killed))
     for folder, number in count.items():
-        print(f"{folder:12s}{dead[folder]} of {number} killed, {alike[folder]} equivalent")
-    print(f"{len(killed)} of {len(mutants)} killed, {len(same)} equivalent")
-    return 0 if len(killed) + len(same) >= ENOUGH * len(mutants) else 1
+        print(f"{folder:12s}{dead[folder]} of {number} killed")
+    print(f"{len(killed)} of {len(mutants)} killed")
+    return 0 if len(killed) >= ENOUGH * len(mutants) else 1
 
 
 if __name__ == "__main__":

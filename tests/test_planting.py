@@ -12,7 +12,7 @@ import pytest
 
 from scripts.covered import Covered, is_recorded, read, record
 from scripts.covered import Test as CoveredTest
-from scripts.mutants import FOLDERS, equivalent, fresh, mutants_of
+from scripts.mutants import FOLDERS, fresh, mutants_of
 from scripts.plant_faults import Fault, main, read_faults
 from scripts.planting import ROOT, run_planted
 from scripts.reproduce.select import select
@@ -153,14 +153,6 @@ def test_a_constant_is_run_where_its_name_is_used(tmp_path: Path) -> None:
     assert known.running(file, 1) == [tests[2]]  # the third one has not passed
     assert known.running(file, 4) == [tests[2], tests[1]]  # a default
     assert known.running(file, 5) == [tests[2], tests[1]]
-
-
-def test_every_equivalent_change_is_of_a_line_that_is_there() -> None:
-    """Or else the line has changed, and the reason has to be thought over."""
-    for (file, line, change), why in equivalent().items():
-        found = [m for m in mutants_of(ROOT / file) if m.key == (file, line, change)]
-        assert found, f"{file}: {line}: {change}"
-        assert why
 
 
 def test_a_quick_run_leaves_out_what_took_longest(tmp_path: Path) -> None:
