@@ -9,7 +9,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,8 @@ from workbench.jobs.store import FILE_NAME
 if sys.platform == "win32":
     pytest.skip("signals of POSIX: Windows delivers neither SIGTERM nor SIGHUP to a handler", allow_module_level=True)
 import pty
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 # Periods of 0.01 s end before t = 0.5 s, from where on this FMU hangs; a period of 1 s never ends.
 SWEEP = ["--input", "u", "--output", "y", "--amplitude", "1", "--freq", "1,100", "--max-periods", "4", "--jobs", "2"]
@@ -58,7 +60,6 @@ class Hanging:
     Args:
         folder: for all files.
         arguments: of the program.
-        begin: how Python begins it.
         environment: of the process.
 
     Attributes:
@@ -67,13 +68,11 @@ class Hanging:
         temporary: folder for its temporary files.
     """
 
-    def __init__(
-        self, folder: Path, *arguments: str, begin: Sequence[str] = ("-m", "workbench"), **environment: str
-    ) -> None:
+    def __init__(self, folder: Path, *arguments: str, **environment: str) -> None:
         tells, self.temporary = folder / "tells", folder / "temporary"
         self.temporary.mkdir()
         own = {"HOSTILE_TELLS": str(tells), "TMPDIR": str(self.temporary), **environment}
-        self.process = start([*begin, *arguments], **own)
+        self.process = start(["-m", "workbench", *arguments], **own)
         wait_for(lambda: tells.exists() and tells.read_text().endswith("\n"), self.process)
         self.pid = int(tells.read_text())
 
@@ -110,12 +109,14 @@ def sweep(folder: Path, *, how: str = "hang", **environment: str) -> tuple[Hangi
     return found, out
 
 
-def test_a_sweep_keeps_what_was_measured(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_sweep_keeps_what_was_measured(tmp_path: Path, number: signal.Signals) -> None:
     found, out = sweep(tmp_path)
-    code, err = found.end(signal.SIGINT)
-    assert code == 128 + signal.SIGINT
+    code, err = found.end(number)
+    assert code == 128 + number
+    by = "" if number == signal.SIGINT else f" by {number.name}"
     assert [line for line in err if "interrupted" in line] == [
-        "note: interrupted after 1 of 2 points; the same command continues"
+        f"note: interrupted{by} after 1 of 2 points; the same command continues"
     ]
     assert all(line.startswith("note: ") for line in err), err
     result = json.loads(out.read_text(encoding="utf-8"))
@@ -176,6 +177,7 @@ def test_what_is_done_is_written_whole(
 @pytest.mark.parametrize(
     "command",
     [
+        ["simulate", "--stop", "1"],
         ["info"],
         ["excite", "--input", "u", "--output", "y", "--prbs", "amplitude=1,rate=10"],
     ],
@@ -189,9 +191,9 @@ def test_every_command_ends_orderly(tmp_path: Path, command: list[str]) -> None:
 
 
 def test_an_fmu_that_hangs_in_the_programs_own_process_does_not_keep_it(tmp_path: Path) -> None:
-    hurried = "from workbench.cli import interrupt, main; interrupt._PATIENCE = 0.5; main()"
-    fmu = str(build_hostile(tmp_path, "hang-at-start"))
-    code, err = Hanging(tmp_path, "lin", fmu, "--in-process", begin=["-c", hurried]).end(signal.SIGTERM)
+    code, err = Hanging(tmp_path, "lin", str(build_hostile(tmp_path, "hang-at-start")), "--in-process").end(
+        signal.SIGTERM
+    )
     assert code == 128 + signal.SIGTERM
     assert err == [
         "note: interrupted by SIGTERM: the code of an FMU, or of a library, does not return; there is no result"

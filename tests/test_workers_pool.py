@@ -303,10 +303,7 @@ def test_an_odd_exception_ends_nothing_in_silence(model: wb.DescribedModel, what
 
 
 @linux
-def test_noise_in_the_channel_costs_nothing_and_a_closed_one_is_told(
-    model: wb.DescribedModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("workbench.jobs.worker_process._DYING", 0.5)  # it lives on, and is waited for so long
+def test_noise_in_the_channel_costs_nothing_and_a_closed_one_is_told(model: wb.DescribedModel) -> None:
     assert do(model, ("noise", "between"), ("say", 1)) == {("noise", "between"): ["after"], ("say", 1): [1]}
     found = do(model, ("noise", "closed"), ("say", 1), workers=1)
     assert found["say", 1] == [1]

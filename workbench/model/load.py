@@ -147,7 +147,7 @@ class FmuRecipe(LoadRecipe):
 
     Attributes:
         source: what the user named, for messages.
-        file: the FMU, where that is no name of it: it lies in a package that was unpacked; empty: `source`.
+        file: the path of the FMU, if `source` only names it (a part of an unpacked package); empty: `source`.
         folder: where it is unpacked; the loading process owns it.
         archive: the FMU itself as a zip archive, in place of `folder`; None: use the folder.
         sha256: of the FMU, told along with the archive; empty: read the file.

@@ -213,12 +213,13 @@ def _run(recipe: Recipe | None, whole: _WholeRequest, place: Worker, job: tellin
 def _here(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401
     """Run a request in this process; once more where its failure showed what lets the FMU go on."""
     run, models = named(asked.algorithm), [subject] if isinstance(subject, Model) else []
-    known = [model.remarks() for model in models]
+    known, before = [model.remarks() for model in models], len(job.notes)
     try:
         record: _Record = run(subject, asked, job)
     except SimulationError:
         if known == [model.remarks() for model in models]:
             raise
+        del job.notes[before:]  # of the run that failed
         record = run(subject, asked, job)
     return record
 

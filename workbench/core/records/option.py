@@ -241,7 +241,7 @@ class DeclaredOption:
 
 
 def in_unit(complaint: str, unit: str) -> str:
-    """Return what is said of a text that is no number, with the unit in which the number is wanted.
+    """Return the message for a text that is not a number, with the unit in which the number is expected.
 
     Args:
         complaint: such as "'1s' is not a number".
