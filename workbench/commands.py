@@ -82,8 +82,8 @@ def request_of(name: str) -> type[Request[Any, Any]]:
     Args:
         name: one of `REQUESTS`.
     """
-    found: type[Request[Any, Any]] = named(f"workbench.{REQUESTS[name]}")
-    return found
+    result: type[Request[Any, Any]] = named(f"workbench.{REQUESTS[name]}")
+    return result
 
 
 def requests_of(command: str) -> tuple[type[Request[Any, Any]], ...]:

@@ -139,9 +139,9 @@ def _refuse_present(
     names = {claims.identifier for claims in every_interface(description).values()}
     for platform in platforms:
         there = {f"binaries/{folder}/{n}{platform.suffix}" for folder in folders_of(platform.name) for n in names}
-        if found := sorted(there & {str(file) for file in left}):
+        if result := sorted(there & {str(file) for file in left}):
             raise InputError(
-                f"{source}: it has {found[0]} already; to compile it anew, name another file to write: --out"
+                f"{source}: it has {result[0]} already; to compile it anew, name another file to write: --out"
             )
 
 
@@ -184,8 +184,8 @@ def _give_headers(sources: Path) -> None:
     if folder.is_dir():
         return
     folder.mkdir()
-    for found in ((Path(fmpy.__file__).parent / "c-code").glob("fmi[23]*.h"), _OWN.glob("*.h")):
-        for header in found:
+    for result in ((Path(fmpy.__file__).parent / "c-code").glob("fmi[23]*.h"), _OWN.glob("*.h")):
+        for header in result:
             shutil.copyfile(header, folder / header.name)
 
 

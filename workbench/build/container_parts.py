@@ -157,9 +157,9 @@ def container_wires(parts: Sequence[ContainerPart], resolved: Resolved) -> tuple
     """
     for wire in resolved.wires:
         _check_wire(parts, wire)
-    found = plan(resolved.wires, parts=len(parts))
-    notes = [_loop([resolved.wires[i] for i in group.members]) for group in found.continuous if group.loop]
-    order = [i for group in found.events for i in group.members]
+    result = plan(resolved.wires, parts=len(parts))
+    notes = [_loop([resolved.wires[i] for i in group.members]) for group in result.continuous if group.loop]
+    order = [i for group in result.events for i in group.members]
     return [resolved.wires[i] for i in order], notes
 
 

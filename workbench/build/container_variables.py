@@ -49,13 +49,13 @@ def shown_variables(
     Raises:
         InputError: an input, output or start value is of a type that a container cannot pass on.
     """
-    found = [_input(parts, name, ports, starts.get(name), fmi) for name, ports in resolved.inputs.items()]
-    found += [_output(parts, name, port, fmi) for name, port in resolved.outputs.items()]
+    result = [_input(parts, name, ports, starts.get(name), fmi) for name, ports in resolved.inputs.items()]
+    result += [_output(parts, name, port, fmi) for name, port in resolved.outputs.items()]
     driven = {(w.to_component, w.destination.name) for w in resolved.wires}
     driven |= {(p.component, p.variable.name) for ports in resolved.inputs.values() for p in ports}
     for number, part in enumerate(parts):
-        found += [_start(part, Port(number, v), fmi) for v in _set_from_outside(part, number, driven)]
-    return found
+        result += [_start(part, Port(number, v), fmi) for v in _set_from_outside(part, number, driven)]
+    return result
 
 
 def _input(

@@ -272,7 +272,7 @@ def _variable(
 
 def _structure_2(root: ET.Element, description: ModelDescriptionParts) -> None:
     model = description.model
-    found = dependencies(model, description.order)
+    result = dependencies(model, description.order)
     structure = ET.SubElement(root, "ModelStructure")
     outputs = [r for r, v in enumerate(model.variables) if v.output]
     derivatives = _of_states(model)
@@ -280,7 +280,7 @@ def _structure_2(root: ET.Element, description: ModelDescriptionParts) -> None:
         if references:
             group = ET.SubElement(structure, tag)
             for reference in references:
-                needed = of_variable(model, found, reference)
+                needed = of_variable(model, result, reference)
                 attributes = {"index": str(reference + 1), "dependencies": " ".join(str(r + 1) for r in needed)}
                 if needed:
                     attributes["dependenciesKind"] = " ".join(["dependent"] * len(needed))
@@ -312,7 +312,7 @@ def _indicators_3(parent: ET.Element, model: ScalarModel) -> None:
 
 def _structure_3(root: ET.Element, description: ModelDescriptionParts) -> None:
     model = description.model
-    found = dependencies(model, description.order)
+    result = dependencies(model, description.order)
     structure = ET.SubElement(root, "ModelStructure")
 
     def unknown(tag: str, reference: int, needed: Sequence[int]) -> None:
@@ -323,14 +323,14 @@ def _structure_3(root: ET.Element, description: ModelDescriptionParts) -> None:
 
     for reference, variable in enumerate(model.variables):
         if variable.output:
-            unknown("Output", reference, of_variable(model, found, reference))
+            unknown("Output", reference, of_variable(model, result, reference))
     for derivative in _of_states(model):
-        unknown("ContinuousStateDerivative", derivative, of_variable(model, found, derivative))
+        unknown("ContinuousStateDerivative", derivative, of_variable(model, result, derivative))
     for reference in _initial_unknowns(model):
         ET.SubElement(structure, "InitialUnknown", {"valueReference": str(reference)})
     for key, reference in indicator_references(model).items():
         for offset in range(2 if key[0] == "quotient" else 1):
-            unknown("EventIndicator", reference + offset, sorted(found.get(key, frozenset())))
+            unknown("EventIndicator", reference + offset, sorted(result.get(key, frozenset())))
 
 
 def _bytes(root: ET.Element) -> bytes:

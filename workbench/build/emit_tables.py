@@ -33,15 +33,15 @@ def indicator_references(model: ScalarModel) -> dict[tuple[str, int], int]:
     behind the first.
     """
     next_reference = len(model.variables)
-    found: dict[tuple[str, int], int] = {}
+    result: dict[tuple[str, int], int] = {}
     for slot, relation in enumerate(model.relations):
         if relation.deadline is None:
-            found["relation", slot] = next_reference
+            result["relation", slot] = next_reference
             next_reference += 1
     for slot in range(len(model.quotients)):
-        found["quotient", slot] = next_reference
+        result["quotient", slot] = next_reference
         next_reference += 2
-    return found
+    return result
 
 
 CAUSALITIES = {

@@ -342,18 +342,18 @@ class ExpressionGraph:
             expression: what reads them.
             delayed: whether those that act a delay later count: they are read at the start.
         """
-        found: set[int] = set()
+        result: set[int] = set()
         for number in self.reachable([expression], delayed=delayed):
             node = self._nodes[number]
             if node.operation == VARIABLE:
-                found.add(node.reference)
+                result.add(node.reference)
             elif node.operation == DOT:
                 a, stride_a, x, stride_x, length = node.row
-                found.update(a + i * stride_a for i in range(length))
-                found.update(x + i * stride_x for i in range(length))
+                result.update(a + i * stride_a for i in range(length))
+                result.update(x + i * stride_x for i in range(length))
             elif node.operation == MATRIX:
-                found.update(self._factors(node.row))
-        return found
+                result.update(self._factors(node.row))
+        return result
 
     def _factors(self, row: Row) -> list[int]:
         """Return the value references that a matrix row depends on: zeros in the table are not dependencies."""

@@ -131,9 +131,9 @@ def build_fmu(
     Raises:
         BuildError: A file is missing, the model is outside the supported subset, or the compiler failed.
     """
-    found = _find(sources)
-    name = _choose(found, model)
-    return _build(found[name], name, {fmi: out}, platforms, stiff=stiff, job=job or Job())
+    result = _find(sources)
+    name = _choose(result, model)
+    return _build(result[name], name, {fmi: out}, platforms, stiff=stiff, job=job or Job())
 
 
 def build_all(
@@ -159,12 +159,12 @@ def build_all(
         BuildError: As :func:`build_fmu`.
     """
     results = list[BuildResult]()
-    found, job = sorted(_find(sources).items()), job or Job()
-    for name, file in found:
+    result, job = sorted(_find(sources).items()), job or Job()
+    for name, file in result:
         targets = {version: out / f"fmi{version}" / f"{name.replace('.', '_')}.fmu" for version in fmi}
         results.append(_build(file, name, targets, platforms, stiff=stiff, job=job))
         job.partial = lambda: BuiltModels(tuple(results))
-        job.done(name, len(results), len(found))
+        job.done(name, len(results), len(result))
     return results
 
 
@@ -236,35 +236,35 @@ def _experiment(checked: FlatModel) -> BuiltExperiment:
 def _runtime() -> dict[str, bytes]:
     """Return the C runtime and the standard's headers."""
     folder = package_files("workbench.build").joinpath("runtime")
-    found = {f.name: f.read_bytes() for f in folder.iterdir() if f.name.endswith((".c", ".h"))}
+    result = {f.name: f.read_bytes() for f in folder.iterdir() if f.name.endswith((".c", ".h"))}
     headers = Path(fmpy.__file__).parent / "c-code"
     for header in sorted(headers.glob("fmi[23]*.h")):
-        found[header.name] = header.read_bytes()
-    return found
+        result[header.name] = header.read_bytes()
+    return result
 
 
 def _find(sources: Sequence[Path]) -> dict[str, Path]:
     """Return {model: file} of all models in `sources`."""
-    found: dict[str, Path] = {}
+    result: dict[str, Path] = {}
     for source in sources:
         if not named_path(source).exists():
             raise BuildError(f"{source}: no such file or folder; give a Modelica file (.mo) or a folder of them")
         for file in sorted(source.rglob("*.mo")) if source.is_dir() else [source]:
             for name in models_in(file):
-                found[name] = file
-    if not found:
+                result[name] = file
+    if not result:
         raise BuildError(f"{', '.join(map(str, sources))}: no model found; a source needs a `model` or `block`")
-    return found
+    return result
 
 
-def _choose(found: Mapping[str, Path], model: str | None) -> str:
+def _choose(result: Mapping[str, Path], model: str | None) -> str:
     if model is None:
-        if len(found) > 1:
-            raise BuildError(f"several models: {', '.join(sorted(found))}; choose one with --model")
-        return next(iter(found))
-    matches = [name for name in found if name == model or name.endswith("." + model)]
+        if len(result) > 1:
+            raise BuildError(f"several models: {', '.join(sorted(result))}; choose one with --model")
+        return next(iter(result))
+    matches = [name for name in result if name == model or name.endswith("." + model)]
     if len(matches) != 1:
-        raise BuildError(f"no model {model} in the sources; {suggest(model, found)}")
+        raise BuildError(f"no model {model} in the sources; {suggest(model, result)}")
     return matches[0]
 
 

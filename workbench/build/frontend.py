@@ -132,12 +132,12 @@ def _meant(file: Path, text: str, message: str) -> str | None:
     """Return what a message of the front end means, where it is one that says nothing to who wrote the model."""
     bare = _without_comments(text)
     for pattern, words, place in _MEANINGS:
-        if found := pattern.search(message):
-            name = found[1].rpartition("[")[0].rpartition(".")[2]
+        if result := pattern.search(message):
+            name = result[1].rpartition("[")[0].rpartition(".")[2]
             whens = re.finditer(r"\b(?:else)?when\b.*?\bend\s+when\b", bare, flags=re.DOTALL)
             at = (m.start() + inner.start() for m in whens if (inner := re.search(place.format(name), m[0])))
             line = next((f":{bare[:begin].count(chr(10)) + 1}" for begin in at), "")
-            return f"{file.name}{line}: {words.format(found[1])}"
+            return f"{file.name}{line}: {words.format(result[1])}"
     calls = [m.start() for m in re.finditer(r"\bdelay\s*\(", bare)]
     for said, words in _DELAYS:
         if said in message:
@@ -161,8 +161,8 @@ def _diagnosis(rumoca: Any, file: Path, text: str, error: Exception) -> str:  # 
     named = re.search(r"'(\w+)'", message)
     line = _line_of(_without_comments(text), named.group(1)) if named else None
     reason = _STAGE.sub("", message)
-    told = message if reason == message else f"the Modelica front end refuses this: “{reason}”; write it another way"
-    return f"{file.name}{f':{line}' if line else ''}: {told}"
+    notes = message if reason == message else f"the Modelica front end refuses this: “{reason}”; write it another way"
+    return f"{file.name}{f':{line}' if line else ''}: {notes}"
 
 
 def _validate(rumoca: Any, file: Path, text: str) -> Sequence[Any]:  # noqa: ANN401 - see _front_end
@@ -227,16 +227,16 @@ def models_in(file: Path) -> list[str]:
 
 
 def _packages(text: str) -> set[str]:
-    found: set[str] = set()
+    result: set[str] = set()
     prefix: list[str] = []
     for match in re.finditer(r"\bpackage\s+(\w+)|\bend\s+(\w+)\s*;", text):
         opened, closed = match.groups()
         if opened:
             prefix.append(opened)
-            found.add(".".join(prefix))
+            result.add(".".join(prefix))
         elif prefix and prefix[-1] == closed:
             prefix.pop()
-    return found
+    return result
 
 
 def _without_comments(text: str) -> str:

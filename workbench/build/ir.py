@@ -138,12 +138,12 @@ class Dae:
             type_name, _, literal = full_name.rpartition(".")
             by_type.setdefault(type_name, []).append((int(ordinal), literal))
         names: Json = flat.get("variable_type_names") or {}
-        found: dict[str, list[str]] = {}
+        result: dict[str, list[str]] = {}
         for variable, type_name in names.items():
             for candidate, literals in by_type.items():
                 if candidate == type_name or candidate.endswith("." + str(type_name)):
-                    found[variable] = [literal for _, literal in sorted(literals)]
-        return found
+                    result[variable] = [literal for _, literal in sorted(literals)]
+        return result
 
     def value_type(self, number: int) -> ValueType:
         entry = self.storage["value_types"][number]

@@ -43,11 +43,11 @@ class Shapes:
         return self._look(expression)[1]
 
     def _look(self, expression: int) -> tuple[int, tuple[int, ...]]:
-        found = self._known.get(expression)
-        if found is None:
+        result = self._known.get(expression)
+        if result is None:
             shape, nodes = _outline(self.graph, expression)
-            found = self._known[expression] = self._numbers.setdefault(shape, len(self._numbers)), nodes
-        return found
+            result = self._known[expression] = self._numbers.setdefault(shape, len(self._numbers)), nodes
+        return result
 
     def runs(self, expressions: Sequence[int | None]) -> Iterator[tuple[range, bool]]:
         """Yield neighbours: their places, and whether they make a loop.

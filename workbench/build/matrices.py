@@ -90,13 +90,13 @@ def matrices_of(model: object) -> StateSpaceFile:
 
 
 def _mapping(model: object) -> Mapping[str, Any]:
-    found = model.to_dict() if hasattr(model, "to_dict") else model
-    if not isinstance(found, Mapping):
-        found = _of_control(model)
-    inner = found.get("model")
-    if "A" not in found and isinstance(inner, Mapping):
+    result = model.to_dict() if hasattr(model, "to_dict") else model
+    if not isinstance(result, Mapping):
+        result = _of_control(model)
+    inner = result.get("model")
+    if "A" not in result and isinstance(inner, Mapping):
         return cast("Mapping[str, Any]", inner)
-    return cast("Mapping[str, Any]", found)
+    return cast("Mapping[str, Any]", result)
 
 
 def _of_control(model: object) -> Mapping[str, Any]:
@@ -175,10 +175,10 @@ def _order(A: object) -> int:
 def _state_names(names: object, n: int) -> tuple[str, ...]:
     if names is None:
         return tuple(f"{_KINDS['state']}[{i + 1}]" for i in range(n))
-    found = _names(names, "state")
-    if len(found) != n:
-        raise InputError(f"A has {n} rows, state_names has {len(found)}")
-    return found
+    result = _names(names, "state")
+    if len(result) != n:
+        raise InputError(f"A has {n} rows, state_names has {len(result)}")
+    return result
 
 
 def _period(dt: object) -> float:
@@ -199,17 +199,17 @@ def _array(value: object, what: str) -> Floats:
 
 def _matrix(data: Mapping[str, Any], name: str, sides: Sequence[tuple[str, int]]) -> Floats:
     """Return a matrix; `sides` says of its rows and of its columns what they stand for and how many there are."""
-    found = _array(data[name], name)
+    result = _array(data[name], name)
     shape = (sides[0][1], sides[1][1])
-    if found.size == 0 and 0 in shape:
+    if result.size == 0 and 0 in shape:
         return np.zeros(shape)
-    if found.shape != shape:
+    if result.shape != shape:
         wanted = f"{shape[0]} × {shape[1]}: a row for each {sides[0][0]}, a column for each {sides[1][0]}"
-        raise InputError(f"{name} has the shape {_shape(found)}, but needs {wanted}")
-    bad = np.argwhere(~np.isfinite(found))
+        raise InputError(f"{name} has the shape {_shape(result)}, but needs {wanted}")
+    bad = np.argwhere(~np.isfinite(result))
     if len(bad):
         raise InputError(f"{name}: row {bad[0][0] + 1}, column {bad[0][1] + 1} is not a finite number")
-    return found
+    return result
 
 
 def _shape(array: Floats) -> str:
@@ -224,13 +224,13 @@ def _vector(data: Mapping[str, Any], name: str, names: Sequence[str]) -> Floats:
     if isinstance(value, Mapping):
         # A linearisation of some inputs tells the point of all.
         value = [value.get(n, 0.0) for n in names]
-    found = _array(value, name)
-    if found.shape != (len(names),):
-        raise InputError(f"{name} has the shape {_shape(found)}, but needs {len(names)} numbers: {_list(names)[:80]}")
-    bad = np.flatnonzero(~np.isfinite(found))
+    result = _array(value, name)
+    if result.shape != (len(names),):
+        raise InputError(f"{name} has the shape {_shape(result)}, but needs {len(names)} numbers: {_list(names)[:80]}")
+    bad = np.flatnonzero(~np.isfinite(result))
     if len(bad):
         raise InputError(f"{name}: the value of '{names[bad[0]]}' is not a finite number")
-    return found
+    return result
 
 
 def _start(data: Mapping[str, Any], states: Sequence[str]) -> tuple[Floats, tuple[float | None, ...]]:
@@ -255,16 +255,16 @@ def _units(data: Mapping[str, Any], inputs: Sequence[str], outputs: Sequence[str
     given = data.get("units") or {}
     if not isinstance(given, Mapping):
         raise InputError("units must give a unit to each name")
-    found = dict(given)
+    result = dict(given)
     for key, names in (("input_units", inputs), ("output_units", outputs)):
         units = data.get(key) or [None] * len(names)
         if not isinstance(units, list | tuple) or len(units) != len(names):
             raise InputError(f"{key} must be a list of {len(names)} units")
-        found.update({n: u for n, u in zip(names, units, strict=True) if u is not None})
-    wrong = next((n for n, u in found.items() if u is not None and not isinstance(u, str)), None)
+        result.update({n: u for n, u in zip(names, units, strict=True) if u is not None})
+    wrong = next((n for n, u in result.items() if u is not None and not isinstance(u, str)), None)
     if wrong is not None:
         raise InputError(f"units: the unit of '{wrong}' must be a text")
-    return {n: u for n, u in found.items() if u}
+    return {n: u for n, u in result.items() if u}
 
 
 # -- what is left out --------------------------------------------------------------------------
@@ -290,7 +290,7 @@ def _between(between: Mapping[str, Any], data: Mapping[str, Any]) -> list[str]:
 
 
 def _constant(sequence: object, value: object) -> bool:
-    found, expected = np.array(sequence, dtype=np.float64), np.array(value, dtype=np.float64)
-    if found.size == 0 or expected.size == 0:
+    result, expected = np.array(sequence, dtype=np.float64), np.array(value, dtype=np.float64)
+    if result.size == 0 or expected.size == 0:
         return True
-    return bool(np.abs(found - expected).max() <= _HELD * max(1.0, float(np.abs(expected).max())))
+    return bool(np.abs(result - expected).max() <= _HELD * max(1.0, float(np.abs(expected).max())))

@@ -32,12 +32,12 @@ from workbench.system.recipe import SystemRecipe
 __all__ = ["run_build", "run_compile", "run_export"]
 
 
-def run_export(model: object, asked: Export, job: Job) -> ExportResult | ContainerResult | SystemFile:
+def run_export(model: object, request: Export, job: Job) -> ExportResult | ContainerResult | SystemFile:
     """Write an FMU, or a model with static blocks as a system.
 
     Args:
         model: see `Export`.
-        asked: what to write.
+        request: what to write.
         job: is told what takes long.
 
     Raises:
@@ -46,19 +46,19 @@ def run_export(model: object, asked: Export, job: Job) -> ExportResult | Contain
     """
     blocks = _with_blocks(model)
     if blocks is not None:
-        return _system_file(blocks, asked)
+        return _system_file(blocks, request)
     if not _is_system(model):
-        if asked.step is not None:
+        if request.step is not None:
             raise InputError("step is for systems; a linear model has its own")
         return export_linear(
-            model, asked.out, fmi=asked.fmi, name=asked.name, platforms=asked.platforms, stiff=asked.stiff,
+            model, request.out, fmi=request.fmi, name=request.name, platforms=request.platforms, stiff=request.stiff,
             job=job,
         )  # fmt: skip
-    if asked.step is None:
+    if request.step is None:
         raise InputError("step is needed for a system: the communication step between its parts, in seconds")
-    if asked.platforms is not None or asked.stiff is not None:
+    if request.platforms is not None or request.stiff is not None:
         raise InputError("platforms and stiff are for linear models; a container has the binaries of its parts")
-    return export_container(model, asked.out, step=asked.step, fmi=asked.fmi, name=asked.name)
+    return export_container(model, request.out, step=request.step, fmi=request.fmi, name=request.name)
 
 
 _WRITERS = {".toml": write_toml, ".ssp": write_ssp}
@@ -71,13 +71,13 @@ def _with_blocks(model: object) -> StructureResult | None:
     if not isinstance(model, str | Path) or is_system_file(model) or named_path(model).suffix.lower() != ".json":
         return None
     data = read_json(model)
-    told = isinstance(data, dict) and data.get("structure") in STRUCTURES
-    return StructureResult.read(model) if told else None
+    notes = isinstance(data, dict) and data.get("structure") in STRUCTURES
+    return StructureResult.read(model) if notes else None
 
 
-def _system_file(blocks: StructureResult, asked: Export) -> SystemFile:
+def _system_file(blocks: StructureResult, request: Export) -> SystemFile:
     """Write a model with static blocks as a system."""
-    target = named_path(asked.out)
+    target = named_path(request.out)
     write = _WRITERS.get(target.suffix.lower())
     if write is None:
         raise InputError(
@@ -85,9 +85,9 @@ def _system_file(blocks: StructureResult, asked: Export) -> SystemFile:
             f"write it as a system: {target.with_suffix('.toml')} or {target.with_suffix('.ssp').name}"
         )
     for name in ("fmi", "step", "platforms", "stiff"):
-        if getattr(asked, name) != getattr(Export(target), name):
+        if getattr(request, name) != getattr(Export(target), name):
             raise InputError(f"{name} is for FMUs; leave it out for a system")
-    system = blocks.to_system(asked.name or target.stem)
+    system = blocks.to_system(request.name or target.stem)
     notes = write(system, target) or ()
     starts = ", ".join(f"{n} = {x:.6g}" for n, x in zip(blocks.linear.state_names, blocks.linear.x0, strict=True))
     where = (f"the linear block starts at the state of the first sample of its data: {starts}",) if starts else ()
@@ -99,30 +99,30 @@ def _system_file(blocks: StructureResult, asked: Export) -> SystemFile:
     )  # fmt: skip
 
 
-def run_build(sources: Sequence[str | Path], asked: Build, job: Job) -> BuiltModels:
+def run_build(sources: Sequence[str | Path], request: Build, job: Job) -> BuiltModels:
     """Build Modelica models; see `Build`."""
-    out, paths = named_path(asked.out), [named_path(source) for source in sources]
+    out, paths = named_path(request.out), [named_path(source) for source in sources]
     folder = out.suffix != ".fmu"
-    if folder and asked.model is not None:
-        example = out / f"{asked.model}.fmu"
+    if folder and request.model is not None:
+        example = out / f"{request.model}.fmu"
         raise InputError(f"model: {out} is a folder, for all models; name the FMU to write, e.g. {example}")
     if not out.parent.is_dir():
         raise InputError(f"out: the folder '{out.parent}' does not exist")
     require("rumoca", "ziglang")
-    how: dict[str, Any] = {"out": out, "platforms": asked.platforms, "stiff": asked.stiff}
+    how: dict[str, Any] = {"out": out, "platforms": request.platforms, "stiff": request.stiff}
     if folder:
-        models = build_all(paths, fmi=FMI_VERSIONS if asked.fmi is None else (asked.fmi,), job=job, **how)
+        models = build_all(paths, fmi=FMI_VERSIONS if request.fmi is None else (request.fmi,), job=job, **how)
     else:
-        models = [build_fmu(paths, model=asked.model, fmi=asked.fmi or 2, job=job, **how)]
+        models = [build_fmu(paths, model=request.model, fmi=request.fmi or 2, job=job, **how)]
     read = (file for path in paths for file in (path.rglob("*.mo") if path.is_dir() else [path]))
     built = BuiltModels(tuple(models))
     remember(built, Origin(files=files_of(sorted(read))))
     return built
 
 
-def run_compile(path: str | Path, asked: Compile, job: Job) -> CompiledFmu:
+def run_compile(path: str | Path, request: Compile, job: Job) -> CompiledFmu:
     """Compile the sources of an FMU; see `Compile`."""
-    made = add_binaries(path, asked.out, asked.platforms, job)
+    made = add_binaries(path, request.out, request.platforms, job)
     remember(made, Origin(files=files_of([made.file])))
     return made
 

@@ -233,8 +233,8 @@ def _quotient(dt: float) -> tuple[int, int]:
     exact = Fraction(dt)
     limit = 1
     while limit <= _MOST_DENOMINATOR:
-        found = exact.limit_denominator(limit)
-        if abs(found - exact) <= _SAME_PERIOD * exact:
-            return found.numerator, found.denominator
+        result = exact.limit_denominator(limit)
+        if abs(result - exact) <= _SAME_PERIOD * exact:
+            return result.numerator, result.denominator
         limit *= 10
     raise InputError(f"dt: {dt:.17g} s is too short a period to be counted exactly; use at least 1e-9 s")

@@ -124,18 +124,18 @@ def jacobian(model: ScalarModel, order: Sequence[Assignment]) -> NDArray[np.floa
 def _depends(model: ScalarModel, steps: Sequence[tuple[int, int]]) -> dict[int, set[int]]:
     """Return the states on which the tangent of each variable depends."""
     graph = model.graph
-    found: dict[int, set[int]] = {s: {s} for s in model.states}
+    result: dict[int, set[int]] = {s: {s} for s in model.states}
     for target, expression in steps:
         mine = set[int]()
         for number in graph.reachable([expression]):
             node = graph[number]
             if node.operation == TANGENT:
-                mine |= found.get(node.reference, set())
+                mine |= result.get(node.reference, set())
             elif node.operation in {DOT_TANGENT, MATRIX_TANGENT}:
                 _, _, x, stride, length = node.row
-                mine = mine.union(*(found.get(x + i * stride, set()) for i in range(length)))
-        found[target] = mine
-    return found
+                mine = mine.union(*(result.get(x + i * stride, set()) for i in range(length)))
+        result[target] = mine
+    return result
 
 
 def is_stiff(model: ScalarModel, order: Sequence[Assignment]) -> bool:

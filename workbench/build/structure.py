@@ -15,7 +15,7 @@ def dependencies(model: ScalarModel, order: Sequence[Assignment]) -> dict[tuple[
     variable counts: it acts in event mode. What was stored at an earlier event does not, nor what acts a delay later.
     """
     knowns = set(model.references("input", "state"))
-    found: dict[tuple[str, int], frozenset[int]] = {}
+    result: dict[tuple[str, int], frozenset[int]] = {}
     for step in order:
         total: set[int] = set()
         for key in reads(model, step, delayed=False):
@@ -23,16 +23,16 @@ def dependencies(model: ScalarModel, order: Sequence[Assignment]) -> dict[tuple[
             if kind == "variable" and reference in knowns:
                 total.add(reference)
             else:
-                total |= found.get(key, frozenset())
-        found[step.key] = frozenset(total)
-    return found
+                total |= result.get(key, frozenset())
+        result[step.key] = frozenset(total)
+    return result
 
 
-def of_variable(model: ScalarModel, found: dict[tuple[str, int], frozenset[int]], reference: int) -> list[int]:
+def of_variable(model: ScalarModel, result: dict[tuple[str, int], frozenset[int]], reference: int) -> list[int]:
     """Return the dependencies of one variable as rising value references."""
     if model.variables[reference].kind == "state":
         return [reference]
-    return sorted(found.get(("variable", reference), frozenset()))
+    return sorted(result.get(("variable", reference), frozenset()))
 
 
 # Of all operations: derivatives that are asked for after the outputs repeat these.

@@ -100,7 +100,7 @@ def chosen_platforms(names: Sequence[str] | None, *, usual: str) -> tuple[Platfo
     """
     by_name = {name: (p,) for p in PLATFORMS for name in (p.name_2, p.name)} | {"all": PLATFORMS, "host": host_only()}
     known = ", ".join(p.name for p in PLATFORMS)
-    found: dict[Platform, None] = {}
+    result: dict[Platform, None] = {}
     for name in (usual,) if names is None else names:
         if name not in by_name:
             raise InputError(
@@ -108,8 +108,8 @@ def chosen_platforms(names: Sequence[str] | None, *, usual: str) -> tuple[Platfo
             )
         if not by_name[name]:
             raise InputError(f"platform: this machine is none of those that can be compiled for: {known}")
-        found |= dict.fromkeys(by_name[name])
-    return tuple(found)
+        result |= dict.fromkeys(by_name[name])
+    return tuple(result)
 
 
 def require(*packages: str) -> None:
@@ -177,8 +177,8 @@ def _run(command: Sequence[str], folder: Path, platform: Platform) -> None:
 def _meant(reason: str) -> str:
     """Return the compiler's first error, and what it means where that is not obvious."""
     for pattern, words in _MEANINGS:
-        if found := pattern.search(reason):
-            return f"{reason} ({words.format(found[1])})"
+        if result := pattern.search(reason):
+            return f"{reason} ({words.format(result[1])})"
     return reason
 
 

@@ -155,7 +155,7 @@ def _under_way() -> Iterator[_CommandRun]:
             work.stopped, work.record = error, work.job.partial()
 
 
-def _ended(subject: Any, asked: Request[Any, Any], work: _CommandRun, out: Output, written: Written) -> int:  # noqa: ANN401
+def _ended(subject: Any, request: Request[Any, Any], work: _CommandRun, out: Output, written: Written) -> int:  # noqa: ANN401
     """Show and write what a request gave; return its exit code, or raise what ended it."""
     from workbench.cli.interrupt import interrupted
     from workbench.cli.notes import note
@@ -165,18 +165,18 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _CommandRun, out: Outpu
     for text in work.job.notes:
         note(text)
     if record is not None:
-        origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=0.0, result=record)
+        origin = origin_of_call(function(type(request)), (subject,), values_of(request), seconds=0.0, result=record)
         try:
-            _show(record, asked, out, written, origin, stopped)
+            _show(record, request, out, written, origin, stopped)
         except InputError:
             if stopped is None:  # else the picture or file that cannot be made is not the error to tell
                 raise
     if stopped is None:
-        return 0 if asked.went_well(record) else _NOT_WELL
+        return 0 if request.went_well(record) else _NOT_WELL
     if isinstance(stopped, KeyboardInterrupt):
         done, total = work.job.reached
-        far = f" after {done} of {total} {asked.counts}" if total else ": there is no result"
-        again = "; the same command continues" if total and getattr(asked, "store", None) is not None else ""
+        far = f" after {done} of {total} {request.counts}" if total else ": there is no result"
+        again = "; the same command continues" if total and getattr(request, "store", None) is not None else ""
         note(f"{interrupted()}{far}{again}")
         if record is None:
             out.tell_failure(stopped)
@@ -186,7 +186,7 @@ def _ended(subject: Any, asked: Request[Any, Any], work: _CommandRun, out: Outpu
 
 def _show(
     record: Any,  # noqa: ANN401
-    asked: Options,
+    request: Options,
     out: Output,
     written: Written,
     origin: Origin,
@@ -205,7 +205,7 @@ def _show(
     how = ", ".join(getattr(record, name) for name in ("interface", "solver") if hasattr(record, name))
     out.say(lambda width: text_of(page, width, how))
     out.write(
-        lambda: {"asked": asked_in_json(asked), **record.to_dict(), **failure_in_json(stopped)},
+        lambda: {"asked": asked_in_json(request), **record.to_dict(), **failure_in_json(stopped)},
         csv=getattr(record, "to_csv", None),
         plot=lambda path: record.plot(path, **written.told((*written.drawn, *written.plotted))),
         report=record,

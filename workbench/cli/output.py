@@ -128,8 +128,8 @@ class Output:
             record: that is written; its `warnings` stand on its page, its `not_in_stream` only files hold.
         """
         missing = getattr(record, "not_in_stream", "") if self.csv_path == "-" else ""
-        told = getattr(record, "warnings", ()) if self._quiet else ()
-        return [*told, *([f"--csv -: {missing}"] if missing else [])]
+        notes = getattr(record, "warnings", ()) if self._quiet else ()
+        return [*notes, *([f"--csv -: {missing}"] if missing else [])]
 
     def write(
         self,
@@ -225,7 +225,7 @@ class Output:
     def _write_json(self, full: Mapping[str, Any]) -> None:
         self._has_json = True
         text = json.dumps(full, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        text = re.sub(UNSEEN, lambda found: f"\\u{ord(found[0]):04x}", text)  # the same data
+        text = re.sub(UNSEEN, lambda result: f"\\u{ord(result[0]):04x}", text)  # the same data
         if self.json_path == "-":
             sys.stdout.write(text)
             return
@@ -255,6 +255,6 @@ def check_kind(option: str, path: str | None, suffix: str) -> None:
     Raises:
         InputError: another one.
     """
-    found = Path(path or "").suffix.lower()
-    if found in _FOREIGN and found != suffix:
+    result = Path(path or "").suffix.lower()
+    if result in _FOREIGN and result != suffix:
         raise InputError(f"{option}: '{path}' must end in {suffix}")

@@ -29,12 +29,12 @@ def before(command: str) -> Before | None:
     return _ordered if command == "identify" else None
 
 
-def _ordered(asked: Identify, given: Mapping[str, Any], out: Output) -> Identify:
+def _ordered(request: Identify, given: Mapping[str, Any], out: Output) -> Identify:
     """Ask for the order where that is wanted."""
-    return replace(asked, order=_ask(asked, given["data"], out)) if given["order"] == "ask" else asked
+    return replace(request, order=_ask(request, given["data"], out)) if given["order"] == "ask" else request
 
 
-def _ask(asked: Identify, data: str, out: Output) -> int:
+def _ask(request: Identify, data: str, out: Output) -> int:
     """Show singular values and principal angles, and ask for the order."""
     from workbench.identification.identify.page import order_section
     from workbench.jobs.job import Job
@@ -42,9 +42,9 @@ def _ask(asked: Identify, data: str, out: Output) -> int:
 
     if not sys.stdin.isatty():
         raise InputError("--order ask: there is no terminal to ask; give a number or auto")
-    proposal = replace(asked, validation=None, lin=None, nfr=None, amplitude=None).run(data, Job())
+    proposal = replace(request, validation=None, lin=None, nfr=None, amplitude=None).run(data, Job())
     out.say(lambda width: section_text(order_section(proposal), width))
-    answer = str(typer.prompt(f"order (0 … {asked.max_order})", default=str(proposal.order))).strip()
+    answer = str(typer.prompt(f"order (0 … {request.max_order})", default=str(proposal.order))).strip()
     if answer == "auto":
         return proposal.order
     if not answer.isdecimal():

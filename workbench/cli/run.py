@@ -225,10 +225,10 @@ def _table(result: StudyResult) -> Table:
     table.add_column("verdict")
     table.add_column("where", overflow="fold")
     for checked in shown:
-        found = checked.finding
-        colour = "green" if found.verdict == PASSED else "bold red"
+        solution = checked.finding
+        colour = "green" if solution.verdict == PASSED else "bold red"
         first = [checked.requirement.name, *([checked.point] if pointed else [])]
-        numbers = [number(found.value), found.limit_words, found.margin_words]
-        cells = [escape(unbroken(text)) for text in (*first, *numbers, found.where)]
-        table.add_row(*cells[:-1], f"[{colour}]{found.verdict}[/]", cells[-1])
+        numbers = [number(solution.value), solution.limit_words, solution.margin_words]
+        cells = [escape(unbroken(text)) for text in (*first, *numbers, solution.where)]
+        table.add_row(*cells[:-1], f"[{colour}]{solution.verdict}[/]", cells[-1])
     return table

@@ -44,9 +44,9 @@ def _split(path: str | None) -> tuple[Path, str]:
     here = Path.cwd()
     if path is None or path.startswith(("fmu:", "system:", "study:")):
         return here, path or ""
-    found = Path(path)
-    if not found.exists():
+    result = Path(path)
+    if not result.exists():
         raise InputError(f"{path}: no such file or folder")
-    found = found.resolve()
-    model = found.is_file() or any((found / name).is_file() for name in ("modelDescription.xml", FILE_NAME))
-    return (found.parent, found.name) if model else (found, "")
+    result = result.resolve()
+    model = result.is_file() or any((result / name).is_file() for name in ("modelDescription.xml", FILE_NAME))
+    return (result.parent, result.name) if model else (result, "")

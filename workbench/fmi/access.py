@@ -133,11 +133,11 @@ class ClockTicks(VariableBlock):
     counts = True
 
     def __init__(self, instance: _InstanceCalls, variables: Sequence[Variable]) -> None:  # no FMI function reads it
-        found = instance.ticks_so_far
-        if found is None:
+        result = instance.ticks_so_far
+        if result is None:
             raise InputError(f"{variables[0].name}: clocks tick in event mode, which this interface does not have")
         self.calls = TypeCalls("", "", ctypes.c_double)
-        self.instance, (self.buffer, places) = instance, found
+        self.instance, (self.buffer, places) = instance, result
         self.slots = [places[v.name] for v in variables]
         self.references: Any = array_type(ctypes.c_uint, 1)()
         self.plain = self.partial = False

@@ -18,8 +18,8 @@ def clocked_by(variables: Iterable[DeclaredVariable]) -> dict[str, tuple[str, ..
     """
     known = list(variables)
     names = {v.value_reference: v.name for v in known if isinstance(v, ClockVariable) and v.name}
-    found = {v.name: tuple(names[r] for r in v.clocks if r in names) for v in known if v.name and v.clocks}
-    return {name: clocks for name, clocks in found.items() if clocks}
+    result = {v.name: tuple(names[r] for r in v.clocks if r in names) for v in known if v.name and v.clocks}
+    return {name: clocks for name, clocks in result.items() if clocks}
 
 
 def clocks_of(variables: Iterable[DeclaredVariable], clocked: Mapping[str, tuple[str, ...]]) -> dict[str, Clock]:

@@ -80,22 +80,22 @@ def read_declared(data: bytes) -> Declared:
     return result
 
 
-def _read_root(data: bytes, found: Declared) -> None:
+def _read_root(data: bytes, result: Declared) -> None:
     for _, root in etree.iterparse(BytesIO(data), events=("start",), resolve_entities=False, no_network=True):
-        fill(found.root, root.items(), root.sourceline)
+        fill(result.root, root.items(), root.sourceline)
         break
-    version = found.root.fmi_version
+    version = result.root.fmi_version
     if version not in ("1.0", "2.0") and not version.startswith("3."):
         raise FmuError(f'fmiVersion="{version[:20]}": FMI 1.0, 2.0 and 3.0 are known')
 
 
-def _read_elements(data: bytes, found: Declared) -> bool:
+def _read_elements(data: bytes, result: Declared) -> bool:
     """Read all but the root; return whether the file leaves the schema."""
     steps = etree.iterparse(
         BytesIO(data),
         events=("end",),
         tag=_TAGS,
-        schema=_schema(found.root.fmi_version[0]),
+        schema=_schema(result.root.fmi_version[0]),
         resolve_entities=False,
         no_network=True,
     )
@@ -103,7 +103,7 @@ def _read_elements(data: bytes, found: Declared) -> bool:
         for _, element in steps:
             reader = _READERS.get(_path(element))
             if reader is not None:
-                reader(found, element)
+                reader(result, element)
                 _forget(element)
     except etree.XMLSyntaxError:
         # libxml2 goes on when the schema is left, and says so at the end; what is not well-formed ends the reading.
@@ -156,35 +156,35 @@ def _each(kind: type[Any], elements: Iterable[etree._Element]) -> list[Any]:
     return [_made(kind, element) for element in elements]
 
 
-def _interface(found: Declared, element: etree._Element) -> None:
-    found.interfaces[element.tag] = _made(Interface, element)
+def _interface(result: Declared, element: etree._Element) -> None:
+    result.interfaces[element.tag] = _made(Interface, element)
 
 
-def _implementation(found: Declared, element: etree._Element) -> None:
+def _implementation(result: Declared, element: etree._Element) -> None:
     """Read what FMI 1.0 says of co-simulation."""
     made = Interface()
     for capabilities in element.iter("Capabilities"):
         fill(made, capabilities.items(), capabilities.sourceline)
     made.needs_execution_tool = element.find("CoSimulation_Tool") is not None
-    found.interfaces["CoSimulation"] = made
+    result.interfaces["CoSimulation"] = made
 
 
-def _experiment(found: Declared, element: etree._Element) -> None:
-    found.experiment = _made(DeclaredExperiment, element)
+def _experiment(result: Declared, element: etree._Element) -> None:
+    result.experiment = _made(DeclaredExperiment, element)
 
 
-def _category(found: Declared, element: etree._Element) -> None:
-    found.categories.append(_made(Category, element))
+def _category(result: Declared, element: etree._Element) -> None:
+    result.categories.append(_made(Category, element))
 
 
-def _unit(found: Declared, element: etree._Element) -> None:
+def _unit(result: Declared, element: etree._Element) -> None:
     made = _made(DeclaredUnit, element)
     made.base = _each(BaseUnit, element.iterchildren("BaseUnit"))
     made.display = _each(DeclaredDisplayUnit, element.iterchildren("DisplayUnit", "DisplayUnitDefinition"))
-    found.units.append(made)
+    result.units.append(made)
 
 
-def _type(found: Declared, element: etree._Element) -> None:
+def _type(result: Declared, element: etree._Element) -> None:
     """Read a type; before FMI 3.0 it stands in an element inside."""
     inner = next(element.iterchildren("{*}*"), None) if element.tag in ("Type", "SimpleType") else element
     if inner is None:
@@ -192,10 +192,10 @@ def _type(found: Declared, element: etree._Element) -> None:
     made = _made(DeclaredType, inner)
     made.kind, made.name = inner.tag.removesuffix("Type"), element.get("name")
     made.items = _each(Item, inner.iterchildren("Item"))
-    found.types.append(made)
+    result.types.append(made)
 
 
-def _scalar(found: Declared, element: etree._Element) -> None:
+def _scalar(result: Declared, element: etree._Element) -> None:
     """Read a variable of FMI 1.0 or 2.0."""
     made = _made(DeclaredVariable, element)
     made.line = element.sourceline
@@ -204,10 +204,10 @@ def _scalar(found: Declared, element: etree._Element) -> None:
             made.kind = inner.tag
             fill(made, inner.items(), inner.sourceline)
             break
-    found.variables.append(made)
+    result.variables.append(made)
 
 
-def _variable(found: Declared, element: etree._Element) -> None:
+def _variable(result: Declared, element: etree._Element) -> None:
     """Read a variable of FMI 3.0."""
     made = _made(ClockVariable if element.tag == "Clock" else DeclaredVariable, element)
     made.kind, made.line = element.tag, element.sourceline
@@ -215,14 +215,14 @@ def _variable(found: Declared, element: etree._Element) -> None:
         made.dimensions = _each(Dimension, element.iterchildren("Dimension"))
         made.aliases = _each(Alias, element.iterchildren("Alias"))
         made.starts = _each(Start, element.iterchildren("Start"))
-    found.variables.append(made)
+    result.variables.append(made)
 
 
 def _unknown(section: str) -> Reader:
-    def read(found: Declared, element: etree._Element) -> None:
+    def read(result: Declared, element: etree._Element) -> None:
         made = _made(Unknown, element)
         made.line = element.sourceline
-        found.structure.setdefault(section, []).append(made)
+        result.structure.setdefault(section, []).append(made)
 
     return read
 

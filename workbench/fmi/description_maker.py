@@ -84,8 +84,8 @@ def _violations(problems: list[str]) -> tuple[str, ...]:
 
 
 def _interfaces(declared: Declared) -> dict[str, Capabilities]:
-    found = {name: _claims(declared, name) for name in ("me", "cs")}
-    return {name: claims for name, claims in found.items() if claims is not None}
+    result = {name: _claims(declared, name) for name in ("me", "cs")}
+    return {name: claims for name, claims in result.items() if claims is not None}
 
 
 def _claims(declared: Declared, name: str) -> Capabilities | None:

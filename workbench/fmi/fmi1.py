@@ -77,8 +77,8 @@ class Instance1(Instance):
             self._first = fmi1.fmi1EventInfo()
             self.call("fmi1Initialize", b"\0", 0.0, byref(self._first))
         else:
-            told = self.stop is not None
-            self.call("fmi1InitializeSlave", self.time + self.clock, _byte(told), self.stop or 0.0)
+            notes = self.stop is not None
+            self.call("fmi1InitializeSlave", self.time + self.clock, _byte(notes), self.stop or 0.0)
         self._running = True
 
     def enter_event_mode(self) -> None:

@@ -111,8 +111,8 @@ class Instance2(Instance):
         if not self.library.has("fmi2GetBooleanStatus"):
             return None
         ended, reached = ctypes.c_int(), ctypes.c_double(self.time + self.clock)
-        asked = self.library["fmi2GetBooleanStatus"](self.component, _TERMINATED, byref(ended))
-        if not is_good(asked) or not ended.value:
+        request = self.library["fmi2GetBooleanStatus"](self.component, _TERMINATED, byref(ended))
+        if not is_good(request) or not ended.value:
             return None
         if self.library.has("fmi2GetRealStatus"):
             self.library["fmi2GetRealStatus"](self.component, _LAST_SUCCESSFUL_TIME, byref(reached))

@@ -40,24 +40,24 @@ def kept(digest: str) -> ModelDescription | None:
         if whole[:_HEAD] != _head(digest, values):
             return None
         with undisturbed():
-            found = _Values(BytesIO(values)).load()
+            result = _Values(BytesIO(values)).load()
     except Exception:  # noqa: BLE001 - whatever a damaged file leads to
         return None
-    return found if isinstance(found, ModelDescription) else None
+    return result if isinstance(result, ModelDescription) else None
 
 
-def keep(digest: str, found: ModelDescription) -> None:
+def keep(digest: str, result: ModelDescription) -> None:
     """Keep a description, if the folder can be written.
 
     Args:
         digest: SHA-256 of the file and of the sizes with which it was read.
-        found: what was read there.
+        result: what was read there.
     """
     with suppress(OSError, RuntimeError, InputError):  # no place, or no home
         path = _path(digest)
         path.parent.mkdir(parents=True, exist_ok=True)
         with undisturbed():
-            values = pickle.dumps(found, pickle.HIGHEST_PROTOCOL)
+            values = pickle.dumps(result, pickle.HIGHEST_PROTOCOL)
         with replacing(path) as new, new.open("wb") as file:
             file.write(_head(digest, values))
             file.write(values)

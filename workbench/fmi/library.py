@@ -46,7 +46,7 @@ def _ctype(annotation: Any) -> Any:
 @lru_cache(maxsize=8)
 def _signatures(version: int, interface: str) -> dict[str, tuple[Any, list[Any]]]:
     """Function name → (result type, argument types), from the annotations of FMPy's methods."""
-    found = {}
+    solution = {}
     for name, member in inspect.getmembers(_CLASSES[version, interface], inspect.isfunction):
         if not name.startswith(f"fmi{version}"):
             continue
@@ -57,8 +57,8 @@ def _signatures(version: int, interface: str) -> dict[str, tuple[Any, list[Any]]
         # address and end the process.
         if result is ctypes.c_char_p and not name.endswith(_TEXT):
             result = ctypes.c_int
-        found[name] = (result, arguments)
-    return found
+        solution[name] = (result, arguments)
+    return solution
 
 
 def functions_of(version: int) -> tuple[str, ...]:

@@ -45,9 +45,9 @@ def read_description(folder: Path, *, source: str, structure: Mapping[str, int] 
         FmuError: not well-formed, has a document type or entities, or bends rules so far that it
             cannot be read.
     """
-    found = _described(_data_in(folder, source), source, structure or {})
+    result = _described(_data_in(folder, source), source, structure or {})
     terminals, remarks = terminals_in(folder)
-    return replace(found, platforms=platforms_in(folder), terminals=terminals, notes=(*found.notes, *remarks))
+    return replace(result, platforms=platforms_in(folder), terminals=terminals, notes=(*result.notes, *remarks))
 
 
 def described_at(path: Path, called: str = "") -> ModelDescription:

@@ -266,9 +266,9 @@ def _lists(given: object, count: int) -> list[list[object]]:
 def _class(module: str, name: str) -> type[Any]:
     """Return a class of the workbench; a module that is not there yet is loaded by an answer only if it is its own."""
     if module.startswith("workbench.") and not module.endswith("__main__") and name.isidentifier():
-        found = getattr(import_module(module), name, None)
-        if isinstance(found, type) and found.__module__ == module:
-            return found
+        result = getattr(import_module(module), name, None)
+        if isinstance(result, type) and result.__module__ == module:
+            return result
     raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not part of a result")
 
 

@@ -107,8 +107,8 @@ class Cluster(Scheduler, Closable):
         Args:
             workers: with a scheduler.
         """
-        found = workers.scheduler
-        return found if isinstance(found, Cluster) else cls(str(found), tls=workers.tls)
+        result = workers.scheduler
+        return result if isinstance(result, Cluster) else cls(str(result), tls=workers.tls)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process connects by itself."""
@@ -206,28 +206,28 @@ class Cluster(Scheduler, Closable):
 
     def _compare(self, proofs: Mapping[str, Any]) -> None:
         """Refuse workers whose workbench is not in the state of this one."""
-        for worker, found in proofs.items():
-            if not isinstance(found, tuple):
+        for worker, result in proofs.items():
+            if not isinstance(result, tuple):
                 self.refuse(worker, f"no workbench that can prove its state ({self._version_at(worker)})")
-            if found != tuple(stamp()):
-                self.refuse(worker, str(Stamp(*found)) if len(found) == len(stamp()) else repr(found))
+            if result != tuple(stamp()):
+                self.refuse(worker, str(Stamp(*result)) if len(result) == len(stamp()) else repr(result))
 
     def _version_at(self, worker: str) -> str:
-        found = self.client.run(version, _DISTRIBUTION, workers=[worker], on_error="return").get(worker)
-        return f"workbench {found}" if isinstance(found, str) else "none is installed"
+        result = self.client.run(version, _DISTRIBUTION, workers=[worker], on_error="return").get(worker)
+        return f"workbench {result}" if isinstance(result, str) else "none is installed"
 
-    def refuse(self, worker: str, found: str) -> None:
+    def refuse(self, worker: str, result: str) -> None:
         """Raise the error of a worker in another state.
 
         Args:
             worker: its address.
-            found: its state.
+            result: its state.
 
         Raises:
             InputError: always.
         """
         raise InputError(
-            f"scheduler {self.address}: worker {worker} has {found}; here is {stamp()}; install the same there"
+            f"scheduler {self.address}: worker {worker} has {result}; here is {stamp()}; install the same there"
         )
 
     def prove(self) -> None:
@@ -449,26 +449,26 @@ class OnCluster(Runner):
 
     def _finished(self) -> list[Any]:
         """Wait a little; return what is finished."""
-        found = []
+        result = []
         with suppress(queue.Empty):
-            found.append(self._ready.get(timeout=_WAIT))
+            result.append(self._ready.get(timeout=_WAIT))
             while True:
-                found.append(self._ready.get_nowait())
+                result.append(self._ready.get_nowait())
         if self.stopped:
             raise KeyboardInterrupt
         if self._cluster.lost:
             raise self._cluster.gone()
-        return [future for future in found if future in self._in_work]
+        return [future for future in result if future in self._in_work]
 
     def _results(self, futures: list[Any]) -> Iterator[tuple[Any, Any]]:
         """Yield what finished futures hold, or the exception that they ended with: in one call if all is well."""
         good = [future for future in futures if future.status == "finished"]
-        found: dict[Any, Any] = {}
+        solution: dict[Any, Any] = {}
         with suppress(Exception):  # one of the holders died meanwhile; then each is asked for by itself
-            found = dict(zip(good, self._cluster.client.gather(good), strict=True))
+            solution = dict(zip(good, self._cluster.client.gather(good), strict=True))
         for future in futures:
             try:
-                result = found[future] if future in found else future.result(timeout=_PATIENCE)
+                result = solution[future] if future in solution else future.result(timeout=_PATIENCE)
             except Exception as error:  # noqa: BLE001 - whatever a worker raises
                 result = error
             yield future, result
@@ -479,10 +479,10 @@ class OnCluster(Runner):
         if isinstance(result, Exception):
             yield from self._failed(jobs, result)
             return
-        found, packed = result
-        if tuple(found) != tuple(stamp()) or not packed:
+        solution, packed = result
+        if tuple(solution) != tuple(stamp()) or not packed:
             self._cluster.prove()
-            self._cluster.refuse("that came later", str(Stamp(*found)))
+            self._cluster.refuse("that came later", str(Stamp(*solution)))
         done: BatchReply = pickle.loads(packed)  # noqa: S301 - SECURITY.md says whom that trusts
         self._times.append((len(jobs), done.seconds))
         self.printed += done.printed

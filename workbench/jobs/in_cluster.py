@@ -136,27 +136,27 @@ def do_batch(wanted: tuple[str, ...], packed: bytes, *archives: bytes) -> tuple[
     recipe = _put_together(batch.recipe, dict(zip(batch.archives, archives, strict=True)))
     pool = _pool(recipe, batch.limits)
     pool.stopped, pool.printed, pool.stray, pool.afterwards = False, "", 0, []
-    found: list[list[bytes]] = [[] for _ in batch.jobs]
+    result: list[list[bytes]] = [[] for _ in batch.jobs]
     lost: dict[int, LostError] = {}
     error: Exception | None = None
     left = dict(enumerate(batch.jobs))
     try:
         while left:
-            _do_some(pool, batch, left, found, lost)
+            _do_some(pool, batch, left, result, lost)
     except Exception as raised:  # noqa: BLE001 - it is raised where the batch came from
         error = raised
     except KeyboardInterrupt:
         error = InputError("nobody waits for the result")
     seconds = time.perf_counter() - begin
     done = BatchReply(
-        found=tuple(map(tuple, found)), lost=lost, error=error, seconds=seconds, printed=pool.printed,
+        found=tuple(map(tuple, result)), lost=lost, error=error, seconds=seconds, printed=pool.printed,
         stray=pool.stray, afterwards=tuple(pool.afterwards),
     )  # fmt: skip
     return own, _packed(done)
 
 
 def _do_some(
-    pool: Pool, batch: Batch, left: dict[int, Any], found: list[list[bytes]], lost: dict[int, LostError]
+    pool: Pool, batch: Batch, left: dict[int, Any], result: list[list[bytes]], lost: dict[int, LostError]
 ) -> None:
     """Do jobs until all are done or one is lost; they leave `left`.
 
@@ -165,20 +165,20 @@ def _do_some(
     """
     # Memory is counted from the beginning of a task.
     some = dict(left) if batch.limits.memory is None else dict([next(iter(left.items()))])
-    told: int | None = None
+    notes: int | None = None
     for event in pool.run(_perform, deque([_Some(batch.task, some)])):
         if isinstance(event, Lost):
-            number = next(iter(left)) if told is None else told
-            if told is None:
+            number = next(iter(left)) if notes is None else notes
+            if notes is None:
                 lost[number] = event.error
             left.pop(number)
         elif isinstance(event.value, _PickledItem):
-            found[event.value.number].append(event.value.value)
+            result[event.value.number].append(event.value.value)
         elif event.value.ended:
             left.pop(event.value.number)
-            told = None
+            notes = None
         else:
-            told = event.value.number
+            notes = event.value.number
 
 
 def _packed(done: BatchReply) -> bytes:

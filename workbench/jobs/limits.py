@@ -86,9 +86,9 @@ def _used() -> dict[str, int]:
         files = sum(1 for _ in Path("/proc/self/fd").iterdir())
     except OSError:
         return {}
-    told = dict(line.split(":", 1) for line in lines)
-    sizes = {name: int(told[name].split()[0]) * 1024 for name in ("VmSize", "VmRSS")}
-    return {**sizes, "Threads": int(told["Threads"]), "files": files}
+    notes = dict(line.split(":", 1) for line in lines)
+    sizes = {name: int(notes[name].split()[0]) * 1024 for name in ("VmSize", "VmRSS")}
+    return {**sizes, "Threads": int(notes["Threads"]), "files": files}
 
 
 def went_beyond(most: float | None, process: int) -> bool:

@@ -182,20 +182,20 @@ class Workers(Worker):
         if self.in_process and (self.jobs or 1) > 1:
             raise InputError(f"in process: points run one after the other, so there cannot be {self.jobs} jobs")
         places = {"in process": self.in_process, "an executor": self.executor, "a scheduler": self.scheduler}
-        asked = [name for name, wanted in places.items() if wanted]
-        if len(asked) > 1:
-            raise InputError(f"{' and '.join(asked)}: choose one place to run the points")
+        request = [name for name, wanted in places.items() if wanted]
+        if len(request) > 1:
+            raise InputError(f"{' and '.join(request)}: choose one place to run the points")
         if self.tls and self.scheduler is None:
             raise InputError("tls: names the files for a scheduler; give its address, too")
         if self.scheduler is not None and self.jobs is not None:
             raise InputError("a scheduler: its cluster decides how many jobs run at a time; leave jobs out")
         limited = self.memory_limit is not None or self.timeout not in (DEFAULT_TIMEOUT, type(self).timeout)
-        if asked and self.confine:
+        if request and self.confine:
             raise InputError(
-                f"{asked[0]}: confinement needs the workbench's own worker processes here; leave one of the two out"
+                f"{request[0]}: confinement needs the workbench's own worker processes here; leave one of the two out"
             )
         if (self.in_process or self.executor) and limited:
-            raise InputError(f"{asked[0]}: time and memory limits need the workbench's own worker processes")
+            raise InputError(f"{request[0]}: time and memory limits need the workbench's own worker processes")
 
 
 class Parts(Workers):
@@ -245,15 +245,15 @@ class InWorker(Options):
         return self._place(Worker)
 
     def _place(self, kind: type[_Place]) -> _Place:
-        asked: object = self.workers
-        if not isinstance(asked, Worker | None):
-            raise InputError(f"workers: {asked!r} does not say where; give wb.Workers(timeout=60)")
+        request: object = self.workers
+        if not isinstance(request, Worker | None):
+            raise InputError(f"workers: {request!r} does not say where; give wb.Workers(timeout=60)")
         elsewhere = isinstance(self.workers, Workers) and (self.workers.scheduler or self.workers.executor)
         if elsewhere and not issubclass(kind, Workers):
             raise InputError("a scheduler or executor: this analysis has no parts to run there; leave it out")
-        found = recast(kind, self.workers) if self.workers is not None else kind()
+        result = recast(kind, self.workers) if self.workers is not None else kind()
         own = {name: True for name in ("in_process", "confine") if getattr(self, name)}
-        return recast(kind, found, **own) if own else found
+        return recast(kind, result, **own) if own else result
 
 
 class InWorkers(InWorker):

@@ -100,8 +100,8 @@ def _signals() -> dict[str, object]:
     except OSError:  # not Linux
         os.umask(mask := os.umask(0o077))
         return {"Umask": mask, "SigBlk": signal.pthread_sigmask(signal.SIG_BLOCK, ())}
-    told = dict(line.split(":", 1) for line in lines)
-    return {**{name: told.get(name) for name in _TOLD}, "mappings": _many_mappings(int(told["VmSize"].split()[0]))}
+    notes = dict(line.split(":", 1) for line in lines)
+    return {**{name: notes.get(name) for name in _TOLD}, "mappings": _many_mappings(int(notes["VmSize"].split()[0]))}
 
 
 def _many_mappings(size: int) -> bool:

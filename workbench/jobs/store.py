@@ -148,8 +148,8 @@ class Store(Closable):
             " ON CONFLICT (subject, effort) DO UPDATE SET text = excluded.text WHERE text IS NOT excluded.text",
             (*key, self._text),
         )
-        found = self._database.execute("SELECT id FROM settings WHERE subject = ? AND effort = ?", key).fetchone()
-        return int(found[0])
+        result = self._database.execute("SELECT id FROM settings WHERE subject = ? AND effort = ?", key).fetchone()
+        return int(result[0])
 
     def _astray(self) -> list[str]:
         """Return the points to which nothing leads any more: the key of their settings has changed, or its number."""
@@ -273,20 +273,20 @@ def contents(folder: str | Path) -> tuple[list[StoredSet], list[str]]:
         InputError: there is no store, or it is damaged.
     """
     path = Path(folder) / FILE_NAME
-    found: dict[int, StoredSet] = {}
+    result: dict[int, StoredSet] = {}
     try:
         with closing(_connected(f"{path.absolute().as_uri()}?mode=rw", uri=True)) as database:
             rows: list[_Row] = database.execute(_EVERYTHING).fetchall()
             for number, text, point, value, *_ in filter(_is_sound, rows):
-                if number not in found:
+                if number not in result:
                     settings = from_json(text)
-                    found[number] = StoredSet(dict(settings["subject"]), dict(settings["effort"]), {})
-                found[number].values[point] = from_json(value)
+                    result[number] = StoredSet(dict(settings["subject"]), dict(settings["effort"]), {})
+                result[number].values[point] = from_json(value)
     except sqlite3.OperationalError as error:
         raise InputError(f"{path}: {_why_unusable(error)}") from None
     except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged or no store of the workbench ({_first_line(error)})") from None
-    return list(found.values()), _remarks(path, [repr(row[2]) for row in rows if not _is_sound(row)])
+    return list(result.values()), _remarks(path, [repr(row[2]) for row in rows if not _is_sound(row)])
 
 
 def _remarks(path: Path, damaged: list[str]) -> list[str]:

@@ -100,5 +100,5 @@ def numbers(machine: str) -> dict[str, int]:
     """
     column = ("x86_64", "aarch64").index(machine)
     words = (word.split(":") for line in _ALLOWED.splitlines() if "#" not in line for word in line.split())
-    found = {name: both.split("/")[column] for name, both in words}
-    return {name: int(number) for name, number in found.items() if number != "-"}
+    result = {name: both.split("/")[column] for name, both in words}
+    return {name: int(number) for name, number in result.items() if number != "-"}

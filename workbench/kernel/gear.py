@@ -152,6 +152,6 @@ def _check_version(core: ctypes.CDLL) -> None:
     numbers = [ctypes.c_int() for _ in range(3)]
     label = ctypes.create_string_buffer(32)
     core["SUNDIALSGetVersionNumber"](*(ctypes.byref(number) for number in numbers), label, len(label))
-    found = ".".join(str(number.value) for number in numbers)
+    result = ".".join(str(number.value) for number in numbers)
     if numbers[0].value != MAJOR:
-        raise _VersionError(f"FMPy ships SUNDIALS {found}; gear needs version {MAJOR}")
+        raise _VersionError(f"FMPy ships SUNDIALS {result}; gear needs version {MAJOR}")

@@ -77,7 +77,7 @@ class NativeForcing:
 
     def _type(self, i: int) -> int:
         variable, _, _, ports = self._inputs[i]
-        owner = next(number for number, found in ports if found.type == variable.type)
+        owner = next(number for number, result in ports if result.type == variable.type)
         return value_type(self._system.instances[owner].TYPES[variable.type])
 
     def _access(self, chosen: Sequence[int]) -> Access:

@@ -27,11 +27,11 @@ def native_wiring(system: System, instances: Sequence[Instance], wiring: Wiring)
     memory = iter(range(len(wiring.known)))
     moving = [_link(instances, wiring, g, next(memory) if g.loop else -1, kept) for g in wiring.continuous]
     links = [_link(instances, wiring, g, next(memory) if g.loop else -1, kept) for g in wiring.events]
-    for name, found in (("moving", moving), ("links", links)):
-        array = (Link * max(len(found), 1))(*found)
+    for name, result in (("moving", moving), ("links", links)):
+        array = (Link * max(len(result), 1))(*result)
         kept.append(array)
         setattr(system, name, ctypes.addressof(array))
-        setattr(system, f"n_{name}", len(found))
+        setattr(system, f"n_{name}", len(result))
     system.wires = _wires(wiring, kept)
     order = np.array(wiring.order, dtype=np.uintp)
     kept.append(order)

@@ -29,11 +29,11 @@ def rest_of(model: DescribedModel, *, time: float, what: str) -> tuple[Operating
     if all(abs(v) <= _AT_REST for v in start.dx.values()):
         return start, []
     try:
-        found = trim(model, time=time)
+        result = trim(model, time=time)
     except WorkbenchError as error:
         return start, [f"trim failed ({error}); {what} the start values, which are not at rest"]
-    if found.converged:
-        return found.operating_point, [f"the start is not at rest; {what} the point that trim finds"]
+    if result.converged:
+        return result.operating_point, [f"the start is not at rest; {what} the point that trim finds"]
     return start, [f"neither the start nor the point that trim finds is at rest; {what} the start values"]
 
 

@@ -95,10 +95,12 @@ def find_ports(model: Model, component: str, *, needs: str = "limit cycles need"
     head = f"{component}."
     inputs = {c.destination.removeprefix(head) for c in system.connections if c.destination.startswith(head)}
     outputs = {c.source.removeprefix(head) for c in system.connections if c.source.startswith(head)}
-    for what, found in (("input", inputs), ("output", outputs)):
-        if len(found) != 1:
-            listed = f" ({', '.join(sorted(found))})" if found else ""
-            raise InputError(f"{model.name}: component {component} has {len(found)} connected {what}s{listed}, not one")
+    for what, result in (("input", inputs), ("output", outputs)):
+        if len(result) != 1:
+            listed = f" ({', '.join(sorted(result))})" if result else ""
+            raise InputError(
+                f"{model.name}: component {component} has {len(result)} connected {what}s{listed}, not one"
+            )
     return Ports(component, inputs.pop(), outputs.pop())
 
 

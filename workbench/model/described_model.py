@@ -327,7 +327,7 @@ class DescribedModel(Model):
         watched = [n for n in (*setup.point, *setup.outputs) if n not in free and n in setup.variables]
         names = watched or [v.name for v in self.outputs if v.is_number]
         # The FMU's own time begins as it is meant to: some begin there whatever start time they are told.
-        found, begin = direct, self.description.experiment.start_time or 0.0
+        result, begin = direct, self.description.experiment.start_time or 0.0
         for step in self._lead_steps(setup):
             end = self._rest(dataclasses.replace(setup, start_time=begin, step=step), names)
             if end is None:
@@ -338,15 +338,15 @@ class DescribedModel(Model):
             try:
                 return self._start(dataclasses.replace(setup, lead=lead))
             except NotReachedError as error:
-                found = NotReachedError(
+                result = NotReachedError(
                     f"{error} (with the inputs of the point it comes to rest there after {duration:g} s)"
                 )
                 break
             except SimulationError as error:
-                found = NotReachedError(f"{direct}; a run does not lead there either: {error}")
-        if found is direct:
-            found = NotReachedError(f"{direct}; with the inputs of the point it does not come to rest either")
-        raise found
+                result = NotReachedError(f"{direct}; a run does not lead there either: {error}")
+        if result is direct:
+            result = NotReachedError(f"{direct}; with the inputs of the point it does not come to rest either")
+        raise result
 
     @property
     def shortest_step(self) -> float | None:
@@ -387,9 +387,9 @@ class DescribedModel(Model):
         return self.description.way_out(*others)
 
     def declared_rates(self) -> DeclaredRates:
-        told = self.recipe.periods
-        if told is not None:
-            return DeclaredRates(tuple(Sampler(exact(period)) for period in several(told)))
+        notes = self.recipe.periods
+        if notes is not None:
+            return DeclaredRates(tuple(Sampler(exact(period)) for period in several(notes)))
         return self._own_rates()
 
     def _own_rates(self) -> DeclaredRates:

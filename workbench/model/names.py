@@ -55,8 +55,8 @@ def check_variables(model: Model, names: Collection[str], *kinds: Kind, what: st
     accepted = [v.name for kind in kinds for v in _of(model, kind) if v.is_number or not number]
     for name in names:
         if elements := _elements(name, accepted):
-            told = f"'{name}' of {model.name} is an array; name an element, {elements[0]} … {elements[-1]}"
-            raise InputError(f"{what}: {told}" if what else told)
+            notes = f"'{name}' of {model.name} is an array; name an element, {elements[0]} … {elements[-1]}"
+            raise InputError(f"{what}: {notes}" if what else notes)
     others = {v.name: kind for kind in reversed(_KINDS) if kind not in kinds for v in _of(model, kind)}
     first = {f"{kind}s": [v.name for v in _of(model, kind)] for kind in ("output", "state") if "variable" in kinds}
     check_names(names, accepted, kinds=kinds, what=what, model=model.name, others=others, first=first)
@@ -75,9 +75,9 @@ def found_variables(model: Model, names: Iterable[str], *kinds: Kind, what: str)
         InputError: see `check_variables`.
     """
     accepted = [v.name for kind in kinds for v in _of(model, kind)]
-    found = [one for name in names for one in (_elements(name, accepted) or [name])]
-    check_variables(model, found, *kinds, what=what)
-    return list(dict.fromkeys(found))
+    result = [one for name in names for one in (_elements(name, accepted) or [name])]
+    check_variables(model, result, *kinds, what=what)
+    return list(dict.fromkeys(result))
 
 
 _TRUTH: Mapping[str, int] = {"false": 0, "true": 1}
@@ -116,9 +116,9 @@ def forced_inputs(model: Model, given: Signals, *, what: str = "inputs") -> dict
 
     inputs = {v.name: v for v in model.inputs}
     items = {name: _items(model, v) for name, v in inputs.items()}
-    found = signals_of(given, numbers)
-    check_variables(model, found, "input", what=what)
-    own = {name: _converted(inputs[name], signal, units) for name, signal in found.items()}
+    result = signals_of(given, numbers)
+    check_variables(model, result, "input", what=what)
+    own = {name: _converted(inputs[name], signal, units) for name, signal in result.items()}
     return {name: _stepwise(inputs[name], signal, items[name]) for name, signal in own.items()}
 
 
@@ -128,40 +128,40 @@ def _converted(variable: Variable, signal: Signal, units: Mapping[str, UnitDefin
         return signal
     values = signal.values
     if variable.unit and signal.unit != variable.unit:
-        found = conversion_to(variable, signal.unit, units)
-        if found is None:
+        result = conversion_to(variable, signal.unit, units)
+        if result is None:
             raise InputError(
                 f"input {variable.name}: values in '{signal.unit}' do not convert to its unit, {variable.unit}; "
                 "give them in a unit that does, or without one"
             )
-        values = [in_other_unit(x, found) for x in values]
+        values = [in_other_unit(x, result) for x in values]
     return replace(signal, values=values, unit=None)
 
 
-def by_own_names(model: Model, value: Any, told: set[str]) -> Any:  # noqa: ANN401 - any option's
+def by_own_names(model: Model, value: Any, notes: set[str]) -> Any:  # noqa: ANN401 - any option's
     """Return an option's value with the variables' own names in place of other names that they have (FMI 3.0 aliases).
 
     Args:
         model: that has the variables.
         value: a text, or texts in tuples and lists, or as keys.
-        told: gets what was replaced, in words.
+        notes: gets what was replaced, in words.
 
     Raises:
         InputError: two names of one variable have a value each.
     """
     names = _other_names(model)
-    return _by_own_names(names, value, told) if names else value
+    return _by_own_names(names, value, notes) if names else value
 
 
-def _by_own_names(names: Mapping[str, str], value: Any, told: set[str]) -> Any:  # noqa: ANN401
+def _by_own_names(names: Mapping[str, str], value: Any, notes: set[str]) -> Any:  # noqa: ANN401
     if isinstance(value, str) and value in names:
-        told.add(f"{value} is another name of {names[value]}")
+        notes.add(f"{value} is another name of {names[value]}")
         return names[value]
     if type(value) in (tuple, list):
-        return type(value)(_by_own_names(names, part, told) for part in value)
+        return type(value)(_by_own_names(names, part, notes) for part in value)
     if type(value) is not dict:
         return value
-    result = {_by_own_names(names, key, told): part for key, part in value.items()}
+    result = {_by_own_names(names, key, notes): part for key, part in value.items()}
     if len(result) < len(value):
         twice = next(name for name in value if names.get(name) in value)
         raise InputError(f"{twice} is another name of {names[twice]}: give one of them")

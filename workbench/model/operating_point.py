@@ -111,8 +111,8 @@ def _held(model: Model) -> list[Variable]:
 
 
 def _described(model: Model) -> ModelDescription | None:
-    found = getattr(model, "description", None)
-    return found if isinstance(found, ModelDescription) else None
+    result = getattr(model, "description", None)
+    return result if isinstance(result, ModelDescription) else None
 
 
 def _read(session: Session, names: list[str]) -> dict[str, float]:
@@ -155,15 +155,15 @@ def _content(model: Model) -> str:
 
 def _check_model(model: Model, point: OperatingPoint, what: str) -> None:
     content = _content(model)
-    told = bool(point.model_sha256 and content)
-    if told and point.model_sha256 == content:
+    notes = bool(point.model_sha256 and content)
+    if notes and point.model_sha256 == content:
         return
     if point.model and point.model != model.name:
         raise InputError(
             f"{what} belongs to another model, {point.model}, not {model.name}; find a point of {model.name} by "
             "workbench trim"
         )
-    if told:
+    if notes:
         raise InputError(
             f"{what} belongs to another version of {model.name}: the SHA-256 is {point.model_sha256[:_SHOWN]}… there "
             f"and {content[:_SHOWN]}… here; find the point again by workbench trim"

@@ -139,12 +139,12 @@ class _Runs:
         rows = self._run(0, memory=True) - self._played(None)
         columns = [self._names.index(n) for n in self._held]
         moved = np.diff(rows[:, columns], axis=0) != 0.0
-        found = 1
+        result = 1
         for column in moved.T:
             at = np.flatnonzero(column)
             if len(at) > 2:  # two say nothing of a rate
-                found = math.lcm(found, int(np.gcd.reduce(np.diff(at))))
-        return found if found <= self.length // 2 else 1
+                result = math.lcm(result, int(np.gcd.reduce(np.diff(at))))
+        return result if result <= self.length // 2 else 1
 
     def _played(self, first: int | None) -> Floats:
         if first not in self._kept:
@@ -168,8 +168,8 @@ class _Runs:
             signals = self._signals(first)
             for begin, end in pairwise(self._stops(first)):
                 points = self._ends[begin:end]
-                found = session.advance(float(points[-1]), signals=signals, record=self._names, points=points)
-                rows.append(np.column_stack(list(found.values.values()))[np.searchsorted(found.time, points)])
+                result = session.advance(float(points[-1]), signals=signals, record=self._names, points=points)
+                rows.append(np.column_stack(list(result.values.values()))[np.searchsorted(result.time, points)])
                 if first is not None and first <= end < self.length:
                     self._jump(session, self._moves[end - first][0])
         return np.concatenate(rows)

@@ -165,8 +165,8 @@ def _of_parts(model: Model, start: float, btptol: float) -> Rates:
     """Return when a co-simulation samples: what is declared, and what the equations of its parts show, each alone."""
     parts = [rates_of(part, btptol=btptol) for part in model.declared_rates().others if part is not model]
     every = [*_declared(model, start), *((start, p) for part in parts for p in part.periods)]
-    found = _found(every, start, np.zeros(0), btptol)
-    return replace(found, notes=tuple(note for part in parts for note in part.notes))
+    result = _found(every, start, np.zeros(0), btptol)
+    return replace(result, notes=tuple(note for part in parts for note in part.notes))
 
 
 def _found(every: Sequence[_Sequence], start: float, ticks: Floats, btptol: float) -> Rates:
@@ -189,7 +189,7 @@ def _shown(model: Model, known: Sequence[_Sequence], start: float, values: Mappi
     others = model.declared_rates().others
     try:
         apart = [_sequences(part, start, values if part is model else None) for part in others]
-        return [s for found, _ in apart for s in found], [t for _, single in apart for t in single]
+        return [s for result, _ in apart for s in result], [t for _, single in apart for t in single]
     except (FmuError, SimulationError):
         return _sequences(model, start, values, known)
 
@@ -198,19 +198,19 @@ def _sequences(
     model: Model, start: float, values: Mapping[str, float] | None, known: Sequence[_Sequence] = ()
 ) -> _Apart:
     """Return the samplers that a model's events belong to, besides those known, and the events of none."""
-    found, single = list[_Sequence](), list[float]()
+    result, single = list[_Sequence](), list[float]()
     for most in _LOOKS:
         ticks = _ticks(model, start, values, most)
         last = most == _LOOKS[-1] or len(ticks) < most
         try:
-            found, single = sequences(ticks, known)
+            result, single = sequences(ticks, known)
         except NoRatesError:
             if last:
                 raise
             continue
         if last or not single:  # two events of a slow rate look like single ones
             break
-    return found, single
+    return result, single
 
 
 def _confirmed(model: Model, result: Rates, start: float, values: Mapping[str, float] | None) -> Rates:
@@ -249,10 +249,10 @@ def _ticks(model: Model, time: float, values: Mapping[str, float] | None, most: 
         with equations:
             return _ticks(equations, time, values, most)
     with model.open_point(time=time, values=values or {}) as point:
-        found = point.ticks(most, np.inf)
+        result = point.ticks(most, np.inf)
     # Who adds up periods is off by half an ulp an event: two that are so near are one.
-    apart = np.diff(found, prepend=-np.inf) > most * np.spacing(np.abs(found))
-    events: Floats = found[apart]
+    apart = np.diff(result, prepend=-np.inf) > most * np.spacing(np.abs(result))
+    events: Floats = result[apart]
     return events
 
 
@@ -272,10 +272,10 @@ def sample_periods(times: Floats) -> tuple[float, ...]:
     Raises:
         NoRatesError: they follow no constant rates, or there are too few of them.
     """
-    found, single = sequences(times)
+    result, single = sequences(times)
     if single:
         raise NoRatesError(_NO_RATES)
-    return tuple(sorted(period for _, period in found))
+    return tuple(sorted(period for _, period in result))
 
 
 def sequences(times: Floats, known: Sequence[_Sequence] = ()) -> _Apart:
@@ -291,21 +291,21 @@ def sequences(times: Floats, known: Sequence[_Sequence] = ()) -> _Apart:
     Raises:
         NoRatesError: they follow no constant rates.
     """
-    left, found, single = times, list[_Sequence](), list[float]()
+    left, result, single = times, list[_Sequence](), list[float]()
     tolerance = _AGREE * float(np.diff(times).min(initial=np.inf))
     for first, period in known:
         left = _without(left, first, period, min(tolerance, _AGREE * period))
     while len(left):
         begun = _period(left, times, tolerance)
         if begun is not None:
-            found.append((float(left[0]), begun))
+            result.append((float(left[0]), begun))
             left = _without(left, float(left[0]), begun, tolerance)
         elif len(single) < _SINGLE:
             single.append(float(left[0]))
             left = left[1:]
         else:
             raise NoRatesError(_NO_RATES)
-    return found, single
+    return result, single
 
 
 def _without(left: Floats, first: float, period: float, tolerance: float) -> Floats:
@@ -379,9 +379,9 @@ def basic_period(periods: Sequence[float], btptol: float) -> float:
 def _simplest(ratio: float, tolerance: float) -> Fraction:
     """Return the fraction with the smallest denominator within a relative tolerance."""
     reach = Fraction(tolerance) * Fraction(ratio)
-    found = simplest_between(Fraction(ratio) - reach, Fraction(ratio) + reach)
-    if found.denominator < LONGEST:
-        return found
+    result = simplest_between(Fraction(ratio) - reach, Fraction(ratio) + reach)
+    if result.denominator < LONGEST:
+        return result
     raise InputError(
         f"the ratio {ratio:.9g} of two sample periods is no fraction of small numbers: they never repeat together; "
         "round them"

@@ -86,8 +86,8 @@ def _parts(name: str, value: Value, elements: Sequence[str]) -> dict[str, Value]
         raise InputError(f"{name}: this is an array of {size} elements; write {name}=[…], or {elements[0]}={value}")
     given = _nested(text)
     if _shape(given) not in (shape, (math.prod(shape),)):
-        asked = " × ".join(map(str, _shape(given)))
-        raise InputError(f"{name}: this is an array of {size} elements, not {asked}")
+        request = " × ".join(map(str, _shape(given)))
+        raise InputError(f"{name}: this is an array of {size} elements, not {request}")
     return dict(zip(elements, _flat(given), strict=True))
 
 
@@ -161,13 +161,13 @@ def in_its_unit(
         return number
     if variable.unit is None:
         raise InputError(f"it has no unit; give a plain number in place of '{value}'")
-    found = conversion_to(variable, given, units)
-    if found is None:
+    result = conversion_to(variable, given, units)
+    if result is None:
         cases = (given.lower(), f"{given[:-1].lower()}{given[-1].upper()}", given.capitalize())  # rad, degC, Hz
         near = next((unit for unit in cases if conversion_to(variable, unit, units)), None)
-        told = f"did you mean {near}?" if near else "give a number in that, or a unit that does"
-        raise InputError(f"'{given}' does not convert to its unit, {variable.unit}; {told}")
-    factor, offset = found
+        notes = f"did you mean {near}?" if near else "give a number in that, or a unit that does"
+        raise InputError(f"'{given}' does not convert to its unit, {variable.unit}; {notes}")
+    factor, offset = result
     if meaning == "height" and offset:
         raise InputError(
             f"{value} may be a value or a difference, since the zeros of {given} and {variable.unit} differ; give it "

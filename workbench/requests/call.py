@@ -49,7 +49,7 @@ def origin_of_call(
     given = _signature(function).bind(*args, **by_name).arguments
     values = [*given.values(), *(vars(given["self"]).values() if "self" in given else ())]
     models = [m for v in values for m in _models_in(v)]
-    earlier = [found for v in (*values, result) if (found := _earlier(v)) is not None]
+    earlier = [solution for v in (*values, result) if (solution := _earlier(v)) is not None]
     facts = [*(facts_of(m) for m in models), *(m for o in earlier for m in o.models)]
     files = {k: v for o in earlier for k, v in o.files.items()}
     return Origin(
@@ -74,11 +74,11 @@ def _models_in(value: object) -> list[Model]:
 
 
 def _different(facts: Iterable[ModelFacts]) -> list[ModelFacts]:
-    found: list[ModelFacts] = []
+    result: list[ModelFacts] = []
     for one in facts:
-        if one not in found:
-            found.append(one)
-    return found
+        if one not in result:
+            result.append(one)
+    return result
 
 
 def _earlier(value: object) -> Origin | None:
@@ -88,24 +88,24 @@ def _earlier(value: object) -> Origin | None:
 
 def _files(given: Mapping[str, Any]) -> dict[str, str]:
     """Return name → hash of the files that were read."""
-    found = {}
+    result = {}
     for name, value in given.items():
         several = value if isinstance(value, list | tuple) else [value]
         for path in several if name not in _WRITTEN else ():
             if isinstance(path, str | Path) and _is_file(path):
-                found.update(files_of([path]))
-    return found
+                result.update(files_of([path]))
+    return result
 
 
 def files_of(paths: Iterable[str | Path]) -> dict[str, str]:
     """Return name → SHA-256 of files; those that are gone are left out."""
-    found = {}
+    result = {}
     for path in paths:
         try:
-            found[Path(path).name] = hash_of(Path(path))
+            result[Path(path).name] = hash_of(Path(path))
         except WorkbenchError:
             continue
-    return found
+    return result
 
 
 def _is_file(value: str | Path) -> bool:

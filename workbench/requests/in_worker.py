@@ -89,10 +89,10 @@ class _WholeRequest:
         return _whole, (self.asked, self.subject)
 
 
-def _whole(asked: Request[Any, Any], subject: object) -> _WholeRequest:
+def _whole(request: Request[Any, Any], subject: object) -> _WholeRequest:
     """Read a request in a worker, with what it takes to do it: that is not on the FMU's time."""
-    named(asked.algorithm)
-    return _WholeRequest(asked, subject)
+    named(request.algorithm)
+    return _WholeRequest(request, subject)
 
 
 def _perform(model: Model | None, whole: _WholeRequest) -> Iterator[_RequestEnded | _Told | _Said]:
@@ -105,8 +105,8 @@ def _perform(model: Model | None, whole: _WholeRequest) -> Iterator[_RequestEnde
         now = time.monotonic()
         if done == total or now > last + _OFTEN:
             worth = bool(job.checking) or (done > most and spent < _WORTH * (now - begun))
-            told = _Told(str(what), done, total, job.partial() if worth else None, job.checking)
-            tell(told, finished=done > most and not whole.asked.undivided)
+            notes = _Told(str(what), done, total, job.partial() if worth else None, job.checking)
+            tell(notes, finished=done > most and not whole.asked.undivided)
             last, most = time.monotonic(), done
             spent += last - now
             stop_if_wanted()
@@ -129,12 +129,12 @@ def _perform(model: Model | None, whole: _WholeRequest) -> Iterator[_RequestEnde
     yield _RequestEnded(record, origin_of(record), tuple(job.notes), stopped)
 
 
-def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401 - the request's
+def in_worker(subject: Any, request: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401 - the request's
     """Run a request where a crash of the FMU ends in an error.
 
     Args:
         subject: model, or what else the request is run on.
-        asked: what is asked for.
+        request: what is asked for.
         job: is told what is finished, and has what there is if the request ends early.
 
     Raises:
@@ -143,21 +143,21 @@ def in_worker(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _
         InputError: it is to be confined, which is not possible.
         KeyboardInterrupt: the job was stopped.
     """
-    place = asked.place if isinstance(asked, InWorker) else Worker()
+    place = request.place if isinstance(request, InWorker) else Worker()
     if place.in_process or inside(place.limits):
-        return _here(subject, asked, job)
+        return _here(subject, request, job)
     recipe = subject.recipe if isinstance(subject, Model) else None
     if isinstance(subject, Model) and (recipe is None or not recipe.portable):
         _refuse_if(place, f"{subject.name} exists only in this process")
         job.notes.append(f"{subject.name} exists only in this process and runs here, behind no wall")
-        return _here(subject, asked, job)
-    if getattr(asked, "store", None) is not None:
+        return _here(subject, request, job)
+    if getattr(request, "store", None) is not None:
         _refuse_if(place, "the process that is confined would have to write the store; leave store out")
-    whole = _WholeRequest(replace(asked, progress=None), None if recipe is not None else subject)
+    whole = _WholeRequest(replace(request, progress=None), None if recipe is not None else subject)
     if why := _unknown_elsewhere(whole):
         _refuse_if(place, why)
         job.notes.append(f"{why}: the FMU runs in this process, behind no wall")
-        return _here(subject, asked, job)
+        return _here(subject, request, job)
     record: _Record = _run(recipe, whole, place, job)
     return record
 
@@ -170,8 +170,8 @@ def _told_by(events: Iterator[Any], whole: _WholeRequest) -> Iterator[Any]:
     """
     kinds = (type(None).__name__, *record_of(type(whole.asked)).split(" | "))
     for event in events:
-        told = event.value if isinstance(event, Reply) else None
-        record = told.record if isinstance(told, _RequestEnded) else getattr(told, "partial", None)
+        notes = event.value if isinstance(event, Reply) else None
+        record = notes.record if isinstance(notes, _RequestEnded) else getattr(notes, "partial", None)
         if (kind := type(record).__name__) not in kinds:
             raise LostError(f"its worker's answer cannot be read: it is a {kind}, not a {' or '.join(kinds[1:])}")
         yield event
@@ -194,33 +194,33 @@ def _unknown_elsewhere(whole: _WholeRequest) -> str:
 def _run(recipe: Recipe | None, whole: _WholeRequest, place: Worker, job: telling.Job) -> Any:  # noqa: ANN401
     with Pool(recipe, jobs=1, limits=place.limits) as pool, job.ended_by(pool.end_soon):
         try:
-            found = _heard(_told_by(pool.run(_perform, deque([whole])), whole), job)
+            result = _heard(_told_by(pool.run(_perform, deque([whole])), whole), job)
         except SimulationError as error:
             if error.before is not None:
                 job.partial = partial(_same, error.before)
             raise
         finally:
             job.notes += pool.remarks()
-    job.notes += found.notes
-    if found.origin is not None:
-        remember(found.record, found.origin)
-    if found.stopped:
-        job.partial = partial(_same, found.record)
+    job.notes += result.notes
+    if result.origin is not None:
+        remember(result.record, result.origin)
+    if result.stopped:
+        job.partial = partial(_same, result.record)
         raise KeyboardInterrupt
-    return found.record
+    return result.record
 
 
-def _here(subject: Any, asked: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401
+def _here(subject: Any, request: Request[Any, _Record], job: telling.Job) -> _Record:  # noqa: ANN401
     """Run a request in this process; once more where its failure showed what lets the FMU go on."""
-    run, models = named(asked.algorithm), [subject] if isinstance(subject, Model) else []
+    run, models = named(request.algorithm), [subject] if isinstance(subject, Model) else []
     known, before = [model.remarks() for model in models], len(job.notes)
     try:
-        record: _Record = run(subject, asked, job)
+        record: _Record = run(subject, request, job)
     except SimulationError:
         if known == [model.remarks() for model in models]:
             raise
         del job.notes[before:]  # of the run that failed
-        record = run(subject, asked, job)
+        record = run(subject, request, job)
     return record
 
 
@@ -230,25 +230,25 @@ def _same(record: object) -> object:
 
 def _heard(events: Iterator[Any], job: telling.Job) -> _RequestEnded:
     """Pass on what the worker tells until it has a result and is ready again."""
-    found: _RequestEnded | None = None
+    result: _RequestEnded | None = None
     whole: _Told | None = None
     for event in events:
         if isinstance(event, Reply) and isinstance(event.value, _RequestEnded):
-            found = event.value
+            result = event.value
         elif isinstance(event, Reply) and isinstance(event.value, _Said):
             job.say(event.value.words)
         elif isinstance(event, Reply):
-            told = event.value
-            whole = told if told.checking else whole
-            if told.partial is not None:
-                job.partial = partial(_same, told.partial)
-            job.done(told.what, told.done, told.total)
-        elif found is None and whole is not None:
-            found = _RequestEnded(whole.partial, None, (f"{whole.checking} came to no end: {event.reason}",))
-        elif found is None:
+            notes = event.value
+            whole = notes if notes.checking else whole
+            if notes.partial is not None:
+                job.partial = partial(_same, notes.partial)
+            job.done(notes.what, notes.done, notes.total)
+        elif result is None and whole is not None:
+            result = _RequestEnded(whole.partial, None, (f"{whole.checking} came to no end: {event.reason}",))
+        elif result is None:
             raise event.error
         else:
             job.notes.append(f"after the result was there: {event.reason}")
-    if found is None:
+    if result is None:
         raise LostError("the worker ended without a result")
-    return found
+    return result

@@ -107,13 +107,13 @@ def _part(name: str, recipe: FmuRecipe, interface: str) -> FmuOrigin:
     path = recipe.path
     chosen = interface if interface in ("me", "cs") else recipe.interface
     try:
-        found = described_at(Path(recipe.folder) if Path(recipe.folder).is_dir() else path)
+        result = described_at(Path(recipe.folder) if Path(recipe.folder).is_dir() else path)
     except (WorkbenchError, OSError):  # removed since it was loaded; a result is no worse for that
         return FmuOrigin(
             component=name, model="", file=path.name, sha256="", fmi_version="", generation_tool="", interface=chosen
         )
-    offered = "me" if "me" in found.interfaces else "cs"
-    return replace(fmu_facts(path, found, offered if chosen == "auto" else chosen), component=name)
+    offered = "me" if "me" in result.interfaces else "cs"
+    return replace(fmu_facts(path, result, offered if chosen == "auto" else chosen), component=name)
 
 
 def _hash_or_none(path: Path) -> str:

@@ -187,13 +187,13 @@ class Request(Options, Generic[_Subject, _Record]):
             if not inside(self.place.limits):
                 prepare(self.algorithm.partition(":")[0])
         try:
-            with self._reached(job) as asked:
-                asked = asked.by_own_names(subject, job).in_own_units(subject)  # noqa: PLW2901
-                found = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, asked, job)
+            with self._reached(job) as request:
+                request = request.by_own_names(subject, job).in_own_units(subject)  # noqa: PLW2901
+                result = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, request, job)
         except BaseException:
             job.partial = partial(_so_far, job.partial, job)
             raise
-        record: _Record = _noted(found, job)
+        record: _Record = _noted(result, job)
         job.ended(self.command, record)
         return record
 
@@ -209,12 +209,12 @@ class Request(Options, Generic[_Subject, _Record]):
         """
         if not self.subject.opened or self.subject.several:
             return self
-        told: set[str] = set()
+        notes: set[str] = set()
         texts = (d.name for d in options_of(type(self)) if not d.choices)
         values = {name: getattr(self, name) for name in texts}
-        found = {name: named(_BY_OWN_NAMES)(subject, value, told) for name, value in values.items()}
-        changed = {name: value for name, value in found.items() if value != values[name]} if told else {}
-        job.notes += sorted(told)
+        result = {name: named(_BY_OWN_NAMES)(subject, value, notes) for name, value in values.items()}
+        changed = {name: value for name, value in result.items() if value != values[name]} if notes else {}
+        job.notes += sorted(notes)
         return replace(self, **changed) if changed else self
 
     def in_own_units(self, subject: _Subject) -> Self:
@@ -226,14 +226,14 @@ class Request(Options, Generic[_Subject, _Record]):
         Raises:
             InputError: the model has no such variable, or its unit does not fit.
         """
-        found = {}
+        result = {}
         for declared in options_of(type(self)):
             value = getattr(self, declared.name)
             if next(quantities_in(value), None) is None:
                 continue
             names = value if declared.option.of == EACH else self.variable_of(declared, subject)
-            found[declared.name] = named(_IN_OWN_UNITS)(subject, names, value, declared)
-        return replace(self, **found) if found else self
+            result[declared.name] = named(_IN_OWN_UNITS)(subject, names, value, declared)
+        return replace(self, **result) if result else self
 
     def variable_of(self, declared: DeclaredOption, subject: _Subject) -> str:
         """Return the name of the variable in whose unit an option is.
@@ -273,8 +273,8 @@ class Request(Options, Generic[_Subject, _Record]):
             given: values of `asked_options`.
         """
         models = {n.removeprefix(_MODELS): value for n, value in given.items() if n.startswith(_MODELS)}
-        found = put_together(Loading, {**given, **dict.fromkeys(cls.withheld), **models})
-        return found if found.tolerance is not None else recast(Loading, found, tolerance=cls.usual_tolerance)
+        result = put_together(Loading, {**given, **dict.fromkeys(cls.withheld), **models})
+        return result if result.tolerance is not None else recast(Loading, result, tolerance=cls.usual_tolerance)
 
     @classmethod
     @contextmanager
@@ -394,20 +394,20 @@ def request_from(request: type[Request[Any, Any]], given: Mapping[str, Any]) -> 
     return put_together(request, values), request.loading(values)
 
 
-def command_line_of(asked: Request[Any, Any], subject: str, loading: Loading | None = None) -> str:
+def command_line_of(request: Request[Any, Any], subject: str, loading: Loading | None = None) -> str:
     """Return the command line that runs a request again.
 
     Args:
-        asked: what is asked for.
+        request: what is asked for.
         subject: how the command line names what it is run on.
         loading: how the model is opened.
     """
-    own = asked_of(asked)
+    own = asked_of(request)
     models = asked_of(loading) if loading is not None else {}
-    if models.get("tolerance") == [f"--tolerance={asked.usual_tolerance}"]:
+    if models.get("tolerance") == [f"--tolerance={request.usual_tolerance}"]:
         del models["tolerance"]
     every = {word: None for words in (*own.values(), *models.values()) for word in words}
-    return shlex.join(["workbench", asked.command, subject, *filter(None, [asked.chosen_by]), *every])
+    return shlex.join(["workbench", request.command, subject, *filter(None, [request.chosen_by]), *every])
 
 
 def function(
@@ -460,24 +460,24 @@ def record_of(request: type[Request[Any, Any]]) -> str:
     return str(record.__forward_arg__ if isinstance(record, ForwardRef) else record.__name__)
 
 
-def _run(subject: _Subject, asked: Request[_Subject, _Record]) -> _Record:
-    if asked.subject.opened and isinstance(subject, str | PathLike):
+def _run(subject: _Subject, request: Request[_Subject, _Record]) -> _Record:
+    if request.subject.opened and isinstance(subject, str | PathLike):
         words = f"model: {str(subject)!r} is not open; write with wb.load({str(subject)!r}) as model: … and give model"
         raise InputError(words)
-    if asked.progress is not None or "IPython" not in sys.modules:
-        return _stoppable(subject, asked, Job(asked.progress))
+    if request.progress is not None or "IPython" not in sys.modules:
+        return _stoppable(subject, request, Job(request.progress))
     from workbench.requests.progress_bar import Bar, in_notebook  # noqa: PLC0415 - seldom needed
 
     with Bar(1.0) as bar:
         show = in_notebook()
         job = Job((lambda what, done, n: bar.update(done / n, str(what))) if show else None)
-        return _stoppable(subject, asked, job)
+        return _stoppable(subject, request, job)
 
 
-def _stoppable(subject: _Subject, asked: Request[_Subject, _Record], job: Job) -> _Record:
+def _stoppable(subject: _Subject, request: Request[_Subject, _Record], job: Job) -> _Record:
     """Run a request; a KeyboardInterrupt brings along what is finished."""
     try:
-        return asked.run(subject, job)
+        return request.run(subject, job)
     except KeyboardInterrupt:
         raise StoppedError(job.partial(), job.reached) from None  # where it was just then tells nobody anything
     except SimulationError as error:

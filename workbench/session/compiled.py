@@ -150,10 +150,10 @@ class CompiledSession(FmuSession):
         targets, variables, new = self._set_out(until, signals, record, points)
         with self._under_way(until, variables, sums) as (native, rows):
             self.loop.run(native, targets, rows, new=new)
-        found = sums.result()
+        result = sums.result()
         return Harmonics(
-            values=dict(zip(record, found[n_inputs:], strict=True)),
-            inputs=dict(zip(signals, found[:n_inputs], strict=True)),
+            values=dict(zip(record, result[n_inputs:], strict=True)),
+            inputs=dict(zip(signals, result[:n_inputs], strict=True)),
             largest=dict(zip(record, sums.largest[n_inputs:].tolist(), strict=True)),
             gap=sums.gap,
         )
@@ -279,11 +279,11 @@ class CompiledMeSession(CompiledSession, MeSession):
         if names not in self._patterns:
             variables = [self.setup.variables[name] for name in names]
             self._patterns[names] = slopes_pattern(self.instance, variables)
-        found = NativeSlopes(times, len(names), self._patterns[names])
-        self._native.slopes = found.address
+        result = NativeSlopes(times, len(names), self._patterns[names])
+        self._native.slopes = result.address
         try:
-            yield found
-            self._patterns[names] = believed(self._patterns[names], found)
+            yield result
+            self._patterns[names] = believed(self._patterns[names], result)
         finally:
             self._native.slopes = None
 

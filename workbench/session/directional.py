@@ -84,8 +84,8 @@ def _newton_sparsity(description: ModelDescription) -> NativeSparsity | None:
     depends = _states_of(description, description.derivatives) if n >= LARGE and _names_states(description) else [None]
     if None in depends:
         return None
-    found = NativeSparsity(pattern_of(depends, n))
-    return found if NARROW * (2 * found.below + found.above + 1) <= n else None
+    result = NativeSparsity(pattern_of(depends, n))
+    return result if NARROW * (2 * result.below + result.above + 1) <= n else None
 
 
 def newton_note(description: ModelDescription) -> str:
@@ -95,10 +95,10 @@ def newton_note(description: ModelDescription) -> str:
         description: of an FMU or a system.
     """
     n = description.state_count
-    found = newton_sparsity(description)
-    if found is not None:
-        width = found.below + found.above + 1
-        return f"gear: banded Newton matrix, {width} diagonals for {n} states, by {found.groups} evaluations"
+    result = newton_sparsity(description)
+    if result is not None:
+        width = result.below + result.above + 1
+        return f"gear: banded Newton matrix, {width} diagonals for {n} states, by {result.groups} evaluations"
     if n < SLOW:
         return ""
     if any(v.dependencies is None for v in description.derivatives):
@@ -121,8 +121,8 @@ def columns_pattern(instance: Instance, columns: Sequence[Variable], rows: Seque
     depends = [_behind(v, number) for v in rows]
     if None in depends:
         return None
-    found = pattern_of(depends, len(columns))
-    return found if 2 * len(found.ends) < len(columns) else None
+    result = pattern_of(depends, len(columns))
+    return result if 2 * len(result.ends) < len(columns) else None
 
 
 def _names_states(description: ModelDescription) -> bool:

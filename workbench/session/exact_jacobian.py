@@ -77,17 +77,17 @@ class ExactJacobian:
         """Fill in row by row; return the entries, shape (rows, columns)."""
         rows, columns = list(self._rows.values()), list(self._columns.values())
         self._calls["adjoint"] += len(rows)
-        found = [self._instance.adjoint_derivative(rows, columns, e) for e in np.eye(len(rows)).tolist()]
-        values = np.array(found).reshape(len(rows), len(columns))
+        result = [self._instance.adjoint_derivative(rows, columns, e) for e in np.eye(len(rows)).tolist()]
+        values = np.array(result).reshape(len(rows), len(columns))
         full[np.ix_(list(self._rows), list(self._columns))] = values
         return values
 
     def _by_true_rows(self, full: Floats) -> bool:
         """Fill in row by row; False: one directional derivative disagrees."""
-        found, direction = self._by_rows(full), self._direction()
+        result, direction = self._by_rows(full), self._direction()
         forward = self._forward(list(self._columns), direction)
         return bool(
-            (np.abs(found @ direction - forward) <= _SAME * (np.abs(found) @ direction + np.abs(forward))).all()
+            (np.abs(result @ direction - forward) <= _SAME * (np.abs(result) @ direction + np.abs(forward))).all()
         )
 
     def _by_groups(self, full: Floats, pattern: Pattern) -> bool:

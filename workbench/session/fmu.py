@@ -125,8 +125,8 @@ class FmuSession(Session):
 
     def _tells_time(self) -> bool:
         """Whether the FMU is told the time once more before its first event iteration."""
-        told = self.setup.manners.time_first
-        return self.time != 0.0 if told is None else told
+        notes = self.setup.manners.time_first
+        return self.time != 0.0 if notes is None else notes
 
     def _initialise(self) -> None:
         instance, setup = self.instance, self.setup
@@ -190,12 +190,12 @@ class FmuSession(Session):
         """Refuse start values that the FMU has not taken; guesses it may change, which is noted."""
         setup = self.setup
         known = [setup.variables[n] for n in setup.start_values if n not in setup.guesses and n not in setup.signals]
-        asked = [v for v in known if not self.instance.fed(v)]
-        biased = {v.name: _plus(setup.start_values[v.name], setup.bias.get(v.name, 0.0)) for v in asked}
-        if guessed := misses(self.instance, [v for v in asked if v.initial == "approx"], biased):
+        request = [v for v in known if not self.instance.fed(v)]
+        biased = {v.name: _plus(setup.start_values[v.name], setup.bias.get(v.name, 0.0)) for v in request}
+        if guessed := misses(self.instance, [v for v in request if v.initial == "approx"], biased):
             setup.manners.guessed = f"the FMU uses a start value only as a guess (initial approx): {in_words(guessed)}"
-        if found := misses(self.instance, [v for v in asked if v.initial != "approx"], biased):
-            lost = [setup.variables[miss.name] for miss in found]
+        if result := misses(self.instance, [v for v in request if v.initial != "approx"], biased):
+            lost = [setup.variables[miss.name] for miss in result]
             if (
                 not setup.manners.forgets
                 and self.instance.version == 2
@@ -205,7 +205,7 @@ class FmuSession(Session):
             setup.manners.forgets = ""
             name = self.instance.description.model_name
             raise NotReachedError(
-                f"{name}: the FMU does not accept a start value: {in_words(found)}; {_remedy(found, setup)}"
+                f"{name}: the FMU does not accept a start value: {in_words(result)}; {_remedy(result, setup)}"
             )
 
     def _aim(self) -> StartPoint | None:
@@ -418,8 +418,8 @@ def _plus(value: Value, bias: float) -> Value:
     return value if isinstance(value, str) or not bias else float(value) + bias
 
 
-def _remedy(found: Sequence[Miss], setup: Setup) -> str:
-    variable = setup.variables[found[0].name]
+def _remedy(result: Sequence[Miss], setup: Setup) -> str:
+    variable = setup.variables[result[0].name]
     if variable.causality in ("parameter", "structuralParameter"):
         return "the FMU keeps its own value of this parameter; leave it out"
     if variable.causality == "input":

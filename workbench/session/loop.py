@@ -92,7 +92,7 @@ class InnerLoop:
         key = tuple(v.name for v in variables)
         if key not in self._records:
             places = [self.instance.ports(v)[0] for v in variables]
-            self._records[key] = NativeRecord(self.system, [(found, part) for part, found in places], variables)
+            self._records[key] = NativeRecord(self.system, [(result, part) for part, result in places], variables)
         record = self._records[key]
         structure = record.structure
         record.trust_declaration()

@@ -301,11 +301,11 @@ class FmuPoint(ModelPoint):
         return why_not_exact(self.session.instance)
 
     def ticks(self, most: int, until: float) -> Floats:
-        instance, found = self.session.instance, list[float]()
+        instance, result = self.session.instance, list[float]()
         self._back()
         self._away = self._lost = True
         time = self.time
-        while len(found) < most:
+        while len(result) < most:
             instance.set_time(time)
             instance.enter_event_mode()
             info = instance.iterate_events()
@@ -313,10 +313,10 @@ class FmuPoint(ModelPoint):
                 break
             time = info.next_time
             instance.enter_continuous_mode()
-            if not (np.isfinite(time) and time <= until) or (found and time <= found[-1]):
+            if not (np.isfinite(time) and time <= until) or (result and time <= result[-1]):
                 break
-            found.append(time)
-        return np.array(found)
+            result.append(time)
+        return np.array(result)
 
     def discrete(self) -> dict[str, float]:
         return {v.name: float(x) for v, x in zip(self._held.variables, self._held0, strict=True)}

@@ -142,11 +142,11 @@ def _under_sines(
     with open_session(free) as session:
         outputs = [v.name for v in session.instance.description.variables if v.causality == "output"]
         known = [n for n in outputs if n in session.setup.variables and session.setup.variables[n].is_number]
-        signals, found = _sines(session, step), []
+        signals, result = _sines(session, step), []
         for number in range(1, _STEPS + 1):
             rows = session.advance(setup.start_time + number * step, signals=signals, record=known)
-            found.append([float(rows.values[n][-1]) for n in known])
-    return np.array(found, dtype=np.float64)
+            result.append([float(rows.values[n][-1]) for n in known])
+    return np.array(result, dtype=np.float64)
 
 
 def _sines(session: FmuSession, step: float) -> dict[str, Signal]:
@@ -187,17 +187,17 @@ def begins_at_zero(open_session: Callable[[Setup], FmuSession], setup: Setup, st
     if not begin > 0.0:
         return False
     try:
-        told = _seen(open_session, free, (begin, begin + step))
+        notes = _seen(open_session, free, (begin, begin + step))
         usual = _seen(open_session, replace(free, start_time=0.0), (0.0, step))
         by_then = _seen(open_session, replace(free, start_time=0.0), (begin, begin + step))
         slowly = _seen(open_session, replace(free, start_time=0.0), (*(begin * _PARTS), begin + step))
     except WorkbenchError:
         return False
-    gap = np.abs(told[1] - usual[1])
-    clear = gap > _CLEAR * np.maximum(np.abs(told[1]), np.abs(usual[1]))
+    gap = np.abs(notes[1] - usual[1])
+    clear = gap > _CLEAR * np.maximum(np.abs(notes[1]), np.abs(usual[1]))
     if not states:
         clear &= np.abs(slowly[-1] - by_then[1]) > _ROUNDING * np.abs(by_then[1])
-    same = (np.abs(told[1] - by_then[1]) <= _SAME * gap) & (np.abs(told[0] - usual[0]) <= _SAME * gap)
+    same = (np.abs(notes[1] - by_then[1]) <= _SAME * gap) & (np.abs(notes[0] - usual[0]) <= _SAME * gap)
     return bool(clear.any() and same[clear].all())
 
 

@@ -61,16 +61,16 @@ def _shown(value: Value) -> str:
     return f"{value + 0.0:.9g}"  # no -0
 
 
-def in_words(found: Sequence[Miss]) -> str:
+def in_words(result: Sequence[Miss]) -> str:
     """Return the first of them in full and how many more there are."""
-    more = f" (and {len(found) - 1} more: {', '.join(m.name for m in found[1:5])})" if len(found) > 1 else ""
-    return f"{found[0]}{more}"
+    more = f" (and {len(result) - 1} more: {', '.join(m.name for m in result[1:5])})" if len(result) > 1 else ""
+    return f"{result[0]}{more}"
 
 
 def misses(
     instance: Instance,
     variables: Sequence[Variable],
-    asked: Mapping[str, Value],
+    request: Mapping[str, Value],
     *,
     near: float = AT_ZERO,
     sizes: Mapping[str, float] | None = None,
@@ -80,18 +80,18 @@ def misses(
     Args:
         instance: initialised.
         variables: to read.
-        asked: name → value.
+        request: name → value.
         near: how far from 0 a value may be where 0 was asked for [sizes, else nominal values].
         sizes: name → magnitude.
     """
     known = sizes or {}
     if not variables:
         return []
-    found = instance.access(variables).read()
+    result = instance.access(variables).read()
     return [
-        Miss(v.name, _in_type(v, asked[v.name]), value)
-        for v, value in zip(variables, found, strict=True)
-        if not _took(v, asked[v.name], value, near * (known.get(v.name) or v.nominal or 1.0))
+        Miss(v.name, _in_type(v, request[v.name]), value)
+        for v, value in zip(variables, result, strict=True)
+        if not _took(v, request[v.name], value, near * (known.get(v.name) or v.nominal or 1.0))
     ]
 
 
@@ -99,14 +99,14 @@ def _in_type(variable: Variable, wanted: Value) -> Value:
     return wanted if isinstance(wanted, str) or not variable.is_number else convert(variable, wanted)
 
 
-def _took(variable: Variable, wanted: Value, found: Value, near: float) -> bool:
-    if isinstance(wanted, str) or isinstance(found, str):
-        return str(wanted) == str(found)
-    if not math.isfinite(found):
+def _took(variable: Variable, wanted: Value, result: Value, near: float) -> bool:
+    if isinstance(wanted, str) or isinstance(result, str):
+        return str(wanted) == str(result)
+    if not math.isfinite(result):
         return False
     # Where a value is tiny for its variable, rounding of larger terms may be all that it is.
     small = near if variable.causality != "parameter" or wanted == 0.0 else 0.0
-    return abs(found - wanted) <= RELATIVE * abs(wanted) + small
+    return abs(result - wanted) <= RELATIVE * abs(wanted) + small
 
 
 def starts_of(variables: Mapping[str, Variable], values: Mapping[str, float]) -> dict[str, Value]:
@@ -169,7 +169,9 @@ class StartPoint:
             self._instance.get_states()
             x = self._instance.x
             plain = ((Variable(n), self.values[n], float(x[i])) for n, i in unnamed.items())
-            result += [Miss(v.name, asked, value) for v, asked, value in plain if not _took(v, asked, value, self.near)]
+            result += [
+                Miss(v.name, request, value) for v, request, value in plain if not _took(v, request, value, self.near)
+            ]
         return result
 
     def missed(self, some: Iterable[Variable]) -> list[Miss]:
@@ -182,20 +184,20 @@ class StartPoint:
 
     def moved(self, x: Floats, u: Floats, inputs: Sequence[Variable]) -> tuple[Floats, Floats]:
         """Return states, shape (n,), and `inputs`, shape (m,), with those asked for in their place."""
-        asked = self.values
-        states = [asked.get(name, value) for name, value in zip(self._positions, x.tolist(), strict=True)]
-        forced = [asked.get(v.name, value) for v, value in zip(inputs, u.tolist(), strict=True)]
+        request = self.values
+        states = [request.get(name, value) for name, value in zip(self._positions, x.tolist(), strict=True)]
+        forced = [request.get(v.name, value) for v, value in zip(inputs, u.tolist(), strict=True)]
         return np.array(states, dtype=np.float64), np.array(forced, dtype=np.float64)
 
-    def refuse(self, found: Sequence[Miss], remedy: str) -> None:
+    def refuse(self, result: Sequence[Miss], remedy: str) -> None:
         """Raise an error if anything was missed.
 
         Raises:
             NotReachedError: something was.
         """
-        if found:
+        if result:
             name = self._instance.description.model_name
-            raise NotReachedError(f"{name}: cannot be started at this operating point: {in_words(found)}; {remedy}")
+            raise NotReachedError(f"{name}: cannot be started at this operating point: {in_words(result)}; {remedy}")
 
 
 def _check_names(values: Iterable[str], variables: Mapping[str, Variable], states: Iterable[str]) -> None:

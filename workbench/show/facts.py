@@ -31,13 +31,13 @@ def versions() -> str:
 
 
 def _packages() -> list[str]:
-    found = []
+    result = []
     for name in _PACKAGES:
         try:
-            found.append(f"{name} {version(name)}")
+            result.append(f"{name} {version(name)}")
         except PackageNotFoundError:  # copied there without its metadata
-            found.append(name)
-    return found
+            result.append(name)
+    return result
 
 
 def finished(page: Page, origin: Origin) -> Page:
@@ -112,10 +112,10 @@ def _is_choice(note: str) -> bool:
 
 def _choices(notes: Iterable[str]) -> dict[str, str]:
     """Return what `auto` took, which stands beside the interface and not among the notes again."""
-    found = dict.fromkeys(
+    result = dict.fromkeys(
         note.replace("chosen by auto; ", "").replace(" (chosen by auto)", "") for note in notes if _is_choice(note)
     )
-    return {"chosen by auto": ", ".join(found)} if found else {}
+    return {"chosen by auto": ", ".join(result)} if result else {}
 
 
 def _run(origin: Origin) -> dict[str, str]:
@@ -129,11 +129,11 @@ def _run(origin: Origin) -> dict[str, str]:
 
 
 def _models(models: Iterable[ModelFacts]) -> dict[str, str]:
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for i, model in enumerate(models, start=1):
         number = f" {i}" if i > 1 else ""
-        found.update({f"{name}{number}": value for name, value in _model(model).items() if value})
-    return found
+        result.update({f"{name}{number}": value for name, value in _model(model).items() if value})
+    return result
 
 
 def _model(model: ModelFacts) -> dict[str, str]:
@@ -195,7 +195,7 @@ def _files(files: Mapping[str, str]) -> dict[str, str]:
 
 def _components(models: Iterable[ModelFacts]) -> list[Section]:
     """Return one section for each system: its FMUs, each with its hash, and its blocks."""
-    found = []
+    result = []
     for model in models:
         rows = [
             (f.component, f.file, f.interface, f.fmi_version, f.generation_tool or "not told", f.sha256)
@@ -208,5 +208,5 @@ def _components(models: Iterable[ModelFacts]) -> list[Section]:
                 : 6 if model.fmus else 2
             ]
             cells = [row[: len(headings)] for row in rows]
-            found.append(Section(f"Components of {model.name}", tables=[PageTable(headings, cells, right=())]))
-    return found
+            result.append(Section(f"Components of {model.name}", tables=[PageTable(headings, cells, right=())]))
+    return result

@@ -41,11 +41,11 @@ class Written(Options):
         """
         return {name: getattr(self, name) for name in names}
 
-    def check(self, asked: Any) -> None:  # noqa: ANN401 - of the command's class
+    def check(self, request: Any) -> None:  # noqa: ANN401 - of the command's class
         """Refuse what cannot be drawn or written, before the analysis is run.
 
         Args:
-            asked: the request.
+            request: the request.
 
         Raises:
             InputError: what is missing.

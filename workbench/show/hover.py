@@ -23,8 +23,8 @@ def points_of(figure: Figure) -> str:
     Args:
         figure: that has been drawn, so that everything has its place; places are those of an SVG [points].
     """
-    found = [curve for ax in figure.axes for curve in _of_axes(ax, figure)]
-    return json.dumps(found[:_CURVES], separators=(",", ":"), ensure_ascii=False) if found else ""
+    result = [curve for ax in figure.axes for curve in _of_axes(ax, figure)]
+    return json.dumps(result[:_CURVES], separators=(",", ":"), ensure_ascii=False) if result else ""
 
 
 def _of_axes(ax: Axes, figure: Figure) -> list[dict[str, Any]]:

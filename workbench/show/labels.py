@@ -194,8 +194,8 @@ def _between(at: Floats, ends: Floats) -> Floats:
 def _inside(points: Floats, middles: Floats, size: Floats) -> Floats:
     """Return for each place how many points a name would cover there."""
     (x, y), (at_x, at_y), (wide, high) = points.T, middles.T[:, :, None], 0.5 * size
-    found: Floats = np.count_nonzero((np.abs(x - at_x) < wide) & (np.abs(y - at_y) < high), axis=1)
-    return found
+    result: Floats = np.count_nonzero((np.abs(x - at_x) < wide) & (np.abs(y - at_y) < high), axis=1)
+    return result
 
 
 def _curves(ax: Axes, unit: float) -> Floats:

@@ -109,17 +109,17 @@ def picture_of(result: object, path: str | Path | None) -> Figure:
     return drawn(_function(result, "picture"), path, result)
 
 
-def page_of(result: object, **told: object) -> Page:
+def page_of(result: object, **notes: object) -> Page:
     """Return what a result says of itself, without how it was made.
 
     Args:
         result: whose class names a page.
-        told: what the function of its page can be told.
+        **notes: what the function of its page can be told.
 
     Raises:
         InputError: it has no page.
     """
-    page: Page = named(_function(result, "page"))(result, **told)
+    page: Page = named(_function(result, "page"))(result, **notes)
     return page
 
 

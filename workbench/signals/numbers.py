@@ -105,8 +105,8 @@ def _in_one_of(units: tuple[str, ...], text: str) -> float:
     """Return the number of a text with a unit in the first of several units that are alike; Hz and rev/s are."""
     number, given = quantity(text)
     for unit in units:
-        if (found := named_conversion(given, unit)) is not None and not found[1]:
-            return in_other_unit(number, found)
+        if (result := named_conversion(given, unit)) is not None and not result[1]:
+            return in_other_unit(number, result)
     raise InputError(f"'{given}' does not convert to {units[0]}; give it in {units[0]}")
 
 

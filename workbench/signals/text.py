@@ -264,16 +264,16 @@ def readable(given: Mapping[str, _Given]) -> dict[str, Signal | str]:
     Raises:
         InputError: a text that is not a signal, whatever its words and units mean.
     """
-    found: dict[str, Signal | str] = {}
+    result: dict[str, Signal | str] = {}
     for name, value in given.items():
         try:
-            _merge(found, _every({name: value}, lambda _: PLAIN, _left))
+            _merge(result, _every({name: value}, lambda _: PLAIN, _left))
         except InputError:
             if not isinstance(value, str) or not is_file(value):
                 raise
             signals_of({name: value}, lambda _: ANYTHING)
-            _merge(found, {name: value})
-    return found
+            _merge(result, {name: value})
+    return result
 
 
 def _left(name: str, value: object) -> Signal | str:
@@ -291,17 +291,17 @@ _T = TypeVar("_T", Signal, "Signal | str")
 
 
 def _every(given: Mapping[str, _Given], numbers: _Reading, leaf: Callable[[str, object], _T]) -> dict[str, _T]:
-    found: dict[str, _T] = {}
+    result: dict[str, _T] = {}
     for name, value in given.items():
-        _merge(found, _signals(name, value, numbers, leaf))
-    return found
+        _merge(result, _signals(name, value, numbers, leaf))
+    return result
 
 
-def _merge(found: dict[str, _T], more: Mapping[str, _T]) -> None:
+def _merge(result: dict[str, _T], more: Mapping[str, _T]) -> None:
     for one, signal in more.items():
-        if one in found:
+        if one in result:
             raise InputError(f"input {one}: is forced twice, by itself and with the whole array")
-        found[one] = signal
+        result[one] = signal
 
 
 def _signals(name: str, value: _Given, numbers: _Reading, leaf: Callable[[str, object], _T]) -> Mapping[str, _T]:
@@ -327,23 +327,23 @@ def _items(text: str) -> list[str]:
     A part KEY=VALUE belongs to the signal before it, which is the one with a colon: "1,step:time=1,value=2,3" are
     three. No signal begins with KEY=.
     """
-    found: list[str] = []
+    result: list[str] = []
     for part in split_names(text):
         before, equals, _ = part.partition("=")
-        if equals and ":" not in before and found and ":" in found[-1]:
-            found[-1] += f",{part}"
+        if equals and ":" not in before and result and ":" in result[-1]:
+            result[-1] += f",{part}"
         else:
-            found.append(part)
-    return found
+            result.append(part)
+    return result
 
 
 def _elements(name: str, values: Sequence[Any], numbers: _Reading, leaf: Callable[[str, object], _T]) -> dict[str, _T]:
     """Return element → signal of a whole array, nested where it has several dimensions."""
-    found: dict[str, _T] = {}
+    result: dict[str, _T] = {}
     for number, value in enumerate(values, 1):
         begin = f"{name[:-1]},{number}]" if name.endswith("]") else f"{name}[{number}]"
-        found.update(_signals(begin, value, numbers, leaf))
-    return found
+        result.update(_signals(begin, value, numbers, leaf))
+    return result
 
 
 def _signal(name: str, value: object, numbers: Numbers) -> Signal:

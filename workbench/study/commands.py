@@ -114,10 +114,10 @@ class Command:
         Raises:
             InputError: it is not a table.
         """
-        found = value if isinstance(value, Mapping) else next(iter(self.values({key: value}).values()), None)
-        if not isinstance(found, Mapping):
+        result = value if isinstance(value, Mapping) else next(iter(self.values({key: value}).values()), None)
+        if not isinstance(result, Mapping):
             raise InputError(f"key '{key}' takes a table, as in {{NAME = VALUE}}, where the model has one, too")
-        return found
+        return result
 
     def words(self, key: str, value: Any) -> list[str]:  # noqa: ANN401 - what TOML can hold
         """Return the words by which a command line gives an option.
@@ -131,9 +131,9 @@ class Command:
         """
         declared = None if key == self.subject else self.options[key][1]
         if declared is not None and not any(references(value)):
-            found = _value(key, declared, value)
+            result = _value(key, declared, value)
             if not _as_text(declared, value):
-                return declared.write(found)
+                return declared.write(result)
         if isinstance(value, bool):
             return [f"--{key}" if value else f"--no-{key}"]
         texts = _texts(filled(value, lambda reference: reference.file))
@@ -148,14 +148,14 @@ class Command:
         Raises:
             InputError: a value that its option cannot take.
         """
-        found = {}
+        result = {}
         for key, value in table.items():
             name, declared = (key, None) if key == self.subject else self.options[key]
             if declared is None or any(references(value)):
-                found[name] = self.words(key, value)
+                result[name] = self.words(key, value)
             elif not self._usual(name, declared, taken := _value(key, declared, value)):
-                found[name] = declared.write(taken)
-        return found
+                result[name] = declared.write(taken)
+        return result
 
     def _usual(self, name: str, declared: DeclaredOption, value: Any) -> bool:  # noqa: ANN401 - of this option
         """Return whether a value is that of an option which is not given."""
@@ -195,9 +195,9 @@ class Command:
         if table.get("order") == "ask":
             raise InputError("key 'order': nobody can be asked in a study; give a number or auto")
         values = self.values(table)
-        asked, written = put_together(self.request, values), put_together(self.written, values)
-        written.check(asked)
-        return asked if written.report is None else asked.for_page(), written, self.request.loading(values)
+        request, written = put_together(self.request, values), put_together(self.written, values)
+        written.check(request)
+        return request if written.report is None else request.for_page(), written, self.request.loading(values)
 
 
 def meant(name: str, table: Mapping[str, Any]) -> Command:

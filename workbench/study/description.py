@@ -199,12 +199,12 @@ class Study:
 
     def model_at(self, model: str, point: GridPoint) -> Change:
         """Return a model as a point has it."""
-        found = self.models[model]
+        result = self.models[model]
         if point.configuration is not None:
-            found = found.changed(self.configurations[point.configuration].get(model, Change(model=None)))
+            result = result.changed(self.configurations[point.configuration].get(model, Change(model=None)))
         split = [(name.partition("."), value) for name, value in point.values.items()]
         values = {parameter: value for (owner, _, parameter), value in split if owner == model}
-        return found.changed(Change(model=None, options={"set": values})) if values else found
+        return result.changed(Change(model=None, options={"set": values})) if values else result
 
     def part_of(self, point: GridPoint, models: set[str]) -> GridPoint:
         """Return what of a point concerns some models: results differ only by that."""

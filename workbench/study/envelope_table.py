@@ -75,10 +75,10 @@ def read_envelope(given: Mapping[str, Any], study: Study) -> Envelope:
 
 
 def _spreads(given: Mapping[str, Any], study: Study) -> Iterator[Spread]:
-    found = list(_named(given))
-    if not found:
+    result = list(_named(given))
+    if not result:
         raise InputError('[envelope.parameters]: is empty; give one, as in "plant.k" = {range = [1.0, 2.0]}')
-    for name, table in found:
+    for name, table in result:
         where = f'[envelope.parameters] "{name}"'
         owner, dot, _ = name.partition(".")
         if not dot:

@@ -53,9 +53,9 @@ class Execution:
 
     def _reuse(self) -> None:
         for run in self._plan.runs:
-            found = self._finished.load(run)
-            if found is not None:
-                self.outcomes[run] = found
+            result = self._finished.load(run)
+            if result is not None:
+                self.outcomes[run] = result
 
     @property
     def missing(self) -> list[PlannedRun]:

@@ -36,8 +36,8 @@ def _name(run: PlannedRun) -> str:
 
 def _name_of(questions: Sequence[RequirementResult]) -> str:
     """Return a name for requirements and the results that they are compared with."""
-    asked = [[c.requirement.model_dump(), [_name(run) for run in c.runs]] for c in questions]
-    return f"findings {hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()}"
+    request = [[c.requirement.model_dump(), [_name(run) for run in c.runs]] for c in questions]
+    return f"findings {hashlib.sha256(json.dumps(request, sort_keys=True).encode()).hexdigest()}"
 
 
 class Finished(Closable):
@@ -71,9 +71,9 @@ class Finished(Closable):
             return None
         if not self.folder.is_dir():
             return None  # a study that was never run leaves no folder behind when something in it is wrong
-        found = self._results().get(_name(run))
+        result = self._results().get(_name(run))
         with self._results().taken_apart():
-            return None if found is None else RunResult.from_store(found)
+            return None if result is None else RunResult.from_store(result)
 
     def save(self, run: PlannedRun, outcome: RunResult) -> None:
         """Keep an outcome; an analysis that failed is not kept, but what it left behind is.
@@ -91,9 +91,9 @@ class Finished(Closable):
         """Return how requirements came out before, in their order; None: not of exactly these results."""
         if self._fresh or not self._keeps or not self.folder.is_dir():
             return None
-        found = self._results().get(_name_of(questions))
+        result = self._results().get(_name_of(questions))
         with self._results().taken_apart():
-            return None if found is None else TypeAdapter(list[Compliance]).validate_python(found["findings"])
+            return None if result is None else TypeAdapter(list[Compliance]).validate_python(result["findings"])
 
     def save_findings(self, checked: Sequence[RequirementResult]) -> None:
         """Keep how requirements came out.

@@ -66,12 +66,12 @@ def _lost(result: StudyResult, run: PlannedRun) -> bool:
 
 def _case(suite: ET.Element, checked: RequirementResult, seconds: float, *, lost: bool) -> None:
     case = _testcase(suite, checked.name, checked.requirement.analysis, seconds)
-    found = checked.finding
-    if found.passed:
-        ET.SubElement(case, "system-out").text = _clean(found.words)
+    result = checked.finding
+    if result.passed:
+        ET.SubElement(case, "system-out").text = _clean(result.words)
         return
     kind = "error" if lost else "failure"
-    message = _clean(found.words)
+    message = _clean(result.words)
     ET.SubElement(case, kind, {"message": message, "type": checked.requirement.kind}).text = message
 
 

@@ -56,15 +56,15 @@ def units_of(study: Study, names: Sequence[str]) -> dict[str, str]:
         study: that they belong to.
         names: "model.parameter".
     """
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for model in dict.fromkeys(name.partition(".")[0] for name in names):
         try:
             with _opened(study, study.models[model]) as opened:
                 variables = (*opened.description.variables, *opened.parameters)
-                found |= {f"{model}.{v.name}": v.unit for v in variables if v.unit}
+                result |= {f"{model}.{v.name}": v.unit for v in variables if v.unit}
         except (KeyError, WorkbenchError):
             continue  # results that are kept may be looked at without the model
-    return {name: found[name] for name in names if name in found}
+    return {name: result[name] for name in names if name in result}
 
 
 @dataclass(frozen=True)

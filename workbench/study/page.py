@@ -66,16 +66,16 @@ def _named(checked: RequirementResult) -> str:
 def _verdicts(result: StudyResult) -> list[Verdict]:
     """Return what is not met, and how much is; the table says the rest."""
     met = [c for c in result.checked if c.finding.passed]
-    found = [Verdict(c.finding.verdict, f"{c.name}: {c.finding.words}") for c in result.violated]
-    return [*found, *([Verdict(met[0].finding.verdict, f"{len(met)} of {len(result.checked)}")] if met else [])]
+    solution = [Verdict(c.finding.verdict, f"{c.name}: {c.finding.words}") for c in result.violated]
+    return [*solution, *([Verdict(met[0].finding.verdict, f"{len(met)} of {len(result.checked)}")] if met else [])]
 
 
 def _facts(result: StudyResult) -> dict[str, str]:
     study = result.study
     models = {f"model {name}": _model(str(m.model), result) for name, m in study.models.items()}
-    told = {"document": study.id, "revision": study.revision, "author": study.author}
+    notes = {"document": study.id, "revision": study.revision, "author": study.author}
     return {
-        **{name: value for name, value in told.items() if value},
+        **{name: value for name, value in notes.items() if value},
         "study": study.path.name,
         "SHA-256 of the study": study.sha256,
         **models,
@@ -121,9 +121,9 @@ def _table(checked: Sequence[RequirementResult]) -> PageTable:
 
 
 def _row(checked: RequirementResult) -> tuple[str, ...]:
-    found = checked.finding
-    numbers = (found.value_words, found.limit_words, found.margin_words)
-    return (checked.name, found.verdict, *numbers, found.where)
+    result = checked.finding
+    numbers = (result.value_words, result.limit_words, result.margin_words)
+    return (checked.name, result.verdict, *numbers, result.where)
 
 
 def _grid(result: StudyResult) -> Iterator[Section]:
@@ -146,11 +146,11 @@ def _points(result: StudyResult) -> Iterator[Section]:
     """Yield where each analysis was measured; those at one point share a row."""
     where: dict[tuple[str, str], list[str]] = {}
     for run, outcome in result.runs.items():
-        told = point_facts(outcome.result or {})
-        if told:
-            where.setdefault((told.get("held inputs", ""), told["operating point"]), []).append(run.label)
+        notes = point_facts(outcome.result or {})
+        if notes:
+            where.setdefault((notes.get("held inputs", ""), notes["operating point"]), []).append(run.label)
     if where:
-        rows = [(", ".join(labels), *told) for told, labels in where.items()]
+        rows = [(", ".join(labels), *notes) for notes, labels in where.items()]
         table = PageTable(("analysis", "held inputs", "operating point"), rows, right=())
         yield Section("Operating points", tables=[table], folded=len(rows) > _FEW)
 
@@ -164,8 +164,8 @@ def _analyses(result: StudyResult) -> Section:
 
 
 def _of_run(run: PlannedRun, outcome: RunResult) -> tuple[str, ...]:
-    found = outcome.result or {}
-    how = [str(found.get(key, "")) for key in ("interface", "solver")]
+    result = outcome.result or {}
+    how = [str(result.get(key, "")) for key in ("interface", "solver")]
     return (run.label, *how, f"{outcome.seconds:.2f}", "yes" if outcome.reused else "", "; ".join(outcome.notes))
 
 
@@ -206,7 +206,7 @@ def _title(checked: RequirementResult, result: Result) -> str:
     return f"{model}: {checked.name}" if isinstance(model, str) else checked.name
 
 
-def _mask(requirement: Mask, result: Result, title: str, found: Compliance) -> Figure:
+def _mask(requirement: Mask, result: Result, title: str, solution: Compliance) -> Figure:
     from workbench.study.picture import plot_between_masks  # noqa: PLC0415 - matplotlib is slow to import
 
     curves = requirement.responses(result, requirement.corners)
@@ -217,18 +217,18 @@ def _mask(requirement: Mask, result: Result, title: str, found: Compliance) -> F
         unit=UNITS.get(requirement.quantity, curves[0].unit),
         upper=requirement.upper or (),
         lower=requirement.lower or (),
-        worst=_place(found),
+        worst=_place(solution),
     )
 
 
-def _place(found: Compliance) -> tuple[float, float] | None:
+def _place(result: Compliance) -> tuple[float, float] | None:
     """Return the frequency [Hz] and the value of the worst place."""
-    if not isinstance(found.value, float) or " Hz" not in found.where:
+    if not isinstance(result.value, float) or " Hz" not in result.where:
         return None
-    return float(found.where.split(" Hz")[0]), found.value
+    return float(result.where.split(" Hz")[0]), result.value
 
 
-def _step(requirement: SettlingTime | Overshoot, result: Result, title: str, found: Compliance) -> Figure:
+def _step(requirement: SettlingTime | Overshoot, result: Result, title: str, solution: Compliance) -> Figure:
     from workbench.study.picture import LIMIT, plot_step  # noqa: PLC0415 - matplotlib is slow to import
 
     history = requirement.history(result)
@@ -239,8 +239,8 @@ def _step(requirement: SettlingTime | Overshoot, result: Result, title: str, fou
     if isinstance(requirement, SettlingTime):
         share = f"{100.0 * requirement.band:g} %"
         lines = {f"final value + {share}": final + width, f"final value − {share}": final - width}
-        if isinstance(found.value, float):
-            times["settled"] = requirement.after + found.value
+        if isinstance(solution.value, float):
+            times["settled"] = requirement.after + solution.value
         if requirement.max is not None:
             times[LIMIT] = requirement.after + requirement.max
     elif requirement.max is not None:

@@ -100,8 +100,8 @@ class RunResult:
     @classmethod
     def from_store(cls, data: Mapping[str, Any]) -> RunResult:
         """Return what `to_store` describes."""
-        found: RunResult = TypeAdapter(cls).validate_python({**data, "reused": True})
-        return found
+        result: RunResult = TypeAdapter(cls).validate_python({**data, "reused": True})
+        return result
 
 
 def _words(command: Command, models: Sequence[Change], options: Mapping[str, Any]) -> list[str]:
@@ -213,28 +213,28 @@ class _Planner:
             raise InputError(
                 f"{where}: '{command.name}' opens all its models in the same way, but their set, bias, … differ"
             )
-        found: dict[str, Any] = {}
+        result: dict[str, Any] = {}
         for name, value in models[0].options.items() if models else ():
             if name not in command.options:
                 self._not_taken(where, command, name, models[0])
             elif isinstance(value, Mapping) and name in own:
                 with place(where):
-                    found[name] = {**value, **command.table(name, own[name])}
+                    result[name] = {**value, **command.table(name, own[name])}
             else:
-                found[name] = value
-        return {**found, **{name: value for name, value in own.items() if not isinstance(found.get(name), Mapping)}}
+                result[name] = value
+        return {**result, **{name: value for name, value in own.items() if not isinstance(result.get(name), Mapping)}}
 
     def _not_taken(self, where: str, command: Command, name: str, model: Change) -> None:
         self._notes[f"{where}: '{command.name}' has no option {name}; it uses {model.model} as it is"] = None
 
     def _hashes(self, models: Sequence[Change], words: Sequence[str]) -> dict[str, str]:
         """Return the hashes of all files that the arguments name, systems with their FMUs."""
-        found: dict[str, str] = {}
+        result: dict[str, str] = {}
         for model in models:
-            found |= self._files.of_model(str(model.model))
+            result |= self._files.of_model(str(model.model))
         for word in words:
-            found |= self._files.of_word(word)
-        return found
+            result |= self._files.of_word(word)
+        return result
 
 
 def _writes(word: str) -> bool:
@@ -246,7 +246,7 @@ def _with_label(path: Path, label: str) -> Path:
     return path.with_stem(f"{path.stem}_{plain}") if plain else path
 
 
-def _key(asked: Mapping[str, Any], wants: Sequence[str], needs: Mapping[str, PlannedRun]) -> str:
+def _key(request: Mapping[str, Any], wants: Sequence[str], needs: Mapping[str, PlannedRun]) -> str:
     """Return what tells a run from others of the same subject, as text; the order of options does not."""
     others = {name: [run.subject, run.key] for name, run in needs.items()}
-    return json.dumps({"asked": asked, "wants": list(wants), "needs": others}, sort_keys=True)
+    return json.dumps({"asked": request, "wants": list(wants), "needs": others}, sort_keys=True)

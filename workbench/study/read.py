@@ -315,10 +315,10 @@ def _analysis(name: str, given: object, models: dict[str, Change], folder: Path)
             if key in _OURS:
                 raise InputError(f"leave '{key}' out: {_OURS[key]}")
         options = {facts.key(key): _referring(key, value) for key, value in given.items() if key not in own}
-    asked: list[object] = []
+    request: list[object] = []
     if facts.on_models and not isinstance(options.get(facts.subject), Reference):
-        asked = _asked(where, facts, options.pop(facts.subject, None), models)
-    names = tuple(_model_of(where, model, models, folder) for model in asked)
+        request = _asked(where, facts, options.pop(facts.subject, None), models)
+    names = tuple(_model_of(where, model, models, folder) for model in request)
     return StudyAnalysis(name=name, command=facts, models=names, options=options)
 
 
@@ -366,11 +366,11 @@ def _requirements(
     configurations: Mapping[str, object],
     grid: Mapping[str, tuple[Scalar, ...]],
 ) -> tuple[Requirement, ...]:
-    found: list[Requirement] = []
+    result: list[Requirement] = []
     for number, data in enumerate(given, start=1):
         where = _where(number, data)
         requirement = read_requirement(data, where)
-        if any(r.name == requirement.name for r in found):
+        if any(r.name == requirement.name for r in result):
             raise InputError(f"{where}: the name appears twice; give each requirement its own name")
         for name in requirement.analyses:
             known(where, "analysis", name, analyses)
@@ -378,8 +378,8 @@ def _requirements(
             known(where, "configuration", name, configurations)
         _check_grid(where, requirement, grid)
         requirement.check(where, [analyses[name].command.name for name in requirement.analyses])
-        found.append(requirement)
-    return tuple(found)
+        result.append(requirement)
+    return tuple(result)
 
 
 def _check_grid(where: str, requirement: Requirement, grid: Mapping[str, tuple[Scalar, ...]]) -> None:

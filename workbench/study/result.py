@@ -48,20 +48,20 @@ class RequirementResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it ready for JSON."""
-        found = self.finding
+        result = self.finding
         return {
             "id": self.requirement.id,
             "name": self.requirement.name,
             "point": self.point,
             "kind": self.requirement.kind,
             "analyses": list(self.requirement.analyses),
-            "value": found.value,
-            "unit": found.unit,
-            "limit": dict(found.limit),
-            "margin": found.margin,
-            "passed": found.passed,
-            "where": found.where,
-            "reason": found.reason,
+            "value": result.value,
+            "unit": result.unit,
+            "limit": dict(result.limit),
+            "margin": result.margin,
+            "passed": result.passed,
+            "where": result.where,
+            "reason": result.reason,
             "comment": self.requirement.comment,
         }
 
@@ -216,6 +216,6 @@ def _run_dict(run: PlannedRun, outcome: RunResult) -> dict[str, Any]:
 
 def _row(checked: RequirementResult) -> list[Any]:
     requirement = checked.requirement
-    found = checked.to_dict() | {"requirement": requirement.name, "analysis": requirement.analysis}
-    cells = (found.get(name, checked.finding.limit.get(name)) for name in _COLUMNS)
+    result = checked.to_dict() | {"requirement": requirement.name, "analysis": requirement.analysis}
+    cells = (result.get(name, checked.finding.limit.get(name)) for name in _COLUMNS)
     return ["" if cell is None else cell for cell in cells]

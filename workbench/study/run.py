@@ -191,7 +191,7 @@ def _questions(study: Study, plan: Plan) -> list[RequirementResult]:
         study: what was asked for.
         plan: what is run.
     """
-    found: list[RequirementResult] = []
+    result: list[RequirementResult] = []
     for requirement in study.requirements:
         seen: set[tuple[PlannedRun, ...]] = set()
         for k, point in enumerate(plan.points):
@@ -199,8 +199,8 @@ def _questions(study: Study, plan: Plan) -> list[RequirementResult]:
             if runs not in seen and _applies(requirement, point):
                 seen.add(runs)
                 empty = Compliance(value=None)
-                found.append(RequirementResult(requirement=requirement, point=_label(runs), runs=runs, finding=empty))
-    return found
+                result.append(RequirementResult(requirement=requirement, point=_label(runs), runs=runs, finding=empty))
+    return result
 
 
 def _answer(question: RequirementResult, outcomes: Mapping[PlannedRun, RunResult]) -> RequirementResult:

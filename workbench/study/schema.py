@@ -59,11 +59,11 @@ def schema(name: str) -> dict[str, Any]:
 
 
 def _study() -> dict[str, Any]:
-    found = json_schema(StudyTable)
+    result = json_schema(StudyTable)
     file = {"type": "string", "description": "FMU, or system."}
     change = {"type": "object", "additionalProperties": {"anyOf": [file, json_schema(ChangeTable)]}}
     values = {"type": "array", "items": _SCALAR, "minItems": 1}
-    found["properties"] |= {
+    result["properties"] |= {
         "models": {"type": "object", "additionalProperties": {"anyOf": [file, json_schema(ModelTable)]}},
         "configurations": {"type": "object", "additionalProperties": change},
         "grid": _by_path("grid"),
@@ -76,12 +76,12 @@ def _study() -> dict[str, Any]:
         "requirements": {"type": "array", "items": {"anyOf": [_requirement(kind) for kind in KINDS]}},
     }
     defs = {
-        **found.pop("$defs", {}),
+        **result.pop("$defs", {}),
         "reference": _REFERENCE,
         "grid": _nested(values, "grid"),
         "spread": _nested(json_schema(SpreadTable), "spread"),
     }
-    return {"$schema": DRAFT, **found, "title": "Study", "$defs": defs}
+    return {"$schema": DRAFT, **result, "title": "Study", "$defs": defs}
 
 
 def _by_path(name: str) -> dict[str, Any]:
@@ -94,21 +94,21 @@ def _nested(inner: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def _envelope() -> dict[str, Any]:
-    found = json_schema(EnvelopeTable)
-    found["properties"]["parameters"] = _by_path("spread")
-    return found
+    result = json_schema(EnvelopeTable)
+    result["properties"]["parameters"] = _by_path("spread")
+    return result
 
 
 def _requirement(kind: str) -> dict[str, Any]:
-    found = json_schema(KINDS[kind])
-    found["properties"]["kind"] = {"const": kind}
-    return {**found, "title": kind}
+    result = json_schema(KINDS[kind])
+    result["properties"]["kind"] = {"const": kind}
+    return {**result, "title": kind}
 
 
 def _analysis(name: str) -> dict[str, Any]:
     """Return the schema of an analysis by a command, whichever of its requests is meant."""
-    found = [_asked(name, command(request)) for request in EVERY[name]]
-    return found[0] if len(found) == 1 else {"title": name, "anyOf": found}
+    result = [_asked(name, command(request)) for request in EVERY[name]]
+    return result[0] if len(result) == 1 else {"title": name, "anyOf": result}
 
 
 def _asked(name: str, facts: Command) -> dict[str, Any]:

@@ -96,11 +96,11 @@ def _bug(error: Exception) -> str:
 
 
 def _by_request(known: Command, job: CommandJob) -> RunResult:
-    asked, written, loading = known.asked(job.options)
-    if job.confine and isinstance(asked, InWorker):
-        stored = asked.isolated and getattr(asked, "store", None) is not None
+    request, written, loading = known.asked(job.options)
+    if job.confine and isinstance(request, InWorker):
+        stored = request.isolated and getattr(request, "store", None) is not None
         unwritten = {"store": None} if stored else {}  # it could not write one
-        asked = recast(type(asked), asked, confine=True, **unwritten)
+        request = recast(type(request), request, confine=True, **unwritten)
     _check_writable(written)
     begin = time.monotonic()
     work = RequestJob()
@@ -109,11 +109,11 @@ def _by_request(known: Command, job: CommandJob) -> RunResult:
         given = [given] if isinstance(given, str) else list(given)
     elif job.subject:
         given = job.subject[0]
-    with _opened(asked, given, loading, job) as (subject, model_notes):
-        record = asked.run(subject, work)
+    with _opened(request, given, loading, job) as (subject, model_notes):
+        record = request.run(subject, work)
         page = page_of(record, **written.told(written.drawn))
         seconds = round(time.monotonic() - begin, 3)
-        head = {"command": asked.command, "version": __version__, "seconds": seconds, "asked": asked_in_json(asked)}
+        head = {"command": request.command, "version": __version__, "seconds": seconds, "asked": asked_in_json(request)}
         data = {**head, **record.to_dict()}
         data = {key: plain(value) for key, value in data.items()}
         files = _write(record, written, job)
@@ -121,10 +121,10 @@ def _by_request(known: Command, job: CommandJob) -> RunResult:
             data["files"] = files
         notes = tuple(dict.fromkeys([*model_notes, *work.notes, *page.notes]))
         if written.report is not None:
-            origin = origin_of_call(function(type(asked)), (subject,), values_of(asked), seconds=seconds)
-            known_of = replace(origin, command=asked.command, call=job.command_line, notes=notes, data=data)
+            origin = origin_of_call(function(type(request)), (subject,), values_of(request), seconds=seconds)
+            known_of = replace(origin, command=request.command, call=job.command_line, notes=notes, data=data)
             write_report(page, written.report, known_of)
-    return RunResult(result=data, code=0 if asked.went_well(record) else _NOT_WELL, notes=notes)
+    return RunResult(result=data, code=0 if request.went_well(record) else _NOT_WELL, notes=notes)
 
 
 # Models of analyses before, without any values set: what they were opened as. Nothing is ever run on these themselves.
@@ -133,17 +133,17 @@ _open: list[tuple[object, DescribedModel]] = []
 
 @contextmanager
 def _opened(
-    asked: Request[Any, Any],
+    request: Request[Any, Any],
     given: Any,  # noqa: ANN401 - a path or paths
     loading: Loading,
     job: CommandJob,
 ) -> Iterator[tuple[Any, tuple[str, ...]]]:
     """Yield as `Request.opened`; where only values of the same model are others, its files stay open and loaded."""
-    known = asked.subject.opened and isinstance(given, str) and job.files
+    known = request.subject.opened and isinstance(given, str) and job.files
     model = _again(given, loading, job) if known else None
     if model is None:
-        with asked.opened(given, loading) as found:
-            yield found
+        with request.opened(given, loading) as result:
+            yield result
         return
     try:
         yield model, model.notes

@@ -241,8 +241,8 @@ class BlockInstance(Instance):
             rates, outputs = np.zeros(nx), np.zeros(len(self.y))
         else:
             rates, outputs = a @ dx + b @ du, c @ dx + d @ du
-        found = np.concatenate([move[: nu + nx], outputs, rates])
-        return np.array([found[v.value_reference] for v in unknowns])
+        result = np.concatenate([move[: nu + nx], outputs, rates])
+        return np.array([result[v.value_reference] for v in unknowns])
 
 
 class _BlockLibrary(Library):
@@ -256,11 +256,11 @@ def _linear(component: NativeComponent) -> LinearComponent:
     """Return gains and sums as what they are: linear systems without states; functions with no matrices."""
     if isinstance(component, LinearComponent):
         return component
-    if isinstance(component, BlockComponent) and (found := component.block.matrices()) is not None:
+    if isinstance(component, BlockComponent) and (result := component.block.matrices()) is not None:
         return LinearComponent(
-            name=component.name, A=found.a, B=found.b, C=found.c, D=found.d, dt=found.dt, x0=np.zeros(len(found.a)),
-            input_names=component.block.inputs, output_names=("y",), state_names=component.block.states,
-            units=component.units,
+            name=component.name, A=result.a, B=result.b, C=result.c, D=result.d, dt=result.dt,
+            x0=np.zeros(len(result.a)), input_names=component.block.inputs, output_names=("y",),
+            state_names=component.block.states, units=component.units,
         )  # fmt: skip
     inputs, outputs, gains = block_ports(component)
     return LinearComponent(

@@ -124,8 +124,8 @@ def declared_rates(parts: Sequence[OpenComponent]) -> DeclaredRates:
     inner = [(part.name, part.model.declared_rates()) for part in parts if part.model is not None]
     return DeclaredRates(
         samplers=tuple(own),
-        clocks=tuple(replace(c, name=f"{name}: {c.name}") for name, found in inner for c in found.clocks),
-        others=tuple(model for _, found in inner for model in found.others),
+        clocks=tuple(replace(c, name=f"{name}: {c.name}") for name, result in inner for c in result.clocks),
+        others=tuple(model for _, result in inner for model in result.others),
     )
 
 
@@ -224,8 +224,8 @@ def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> OpenComponent:
         model: DescribedModel = recipe.open()
     else:
         # The solver and the communication step are the system's affair, or the master's.
-        asked = Loading(component.interface, start_values=component.set, step=component.step)
-        model = load_fmu(component.file, asked, component.called)
+        request = Loading(component.interface, start_values=component.set, step=component.step)
+        model = load_fmu(component.file, request, component.called)
     starts = dict(model.start_values)
     described = _told(model.description, starts, component.units)
     doubted = ("the dependencies that it declares are not believed",) if component.dependencies == "all" else ()

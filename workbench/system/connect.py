@@ -127,7 +127,7 @@ def connect(
         order=order, extrapolation=extrapolation, step_tolerance=step_tolerance, hold_inputs=hold_inputs
     )
     starts = {**_own_starts(components), **(start_values or {})}
-    asked = Loading(
+    request = Loading(
         solver=solver,
         step=step,
         tolerance=tolerance,
@@ -136,7 +136,7 @@ def connect(
         start_values=starts,
         bias=bias or {},
     )
-    return open_description(embed(_described(name, connections, inputs, outputs, master), parts), asked)
+    return open_description(embed(_described(name, connections, inputs, outputs, master), parts), request)
 
 
 def _described(
@@ -269,15 +269,15 @@ def _linear(name: str, value: object) -> LinearComponent | None:
         if not isinstance(value, _StateSpace):
             raise InputError(f"component {name}: this kind of linear system cannot be connected; give a StateSpace")
     try:
-        found = Linear.from_state_space(value)
+        result = Linear.from_state_space(value)
     except InputError as error:
         raise InputError(f"component {name}: {error}") from None
-    A, B, C, D = found.A, found.B, found.C, found.D
+    A, B, C, D = result.A, result.B, result.C, result.D
     if not all(np.isfinite(x).all() for x in (A, B, C, D)):
         raise InputError(f"component {name}: a matrix has entries that are not finite numbers")
     return LinearComponent(
-        A, B, C, D, name=name, dt=found.dt, input_names=_labels(found.input_names, "u", B.shape[1]),
-        output_names=_labels(found.output_names, "y", len(C)), state_names=_labels(found.state_names, "x", len(A)),
+        A, B, C, D, name=name, dt=result.dt, input_names=_labels(result.input_names, "u", B.shape[1]),
+        output_names=_labels(result.output_names, "y", len(C)), state_names=_labels(result.state_names, "x", len(A)),
         x0=np.zeros(len(A)),
     )  # fmt: skip
 

@@ -167,9 +167,9 @@ class _Resolver:
         return port
 
     def _element(self, name: str, *, kind: str) -> Port:
-        found = self.table.elements(name)
-        if found and found[0].variable.name != name:
-            raise InputError(f"{name} is an array; name one element, such as {self._full(found[0])}")
+        result = self.table.elements(name)
+        if result and result[0].variable.name != name:
+            raise InputError(f"{name} is an array; name one element, such as {self._full(result[0])}")
         return self.table.find(name, kind=kind)
 
     def _check_system_names(self, inputs: Mapping[str, tuple[Port, ...]], outputs: Mapping[str, Port]) -> None:

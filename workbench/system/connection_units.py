@@ -151,10 +151,10 @@ class UnitCheck:
         self._note(source, target, given, taken, result)
         return result
 
-    def _note(self, source: Port, target: Port, given: str, taken: str, found: _Linear) -> None:
+    def _note(self, source: Port, target: Port, given: str, taken: str, result: _Linear) -> None:
         self._converted.append(
             f"{self._name(source)} → {self._name(target)}: converted from {given} to {taken} by the unit definitions "
-            f"(× {found[0]:g}{_signed(found[1])})"
+            f"(× {result[0]:g}{_signed(result[1])})"
         )
 
     def _note_one_sided(self, source: Port, target: Port, given: str | None, taken: str | None) -> None:

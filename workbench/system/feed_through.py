@@ -65,11 +65,11 @@ class SystemDependencies:
         while grown:
             grown = False
             for wire, names in zip(self._wires, ends, strict=True):
-                found = self._behind(wire.from_component, wire.source)
+                result = self._behind(wire.from_component, wire.source)
                 for name in names:
                     own = self._driven[wire.to_component][name]
                     before = len(own)
-                    own.update(found)
+                    own.update(result)
                     grown |= len(own) > before
 
     def _same(self, component: int, variable: Variable) -> list[str]:

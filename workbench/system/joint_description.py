@@ -61,7 +61,7 @@ def joint_ports(parts: Sequence[OpenComponent], resolved: Resolved) -> Ports:
         for i, part in enumerate(parts)
         for v in (*part.description.derivatives, *part.description.states, *part.description.variables)
     }
-    ports.update({name: tuple((p.component, p.variable) for p in found) for name, found in resolved.inputs.items()})
+    ports.update({name: tuple((p.component, p.variable) for p in result) for name, result in resolved.inputs.items()})
     ports.update({name: ((port.component, port.variable),) for name, port in resolved.outputs.items()})
     return ports
 

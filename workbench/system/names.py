@@ -34,11 +34,11 @@ class NameTable:
             InputError: no such component or variable; near names are in the message.
         """
         component, variable = self.split(name)
-        found = self._variables[self._index[component]].get(variable)
-        if found is None:
+        result = self._variables[self._index[component]].get(variable)
+        if result is None:
             raise InputError(self._unknown(component, variable, kind))
         k = self._index[component]
-        return Port(k, self._variables[k][found.alias_of or variable])
+        return Port(k, self._variables[k][result.alias_of or variable])
 
     def elements(self, name: str) -> list[Port]:
         """Return the elements of the array "component.variable", in order; empty where there is no such array."""

@@ -69,9 +69,9 @@ class SystemRecipe(LoadRecipe):
 
     def with_parts(self, parts: Sequence[OpenComponent]) -> Self:
         """Return the recipe with the FMUs as they are opened now."""
-        found = {p.name: recipe for p in parts if (recipe := p.recipe) is not None}
+        result = {p.name: recipe for p in parts if (recipe := p.recipe) is not None}
         # The folder of an .ssp belongs to the model that was loaded first.
-        return replace(self, parts=found)
+        return replace(self, parts=result)
 
     def changed(self, system: SystemDescription) -> Self:
         """Return the recipe of a changed system, at its own start; what was told of components still in it stays.

@@ -61,11 +61,11 @@ class _Terminals:
             ends = [self._names.split(name) for name in (connection.source, connection.destination)]
         except InputError:  # said where connections are checked
             return [connection]
-        found = [None if self._is_variable(*end) else self._terminals[end[0]].get(end[1]) for end in ends]
-        if not any(found):
+        result = [None if self._is_variable(*end) else self._terminals[end[0]].get(end[1]) for end in ends]
+        if not any(result):
             return [connection]
         try:
-            return self._pairs(connection, ends, found)
+            return self._pairs(connection, ends, result)
         except InputError as error:
             raise InputError(f"connection {connection.source} → {connection.destination}: {error}") from None
 
@@ -74,9 +74,9 @@ class _Terminals:
         return name in known or any(v.startswith(f"{name}[") for v in known)
 
     def _pairs(
-        self, connection: Connection, ends: Sequence[tuple[str, str]], found: Sequence[Terminal | None]
+        self, connection: Connection, ends: Sequence[tuple[str, str]], result: Sequence[Terminal | None]
     ) -> list[Connection]:
-        first, second = found
+        first, second = result
         if first is None or second is None:
             component, name = ends[0 if first is None else 1]
             near = suggest(name, self._terminals[component])

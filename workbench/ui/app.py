@@ -109,8 +109,8 @@ class _Server:
 
     async def events(self, request: Request) -> Response:
         """Answer with what happens, as server-sent events; a browser that comes back is told what it missed."""
-        told = request.headers.get("last-event-id") or request.query_params.get("last") or "0"
-        last = _number(told) or 0
+        notes = request.headers.get("last-event-id") or request.query_params.get("last") or "0"
+        last = _number(notes) or 0
         headers = {"X-Accel-Buffering": "no"}
         return StreamingResponse(self._stream(last), media_type="text/event-stream", headers=headers)
 
@@ -172,10 +172,10 @@ class _Server:
             gain = float(request.query_params.get("gain", "1"))
         except ValueError:
             raise InputError("gain: not a number") from None
-        found = loop_at(record, gain, locus="locus" in request.query_params)
-        if found is None:
+        result = loop_at(record, gain, locus="locus" in request.query_params)
+        if result is None:
             raise HTTPException(404, "there is no linear loop")
-        return JSONResponse(found)
+        return JSONResponse(result)
 
     # -- systems and studies ------------------------------------------------------------------------
 
@@ -258,12 +258,12 @@ async def _sent(request: Request) -> Mapping[str, Any]:
         if len(body) > _LARGEST:
             raise HTTPException(413, "too long")
     try:
-        found = json.loads(body)
+        result = json.loads(body)
     except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+        result = None
+    if not isinstance(result, dict):
         raise InputError("what was sent is not a JSON object")
-    return found
+    return result
 
 
 def _told(status: int) -> Callable[[Request, Exception], Response]:

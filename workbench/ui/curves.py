@@ -147,7 +147,7 @@ def stored_curves(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     """
     from workbench.response.nfr.point import NfrPoint  # noqa: PLC0415 - as above
 
-    found = []
+    result = []
     every, remarks = contents(folder)
     for number, stored in enumerate(every, 1):
         rows = [value["point"] for value in stored.values.values() if isinstance(value, dict) and "point" in value]
@@ -163,8 +163,8 @@ def stored_curves(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
             label = f"set {number}: {names['output']} by {names['input']}, amplitude {amplitude:g}"
             more = {"amplitude": amplitude, "status": [p.status for p in own], "stable": [p.stable for p in own]}
             curve = _of_response(response, label, "measured", points=[p.to_dict() for p in own], **more)
-            found.append({**curve, "settings": {**stored.subject, **stored.effort}})
-    return [plain(curve) for curve in found], remarks
+            result.append({**curve, "settings": {**stored.subject, **stored.effort}})
+    return [plain(curve) for curve in result], remarks
 
 
 def signals_of(record: object) -> dict[str, Any] | None:
@@ -173,8 +173,8 @@ def signals_of(record: object) -> dict[str, Any] | None:
 
     if not isinstance(record, SimulationResult):
         return None
-    found: dict[str, Any] = plain({"time": record.time, "signals": record.signals, "units": record.units})
-    return found
+    result: dict[str, Any] = plain({"time": record.time, "signals": record.signals, "units": record.units})
+    return result
 
 
 def loop_at(record: object, gain: float, *, locus: bool = False) -> dict[str, Any] | None:
@@ -194,7 +194,7 @@ def loop_at(record: object, gain: float, *, locus: bool = False) -> dict[str, An
     open_loop = Response(band, transfer.response(band))
     closed = transfer.complementary()
     time, step = _step(closed)
-    found: dict[str, Any] = plain(
+    result: dict[str, Any] = plain(
         {
             "gain": gain,
             "margins": open_loop.margins().to_dict(),
@@ -207,7 +207,7 @@ def loop_at(record: object, gain: float, *, locus: bool = False) -> dict[str, An
             "step": {"time": time, "value": step},
         }
     )
-    return found
+    return result
 
 
 def _poles(model: Linear) -> dict[str, Any]:
@@ -232,5 +232,5 @@ def _step(closed: Linear) -> tuple[Any, Any]:
 
     system = closed.to_state_space()
     points = np.linspace(0.0, longest, 400) if closed.dt == 0.0 else np.arange(0.0, longest, closed.dt)[:2000]
-    found = control.step_response(system, points)
-    return found.time, np.squeeze(found.outputs)
+    result = control.step_response(system, points)
+    return result.time, np.squeeze(result.outputs)

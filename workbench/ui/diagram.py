@@ -80,7 +80,7 @@ def _component(name: str, given: object, root: ServedFolder, folder: Path, wrong
     from workbench.system.files.toml_components import read_component  # noqa: PLC0415
 
     table = given if isinstance(given, dict) else {"gain" if isinstance(given, int | float) else "model": given}
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "name": name, "label": "", "what": _written(given), "model": "", "inputs": [], "outputs": [],
     }  # fmt: skip
     try:
@@ -89,16 +89,16 @@ def _component(name: str, given: object, root: ServedFolder, folder: Path, wrong
             if isinstance(file, str) and not is_bundled(file) and folder.is_relative_to(root.folder):  # else: bundled
                 file = root.find((folder / file).as_posix())
             if isinstance(file, str) and key == "model":
-                found["model"] = file
-        if not found["model"]:
+                result["model"] = file
+        if not result["model"]:
             block = read_component(name, given, folder)
             if not isinstance(block, FmuComponent):
                 inputs, outputs, _ = block_ports(block)
-                found |= {"inputs": list(inputs), "outputs": list(outputs)}
-        found["label"] = next(label(table) for key, label in _LABELS.items() if key in table)
+                result |= {"inputs": list(inputs), "outputs": list(outputs)}
+        result["label"] = next(label(table) for key, label in _LABELS.items() if key in table)
     except (InputError, NotHereError) as error:
         wrong.append(str(error))
-    return found
+    return result
 
 
 def _polynomial(coefficients: object, symbol: str) -> str:
@@ -172,12 +172,12 @@ def edited(text: str, edit: str, *names: str) -> str:
         EDITS[edit](wanted, *names)
         document = tomlkit.parse(text)
         EDITS[edit](document, *names)
-        found = tomlkit.dumps(document)
-        if _told(_read(found)) != _told(wanted):
+        result = tomlkit.dumps(document)
+        if _told(_read(result)) != _told(wanted):
             raise InputError("")
     except (InputError, TOMLKitError, KeyError, TypeError, AttributeError, ValueError):
         raise InputError("the picture cannot change this file; edit its text below") from None
-    return found
+    return result
 
 
 def _told(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -242,8 +242,8 @@ EDITS: Mapping[str, Callable[..., None]] = {"add": _add, "connect": _connect, "c
 def _section(document: _Table, name: str) -> _Table:
     if name not in document:
         document[name] = tomlkit.table() if isinstance(document, tomlkit.TOMLDocument) else {}
-    found: _Table = document[name]
-    return found
+    result: _Table = document[name]
+    return result
 
 
 def _put(table: _Table, key: str, line: str) -> None:

@@ -226,10 +226,10 @@ class Desk:
         if (not subject and not kind.optional) or (len(subject) > 1 and not kind.several):
             raise InputError(f"{command} takes {'some' if kind.several else 'one'} {kind.metavar}")
         paths = [self.root.find(name) for name in subject]
-        asked, loading = request_of_form(command, given, self.root)
+        request, loading = request_of_form(command, given, self.root)
         with self._lock:
             number = len(self.works) + 1
-            work = self.works[number] = Work(number, asked, loading, subject, paths, aside=aside)
+            work = self.works[number] = Work(number, request, loading, subject, paths, aside=aside)
         work.listen(lambda event, **facts: self._tell(number, event, facts))
         self._tell(number, "state", work.to_dict())
         self._threads[aside].submit(work.run)

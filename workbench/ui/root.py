@@ -87,13 +87,13 @@ class ServedFolder:
             NotHereError: it is not in the folder.
         """
         try:
-            found = (self.folder / text).resolve()
-            there = new or found.exists()
+            result = (self.folder / text).resolve()
+            there = new or result.exists()
         except (OSError, ValueError, RuntimeError):  # a name that no file can have, links in a circle
-            there, found = False, self.folder
-        if not there or not text or not found.is_relative_to(self.folder):
+            there, result = False, self.folder
+        if not there or not text or not result.is_relative_to(self.folder):
             raise NotHereError(f"{text}: not in this folder")
-        return found
+        return result
 
     def text_of(self, name: str) -> str:
         """Return the text of a system or study file.
@@ -118,8 +118,8 @@ class ServedFolder:
 
     def listing(self) -> list[dict[str, str]]:
         """Return what can be opened: name and kind ("fmu", "system", "study", "store", "point"; this with `model`)."""
-        found = [{"name": name, "kind": kind} for name, kind in self._inside()]
-        for entry in found:
+        result = [{"name": name, "kind": kind} for name, kind in self._inside()]
+        for entry in result:
             if entry["kind"] == "point":
                 entry["model"] = _model_of_point(self.folder / entry["name"])
         for kind, folder, suffix in (
@@ -127,8 +127,8 @@ class ServedFolder:
             ("system", "systems", ".toml"),
             ("study", "studies", ".toml"),
         ):
-            found += [{"name": f"{kind}:{name}", "kind": kind} for name in bundled_files(folder, suffix)]
-        return found
+            result += [{"name": f"{kind}:{name}", "kind": kind} for name in bundled_files(folder, suffix)]
+        return result
 
     def _inside(self) -> Iterator[tuple[str, str]]:
         count = 0
@@ -156,8 +156,8 @@ def _model_of_point(file: Path) -> str:
             begin = stream.read(_BEGINNING).decode("utf-8", "replace")
     except OSError:
         return ""
-    found = _MODEL.search(begin)
-    return str(json.loads(found[1])) if found and _TRIM.search(begin) else ""
+    result = _MODEL.search(begin)
+    return str(json.loads(result[1])) if result and _TRIM.search(begin) else ""
 
 
 def _kind(file: Path) -> str:

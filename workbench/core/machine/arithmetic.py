@@ -45,5 +45,5 @@ def kept_arithmetic() -> Iterator[None]:
 @lru_cache(maxsize=1)
 def _functions() -> Any:  # noqa: ANN401 - a library, whose functions ctypes cannot type
     """Return the C library with fegetenv and fesetenv; None where it has none."""
-    found = None if sys.platform == "win32" else ctypes.CDLL(None)
-    return found if hasattr(found, "fegetenv") and hasattr(found, "fesetenv") else None
+    result = None if sys.platform == "win32" else ctypes.CDLL(None)
+    return result if hasattr(result, "fegetenv") and hasattr(result, "fesetenv") else None

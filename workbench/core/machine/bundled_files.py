@@ -19,8 +19,8 @@ def bundled_files(folder: str, suffix: str = ".toml") -> dict[str, Path]:
         suffix: of the files.
     """
     roots = (_PACKAGE.parent / folder, _PACKAGE / folder)  # what lies inside the package counts
-    found = {path.stem: path for root in roots for path in root.glob(f"*{suffix}")}
-    return dict(sorted(found.items()))
+    result = {path.stem: path for root in roots for path in root.glob(f"*{suffix}")}
+    return dict(sorted(result.items()))
 
 
 def find_bundled(name: str, files: dict[str, Path], what: str) -> Path:

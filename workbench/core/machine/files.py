@@ -31,16 +31,16 @@ def named_path(path: str | Path) -> Path:
     Raises:
         InputError: the system takes no such name.
     """
-    found = Path(path).expanduser()
+    result = Path(path).expanduser()
     try:
         with suppress(FileNotFoundError, NotADirectoryError, PermissionError):
-            found.lstat()
+            result.lstat()
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
         text = str(path)
         shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
         raise InputError(f"'{one_line(shown)}': no file can have this name: {why}") from None
-    return found
+    return result
 
 
 def close_files(missing: Path, suffixes: Collection[str]) -> list[str]:

@@ -155,10 +155,10 @@ def two_numbers(value: Any) -> tuple[float, float]:  # noqa: ANN401 - what Pytho
     Raises:
         ValueError: there are not two, or one is not a number.
     """
-    found = tuple(map(number, value.split(":"))) if isinstance(value, str) else several(value)
-    if len(found) != 2:
-        raise ValueError(f"takes two numbers, not {len(found)}")
-    return found[0], found[1]
+    result = tuple(map(number, value.split(":"))) if isinstance(value, str) else several(value)
+    if len(result) != 2:
+        raise ValueError(f"takes two numbers, not {len(result)}")
+    return result[0], result[1]
 
 
 def table(value: Any) -> dict[str, Any]:  # noqa: ANN401 - what Python or a TOML file holds
@@ -182,15 +182,15 @@ def pairs(texts: Iterable[str], sample: str = "NAME=VALUE") -> dict[str, str]:
     Raises:
         ValueError: no equals sign, no name, a name given twice.
     """
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
             raise ValueError(f"'{text}' is not of the form {sample}")
-        if name in found:
+        if name in result:
             raise ValueError(f"'{name}' is given twice")
-        found[name] = value
-    return found
+        result[name] = value
+    return result
 
 
 def several(value: Amounts) -> tuple[float, ...]:
@@ -219,20 +219,20 @@ def _each(read: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
     """Return the reader of names, each with a value; what is wrong with one is told with its name."""
 
     def each(value: Any) -> dict[str, Any]:  # noqa: ANN401
-        found = {}
+        result = {}
         for name, x in table(value).items():
             try:
-                found[name] = read(x)
+                result[name] = read(x)
             except ValueError as error:
                 raise ValueError(f"{name}: {error}") from None
-        return found
+        return result
 
     return each
 
 
 def _quantity_or_number(value: Any) -> float | str:  # noqa: ANN401
-    found, unit = quantity(value)
-    return str(value).strip() if unit else found
+    result, unit = quantity(value)
+    return str(value).strip() if unit else result
 
 
 _values = _each(amount)
@@ -241,15 +241,15 @@ _values = _each(amount)
 def _widths(value: Any) -> Any:  # noqa: ANN401
     if isinstance(value, Mapping):
         return _values(value)
-    found = several(value)
-    return found[0] if isinstance(value, int | float) else found
+    result = several(value)
+    return result[0] if isinstance(value, int | float) else result
 
 
 def _split_widths(texts: Sequence[str]) -> Any:  # noqa: ANN401
     if any("=" in text for text in texts):
         return pairs(texts)
-    found = LISTED.split(texts)
-    return number(found[0]) if len(found) == 1 else found
+    result = LISTED.split(texts)
+    return number(result[0]) if len(result) == 1 else result
 
 
 def _join_widths(value: Any) -> list[str]:  # noqa: ANN401
@@ -263,17 +263,17 @@ def _ends(value: Any) -> tuple[float, float]:  # noqa: ANN401
         if not colon or not (low or high):
             raise ValueError(f"needs LO:HI, LO: or :HI, not '{value}'")
         value = low or "-inf", high or "inf"
-    found = _amounts(value)
-    if len(found) != 2:
-        raise ValueError(f"takes two numbers, not {len(found)}")
-    return found[0], found[1]
+    result = _amounts(value)
+    if len(result) != 2:
+        raise ValueError(f"takes two numbers, not {len(result)}")
+    return result[0], result[1]
 
 
 def _rising(value: Any) -> tuple[float, float]:  # noqa: ANN401
-    found = several(value.split(":") if isinstance(value, str) else value)
-    if len(found) != 2 or not -math.inf < found[0] < found[1] < math.inf:
-        raise ValueError(f"{':'.join(f'{x:g}' for x in found)} is not of the form LO:HI with LO < HI")
-    return found[0], found[1]
+    result = several(value.split(":") if isinstance(value, str) else value)
+    if len(result) != 2 or not -math.inf < result[0] < result[1] < math.inf:
+        raise ValueError(f"{':'.join(f'{x:g}' for x in result)} is not of the form LO:HI with LO < HI")
+    return result[0], result[1]
 
 
 def varied(text: str) -> tuple[str, str]:
@@ -288,8 +288,10 @@ def varied(text: str) -> tuple[str, str]:
     if "=" not in text:
         return text, ""
     ((name, limits),) = pairs([text]).items()
-    found = _each(lambda values: [number(x) for x in values])({name: limits.split(":" if ":" in limits else ",")})[name]
-    if ":" in limits and (len(found) != 2 or not found[0] < found[1]):
+    result = _each(lambda values: [number(x) for x in values])({name: limits.split(":" if ":" in limits else ",")})[
+        name
+    ]
+    if ":" in limits and (len(result) != 2 or not result[0] < result[1]):
         raise ValueError(f"'{text}' is not of the form NAME=LO:HI with LO < HI, as in airspeed=150:350")
     return name, limits
 
@@ -338,8 +340,8 @@ def whole(value: Any) -> str:  # noqa: ANN401 - what Python or a TOML file holds
 
 
 def _settings(value: Any) -> dict[str, Any]:  # noqa: ANN401
-    found = table(value)
-    return {n: x if isinstance(x, str) or not hasattr(x, "__len__") else whole(x) for n, x in found.items()}
+    result = table(value)
+    return {n: x if isinstance(x, str) or not hasattr(x, "__len__") else whole(x) for n, x in result.items()}
 
 
 def _texts(value: Any) -> Any:  # noqa: ANN401

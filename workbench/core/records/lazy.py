@@ -22,8 +22,8 @@ def homes_in(stub: str) -> dict[str, str]:
 
     with open(stub, encoding="utf-8") as file:  # noqa: PTH123 - so does pathlib
         lines = ast.parse(file.read()).body
-    found = {a.name: line.module or "" for line in lines if isinstance(line, ast.ImportFrom) for a in line.names}
-    return dict(sorted(found.items()))
+    result = {a.name: line.module or "" for line in lines if isinstance(line, ast.ImportFrom) for a in line.names}
+    return dict(sorted(result.items()))
 
 
 def lazily(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:

@@ -180,17 +180,17 @@ class DeclaredOption:
         if self.choices and value not in self.choices:
             raise InputError(f"{spoken} '{value}' is unknown; {suggest(str(value), self.choices)}")
         try:
-            found = value if self.form is None else self.form.read(value)
-            if not self.option.of and (given := next(quantities_in(found), None)) is not None:
+            result = value if self.form is None else self.form.read(value)
+            if not self.option.of and (given := next(quantities_in(result), None)) is not None:
                 raise ValueError(f"'{given}' is not a number")
-            self._check_range(found)
+            self._check_range(result)
         except (TypeError, AttributeError):
             form = f"of the form {self.form.metavar}" if self.form is not None else "a number"
             raise InputError(f"{spoken}: '{value}' is not {form}") from None
         except ValueError as error:
-            told = in_unit(str(error), self.option.unit) if spoken == self.flag else f"{error}{self._unit}"
-            raise InputError(f"{spoken}: {told}") from None
-        return found
+            notes = in_unit(str(error), self.option.unit) if spoken == self.flag else f"{error}{self._unit}"
+            raise InputError(f"{spoken}: {notes}") from None
+        return result
 
     def read(self, given: Any) -> Any:  # noqa: ANN401 - what a command line or a form holds
         """Return the value that is written as a command line has it; what is wrong with it is said of the flag.
@@ -317,9 +317,9 @@ def options_of(request: type[Options]) -> tuple[DeclaredOption, ...]:
     return _options_of(cast("Hashable", request))
 
 
-def values_of(asked: Options) -> dict[str, Any]:
+def values_of(request: Options) -> dict[str, Any]:
     """Return the options of a request by name, as they are."""
-    return {d.name: getattr(asked, d.name) for d in options_of(type(asked))}
+    return {d.name: getattr(request, d.name) for d in options_of(type(request))}
 
 
 def parts_of(request: type[Options], group: str = "") -> Iterator[tuple[DeclaredOption, str]]:
@@ -355,35 +355,35 @@ def put_together(request: type[_Kind], given: Mapping[str, Any]) -> _Kind:
     return request(**values)
 
 
-def asked_of(asked: Options) -> dict[str, list[str]]:
+def asked_of(request: Options) -> dict[str, list[str]]:
     """Return what is asked for, as JSON can hold it: options that have not their default, in the words of `write`.
 
     Args:
-        asked: a request.
+        request: a request.
     """
-    found: dict[str, list[str]] = {}
-    for declared in options_of(type(asked)):
-        value = getattr(asked, declared.name)
+    result: dict[str, list[str]] = {}
+    for declared in options_of(type(request)):
+        value = getattr(request, declared.name)
         if declared.option.python or value is None or value == declared.default:
             continue
         if isinstance(value, Options):
-            found |= asked_of(value)
+            result |= asked_of(value)
         elif words := declared.write(value):
-            found[declared.name] = words
-    return found
+            result[declared.name] = words
+    return result
 
 
-def asked_in_json(asked: Options) -> dict[str, Any]:
+def asked_in_json(request: Options) -> dict[str, Any]:
     """Return what is asked for as a record's file tells it: option → text of its value, true or false.
 
     Args:
-        asked: a request.
+        request: a request.
     """
-    found: dict[str, Any] = {}
-    for name, words in asked_of(asked).items():
+    result: dict[str, Any] = {}
+    for name, words in asked_of(request).items():
         texts = [word.partition("=")[2] for word in words]
-        found[name] = texts if len(texts) > 1 else texts[0] or not words[0].startswith("--no-")
-    return found
+        result[name] = texts if len(texts) > 1 else texts[0] or not words[0].startswith("--no-")
+    return result
 
 
 def _part(declared: DeclaredOption) -> type[Options] | None:
@@ -442,11 +442,11 @@ class _AnnotationNames(dict[str, Any]):
 
 
 def _hints(request: type[Options]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for owner in reversed(request.__mro__):
         own = type(owner.__name__, (), {"__annotations__": vars(owner).get("__annotations__", {})})
-        found |= get_type_hints(own, {}, _AnnotationNames(vars(sys.modules[owner.__module__])), include_extras=True)
-    return found
+        result |= get_type_hints(own, {}, _AnnotationNames(vars(sys.modules[owner.__module__])), include_extras=True)
+    return result
 
 
 def _forms(hint: Any) -> Iterator[Form]:  # noqa: ANN401 - a type

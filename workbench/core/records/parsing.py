@@ -42,8 +42,8 @@ def from_toml(text: str) -> dict[str, Any]:
     if _MANY_DOTS.search(text):  # reading these takes time with the square of their number
         raise ValueError(_TOO_DEEP)
     with _told():
-        found: dict[str, Any] = _sound(tomllib.loads(text))
-    return found
+        result: dict[str, Any] = _sound(tomllib.loads(text))
+    return result
 
 
 _TOO_DEEP = f"it is nested more than {_DEEPEST} deep"

@@ -68,8 +68,8 @@ def quantity(value: float | str) -> tuple[float, str]:
     """
     if not isinstance(value, str) or value.strip().lstrip("+-").lower() in {"nan", "inf", "infinity"}:
         return number(value), ""  # what is not finite is refused as such
-    found = _QUANTITY.fullmatch(value)
-    text, unit = (found[1], found[2] or "") if found else ("", "")
+    result = _QUANTITY.fullmatch(value)
+    text, unit = (result[1], result[2] or "") if result else ("", "")
     if unit.startswith(","):
         raise DecimalCommaError(
             f"'{value}' has a comma for its decimals; write a point, as in {value.replace(',', '.', 1)}"
@@ -100,11 +100,11 @@ def amount(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOM
 
 def alike(values: Iterable[float]) -> tuple[float, ...]:
     """Return numbers that all have a unit, or none has; what is not finite needs none."""
-    found = tuple(values)
-    bare = [x for x in found if not isinstance(x, Quantity) and math.isfinite(x)]
-    if bare and (given := next((x for x in found if isinstance(x, Quantity)), None)) is not None:
+    result = tuple(values)
+    bare = [x for x in result if not isinstance(x, Quantity) and math.isfinite(x)]
+    if bare and (given := next((x for x in result if isinstance(x, Quantity)), None)) is not None:
         raise ValueError(f"'{given}' has a unit, and '{shortest(bare[0])}' beside it has none; give each its unit")
-    return found
+    return result
 
 
 def quantities_in(value: Any) -> Iterator[Quantity]:  # noqa: ANN401 - of any option

@@ -137,12 +137,12 @@ class RecordPart:
             InputError: a key is missing or holds something else.
         """
         try:
-            found: Self = _read(cls, data, {}, "")
+            result: Self = _read(cls, data, {}, "")
         except _WrongKeyError as error:
             what = cls._WHAT or f"a {cls.__name__}"
             remedy = f"; workbench {cls._COMMAND} --json writes one" if cls._COMMAND else ""
             raise InputError(f"is not {what}: {error}{remedy}") from None
-        return found
+        return result
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
@@ -405,7 +405,7 @@ def _read(kind: Any, data: Any, lengths: Mapping[str, int], where: str) -> Any: 
         except (AttributeError, IndexError, TypeError, ValueError) as error:
             what = f"'{where}'" if where else "a key"
             raise _WrongKeyError(f"{what} holds something else than it should ({error})") from None
-    hints, found, lengths = _hints(kind), {}, dict(lengths)
+    hints, result, lengths = _hints(kind), {}, dict(lengths)
     own = {_key(declared) for declared in fields(kind) if not declared.metadata.get("inline")}
     # Names and coordinates first: they say how long the axes of the others are.
     for declared in sorted(fields(kind), key=lambda f: len(f.metadata.get("dims", ()))):
@@ -413,14 +413,14 @@ def _read(kind: Any, data: Any, lengths: Mapping[str, int], where: str) -> Any: 
         here = _path(where, key)
         if said.get("inline"):
             rest = {name: held for name, held in data.items() if name not in own} or None
-            found[declared.name] = _value(hints[declared.name], rest, lengths, where, said)
+            result[declared.name] = _value(hints[declared.name], rest, lengths, where, said)
         elif key in data:
-            found[declared.name] = _value(hints[declared.name], data[key], lengths, here, said)
+            result[declared.name] = _value(hints[declared.name], data[key], lengths, here, said)
         elif declared.default is MISSING and declared.default_factory is MISSING:
             raise _WrongKeyError(f"'{here}' is missing")
-        if isinstance(known := found.get(declared.name), Sized) and (len(known) or not isinstance(known, tuple)):
+        if isinstance(known := result.get(declared.name), Sized) and (len(known) or not isinstance(known, tuple)):
             lengths[declared.name] = len(known)  # without names it is not known
-    return kind(**found)
+    return kind(**result)
 
 
 def _path(where: str, key: object) -> str:
@@ -539,21 +539,21 @@ def _array(kind: Any, given: Any, lengths: Mapping[str, int], where: str, said: 
     pairs = np.issubdtype(dtype, np.complexfloating)
     try:
         given = _stacked(given, len(dims) - 1, np) if said.get("named") else given
-        found = np.array(given, dtype=np.float64 if pairs else dtype)
+        result = np.array(given, dtype=np.float64 if pairs else dtype)
     except (AttributeError, OverflowError, TypeError, ValueError) as error:
         raise _WrongKeyError(f"'{where}' is not an array of numbers: {error}") from None
-    _refuse(found.ndim == 0, where, "a list", given)
-    if pairs and found.size:
-        found = np.ascontiguousarray(found).view(np.complex128)[..., 0]
-    known = [*found.shape, *(0 for _ in dims)]
+    _refuse(result.ndim == 0, where, "a list", given)
+    if pairs and result.size:
+        result = np.ascontiguousarray(result).view(np.complex128)[..., 0]
+    known = [*result.shape, *(0 for _ in dims)]
     expected = tuple(
         axis if isinstance(axis, int) else lengths.get(axis, n) for axis, n in zip(dims, known, strict=False)
     )
-    if found.size == 0:
-        return np.zeros(expected or found.shape, dtype)
-    if dims and found.shape != expected:
-        raise _WrongKeyError(f"'{where}' has the shape {found.shape}, not {expected}")
-    return found
+    if result.size == 0:
+        return np.zeros(expected or result.shape, dtype)
+    if dims and result.shape != expected:
+        raise _WrongKeyError(f"'{where}' has the shape {result.shape}, not {expected}")
+    return result
 
 
 def _stacked(given: Any, levels: int, np: Any) -> Any:  # noqa: ANN401

@@ -56,9 +56,9 @@ def exact(value: float, ulps: float = 2.0) -> Fraction:
     (Fraction(1, 10), Fraction(1, 3), Fraction(3, 10), Fraction(30864197253, 250000000000))
     """
     reach = Fraction(ulps * math.ulp(value))
-    found = simplest_between(Fraction(value) - reach, Fraction(value) + reach)
-    by_chance = 2 * reach * found.denominator**2
-    return Fraction(repr(float(value))) if by_chance > _BY_CHANCE else found
+    result = simplest_between(Fraction(value) - reach, Fraction(value) + reach)
+    by_chance = 2 * reach * result.denominator**2
+    return Fraction(repr(float(value))) if by_chance > _BY_CHANCE else result
 
 
 def simplest_between(low: Fraction, high: Fraction) -> Fraction:
@@ -227,14 +227,14 @@ class Calendar:
             InputError: it is longer than 10 000 periods of the fastest sampler.
         """
         periods = [s.period for s in self.samplers]
-        found = 1 / _gcd(1 / p for p in periods)
-        if found > LONGEST * min(periods):
+        result = 1 / _gcd(1 / p for p in periods)
+        if result > LONGEST * min(periods):
             listed = ", ".join(f"{float(p):.12g}" for p in sorted(set(periods)))
             raise InputError(
-                f"the sample periods {listed} s repeat together after {float(found):.6g} s only, "
-                f"{float(found / min(periods)):.3g} of the shortest; round them, or give periods"
+                f"the sample periods {listed} s repeat together after {float(result):.6g} s only, "
+                f"{float(result / min(periods)):.3g} of the shortest; round them, or give periods"
             )
-        return found
+        return result
 
     @property
     def longest_gap(self) -> float:

@@ -45,8 +45,8 @@ def between(loops: Sequence[ClosedLoop], inputs: Sequence[str], outputs: Sequenc
         inputs: names of signals.
         outputs: likewise.
     """
-    found: dict[str, ClosedLoop] = {}
+    result: dict[str, ClosedLoop] = {}
     for loop in loops:
         if set(outputs) & set(loop.showing):
-            found |= {name: loop for name in inputs if name in loop.acting and name not in found}
-    return found
+            result |= {name: loop for name in inputs if name in loop.acting and name not in result}
+    return result

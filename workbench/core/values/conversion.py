@@ -69,26 +69,26 @@ def named_conversion(
     return None if left is None or right is None else conversion(left, right)
 
 
-def in_other_unit(value: float, found: tuple[float, float]) -> float:
+def in_other_unit(value: float, result: tuple[float, float]) -> float:
     """Return a value after a `conversion`; 700 ms are 0.7 s, not 0.7000000000000001.
 
     Args:
         value: in the unit that is converted.
-        found: factor and offset.
+        result: factor and offset.
 
     Examples:
         >>> in_other_unit(700.0, named_conversion("ms", "s"))
         0.7
     """
-    factor, offset = found
+    factor, offset = result
     parts = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
     return (value / parts if parts and math.isclose(parts * factor, 1.0, rel_tol=1e-15) else factor * value) + offset
 
 
 def is_same_unit(source: Unit, target: Unit) -> bool:
     """Whether the two differ in name only."""
-    found = conversion(source, target)
-    return found is not None and math.isclose(found[0], 1.0, rel_tol=1e-12) and abs(found[1]) < 1e-12
+    result = conversion(source, target)
+    return result is not None and math.isclose(result[0], 1.0, rel_tol=1e-12) and abs(result[1]) < 1e-12
 
 
 def _are_plain_numbers(*units: Unit) -> bool:
@@ -182,8 +182,8 @@ def known_unit(name: str, definitions: Mapping[str, Unit] | None = None) -> Unit
     text = name.strip()
     if text in _AFFINE:
         return _AFFINE[text]
-    found = _product(text)
-    return None if found is None else Unit(name, found[0], found[1])
+    result = _product(text)
+    return None if result is None else Unit(name, result[0], result[1])
 
 
 _Power = tuple[tuple[int, ...], float]

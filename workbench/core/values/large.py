@@ -38,13 +38,13 @@ def poles_about(A: Floats, frequency_hz: float) -> Complex:
     from workbench.core.values.modal import poles_near  # noqa: PLC0415  slow to import
 
     try:
-        found = poles_near(A, _SHOWN, frequency_hz).value
+        result = poles_near(A, _SHOWN, frequency_hz).value
     except SimulationError:
         with one_thread():
             every = np.linalg.eigvals(A).astype(np.complex128)
         upper = every[every.imag >= 0.0]
-        found = upper[np.argsort(np.abs(upper - 2j * np.pi * frequency_hz))[:_SHOWN]]
-    return np.concatenate([found, found[found.imag > 0.0].conj()])
+        result = upper[np.argsort(np.abs(upper - 2j * np.pi * frequency_hz))[:_SHOWN]]
+    return np.concatenate([result, result[result.imag > 0.0].conj()])
 
 
 def corners_hz(poles: Complex, A: Floats, dt: float, *, least: float = 0.0) -> tuple[float, float] | None:

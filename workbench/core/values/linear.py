@@ -155,10 +155,10 @@ class Linear(RecordPart):
 
         even, _ = self.of_unit_size()
         try:
-            found = slycot.ab08nd(n, m, q, even.A, even.B, even.C, even.D)
+            result = slycot.ab08nd(n, m, q, even.A, even.B, even.C, even.D)
         except slycot.exceptions.SlycotError as error:
             raise SimulationError(f"zeros cannot be computed: {error}") from None
-        count, pencil, mass = found[0], found[8], found[9]
+        count, pencil, mass = result[0], result[8], result[9]
         if not count:
             return np.zeros(0, dtype=np.complex128)
         return np.asarray(eig(pencil[:count, :count], mass[:count, :count], right=False), dtype=np.complex128)
@@ -206,9 +206,9 @@ class Linear(RecordPart):
         """
         f = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
         with np.errstate(all="ignore"):
-            found = self.C @ resolvent(self.A, self.B, self.at_frequency(np.where(np.isinf(f), 0.0, f))) + self.D
-        found[np.isinf(f)] = self.D
-        return np.asarray(found, dtype=np.complex128)
+            result = self.C @ resolvent(self.A, self.B, self.at_frequency(np.where(np.isinf(f), 0.0, f))) + self.D
+        result[np.isinf(f)] = self.D
+        return np.asarray(result, dtype=np.complex128)
 
     def rounding(self, frequency_hz: ArrayLike) -> Floats:
         """Return how large rounding alone may make the response, shape (k, q, m).
@@ -417,24 +417,24 @@ class LinearPart(Linear):
         )  # fmt: skip
 
     @classmethod
-    def from_lin(cls, found: Linear, *, sign: float = 1.0) -> LinearPart:
+    def from_lin(cls, result: Linear, *, sign: float = 1.0) -> LinearPart:
         """Return the one input and the one output of a continuous linear model.
 
         Args:
-            found: continuous, with one input and one output.
+            result: continuous, with one input and one output.
             sign: −1 where positive feedback closes the loop.
 
         Raises:
             InputError: discrete, or several inputs or outputs.
         """
-        named = f"{model}: " if (model := getattr(found, "model", "")) else ""
-        if found.dt > 0.0:
-            raise InputError(f"{named}the linear part is sampled ({found.dt:g} s), but must be continuous")
-        if found.D.shape != (1, 1):
+        named = f"{model}: " if (model := getattr(result, "model", "")) else ""
+        if result.dt > 0.0:
+            raise InputError(f"{named}the linear part is sampled ({result.dt:g} s), but must be continuous")
+        if result.D.shape != (1, 1):
             raise InputError(
-                f"{named}{found.D.shape[1]} inputs and {found.D.shape[0]} outputs, but there must be one of each"
+                f"{named}{result.D.shape[1]} inputs and {result.D.shape[0]} outputs, but there must be one of each"
             )
-        return found.part(sign=sign)
+        return result.part(sign=sign)
 
     @property
     def b(self) -> Floats:
@@ -467,8 +467,8 @@ class LinearPart(Linear):
         """
         f = np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))
         with np.errstate(all="ignore"):
-            found = self.states_at(np.where(np.isinf(f), 0.0, f)) @ self.c + self.d
-        return np.asarray(np.where(np.isinf(f), self.d, found), dtype=np.complex128)
+            result = self.states_at(np.where(np.isinf(f), 0.0, f)) @ self.c + self.d
+        return np.asarray(np.where(np.isinf(f), self.d, result), dtype=np.complex128)
 
     def at(self, frequency_hz: float) -> complex:
         """Return the response at one frequency.
@@ -585,8 +585,8 @@ class LinearPart(Linear):
             frequency: frequency at which a complex N is valid [Hz].
         """
         if gain.imag != 0.0 or not self.solvable(-gain.real):
-            found = self.closed_poles(gain, frequency)
-            return int(np.sum(found.real > _ON_AXIS * np.maximum(1.0, np.abs(found))))
+            result = self.closed_poles(gain, frequency)
+            return int(np.sum(result.real > _ON_AXIS * np.maximum(1.0, np.abs(result))))
         from workbench.core.values.modal import poles_of  # noqa: PLC0415  SciPy is slow to import
 
         poles = poles_of(self.closed(-gain.real))
@@ -601,11 +601,11 @@ def _undotted(names: tuple[str, ...]) -> list[str]:
 
 
 def _shaped(value: ArrayLike, shape: tuple[int, int], name: str) -> Floats:
-    found = np.asarray(value, dtype=np.float64)
-    if found.shape != shape and (found.size != shape[0] * shape[1] or (found.ndim == 2 and found.size)):
-        had = " × ".join(map(str, found.shape)) or "a single number"
+    result = np.asarray(value, dtype=np.float64)
+    if result.shape != shape and (result.size != shape[0] * shape[1] or (result.ndim == 2 and result.size)):
+        had = " × ".join(map(str, result.shape)) or "a single number"
         raise InputError(f"matrix {name} must be {shape[0]} × {shape[1]}, not {had}")
-    return found.reshape(shape)
+    return result.reshape(shape)
 
 
 def _number_of(kind: str, given: int | str, model: Linear) -> int:

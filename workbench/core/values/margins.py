@@ -158,8 +158,8 @@ class Margins(RecordPart):
     @property
     def phase_margin_deg(self) -> float:
         """Phase margin of the smallest size [deg]; infinite: |L| is 1 nowhere."""
-        found = self._nearest()
-        return self._if(found.phase_margin_deg if found else self._absent(math.inf))
+        result = self._nearest()
+        return self._if(result.phase_margin_deg if result else self._absent(math.inf))
 
     @property
     def delay_margin_s(self) -> float:
@@ -175,8 +175,8 @@ class Margins(RecordPart):
     @property
     def gain_crossover_hz(self) -> float:
         """Frequency of the phase margin [Hz]; NaN: there is none."""
-        found = self._nearest()
-        return self._if(found.frequency_hz if found else math.nan)
+        result = self._nearest()
+        return self._if(result.frequency_hz if result else math.nan)
 
     def _nearest(self) -> GainCrossover | None:
         return min(self.gain_crossovers, key=lambda c: abs(c.phase_margin_deg), default=None)

@@ -59,8 +59,8 @@ def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
         if k > 1 and k * n**3 > _DIRECT and np.isfinite(A).all():
             return _by_schur(A, right, points)
         try:
-            found = np.linalg.solve(points[:, None, None] * np.eye(n) - A, right[None].astype(np.complex128))
-            return np.asarray(found, dtype=np.complex128)
+            result = np.linalg.solve(points[:, None, None] * np.eye(n) - A, right[None].astype(np.complex128))
+            return np.asarray(result, dtype=np.complex128)
         except np.linalg.LinAlgError:  # on a pole
             if k == 1:
                 return np.full((1, n, right.shape[1]), np.nan, dtype=np.complex128)
@@ -121,7 +121,7 @@ def _by_sparse(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
 
     inner, unit = as_sparse(A, "csc"), eye_array(len(A), format="csc")
     wanted = np.asarray(right, dtype=np.complex128)
-    found = np.full((len(points), *wanted.shape), np.nan, dtype=np.complex128)
+    result = np.full((len(points), *wanted.shape), np.nan, dtype=np.complex128)
     for i, point in enumerate(points):
         matrix = (point * unit - inner).tocsc()
         try:
@@ -129,8 +129,8 @@ def _by_sparse(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
         except RuntimeError:  # on a pole
             continue
         first = factors.solve(wanted)
-        found[i] = first + factors.solve(wanted - matrix @ first)
-    return found
+        result[i] = first + factors.solve(wanted - matrix @ first)
+    return result
 
 
 def _by_schur(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
@@ -167,8 +167,8 @@ def balance(A: Floats) -> tuple[Floats, Floats]:
         return A, np.ones(0)
     from scipy.linalg import matrix_balance  # noqa: PLC0415  slow to import
 
-    found: tuple[Any, Any] = matrix_balance(A, permute=False, separate=True)
-    matrix, (scale, _) = found
+    result: tuple[Any, Any] = matrix_balance(A, permute=False, separate=True)
+    matrix, (scale, _) = result
     return np.ascontiguousarray(matrix, dtype=np.float64), np.asarray(scale, dtype=np.float64)
 
 
@@ -240,10 +240,10 @@ def exponentials(stack: Floats) -> Floats:
     fourth = square @ square
     even = unit + _PADE[1] * square + fourth @ (_PADE[3] * unit + _PADE[5] * square)
     odd = M @ (_PADE[0] * unit + _PADE[2] * square + _PADE[4] * fourth)
-    found = np.asarray(np.linalg.solve(even - odd, even + odd), dtype=np.float64)
+    result = np.asarray(np.linalg.solve(even - odd, even + odd), dtype=np.float64)
     for _ in range(halved):
-        found = np.asarray(found @ found, dtype=np.float64)
-    return found
+        result = np.asarray(result @ result, dtype=np.float64)
+    return result
 
 
 # Coefficients of M, M², … in the numerator of the Padé approximant of order (6, 6).

@@ -146,13 +146,13 @@ def poles_near(a: Floats, count: int, about_hz: float = 0.0, *, dt: float = 0.0,
         balanced, scale = balance(a)
         for beside in _BESIDE:
             try:
-                found, sure = _beside(balanced, count, aim, beside, accuracy)
+                result, sure = _beside(balanced, count, aim, beside, accuracy)
             except (ArpackError, RuntimeError, np.linalg.LinAlgError) as error:
                 why = str(error)
                 continue
-            if len(found) == count and np.abs(found.value - aim).max() < sure:
+            if len(result) == count and np.abs(result.value - aim).max() < sure:
                 units = scale[:, None]
-                return replace(found, right=found.right * units, left=found.left / units)
+                return replace(result, right=result.right * units, left=result.left / units)
     if len(a) > _MOST:
         raise SimulationError(f"the poles near {about_hz:g} Hz were not found: {why}")
     return poles_of(a, accuracy=accuracy).nearest(count, aim)

@@ -168,12 +168,12 @@ def pole_keys(poles: ArrayLike, dt: float) -> dict[str, list[float | None]]:
     s, gone = continuous(z, dt), vanished(z, dt)
     fastest = max(float(np.abs(s[~gone]).max(initial=0.0)), 1.0 / dt if dt > 0.0 else 0.0)
     s = np.where(np.abs(s) <= _AT_REST * fastest, 0.0j, s)
-    found = {
+    result = {
         "natural_frequency_hz": natural_frequency_hz(s),
         "damping": damping_ratio(s),
         "damped_frequency_hz": damped_frequency_hz(s),
     }
     return {
         name: [None if out or math.isnan(v) else v for v, out in zip(values.tolist(), gone.tolist(), strict=True)]
-        for name, values in found.items()
+        for name, values in result.items()
     }

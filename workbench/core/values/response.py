@@ -137,12 +137,12 @@ class Response:
         phase = self._log[1].imag
         low, high = phase.min(initial=0.0), phase.max(initial=0.0)
         turns = [k for k in range(int(np.floor(low / np.pi)) - 1, int(np.ceil(high / np.pi)) + 1) if k % 2]
-        found = []
+        result = []
         for f in (f for k in turns for f in self._roots(phase, np.pi * k)):
             ends = np.clip(np.log(f) + np.array([-1e-6, 1e-6]), *self._log[0][[0, -1]])
             before, after = self._shape(phase)(ends)
-            found.append((f, bool(after < before)))  # seen from −180° a rising angle leads below the axis
-        return sorted(found)
+            result.append((f, bool(after < before)))  # seen from −180° a rising angle leads below the axis
+        return sorted(result)
 
     def margins(self) -> Margins:
         """Return the margins of this loop transfer L, closed by negative feedback: 1/(1 + L).

@@ -40,8 +40,8 @@ def _signal(result: ExciteResult) -> str:
 
 
 def _correlation(result: ExciteResult) -> dict[str, str]:
-    found = result.design.cross_correlation
-    return {} if found is None else {"cross-correlation of the inputs": f"at most {found:.3f}"}
+    solution = result.design.cross_correlation
+    return {} if solution is None else {"cross-correlation of the inputs": f"at most {solution:.3f}"}
 
 
 def _ranges(result: ExciteResult) -> PageTable:

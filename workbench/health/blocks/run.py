@@ -17,22 +17,22 @@ from workbench.system.block_table.registry import BLOCKS, entry_of, sample_of
 __all__ = ["run"]
 
 
-def run(kinds: Sequence[str], asked: Blocks, job: Job) -> BlocksResult:
+def run(kinds: Sequence[str], request: Blocks, job: Job) -> BlocksResult:
     """Return what is known of blocks.
 
     Args:
         kinds: names; none: all.
-        asked: the request.
+        request: the request.
         job: is told.
     """
-    del asked  # it has no options
+    del request  # it has no options
     for kind in kinds:
         if kind not in BLOCKS:
             raise InputError(f"block '{kind}' is unknown; {suggest(kind, BLOCKS)}")
-    found = tuple(_kind(BLOCKS[kind]) for kind in (kinds or BLOCKS))
-    result = BlocksResult(found, detailed=bool(kinds))
+    solution = tuple(_kind(BLOCKS[kind]) for kind in (kinds or BLOCKS))
+    result = BlocksResult(solution, detailed=bool(kinds))
     job.partial = lambda: result
-    job.done("blocks", len(found), len(found))
+    job.done("blocks", len(solution), len(solution))
     return result
 
 

@@ -69,9 +69,9 @@ def _measure(subject: CheckedFmu) -> tuple[_OutputChanges | None, Floats | None]
         if not place.rows or not place.columns:
             return None, None
         answers = answers or _OutputChanges(place, variables)
-        found = _moves(place)
-        strength = found if strength is None else np.maximum(strength, found)
-        answers.moved |= found > _NOTHING
+        result = _moves(place)
+        strength = result if strength is None else np.maximum(strength, result)
+        answers.moved |= result > _NOTHING
     return answers, strength
 
 

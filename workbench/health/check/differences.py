@@ -46,10 +46,10 @@ class EvaluationPoint:
         u = self.point.u0.copy()
         u[list(_fast(self.point))] += shift[n:]
         try:
-            found = self.point.at(self.point.x0 + shift[:n], u)
+            result = self.point.at(self.point.x0 + shift[:n], u)
         except SimulationError:
             return None
-        return None if found.latched else np.concatenate([found.dx, found.y])
+        return None if result.latched else np.concatenate([result.dx, result.y])
 
     def along(self, column: int, length: float) -> Floats | None:
         """Return all rows with one column shifted."""
@@ -69,13 +69,13 @@ def places(subject: CheckedFmu) -> Iterator[EvaluationPoint]:
     Raises:
         InputError: the model shows no derivatives.
     """
-    found = _visited(subject)
-    seen = np.abs(np.array([x for x, _ in found])).max(axis=0, initial=0.0)
+    result = _visited(subject)
+    seen = np.abs(np.array([x for x, _ in result])).max(axis=0, initial=0.0)
     with subject.model.open_point(time=subject.start) as point:
         fast = _fast(point)
         columns = (*point.states, *(point.inputs[i] for i in fast))
         chosen = np.unique(np.linspace(0, len(columns) - 1, min(len(columns), MOST_COLUMNS)).round().astype(int))
-        for (x, inputs), share in zip(found, _AT, strict=True):
+        for (x, inputs), share in zip(result, _AT, strict=True):
             u = np.array([inputs.get(v.name, u) for v, u in zip(point.inputs, point.u0, strict=True)])
             try:
                 point.move(x, u)

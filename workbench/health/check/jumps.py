@@ -78,20 +78,20 @@ def jumps(subject: CheckedFmu) -> Answer:
     if subject.steps < _PLACES + _WINDOW:
         return Answer("not applicable", f"the test run has {subject.steps} steps only")
     try:
-        found = next((a for a in (_answers(subject, s) for s in _SHARES) if a.size.any()), None)
+        result = next((a for a in (_answers(subject, s) for s in _SHARES) if a.size.any()), None)
     except SimulationError as error:
         return Answer("not applicable", f"the run with a jump of the inputs fails: {error}")
-    if found is None:
+    if result is None:
         return Answer("not applicable", f"nothing responds within {_WINDOW} steps")
-    if not found.clear.any():
+    if not result.clear.any():
         return Answer("not applicable", "rising and falling inputs give different responses: not linear, or noise")
-    return _verdict(subject, found)
+    return _verdict(subject, result)
 
 
-def _verdict(subject: CheckedFmu, found: _JumpResponses) -> Answer:
-    worst = int(found.gap.argmax())
-    gap, name = float(found.gap[worst]), subject.names[worst]
-    late = found.late(worst)
+def _verdict(subject: CheckedFmu, result: _JumpResponses) -> Answer:
+    worst = int(result.gap.argmax())
+    gap, name = float(result.gap[worst]), subject.names[worst]
+    late = result.late(worst)
     numbers = {"gap": gap, "output": name, "steps_late": late.tolist(), "step": subject.step}
     if gap <= _GAP:
         text = f"a jump has the same effect at {_PLACES} instants (within {100.0 * gap:.2g} %)"

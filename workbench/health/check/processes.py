@@ -76,11 +76,11 @@ def processes(subject: CheckedFmu, interface: str, where: Workers, job: Job) -> 
     """
     if where.in_process or where.executor is not None or where.scheduler is not None:
         return Answer("not applicable", "it takes worker processes of this computer")
-    found = [_in_a_new_process(subject, interface, where, job) for _ in range(2)]
-    for one in found:
+    result = [_in_a_new_process(subject, interface, where, job) for _ in range(2)]
+    for one in result:
         if not isinstance(one, _Seen):
             return one
-    a, b = (one for one in found if isinstance(one, _Seen))
+    a, b = (one for one in result if isinstance(one, _Seen))
     return _judged(a, b)
 
 

@@ -66,8 +66,8 @@ def _together(subject: CheckedFmu, signals: tuple[Mapping[str, Signal], ...]) ->
         sessions: list[Session] = [first, second]
         parts: list[list[Trajectory]] = [[], []]
         for points in _turns(subject):
-            for session, forced, found in zip(sessions, signals, parts, strict=True):
-                found.append(subject.observe(session, forced, points))
+            for session, forced, result in zip(sessions, signals, parts, strict=True):
+                result.append(subject.observe(session, forced, points))
         return [_joined(p) for p in parts]
 
 

@@ -70,8 +70,8 @@ def run(path: str | Path, request: Check, job: Job) -> HealthCard:
 
 def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> list[_CheckedInterface]:
     """Return each FMU of a system; the interface that the system names, unless the user names one."""
-    found = [c for c in system.components if isinstance(c, FmuComponent)]
-    if not found:
+    result = [c for c in system.components if isinstance(c, FmuComponent)]
+    if not result:
         raise InputError(f"{path}: the system contains no FMU to check")
     return [
         _CheckedInterface(
@@ -87,7 +87,7 @@ def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> li
                 bias=_own(c.name, given.bias),
             ),
         )
-        for c in found
+        for c in result
     ]
 
 

@@ -21,10 +21,10 @@ def runs(subject: CheckedFmu) -> Answer:
     which FMI allows it.
     """
     try:
-        found = subject.run(subject.sines())
+        result = subject.run(subject.sines())
     except (FmuError, SimulationError) as error:
         return _still(subject, error)
-    moved = int((found.scale > 0.0).sum())
+    moved = int((result.scale > 0.0).sum())
     text = f"{subject.span:.4g} s in {subject.steps} steps, {moved} of {len(subject.names)} variables move"
     text = "; ".join([text, *subject.model.remarks()])
     return Answer("good", text, numbers={"span": subject.span, "steps": subject.steps, "moving": moved})
@@ -65,19 +65,19 @@ def drift(subject: CheckedFmu) -> Answer:
     drift (more than half of it a straight line), a swing, or growing more than a hundredfold (unstable). No
     promise is broken by any of it: a model may begin anywhere.
     """
-    found = subject.run({})
-    parts = np.array_split(found.values, 4)
+    result = subject.run({})
+    parts = np.array_split(result.values, 4)
     first, last = (np.ptp(p, axis=0) for p in (parts[0], parts[-1]))
-    size = np.abs(found.values).max(axis=0, initial=0.0)
-    moving = found.scale > _NOTHING * size
+    size = np.abs(result.values).max(axis=0, initial=0.0)
+    moving = result.scale > _NOTHING * size
     if not moving.any():
         return Answer("good", f"nothing moves in {subject.span:.4g} s", numbers={"moving": 0})
     lasting = moving & (last > _DECAY * first)
     numbers = {"moving": int(moving.sum()), "lasting": int(lasting.sum())}
     if not lasting.any():
         return Answer("good", f"{numbers['moving']} variables move by themselves and then settle", numbers=numbers)
-    worst = int(np.argmax(np.where(lasting, np.ptp(found.values, axis=0) / np.maximum(size, 1e-300), -1.0)))
-    kind = _kind(found.time, found.values[:, worst], float(first[worst]), float(last[worst]))
+    worst = int(np.argmax(np.where(lasting, np.ptp(result.values, axis=0) / np.maximum(size, 1e-300), -1.0)))
+    kind = _kind(result.time, result.values[:, worst], float(first[worst]), float(last[worst]))
     return Answer("watch", f"{subject.names[worst]} {kind}", _MOVES, numbers)
 
 

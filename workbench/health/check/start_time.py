@@ -77,7 +77,7 @@ def _judge(subject: CheckedFmu, first: Trajectory, later: Trajectory, shift: flo
     return Answer("watch", f"begun {shift:.4g} s later {words}", _CLOCK, numbers)
 
 
-def _remains(subject: CheckedFmu, found: Answer, shift: float, h: float) -> bool:
+def _remains(subject: CheckedFmu, result: Answer, shift: float, h: float) -> bool:
     """Whether the gap stays with a tighter integration: what shrinks is numerical."""
     with subject.model.recipe.tighter(_TIGHTER).open() as model:
         tight = replace(subject, model=model)
@@ -86,7 +86,7 @@ def _remains(subject: CheckedFmu, found: Answer, shift: float, h: float) -> bool
         except (FmuError, SimulationError):
             return True
     gap = float(usual_gap(first, later, _BESIDE).max(initial=0.0))
-    return gap > _SHRINKS * float(found.numbers["relative"])
+    return gap > _SHRINKS * float(result.numbers["relative"])
 
 
 def _run(subject: CheckedFmu, start: float, h: float) -> Trajectory:

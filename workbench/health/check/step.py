@@ -190,10 +190,10 @@ def _excursion(subject: CheckedFmu) -> tuple[float, float]:
 def _reach(subject: CheckedFmu, h: float) -> Floats | None:
     """Return how far each variable gets from where it starts, None where the run fails."""
     try:
-        found = subject.run(subject.constants(), step=h)
+        result = subject.run(subject.constants(), step=h)
     except SimulationError:
         return None
-    reach: Floats = np.abs(found.values - found.values[0]).max(axis=0, initial=0.0)
+    reach: Floats = np.abs(result.values - result.values[0]).max(axis=0, initial=0.0)
     return reach
 
 

@@ -121,15 +121,15 @@ class CheckedFmu:
     def names(self) -> tuple[str, ...]:
         """The observed variables: outputs and, where the file names them, states."""
         known = {v.name for v in self.model.description.variables}
-        found = [v.name for v in self.model.outputs if v.is_number]
-        found += [v.name for v in self.model.states if v.name in known]
-        if not found:
-            found = [
+        result = [v.name for v in self.model.outputs if v.is_number]
+        result += [v.name for v in self.model.states if v.name in known]
+        if not result:
+            result = [
                 v.name
                 for v in self.model.description.variables
                 if v.causality == "local" and v.type in FLOAT_TYPES and not v.alias_of
             ]
-        return tuple(dict.fromkeys(found))[:_MOST_NAMES]
+        return tuple(dict.fromkeys(result))[:_MOST_NAMES]
 
     @cached_property
     def inputs(self) -> dict[str, tuple[float, float]]:

@@ -58,7 +58,7 @@ def _report(
         stages=tuple(tuple(names[k] for k in stage) for stage in decided.stages),
         step=step,
         fixed=model.why_fixed_step(),
-        periods={names[k]: found.ticks.longest_gap for k, found in decided.sampled.items()},
+        periods={names[k]: result.ticks.longest_gap for k, result in decided.sampled.items()},
         frequency=frequency,
         connections=tuple(connections.values()),
         loops=tuple(loops),
@@ -85,17 +85,17 @@ def _outputs(
     names = [v.name for v in model.outputs if v.is_number and not model.shows_input(v.name)]
     count = max(1, round(stop / step))
     points = model.start_time + stop * np.arange(1, count + 1)[:: max(1, count // _MOST_POINTS)] / count
-    found, takes = [], dict[int, str]()
+    result, takes = [], dict[int, str]()
     for divisor in _DIVISORS:
         with model.open_session(step=stop / count / divisor, signals=inputs) as session:
             at = points + (session.time - model.start_time)
             record = session.advance(session.time + stop, signals=inputs, record=names, points=at)
             first = np.searchsorted(record.time, at, side="left")
-            found.append({n: record.values[n][first] for n in names})
+            result.append({n: record.values[n][first] for n in names})
             if isinstance(session, MasterSession):
                 takes = {k: session.takes(k) for k in range(len(model.decided.units.units))}
-        job.done(f"step {1e3 * stop / count / divisor:.4g} ms", len(found), len(_DIVISORS))
-    return tuple(halving(n, *(f[n] for f in found)) for n in names), takes
+        job.done(f"step {1e3 * stop / count / divisor:.4g} ms", len(result), len(_DIVISORS))
+    return tuple(halving(n, *(f[n] for f in result)) for n in names), takes
 
 
 def _connections(
@@ -138,7 +138,7 @@ def _loops(
 ) -> tuple[list[LoopDelay], list[str]]:
     """Return the loops, and in words why a crossover is not known."""
     units = model.decided.units
-    found, notes = [], list[str]()
+    result, notes = [], list[str]()
     for way in _cycles(units):
         numbers = [_slowest(units, connections, a, b) for a, b in zip(way, [*way[1:], way[0]], strict=True)]
         mean = _around(units, connections, numbers)
@@ -146,9 +146,9 @@ def _loops(
         reference = frequency if frequency is not None else at
         lost = None if reference is None else 360.0 * reference * mean
         names = tuple(units.units[k].name for k in way)
-        found.append(LoopDelay(names, mean, at, lost))
+        result.append(LoopDelay(names, mean, at, lost))
         notes += [f"loop {', '.join(names)}: its crossover is not known: {why}"] if why else []
-    return found, notes
+    return result, notes
 
 
 def _around(units: Units, connections: Mapping[int, ConnectionDelay], numbers: Sequence[int]) -> float:

@@ -57,40 +57,40 @@ def run(path: str | Path, request: Info, job: Job) -> FmuInfo | SystemInfo:
 def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
     source = locate(path)
     with unpack(source) as unpacked:
-        found = read_description(unpacked.folder, source=str(source))
-        reasons = {i: _why_not(unpacked.folder, c.identifier, source) for i, c in found.interfaces.items()}
+        result = read_description(unpacked.folder, source=str(source))
+        reasons = {i: _why_not(unpacked.folder, c.identifier, source) for i, c in result.interfaces.items()}
         runs = [i for i, reason in reasons.items() if not reason]
-        snapshots = _snapshots(unpacked, found, runs, request.place.limits, job) if request.probe and runs else {}
+        snapshots = _snapshots(unpacked, result, runs, request.place.limits, job) if request.probe and runs else {}
 
     def having(causality: str) -> tuple[VariableFacts, ...]:
-        return _facts(v for v in found.variables if v.causality == causality and v.type != "Clock")
+        return _facts(v for v in result.variables if v.causality == causality and v.type != "Clock")
 
     shown = ("input", "output", "parameter", STRUCTURAL)
-    told = [*found.states, *(v for v in found.variables if v.causality in shown)]
+    notes = [*result.states, *(v for v in result.variables if v.causality in shown)]
     record = FmuInfo(
-        model=found.model_name,
-        description=found.description,
-        fmi_version=found.fmi_version,
-        generation_tool=found.generation_tool,
-        interfaces=tuple(sorted(found.interfaces)),
-        platforms=tuple(found.platforms),
+        model=result.model_name,
+        description=result.description,
+        fmi_version=result.fmi_version,
+        generation_tool=result.generation_tool,
+        interfaces=tuple(sorted(result.interfaces)),
+        platforms=tuple(result.platforms),
         runnable=bool(runs),
         runs_here=tuple(sorted(runs)),
         inputs=having("input"),
         outputs=having("output"),
-        states=_facts(found.states),
+        states=_facts(result.states),
         parameters=having("parameter"),
-        capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in found.interfaces.items()},
-        experiment=found.experiment,
-        notes=(*found.notes, *dict.fromkeys(filter(None, reasons.values()))),
+        capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in result.interfaces.items()},
+        experiment=result.experiment,
+        notes=(*result.notes, *dict.fromkeys(filter(None, reasons.values()))),
         structural_parameters=having(STRUCTURAL),
-        scheduled_execution=found.scheduled is not None,
-        clocks=_clocks(found),
-        terminals=found.terminals,
-        enumerations={v.name: items for v in told if (items := found.enumerations.get(v.declared_type or ""))},
-        display_units=_display_units(told, found),
+        scheduled_execution=result.scheduled is not None,
+        clocks=_clocks(result),
+        terminals=result.terminals,
+        enumerations={v.name: items for v in notes if (items := result.enumerations.get(v.declared_type or ""))},
+        display_units=_display_units(notes, result),
     )
-    facts = ModelFacts(name=found.model_name, fmus=(fmu_facts(source, found, ""),))  # no interface was chosen
+    facts = ModelFacts(name=result.model_name, fmus=(fmu_facts(source, result, ""),))  # no interface was chosen
     remember(record, Origin(models=(facts,)))
     return record
 

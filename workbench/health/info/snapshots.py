@@ -46,7 +46,7 @@ class _Probe(WorkItem):
 
 
 def probe_snapshots(
-    recipe: FmuRecipe, claims: Mapping[str, Capabilities], interfaces: Sequence[str], limits: Limits, told: telling.Job
+    recipe: FmuRecipe, claims: Mapping[str, Capabilities], interfaces: Sequence[str], limits: Limits, notes: telling.Job
 ) -> dict[str, Snapshots]:
     """Take, disturb, restore and compare, in worker processes.
 
@@ -55,7 +55,7 @@ def probe_snapshots(
         claims: what the FMU says about its interfaces.
         interfaces: those to be probed; they must be able to run on this platform.
         limits: of the processes; a probe has 20 s at most.
-        told: ends the probe, and gets what the user should know of how they ran.
+        notes: ends the probe, and gets what the user should know of how they ran.
     """
     result = {
         name: Snapshots("replay", "the FMU does not claim to save its state")
@@ -64,7 +64,7 @@ def probe_snapshots(
     }
     jobs: deque[_Probe] = deque(_Probe(name) for name in interfaces if name not in result)
     patient = replace(limits, timeout=min(_PATIENCE, limits.timeout or _PATIENCE))
-    with Pool(recipe, jobs=1, limits=patient) as pool, told.ended_by(pool.stop):
+    with Pool(recipe, jobs=1, limits=patient) as pool, notes.ended_by(pool.stop):
         try:
             for event in pool.run(perform, jobs):
                 if isinstance(event, Reply):
@@ -73,5 +73,5 @@ def probe_snapshots(
                     result[event.job.interface] = Snapshots("replay", f"the probe failed: {event.reason}")
         except WorkbenchError as error:
             result |= {n: Snapshots("replay", f"the probe failed: {error}") for n in interfaces if n not in result}
-    told.notes += pool.remarks()
+    notes.notes += pool.remarks()
     return result

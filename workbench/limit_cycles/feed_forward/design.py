@@ -20,23 +20,23 @@ __all__ = ["design"]
 _AXIS = 1e-6
 
 
-def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: FilterComparison) -> Design:
+def design(G: LinearPart, H: LinearPart, request: FeedForward, judge: FilterComparison) -> Design:
     """Return the filter F ≈ H/G that is stable and small.
 
     Args:
         G: from the control input to the block's input; stable, or its unstable poles are kept.
         H: from the block's output, sign turned, to the block's input.
-        asked: how.
+        request: how.
         judge: what the steps are compared with.
 
     Raises:
         InputError: an order or tolerance out of range, G has fewer zeros at infinity than H: F is not a proper filter.
         SimulationError: a decomposition failed.
     """
-    g_order, h_order = asked.orders or (None, None)
-    hankel = asked.hankel if asked.orders is None else None
-    g = balanced_reduction(G, order=g_order, tolerance=hankel, method=asked.method)
-    h = balanced_reduction(H, order=h_order, tolerance=hankel, method=asked.method)
+    g_order, h_order = request.orders or (None, None)
+    hankel = request.hankel if request.orders is None else None
+    g = balanced_reduction(G, order=g_order, tolerance=hankel, method=request.method)
+    h = balanced_reduction(H, order=h_order, tolerance=hankel, method=request.method)
     steps = [_reduced(g, h, judge)]
 
     def add(name: str, now: Factored, remark: str) -> None:
@@ -44,18 +44,18 @@ def design(G: LinearPart, H: LinearPart, asked: FeedForward, judge: FilterCompar
 
     F = factored(h.part).over(factored(g.part))
     add("joined", F, f"G of order {g.order}, H of order {h.order}")
-    F, cancelled = cancel(F, tolerance=asked.cancel)
-    add("cancelled", F, f"{len(cancelled)} pairs within {asked.cancel:g}")
+    F, cancelled = cancel(F, tolerance=request.cancel)
+    add("cancelled", F, f"{len(cancelled)} pairs within {request.cancel:g}")
     turned = mirror(F)
     F = turned.factored
     add("mirrored", F, _mirrored(turned.poles, judge.band[1]))
-    change = asked.sign == "change" or (asked.sign == "auto" and turned.dc_sign < 0)
+    change = request.sign == "change" or (request.sign == "auto" and turned.dc_sign < 0)
     F = F.negated() if change else F
     why = "an odd" if turned.dc_sign < 0 else "an even"
     add("sign", F, f"{'changed' if change else 'kept'}: {why} number of real poles mirrored")
-    if asked.low_pass_order:
-        F = F.times(low_pass(asked.low_pass, order=asked.low_pass_order))
-        add("low-pass", F, f"Butterworth of order {asked.low_pass_order} at {asked.low_pass:g} Hz")
+    if request.low_pass_order:
+        F = F.times(low_pass(request.low_pass, order=request.low_pass_order))
+        add("low-pass", F, f"Butterworth of order {request.low_pass_order} at {request.low_pass:g} Hz")
     return Design(
         G=g,
         H=h,

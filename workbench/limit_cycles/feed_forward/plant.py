@@ -69,7 +69,7 @@ def linear_plant(
     with model.open_at(time=time, values=held) as session:
         w = session.values([loops.ports.w])[loops.ports.w]
     with reopen(model, opened(model, loops)) as rest:
-        found = linear_between(
+        result = linear_between(
             rest,
             {OPENED: w, COMMAND: None, **({SECOND: None} if loops.second is not None else {})},
             ["seen", *(["fed_back"] if loops.source else [])],
@@ -77,9 +77,9 @@ def linear_plant(
             u={} if at is None else at.u,
             time=time,
         )
-    if found.dt > 0.0:
-        raise InputError(f"{model.name}: the linear part is sampled ({found.dt:g} s), but must be continuous")
-    whole = found.with_feedback(loops.gain, input=1, output=1) if loops.source and loops.gain else found
+    if result.dt > 0.0:
+        raise InputError(f"{model.name}: the linear part is sampled ({result.dt:g} s), but must be continuous")
+    whole = result.with_feedback(loops.gain, input=1, output=1) if loops.source and loops.gain else result
     G = whole.part(1, 0)
     if not np.any(G.response(np.geomspace(1e-3, 1e3, 7))):
         raise InputError(f"{model.name}: {loops.target} has no effect on {loops.ports.v}")
@@ -95,7 +95,7 @@ def linear_plant(
         G=G,
         H=H,
         weighting=shared,
-        open_poles=found.poles,
+        open_poles=result.poles,
         poles=whole.poles,
-        notes=tuple(f"linear part: {note}" for note in found.notes),
+        notes=tuple(f"linear part: {note}" for note in result.notes),
     )

@@ -41,10 +41,10 @@ def _gain(value: tuple[str, float]) -> tuple[str, float]:
 
 
 def _orders(value: Sequence[float]) -> tuple[int, int]:
-    found = several(value)
-    if len(found) != 2 or not all(x.is_integer() for x in found):
-        raise ValueError(f"{','.join(f'{x:g}' for x in found)} is not two whole numbers G,H, as in 36,29")
-    return int(found[0]), int(found[1])
+    result = several(value)
+    if len(result) != 2 or not all(x.is_integer() for x in result):
+        raise ValueError(f"{','.join(f'{x:g}' for x in result)} is not two whole numbers G,H, as in 36,29")
+    return int(result[0]), int(result[1])
 
 
 _GAIN = Form(metavar="NAME:GAIN", read=_gain, layout=replace(SPAN, split=_split_gain), items=("string", "number"))

@@ -116,9 +116,9 @@ class FeedForwardResult(Result):
         Raises:
             KeyError: there is none.
         """
-        for found in self.trials:
-            if found.name == name:
-                return found
+        for result in self.trials:
+            if result.name == name:
+                return result
         raise KeyError(name)
 
     def plot(self, path: str | Path | None = None, *, figure: str = "overview") -> Figure:

@@ -36,49 +36,49 @@ _WIDER = 4.0  # times the band's edge: how far the curves are computed
 _OFF_ZERO = 0.2  # of the amplitude: a larger mean is not an asymmetry of the motion
 
 
-def run(model: DescribedModel, asked: FeedForward, job: Job) -> FeedForwardResult:
+def run(model: DescribedModel, request: FeedForward, job: Job) -> FeedForwardResult:
     """Design the filter, then try it.
 
     Args:
         model: a system; it stays open.
-        asked: what to design.
+        request: what to design.
         job: is told which simulation is finished; without those that are not, the design is its partial record.
 
     Raises:
         InputError: no system, unknown names, a target that is driven, orders or tolerances out of range.
         FmuError, SimulationError: the model cannot be opened or evaluated.
     """
-    loops = _loops(model, asked)
-    model, remarks = start_at(model, asked.at)
-    wanted = _run(model, asked)
-    result = _designed(model, asked, loops, remarks)
+    loops = _loops(model, request)
+    model, remarks = start_at(model, request.at)
+    wanted = _run(model, request)
+    result = _designed(model, request, loops, remarks)
     if result.shared is not None:
         loops = replace(loops, weights=result.shared.weights)
     trials: list[Trial] = []
     job.partial = lambda: _with_trials(result, loops, trials)
     if wanted is not None:
-        planned = _controls(result, loops, crude=asked.crude)
+        planned = _controls(result, loops, crude=request.crude)
         for (name, where, part), number in zip(planned, count(1), strict=False):
             trials.append(run_trial(model, where, part, wanted, name=name))
             job.done(name, number, len(planned))
     return _with_trials(result, loops, trials)
 
 
-def _designed(model: DescribedModel, asked: FeedForward, loops: Loops, remarks: Sequence[str]) -> FeedForwardResult:
+def _designed(model: DescribedModel, request: FeedForward, loops: Loops, remarks: Sequence[str]) -> FeedForwardResult:
     """Return the filter with what is predicted of it, before anything is simulated."""
-    point, band = model.at, asked.counted
-    time = model.start_time if asked.time is None else asked.time
+    point, band = model.at, request.counted
+    time = model.start_time if request.time is None else request.time
     with one_thread():
-        plant = linear_plant(model, loops, at=point, time=time, band=band, weighting=asked.weighting)
+        plant = linear_plant(model, loops, at=point, time=time, band=band, weighting=request.weighting)
         frequency = dense_grid(plant.G, plant.H, band[0], _WIDER * band[1])
         judge = FilterComparison(frequency, band, plant.G.response(frequency), plant.H.response(frequency))
-        made = design(plant.G, plant.H, asked, judge)
+        made = design(plant.G, plant.H, request, judge)
         looked_at = (0.1 * band[0], _WIDER * band[1])
-        left = remaining(model, asked.block, plant, made.part, band=looked_at, at=point, time=time)
+        left = remaining(model, request.block, plant, made.part, band=looked_at, at=point, time=time)
     units = tuple(variable_of(model, name, "variable").unit for name in (loops.ports.w, loops.target, loops.ports.v))
     said = left.words(units[2]) if isinstance(left, Remaining) else [left]
     return FeedForwardResult(
-        model=model.name, interface=model.interface, solver=model.solver, block=asked.block,
+        model=model.name, interface=model.interface, solver=model.solver, block=request.block,
         input=loops.ports.v, output=loops.ports.w, target=loops.target, source=loops.source, gain=loops.gain,
         filter_units=(units[0], units[1]), band=band, frequency_hz=frequency, g=judge.g, h=judge.h,
         open_unstable=_right(plant.open_poles), closed_unstable=_right(plant.poles), design=made,
@@ -94,38 +94,38 @@ def _with_trials(result: FeedForwardResult, loops: Loops, trials: Sequence[Trial
     return replace(result, trials=tuple(trials), notes=(*result.notes, *_off_zero(trials, loops), *failures))
 
 
-def _loops(model: DescribedModel, asked: FeedForward) -> Loops:
-    ports = find_ports(model, asked.block)
-    variable_of(model, asked.target, "target")
-    if asked.actuator is not None:
-        ends_of(asked.actuator)  # said also where nothing is simulated with it
-    if asked.second is not None:
-        variable_of(model, asked.second, "second target")
-        if asked.second == asked.target:
-            raise InputError(f"{asked.second} is the target itself; name another second control input")
-    if asked.feedback is None:
-        return Loops(ports=ports, target=asked.target, second=asked.second, actuator=asked.actuator)
-    source, gain = asked.feedback
+def _loops(model: DescribedModel, request: FeedForward) -> Loops:
+    ports = find_ports(model, request.block)
+    variable_of(model, request.target, "target")
+    if request.actuator is not None:
+        ends_of(request.actuator)  # said also where nothing is simulated with it
+    if request.second is not None:
+        variable_of(model, request.second, "second target")
+        if request.second == request.target:
+            raise InputError(f"{request.second} is the target itself; name another second control input")
+    if request.feedback is None:
+        return Loops(ports=ports, target=request.target, second=request.second, actuator=request.actuator)
+    source, gain = request.feedback
     variable_of(model, source, "feedback")
     return Loops(
-        ports=ports, target=asked.target, second=asked.second, source=source, gain=gain, actuator=asked.actuator
+        ports=ports, target=request.target, second=request.second, source=source, gain=gain, actuator=request.actuator
     )
 
 
-def _run(model: DescribedModel, asked: FeedForward) -> TrialSettings | None:
-    if asked.inputs is None:
+def _run(model: DescribedModel, request: FeedForward) -> TrialSettings | None:
+    if request.inputs is None:
         return None
-    end = asked.stop if asked.stop is not None else model.description.experiment.stop_time
+    end = request.stop if request.stop is not None else model.description.experiment.stop_time
     if end is None:
         raise InputError(f"{model.name}: stop is missing: give the end of the simulation [s]")
-    if not 0.0 <= asked.closes_at < end:
+    if not 0.0 <= request.closes_at < end:
         raise InputError(
-            f"closes_at must lie between 0 and the end of the simulation at {end:g} s, not {asked.closes_at:g}"
+            f"closes_at must lie between 0 and the end of the simulation at {end:g} s, not {request.closes_at:g}"
         )
-    inputs = forced_inputs(model, asked.inputs)
-    for name in asked.outputs:
+    inputs = forced_inputs(model, request.inputs)
+    for name in request.outputs:
         variable_of(model, name, "output")
-    return TrialSettings(inputs=inputs, outputs=tuple(asked.outputs), stop=end, closes_at=asked.closes_at)
+    return TrialSettings(inputs=inputs, outputs=tuple(request.outputs), stop=end, closes_at=request.closes_at)
 
 
 def _controls(result: FeedForwardResult, loops: Loops, *, crude: bool) -> list[tuple[str, Loops, LinearPart | None]]:
@@ -168,11 +168,11 @@ def _doubts(plant: Plant, made: Design, loops: Loops) -> list[str]:
     return notes
 
 
-def _shared(found: Weighting, loops: Loops) -> str:
-    (x, y), better = found.weights, 100.0 * (1.0 - found.left / found.left_alone)
+def _shared(result: Weighting, loops: Loops) -> str:
+    (x, y), better = result.weights, 100.0 * (1.0 - result.left / result.left_alone)
     return (
         f"the filter's output goes to {loops.target} with {x:.4g} and to {loops.second} with {y:.4g} (least "
-        f"{found.method} error); a constant gain comes {better:.2g} % nearer to H than with {loops.target} alone"
+        f"{result.method} error); a constant gain comes {better:.2g} % nearer to H than with {loops.target} alone"
     )
 
 

@@ -97,17 +97,17 @@ def run_trial(model: DescribedModel, loops: Loops, part: LinearPart | None, run:
     loops = replace(loops, closes_at=run.closes_at if run.closes_at > 0.0 else None)
     names = list(dict.fromkeys([loops.ports.v, loops.ports.w, loops.target, *run.outputs]))
     points = np.linspace(0.0, run.stop, _PER_RUN + 1)[1:]
-    found, failure = None, ""
+    result, failure = None, ""
     with reopen(model, closed(model, loops, part)) as system:
         used = {n: s for n, s in run.inputs.items() if n in {v.name for v in system.inputs}}
         try:
             record = simulate(system, stop=run.stop, inputs=used, outputs=names, points=points)
         except SimulationError as error:
-            failure, found = str(error), error.divergence if isinstance(error, DivergenceError) else None
+            failure, result = str(error), error.divergence if isinstance(error, DivergenceError) else None
             record = _shorter(system, error, used, names, run)
         units = {v.name: v.unit for v in system.description.variables}
         record = replace(record, units={n: units.get(n) for n in record.units})
-    return _trial(record, loops, run, name, found, failure)
+    return _trial(record, loops, run, name, result, failure)
 
 
 def _shorter(
@@ -132,7 +132,7 @@ def _shorter(
 
 
 def _trial(  # noqa: PLR0917 - one row of facts
-    record: SimulationResult, loops: Loops, run: TrialSettings, name: str, found: Divergence | None, failure: str
+    record: SimulationResult, loops: Loops, run: TrialSettings, name: str, result: Divergence | None, failure: str
 ) -> Trial:
     time, v, u = record.time, record.signals[loops.ports.v], record.signals[loops.target]
     after, begin = time >= run.closes_at, run.closes_at * (1.0 - _WINDOW)
@@ -157,7 +157,7 @@ def _trial(  # noqa: PLR0917 - one row of facts
         rest=float(np.max(np.abs(v[end]))) / before if whole else None,
         largest_target=float(np.max(np.abs(u[after]), initial=0.0)),
         largest_target_rate=float(np.max(rates, initial=0.0)),
-        divergence=found,
+        divergence=result,
         failure=failure,
     )
 

@@ -55,10 +55,10 @@ def weighted(first: Complex, second: Complex, h: Complex, *, method: str = "abso
     size = np.ones_like(np.abs(h)) if method == "absolute" else 1.0 / np.abs(h)
     columns = np.stack([_real(first * size), _real(second * size)], axis=1)
     wanted = _real(h * size)
-    found, _, rank, _ = np.linalg.lstsq(columns / np.linalg.norm(columns, axis=0), wanted, rcond=1e-9)
+    result, _, rank, _ = np.linalg.lstsq(columns / np.linalg.norm(columns, axis=0), wanted, rcond=1e-9)
     if rank < 2:
         raise InputError("the two control inputs act alike in the band: any weights do; leave the second out")
-    gains = found / np.linalg.norm(columns, axis=0)
+    gains = result / np.linalg.norm(columns, axis=0)
     if gains[0] == 0.0:
         raise InputError("the first control input has no use beside the second; exchange them")
     alone = columns[:, :1] @ np.linalg.lstsq(columns[:, :1], wanted, rcond=None)[0]

@@ -85,9 +85,9 @@ def opened(model: DescribedModel, loops: Loops) -> SystemDescription:
     """
     system = _all_freed(model, loops)
     outputs = {"seen": loops.ports.v, **({"fed_back": loops.source} if loops.source else {})}
-    found = without_block(model, system, loops.ports, OPENED, outputs)
+    result = without_block(model, system, loops.ports, OPENED, outputs)
     second = {SECOND: (loops.second,)} if loops.second is not None else {}
-    return replace(found, inputs={**found.inputs, COMMAND: (loops.target,), **second})
+    return replace(result, inputs={**result.inputs, COMMAND: (loops.target,), **second})
 
 
 def closed(model: DescribedModel, loops: Loops, part: LinearPart | None) -> SystemDescription:

@@ -32,8 +32,8 @@ class FeedForwardFiles(Written):
     )
     out: File | None = option("Write the filter: .json (matrices) or .fmu.", default=None)
 
-    def check(self, asked: FeedForward) -> None:
-        if asked.inputs is None and (asked.crude or self.figure == "simulated"):
+    def check(self, request: FeedForward) -> None:
+        if request.inputs is None and (request.crude or self.figure == "simulated"):
             raise InputError("--crude and --figure simulated need a simulation: give --input, which starts the motion")
         if self.out is not None:
             from workbench.build.export import check_linear_file  # noqa: PLC0415 - seldom needed

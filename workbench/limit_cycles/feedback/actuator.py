@@ -101,8 +101,8 @@ def ends_of(name: str) -> tuple[str, str, dict[str, Value | None]]:
     with load(name) as model:
         ends = [[v.name for v in group if v.type in FLOAT_TYPES] for group in (model.inputs, model.outputs)]
         starts = {v.name: v.start for v in model.parameters}
-    for what, found in zip(("input", "output"), ends, strict=True):
-        if len(found) != 1:
-            listed = f" ({', '.join(found)})" if found else ""
-            raise InputError(f"actuator {name}: it has {len(found)} real {what}s{listed}, and must have one")
+    for what, result in zip(("input", "output"), ends, strict=True):
+        if len(result) != 1:
+            listed = f" ({', '.join(result)})" if result else ""
+            raise InputError(f"actuator {name}: it has {len(result)} real {what}s{listed}, and must have one")
     return ends[0][0], ends[1][0], starts

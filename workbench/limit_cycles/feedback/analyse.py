@@ -42,26 +42,26 @@ _INSIDE = 0.03  # of a stable interval, left out at its ends in a study
 _REACH = 10.0  # times the finite end, where a stable interval has one only
 
 
-def run(system: DescribedModel, asked: Feedback, job: Job) -> FeedbackResult:
+def run(system: DescribedModel, request: Feedback, job: Job) -> FeedbackResult:
     """Investigate a feedback; see `Feedback`."""
-    system, remarks = placing.start_at(system, asked.at)
-    time = system.start_time if asked.time is None else asked.time
+    system, remarks = placing.start_at(system, request.at)
+    time = system.start_time if request.time is None else request.time
     with one_thread(), ExitStack() as keep:
-        place = find_place(system, asked.source, asked.target)
-        watched = place.outer(place.inner(asked.watch)) if asked.watch is not None else None
+        place = find_place(system, request.source, request.target)
+        watched = place.outer(place.inner(request.watch)) if request.watch is not None else None
         where = standing(place, at=system.at, time=time)
-        between = _actuator(system, asked)
-        found = linear(place, where, time=time, actuator=between, method=asked.method)
-        seen = found.operating_point.y.get(SEEN, 0.0)
-        work = _FeedbackAnalysis(place, where, seen, between, time, asked, keep)
-        result = work.linear_result(found)
+        between = _actuator(system, request)
+        solution = linear(place, where, time=time, actuator=between, method=request.method)
+        seen = solution.operating_point.y.get(SEEN, 0.0)
+        work = _FeedbackAnalysis(place, where, seen, between, time, request, keep)
+        result = work.linear_result(solution)
         job.partial = lambda: result  # what is known, should a run of the study fail or somebody end it
-        chosen = work.study_gains(result) if asked.settle else ()
+        chosen = work.study_gains(result) if request.settle else ()
         two, why = work.two_ports()
         result = work.with_cycles(result, two, why)
-        told = _told(system, where.point, time)
-        result = replace(result, notes=(*remarks, *result.notes), operating_point=told)
-        if asked.settle or asked.gain is not None:
+        notes = _told(system, where.point, time)
+        result = replace(result, notes=(*remarks, *result.notes), operating_point=notes)
+        if request.settle or request.gain is not None:
             first = watched or (two.loop.ports.v if two is not None else place.outer(place.source))
             start = work.start(two, first)
             result = work.with_run(result, start, first)
@@ -77,13 +77,13 @@ def _told(system: DescribedModel, point: OperatingPoint, time: float) -> Operati
         return placing.standing(system, session)
 
 
-def _actuator(system: DescribedModel, asked: Feedback) -> Actuator | None:
-    if asked.actuator is not None:
-        return wrapped(asked.actuator)
-    unit = next((v.unit for v in system.description.variables if v.name == asked.target), None)
+def _actuator(system: DescribedModel, request: Feedback) -> Actuator | None:
+    if request.actuator is not None:
+        return wrapped(request.actuator)
+    unit = next((v.unit for v in system.description.variables if v.name == request.target), None)
     return limited(
-        _size("limit", asked.limit, asked.target, unit, per=""),
-        _size("rate_limit", asked.rate_limit, asked.target, unit, per="/s"),
+        _size("limit", request.limit, request.target, unit, per=""),
+        _size("rate_limit", request.rate_limit, request.target, unit, per="/s"),
     )
 
 
@@ -112,8 +112,8 @@ class _FeedbackAnalysis:
     asked: Feedback
     keep: ExitStack
 
-    def linear_result(self, found: LinResult) -> FeedbackResult:
-        plant = found.part().balanced()
+    def linear_result(self, result: LinResult) -> FeedbackResult:
+        plant = result.part().balanced()
         every = crossings(plant)
         parts = intervals(plant, [c.gain for c in every])
         middles = [0.5 * (i.low + i.high) for i in parts if math.isfinite(i.low) and math.isfinite(i.high)]
@@ -131,7 +131,7 @@ class _FeedbackAnalysis:
             target_unit=self.place.target_unit,
             gains=self.asked.gains,
             plant=plant,
-            lin_method=found.method,
+            lin_method=result.method,
             stable_gains=stable,
             crossings=every,
             unstable_open=count_poles(plant, 0.0)[0],
@@ -139,7 +139,7 @@ class _FeedbackAnalysis:
             fastest=tuple(fastest(plant, *_finite(pair)) for pair in stable),
             frequency_hz=frequency,
             response=response,
-            notes=tuple(dict.fromkeys([*self.where.notes, *_notes(plant, found, self.actuator), *_doubts(parts)])),
+            notes=tuple(dict.fromkeys([*self.where.notes, *_notes(plant, result, self.actuator), *_doubts(parts)])),
         )
 
     def two_ports(self) -> tuple[TwoPorts | None, str]:
@@ -251,8 +251,8 @@ def _spread(pair: Range, count: int) -> tuple[float, ...]:
     return tuple(np.linspace(pair[0] + margin, pair[1] - margin, count).tolist())
 
 
-def _notes(plant: LinearPart, found: LinResult, actuator: Actuator | None) -> list[str]:
-    notes = [*found.notes, *(f"doubtful: {d.row} by {d.column}: {d.reason}" for d in found.doubts)]
+def _notes(plant: LinearPart, result: LinResult, actuator: Actuator | None) -> list[str]:
+    notes = [*result.notes, *(f"doubtful: {d.row} by {d.column}: {d.reason}" for d in result.doubts)]
     if plant.dt > 0.0:
         notes.append(
             f"the linear model is sampled: the gains are those of a feedback that acts every {plant.dt:.6g} s and holds"

@@ -140,14 +140,14 @@ class TwoPorts:
         if self.block is None:
             raise InputError(f"{self.loop.ports.component} has a memory of its own; its cycles are not predicted here")
         part = self.part(gain)
-        found = nyquist(part, self.block, band=band, amplitudes=amplitudes, name=f"gain {gain:.4g}")
+        result = nyquist(part, self.block, band=band, amplitudes=amplitudes, name=f"gain {gain:.4g}")
         small, large = (self.block.gain(a) for a in amplitudes)
         return CyclesLeft(
             gain=gain,
-            cycles=tuple(c for c in found.crossings if c.amplitude is not None),
+            cycles=tuple(c for c in result.crossings if c.amplitude is not None),
             unstable_small=part.unstable(small),
             unstable_large=part.unstable(large),
-            curve=found,
+            curve=result,
         )
 
 
@@ -163,13 +163,13 @@ def find_block(model: DescribedModel) -> tuple[str | None, str]:
     if not isinstance(model, SystemModel):
         return None, "the system has no model exchange parts, so there is no block that could make limit cycles"
     connected = [c for c in model.system.components if _connected(model, c)]
-    found = [c.name for c in connected if not _has_states(model, c)]
-    found = found or [c.name for c in connected if _is_static(model, c)]
-    if len(found) == 1:
-        return found[0], ""
-    if not found:
+    result = [c.name for c in connected if not _has_states(model, c)]
+    result = result or [c.name for c in connected if _is_static(model, c)]
+    if len(result) == 1:
+        return result[0], ""
+    if not result:
         return None, "no component looks like a static nonlinear block, so no limit cycles are searched for"
-    return None, f"{', '.join(found)} may be the nonlinear block; name one (block) to search for limit cycles"
+    return None, f"{', '.join(result)} may be the nonlinear block; name one (block) to search for limit cycles"
 
 
 def _connected(model: SystemModel, component: Component) -> bool:
@@ -222,7 +222,7 @@ def cut_at(
     with place.model.open_at(time=time, values={**where.point.x, **where.point.u}) as session:
         resting = session.values([ports.w])[ports.w]
     opened = without_block(place.model, place.system, ports, _INJECTED, {_RETURNED: ports.v})
-    found = linear(
+    result = linear(
         place,
         where,
         time=time,
@@ -230,4 +230,4 @@ def cut_at(
         system=opened,
         more=({_INJECTED: resting}, (_RETURNED,)),
     )
-    return TwoPorts(found, loop)
+    return TwoPorts(result, loop)

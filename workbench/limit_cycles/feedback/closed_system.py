@@ -245,8 +245,8 @@ def _variables(recipe: SystemRecipe) -> dict[str, Variable]:
     """Return all variables of the components by full name, with the causality that they have in their component."""
     with ExitStack() as undo:
         parts = open_parts(recipe.system.components, undo, recipe.parts, interface=recipe.interface)
-        found = {f"{p.name}.{v.name}": (p, v) for p in parts for v in p.description.variables}
-        return {n: v._replace(unit=declared_unit(p.component, v)) for n, (p, v) in found.items()}
+        result = {f"{p.name}.{v.name}": (p, v) for p in parts for v in p.description.variables}
+        return {n: v._replace(unit=declared_unit(p.component, v)) for n, (p, v) in result.items()}
 
 
 def _undriven(model: DescribedModel, target: str) -> float:

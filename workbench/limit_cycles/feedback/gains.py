@@ -85,13 +85,13 @@ def crossings(plant: LinearPart) -> tuple[CriticalGain, ...]:
     places = sorted((1.0 / c.real, c.frequency, c.real) for c in axis_crossings(plant))
     counted = intervals(plant, [gain for gain, *_ in places])
     ends = np.array([i.high for i in counted[:-1]])
-    found = []
+    result = []
     for gain, frequency, real in places:
         end = int(np.argmin(np.abs(ends - gain)))  # gains that differ by rounding share an end
         below, above = counted[end], counted[end + 1]
         if gain != 0.0 and below.border and (below.unstable, below.border) == (above.unstable, above.border):
             continue  # undamped, poles stand on the border for each gain, and no gain is their crossing
-        found.append(
+        result.append(
             CriticalGain(
                 gain=gain,
                 frequency_hz=frequency,
@@ -101,7 +101,7 @@ def crossings(plant: LinearPart) -> tuple[CriticalGain, ...]:
                 residual=_residual(plant, gain, frequency),
             )
         )
-    return tuple(found)
+    return tuple(result)
 
 
 def _residual(plant: LinearPart, gain: float, frequency: float) -> float:
@@ -162,16 +162,16 @@ def _inside(low: float, high: float) -> list[float]:
     return [-1.0, 0.0, 1.0]
 
 
-def stable_gains(found: Sequence[Interval], limits: tuple[float, float]) -> tuple[tuple[float, float], ...]:
+def stable_gains(result: Sequence[Interval], limits: tuple[float, float]) -> tuple[tuple[float, float], ...]:
     """Return the intervals of gains for which all poles decay, within limits.
 
     Where a pole reaches the border and turns back, two of them touch: they are not joined, that gain is not stable.
 
     Args:
-        found: from `intervals`.
+        result: from `intervals`.
         limits: lowest and highest gain looked at.
     """
-    inside = [(max(i.low, limits[0]), min(i.high, limits[1])) for i in found if i.stable]
+    inside = [(max(i.low, limits[0]), min(i.high, limits[1])) for i in result if i.stable]
     return tuple((low, high) for low, high in inside if low < high)
 
 

@@ -86,13 +86,13 @@ def _predicted(place: FeedbackPath, two: TwoPorts) -> tuple[dict[str, float], fl
     block = two.block
     if block is None:
         raise InputError(f"{name}: the block has a memory, so no cycle is predicted; excite one (pulse, start_after)")
-    found = [c for c in two.loop_cycles() if c.stable and c.amplitude is not None]
-    if not found:
+    result = [c for c in two.loop_cycles() if c.stable and c.amplitude is not None]
+    if not result:
         raise InputError(
             f"{name}: no stable limit cycle is predicted without feedback, so nothing settles; excite a motion "
             "(pulse, start_after)"
         )
-    first = max(found, key=lambda c: c.amplitude or 0.0)
+    first = max(result, key=lambda c: c.amplitude or 0.0)
     cycle = balance(two.part(0.0), (block,), frequency=first.frequency_hz, amplitude=first.amplitude or 0.0)
     if cycle is None:
         raise InputError(

@@ -115,14 +115,14 @@ def _rates(plant: LinearPart, gain: float) -> Complex:
 
 def _followed(rows: Sequence[Complex]) -> Complex:
     """Return rows of poles with each pole in one column."""
-    found = [rows[0]]
+    result = [rows[0]]
     for row in rows[1:]:
         # A pole goes on as it went, if it went anywhere.
-        guess = found[-1]
+        guess = result[-1]
         cost = np.abs(guess[:, None] - row[None, :])
         _, order = linear_sum_assignment(cost)
-        found.append(row[order])
-    return np.array(found, dtype=np.complex128)
+        result.append(row[order])
+    return np.array(result, dtype=np.complex128)
 
 
 def fastest(plant: LinearPart, low: float, high: float) -> Fastest | None:
@@ -144,13 +144,13 @@ def fastest(plant: LinearPart, low: float, high: float) -> Fastest | None:
         return None
     step = float(scan[1] - scan[0])
     none = 1.0 + max(g for g in growth if np.isfinite(g))
-    found = minimize_scalar(
+    result = minimize_scalar(
         lambda g: min(_oscillation(plant, g)[0], none),
         bounds=(float(scan[best]) - step, float(scan[best]) + step),
         method="bounded",
         options={"xatol": 1e-9 * (high - low)},
     )
-    gain = float(found.x) if found.fun < growth[best] else float(scan[best])
+    gain = float(result.x) if result.fun < growth[best] else float(scan[best])
     rate, frequency = _oscillation(plant, gain)
     return Fastest(gain, rate, frequency, plant.growth(gain))
 

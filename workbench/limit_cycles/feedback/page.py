@@ -47,10 +47,10 @@ def feedback_page(result: FeedbackResult) -> Page:
 def _verdicts(result: FeedbackResult) -> list[Verdict]:
     if not result.stable_gains:
         return [Verdict("unstable", result.words)]
-    found = [Verdict("stable", f"gain {interval_words(pair)}") for pair in result.stable_gains]
+    solution = [Verdict("stable", f"gain {interval_words(pair)}") for pair in result.stable_gains]
     if result.settling is not None and result.settling.optimum is not None:
-        found.append(Verdict("best", f"{_best(result.settling)} by the polynomial"))
-    return found
+        solution.append(Verdict("best", f"{_best(result.settling)} by the polynomial"))
+    return solution
 
 
 def _stability(result: FeedbackResult) -> Section:
@@ -140,12 +140,12 @@ def _limited(run: GainRun) -> str:
 
 
 def _run(run: FeedbackRun) -> Section:
-    found = run.to_dict()
+    result = run.to_dict()
     unit = run.units[HANDED] or "-"
     words = (
-        f"Gain {run.gain:g} closes at {run.closes_at:.6g} s; {100.0 * found['left_at_end']:.3g} % of the motion of "
-        f"{run.watch} is left at {found['stop']:.6g} s. Peak deflection {found['peak_deflection']:.4g} {unit}, "
-        f"peak rate {found['peak_rate']:.4g} {unit}/s."
+        f"Gain {run.gain:g} closes at {run.closes_at:.6g} s; {100.0 * result['left_at_end']:.3g} % of the motion of "
+        f"{run.watch} is left at {result['stop']:.6g} s. Peak deflection {result['peak_deflection']:.4g} {unit}, "
+        f"peak rate {result['peak_rate']:.4g} {unit}/s."
     )
     return Section("Simulation", paragraphs=[words], figures=[(run.plot, "The motion before and after closing.")])
 

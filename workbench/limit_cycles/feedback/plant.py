@@ -65,8 +65,8 @@ def _takes_states(model: DescribedModel, time: float) -> bool:
         own = session.values(names)
     wanted = {n: x + _SHIFT * (1.0 + abs(x)) for n, x in own.items()}
     with model.open_at(time=time, values=wanted) as session:
-        found = session.values(names)
-    return all(abs(found[n] - x) <= _SHIFT**2 * (1.0 + abs(x)) for n, x in wanted.items())
+        result = session.values(names)
+    return all(abs(result[n] - x) <= _SHIFT**2 * (1.0 + abs(x)) for n, x in wanted.items())
 
 
 def linear(

@@ -59,14 +59,14 @@ def settling_study(
         _GainJob(place.shown, motion, FeedbackSpec(gain, y0, actuator, closes), watch, asked.threshold, asked.longest)
         for gain in gains
     ]
-    found: dict[float, GainRun] = {}
+    result: dict[float, GainRun] = {}
     with at_work(place.model, asked.place.apart, job) as runner:
         for event in runner.run(perform, deque(jobs)):
             gain = event.job.law.gain
             if isinstance(event, Lost):
                 raise event.error
-            found[gain] = event.value
-            job.done(f"gain {gain:.4g}", len(found), len(gains))
+            result[gain] = event.value
+            job.done(f"gain {gain:.4g}", len(result), len(gains))
     return with_optimum(
         SettlingStudy(
             variable=watch,
@@ -77,7 +77,7 @@ def settling_study(
             polynomial_order=asked.order,
             motion=motion,
             actuator=actuator,
-            runs=tuple(found[gain] for gain in gains),
+            runs=tuple(result[gain] for gain in gains),
         )
     )
 

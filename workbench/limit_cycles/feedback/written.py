@@ -27,10 +27,10 @@ class FeedbackFiles(Written):
         default="overview",
     )
 
-    def check(self, asked: Feedback) -> None:
+    def check(self, request: Feedback) -> None:
         if self.plot is None and self.plot_kind != "overview":
             raise InputError("--plot-kind needs --plot")
-        there = {"settling": ("--settle", asked.settle), "run": ("--gain", asked.gain is not None)}
+        there = {"settling": ("--settle", request.settle), "run": ("--gain", request.gain is not None)}
         needed, given = there.get(self.plot_kind, ("", True))
         if not given:
             raise InputError(f"--plot-kind: {self.plot_kind} needs {needed}")

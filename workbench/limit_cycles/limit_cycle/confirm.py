@@ -109,8 +109,8 @@ def _phasor(at: Floats, v: Floats, f: float) -> complex:
     """Return the fundamental by least squares with harmonics 0 … 7."""
     angle = 2.0 * np.pi * f * np.multiply.outer(at, np.arange(1, 8))
     columns = np.hstack([np.ones((len(at), 1)), np.cos(angle), np.sin(angle)])
-    found = np.linalg.lstsq(columns, v, rcond=None)[0]
-    return complex(found[1], -found[8])
+    result = np.linalg.lstsq(columns, v, rcond=None)[0]
+    return complex(result[1], -result[8])
 
 
 def _fundamental(at: Floats, v: Floats, f: float) -> float:

@@ -199,16 +199,16 @@ def _middle(  # noqa: PLR0917
 ) -> tuple[Centre | None, LinResult]:
     """Return the middle of a loop that is not at rest, and its linear part there; None and as it was: there is none."""
     point, v, w = here
-    found, moved = None, rest
+    result, moved = None, rest
     for _ in range(_ROUNDS):
         middle = centre_of(moved, function, v, w)
         if middle is None:
             return None, rest
         x = {n: float(middle.x[i]) for n, i in moved.states.items()}
         moved = _linear_rest(model, [ports], replace(point, x={**point.x, **x}), time, [middle.w])
-        found, v, w = middle, float(moved.operating_point.y[_RETURNED]), middle.w
+        result, v, w = middle, float(moved.operating_point.y[_RETURNED]), middle.w
         if not is_moving(moved, rest):
-            return found, moved
+            return result, moved
     return None, rest
 
 
@@ -354,9 +354,9 @@ def _middle_line(
         order = np.argsort(v)
         beyond = np.array([_BEYOND * max(1.0, float(np.abs(v).max(initial=0.0)))])
         up = v[order]
-        found = function(np.concatenate([-beyond, up, beyond, up[::-1]]))
+        result = function(np.concatenate([-beyond, up, beyond, up[::-1]]))
         mean = np.empty_like(up)
-        mean[order] = 0.5 * (found[1 : len(up) + 1] + found[: len(up) + 1 : -1])
+        mean[order] = 0.5 * (result[1 : len(up) + 1] + result[: len(up) + 1 : -1])
         return mean
 
     return middle
@@ -366,9 +366,9 @@ def _remembers(function: Callable[[Floats], Floats]) -> bool:
     """Whether the output depends on where the input comes from: a Boolean or Integer that the block keeps to itself."""
     sizes = np.geomspace(1e-6, 1e3, 46)
     up = np.concatenate([-sizes[::-1], sizes])
-    found = function(np.concatenate([up, up[::-1]]))
-    rising, falling = found[: len(up)], found[: len(up) - 1 : -1]
-    return bool((np.abs(rising - falling) > _SAME * float(np.abs(found).max(initial=0.0))).any())
+    result = function(np.concatenate([up, up[::-1]]))
+    rising, falling = result[: len(up)], result[: len(up) - 1 : -1]
+    return bool((np.abs(rising - falling) > _SAME * float(np.abs(result).max(initial=0.0))).any())
 
 
 def _sees_states(point: ModelPoint) -> bool:

@@ -67,20 +67,20 @@ class DrivenBlock(DescribedBlock):
         begin = self._session.time
         if 1.0 / frequency < _SHORTEST * max(1.0, abs(begin)):  # the search has gone astray: nothing follows so fast
             return np.zeros(count + 1, dtype=np.complex128)
-        found: Complex | None = None
+        result: Complex | None = None
         # What `measure_period` leaves at jumps goes with (step)³·(harmonic)²; so many rows keep it below the accuracy.
         rows = max(_ROWS, math.ceil(_ROWS_AT_JUMPS * count ** (2.0 / 3.0)))
         for turn in range(_MOST):
             points = np.linspace(begin + turn / frequency, begin + (turn + 1) / frequency, rows + 1)[1:]
             record = self._period(signals, points)
             even = points if self._session.communication_step is None else None
-            before, found = found, _coefficients(record, begin, frequency, count, even)
-            found[0] -= self._rest
+            before, result = result, _coefficients(record, begin, frequency, count, even)
+            result[0] -= self._rest
             self._along = {n: record.values[n] for n in self._states}
-            if before is not None and np.abs(found - before).max() <= _SETTLED * np.abs(found).max():
-                return found
+            if before is not None and np.abs(result - before).max() <= _SETTLED * np.abs(result).max():
+                return result
         self.settled = False
-        return found if found is not None else np.zeros(count + 1, dtype=np.complex128)
+        return result if result is not None else np.zeros(count + 1, dtype=np.complex128)
 
     def _signals(self, v: Complex, frequency: float) -> dict[str, Signal]:
         """Return one sine for each harmonic, its phase 0 now."""

@@ -78,17 +78,17 @@ def from_run(run: SimulatedCycle, watch: Sequence[str]) -> LimitCycle:
     )
 
 
-def contradictions(found: Sequence[LimitCycle], variable: str) -> list[str]:
+def contradictions(result: Sequence[LimitCycle], variable: str) -> list[str]:
     """Return in words where the methods contradict each other about the cycle of one crossing.
 
     Each is compared with the last that solves or runs the system itself, a steady simulation or a closed orbit.
 
     Args:
-        found: the entries.
+        result: the entries.
         variable: whose amplitude and mean they have.
     """
     words = []
-    for number, entries in groupby((c for c in found if c.crossing is not None), key=lambda c: c.number):
+    for number, entries in groupby((c for c in result if c.crossing is not None), key=lambda c: c.number):
         rows = list(entries)
         sure = [c for c in rows if c.method == SHOOTING or (c.method == SIMULATION and c.stable)]
         for c in rows if sure else ():

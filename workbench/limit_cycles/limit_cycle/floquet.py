@@ -41,17 +41,17 @@ def multipliers(part: Linear, blocks: Sequence[DescribedBlock], cycle: Cycle) ->
     """
     if len(part.A) > _LARGE and len(blocks) == 1:
         slopes, step = _slopes(part, blocks, cycle, _STEPS_SPLIT)
-        found = _sorted(_split(part, slopes[:, 0, 0].tolist(), step))
-        if np.min(np.abs(found - 1.0)) < _TRUE_ENOUGH:
-            return found
+        result = _sorted(_split(part, slopes[:, 0, 0].tolist(), step))
+        if np.min(np.abs(result - 1.0)) < _TRUE_ENOUGH:
+            return result
     slopes, step = _slopes(part, blocks, cycle, _STEPS)
-    found = _sorted(_whole(part, slopes, step))
-    return found if _agrees_with_liouville(found, part, slopes, step) else np.full_like(found, np.nan)
+    result = _sorted(_whole(part, slopes, step))
+    return result if _agrees_with_liouville(result, part, slopes, step) else np.full_like(result, np.nan)
 
 
-def _agrees_with_liouville(found: Complex, part: Linear, slopes: Floats, step: float) -> bool:
+def _agrees_with_liouville(result: Complex, part: Linear, slopes: Floats, step: float) -> bool:
     """Whether the product of the multipliers is the exponential of the traces, where rounding lets one see it."""
-    size = np.abs(found)
+    size = np.abs(result)
     if not np.isfinite(size).all() or size.min(initial=np.inf) <= _SEEN * size.max(initial=0.0):
         return bool(np.isfinite(size).all())
     traces = step * float(len(slopes) * np.trace(part.A) - np.trace(slopes.sum(axis=0) @ part.C @ part.B))
@@ -59,8 +59,8 @@ def _agrees_with_liouville(found: Complex, part: Linear, slopes: Floats, step: f
 
 
 def _sorted(flow: Floats) -> Complex:
-    found = np.linalg.eigvals(flow).astype(np.complex128)
-    return found[np.argsort(-np.abs(found))]
+    result = np.linalg.eigvals(flow).astype(np.complex128)
+    return result[np.argsort(-np.abs(result))]
 
 
 def _slopes(part: Linear, blocks: Sequence[DescribedBlock], cycle: Cycle, count: int) -> tuple[Floats, float]:
@@ -108,16 +108,16 @@ def _split(part: Linear, slopes: list[float], step: float) -> Floats:
     return np.asarray(np.linalg.solve(half, flow), dtype=np.float64)
 
 
-def others(found: Complex) -> tuple[Complex | None, float]:
+def others(result: Complex) -> tuple[Complex | None, float]:
     """Return the multipliers without the one at 1, and by how much that one is off; None: none is near 1.
 
     The motion along the orbit has the multiplier 1. Where the orbit is approximate (few harmonics), that one is off,
     and the others are as well; where none is near 1, none is right.
 
     Args:
-        found: shape (n,).
+        result: shape (n,).
     """
-    off = np.abs(found - 1.0)
-    if not np.isfinite(found).all() or not off.min(initial=np.inf) < _FOUND:
+    off = np.abs(result - 1.0)
+    if not np.isfinite(result).all() or not off.min(initial=np.inf) < _FOUND:
         return None, np.inf
-    return np.delete(found, int(np.argmin(off))), float(off.min())
+    return np.delete(result, int(np.argmin(off))), float(off.min())

@@ -117,11 +117,11 @@ def responses(part: Linear, frequency_hz: Floats, unit: float) -> Complex:
         unit: frequency that tells what is little [Hz].
     """
     m = part.D.shape[1]
-    found = part.response(frequency_hz).reshape(-1, m, m)
-    for k in np.flatnonzero(~np.isfinite(found).all(axis=(1, 2))).tolist():
+    result = part.response(frequency_hz).reshape(-1, m, m)
+    for k in np.flatnonzero(~np.isfinite(result).all(axis=(1, 2))).tolist():
         s = 2.0 * np.pi * (1j * frequency_hz[k] + _OFF_POLE * unit)
-        found[k] = part.C @ np.linalg.solve(s * np.eye(len(part.A)) - part.A, part.B.astype(np.complex128)) + part.D
-    return found
+        result[k] = part.C @ np.linalg.solve(s * np.eye(len(part.A)) - part.A, part.B.astype(np.complex128)) + part.D
+    return result
 
 
 def balance(

@@ -64,15 +64,15 @@ def _lead(result: LimitCycleResult) -> str:
 def _verdicts(result: LimitCycleResult) -> list[Verdict]:
     """Return one line for each crossing; a limit cycle is a fact, no violation: only what is doubtful is coloured."""
     best = {c.crossing: c for c in result.limit_cycles}  # the methods come in rising order of trust
-    found = [Verdict(STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in best.values()]
+    solution = [Verdict(STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in best.values()]
     if result.simulated is not None and not result.simulated.steady:
-        found.append(Verdict("watch", "the simulation was not steady at its end"))
-    found += [
+        solution.append(Verdict("watch", "the simulation was not steady at its end"))
+    solution += [
         Verdict("watch", f"{_followed(b)} was not followed to its end: {'; '.join(dict.fromkeys(b.ends))}")
         for b in result.branches
         if b.truncated
     ]
-    return found
+    return solution
 
 
 def _cycle_words(c: LimitCycle, unit: str | None) -> str:
@@ -189,7 +189,7 @@ def _branch(branch: Branch, unit: str | None = None, input_unit: str | None = No
     rows = sampled_rows([_branch_point(p) for p in branch.points], _MOST_ROWS)
     sizes = (bracketed(n, input_unit) for n in ("amplitude", "fundamental", "mean"))
     headings = (bracketed(branch.parameter, unit), "frequency [Hz]", *sizes, "cycle")
-    folds, hopf = ([_branch_point(p)[:-1] for p in found] for found in (branch.folds, branch.hopf))
+    folds, hopf = ([_branch_point(p)[:-1] for p in result] for result in (branch.folds, branch.hopf))
     others = [(*_branch_point(p)[:-1], _KINDS.get(p.kind, p.kind)) for p in branch.bifurcations]
     shown = f"{len(rows)} of {len(branch.points)} points; JSON and CSV hold all."
     return Section(

@@ -100,9 +100,9 @@ def observe(
             first = max(first, before) if stretch == 0 else first
             outcome, frequency = _outcome(record.time[half], v[half], first, before)
             if outcome:
-                found = session.values(states)
+                result = session.values(states)
                 return Observation(
-                    push=push, outcome=outcome, seconds=run, frequency_hz=frequency, swing=swing, states=found
+                    push=push, outcome=outcome, seconds=run, frequency_hz=frequency, swing=swing, states=result
                 )
     return Observation(push=push, outcome="undecided", seconds=run, swing=swing)
 

@@ -61,88 +61,88 @@ class Prediction:
         return Cycle(frequency, np.column_stack([zero, v]), np.column_stack([zero, w]))
 
 
-def predict(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> Prediction:
+def predict(system: DescribedModel, loop: SplitLoop, request: LimitCycles) -> Prediction:
     """Return all crossings of a loop in the band.
 
     Args:
         system: stays open.
         loop: of it.
-        asked: band, amplitudes, where blocks are measured.
+        request: band, amplitudes, where blocks are measured.
 
     Raises:
         InputError: a block must be measured, and there are no amplitudes to measure it at.
     """
     known = [block or formula for block, formula in zip(loop.blocks, loop.formulas, strict=True)]
     missing = [p.component for p, b in zip(loop.every, known, strict=True) if b is None]
-    if missing and asked.amplitudes is None:
+    if missing and request.amplitudes is None:
         raise InputError(
             f"{system.name}: block {', '.join(missing)} has a memory of its own and must be measured; "
             "give the lowest and the highest amplitude (--amplitude LO:HI) and a band (--band LO:HI)"
         )
     names = ", ".join(p.component for p in loop.every)
-    name, band, amplitudes = f"{system.name}: loop through {names}", asked.band, asked.amplitudes
+    name, band, amplitudes = f"{system.name}: loop through {names}", request.band, request.amplitudes
     if len(loop.every) > 1:
-        return _several(system, loop, asked, name)
+        return _several(system, loop, request, name)
     if known[0] is not None:
         curve = nyquist(loop.part, known[0], band=band, amplitudes=amplitudes or AMPLITUDES, name=name)
         return Prediction(loop, curve, None)
     with only_block(system, loop.ports, centre=loop.centre) as alone:
-        table = _measured(alone, asked, names)
+        table = _measured(alone, request, names)
         grid = np.geomspace(*(amplitudes or AMPLITUDES), 8 * _AMPLITUDES)
         curve = nyquist(loop.part, table, band=band, amplitudes=grid, name=names)
-        crossings = [_closer(alone, loop.part, c, asked, names) for c in curve.crossings]
+        crossings = [_closer(alone, loop.part, c, request, names) for c in curve.crossings]
     return Prediction(loop, replace(curve, crossings=tuple(crossings)), None)
 
 
-def _several(system: DescribedModel, loop: SplitLoop, asked: LimitCycles, name: str) -> Prediction:
+def _several(system: DescribedModel, loop: SplitLoop, request: LimitCycles, name: str) -> Prediction:
     blocks = ", ".join(p.component for p in loop.every)
-    many = ManyBlocks(loop.whole, _gains(system, loop, asked), name=blocks)
+    many = ManyBlocks(loop.whole, _gains(system, loop, request), name=blocks)
     if loop.moving:
         note = f"the start is not at rest, so nothing is predicted for {blocks} together; give --at a point at rest"
-        return Prediction(loop, nyquist(many.part, band=asked.band, name=name), many, (note,))
-    low, high = asked.amplitudes or AMPLITUDES
+        return Prediction(loop, nyquist(many.part, band=request.band, name=name), many, (note,))
+    low, high = request.amplitudes or AMPLITUDES
     count = max(2, round(_PER_DECADE * np.log10(high / low))) + 1
-    curve = nyquist(many.part, many, band=asked.band, amplitudes=np.geomspace(low, high, count), name=name)
+    curve = nyquist(many.part, many, band=request.band, amplitudes=np.geomspace(low, high, count), name=name)
     return Prediction(loop, curve, many)
 
 
-def _gains(system: DescribedModel, loop: SplitLoop, asked: LimitCycles) -> list[Gain]:
+def _gains(system: DescribedModel, loop: SplitLoop, request: LimitCycles) -> list[Gain]:
     """Return N of each block, measured where it has a memory."""
-    found: list[Gain] = []
+    result: list[Gain] = []
     known = zip(loop.every, loop.blocks, loop.formulas, loop.centres, strict=True)
     for ports, block, formula, centre in known:
         if (closed := block or formula) is not None:
-            found.append(tabulated(closed))
+            result.append(tabulated(closed))
             continue
         with only_block(system, ports, centre=centre) as alone:
-            found.append(_measured(alone, asked, ports.component).gains)
-    return found
+            result.append(_measured(alone, request, ports.component).gains)
+    return result
 
 
 # -- a block with a memory of its own: its describing function is measured where it matters -------
 
 
-def _measured(block: DescribedModel, asked: LimitCycles, name: str) -> DescribedBlock:
+def _measured(block: DescribedModel, request: LimitCycles, name: str) -> DescribedBlock:
     """Return a block, with the input v and the output w, whose N(A, f) is measured over a grid."""
-    amplitudes = np.geomspace(*(asked.amplitudes or AMPLITUDES), _AMPLITUDES)
-    return _table(block, amplitudes, np.geomspace(*asked.band, _FREQUENCIES), asked, name)
+    amplitudes = np.geomspace(*(request.amplitudes or AMPLITUDES), _AMPLITUDES)
+    return _table(block, amplitudes, np.geomspace(*request.band, _FREQUENCIES), request, name)
 
 
 def _table(
-    block: DescribedModel, amplitudes: Floats, frequencies: Floats, asked: LimitCycles, name: str
+    block: DescribedModel, amplitudes: Floats, frequencies: Floats, request: LimitCycles, name: str
 ) -> DescribedBlock:
-    response = nfr(block, "v", "w", frequencies, amplitudes, errcrit=_ERRCRIT, workers=asked.workers)
+    response = nfr(block, "v", "w", frequencies, amplitudes, errcrit=_ERRCRIT, workers=request.workers)
     return MeasuredBlock(response, name=name)
 
 
-def _closer(block: DescribedModel, part: LinearPart, c: Crossing, asked: LimitCycles, name: str) -> Crossing:
+def _closer(block: DescribedModel, part: LinearPart, c: Crossing, request: LimitCycles, name: str) -> Crossing:
     """Return a crossing found again with the block measured around it."""
     if c.amplitude is None:
         return c
     around = np.array([1.0 / _NEAR_AMPLITUDE, 1.0, _NEAR_AMPLITUDE])
     beside = np.array([1.0 / _NEAR_FREQUENCY, 1.0, _NEAR_FREQUENCY])
     try:
-        table = _table(block, c.amplitude * around, c.frequency_hz * beside, asked, name)
+        table = _table(block, c.amplitude * around, c.frequency_hz * beside, request, name)
     except InputError:
         return c
     band = (c.frequency_hz / _NEAR_FREQUENCY, c.frequency_hz * _NEAR_FREQUENCY)

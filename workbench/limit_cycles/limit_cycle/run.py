@@ -53,28 +53,28 @@ _PARTS = 100  # that a step is told of
 _PHASES = 400  # at which the predicted states are looked at
 
 
-def run(model: DescribedModel, asked: LimitCycles, job: Job) -> LimitCycleResult:
+def run(model: DescribedModel, request: LimitCycles, job: Job) -> LimitCycleResult:
     """Find limit cycles; see `LimitCycles`."""
-    names = _outputs(model, asked.outputs)
-    check_variables(model, [n for n in asked.vary if n != GAIN], "parameter", "state", what="vary", number=True)
-    system, remarks = start_at(model, asked.at)
-    time = system.start_time if asked.time is None else asked.time
-    steps, inputs = 3 + len(asked.vary), forced_inputs(system, asked.inputs)
+    names = _outputs(model, request.outputs)
+    check_variables(model, [n for n in request.vary if n != GAIN], "parameter", "state", what="vary", number=True)
+    system, remarks = start_at(model, request.at)
+    time = system.start_time if request.time is None else request.time
+    steps, inputs = 3 + len(request.vary), forced_inputs(system, request.inputs)
     with ExitStack() as keep, one_thread():
-        loop = cut(system, *asked.block, at=system.at, time=time, keep=keep)
-        predicted = predict(system, loop, asked)
-        work = _LimitCycleRun(system, loop, predicted, names, asked, time, keep, job)
+        loop = cut(system, *request.block, at=system.at, time=time, keep=keep)
+        predicted = predict(system, loop, request)
+        work = _LimitCycleRun(system, loop, predicted, names, request, time, keep, job)
         work.notes += remarks
         job.partial, work.stage = work.result, (_PARTS, _PARTS * steps)
         job.done("crossings", *work.stage)
         work.run()
         job.done("limit cycles", 2 * _PARTS, _PARTS * steps)
-        for count, (name, limits) in enumerate(asked.vary.items(), start=2):
+        for count, (name, limits) in enumerate(request.vary.items(), start=2):
             work.stage = count * _PARTS, _PARTS * steps
             work.follow(name, limits)
             job.done(f"cycles over {name}", (count + 1) * _PARTS, _PARTS * steps)
-        if asked.run_until is not None:
-            work.run_freely(asked.run_until, inputs)
+        if request.run_until is not None:
+            work.run_freely(request.run_until, inputs)
         job.done("run from rest", _PARTS * steps, _PARTS * steps)
         return work.result()
 
@@ -261,8 +261,8 @@ class _LimitCycleRun:
 
     def run_freely(self, stop: float, inputs: Mapping[str, Signal]) -> None:
         """Run from rest."""
-        found = [c.frequency_hz for c in self.predicted.curve.crossings if c.amplitude is not None]
-        fastest = max(found) if found else _FASTEST
+        result = [c.frequency_hz for c in self.predicted.curve.crossings if c.amplitude is not None]
+        fastest = max(result) if result else _FASTEST
         v, begin = self.loop.ports.v, self.time
         self.run_from_rest = free_run(self.system, v, stop=stop, inputs=inputs, fastest=fastest, start_time=begin)
 

@@ -93,11 +93,11 @@ class ManyBlocks(DescribedBlock):
                 break
             drive = -L[left][:, 1:, :1] * w[left, :1, None]
             closed = np.eye(m - 1) + L[left][:, 1:, 1:] * n[left][:, None, :]
-            found = np.linalg.solve(closed, drive)[:, :, 0]
-            columns = (g(np.abs(found[:, j]), frequencies[left]) for j, g in enumerate(self._gains[1:]))
+            result = np.linalg.solve(closed, drive)[:, :, 0]
+            columns = (g(np.abs(result[:, j]), frequencies[left]) for j, g in enumerate(self._gains[1:]))
             fresh = np.column_stack(list(columns))
             there = (np.abs(fresh - n[left]) <= _SAME * np.abs(fresh)).all(axis=1)
-            v[left[there], 1:], w[left[there], 1:] = found[there], (fresh * found)[there]
+            v[left[there], 1:], w[left[there], 1:] = result[there], (fresh * result)[there]
             n[left] = fresh if turn < _UNDAMPED else 0.5 * (n[left] + fresh)
             left = left[~there & np.isfinite(fresh).all(axis=1)]
         return v, w
@@ -108,17 +108,17 @@ class ManyBlocks(DescribedBlock):
         L = responses(self._whole, f, float(np.median(f)))
         returned = -(L[:, 0, :] * w).sum(axis=1)
         with np.errstate(all="ignore"):
-            found = -returned / (v[:, 0] * self.part.response(f))
-        return np.asarray(found.reshape(np.broadcast_shapes(amplitudes.shape, frequencies.shape)), dtype=np.complex128)
+            result = -returned / (v[:, 0] * self.part.response(f))
+        return np.asarray(result.reshape(np.broadcast_shapes(amplitudes.shape, frequencies.shape)), dtype=np.complex128)
 
     def gain(self, amplitude: float, frequency: float = 1.0) -> complex:
         return complex(self.gains(np.array([amplitude]), np.array([frequency]))[0])
 
     def answer(self, v: Complex, frequency: float, count: int) -> Complex:
         """Return the fundamental alone; the harmonics that the others add are not known here and are NaN."""
-        found = np.full(count + 1, np.nan + 0j)
-        found[1:2] = self.gain(float(abs(v[1])), frequency) * v[1]
-        return np.asarray(found, dtype=np.complex128)
+        result = np.full(count + 1, np.nan + 0j)
+        result[1:2] = self.gain(float(abs(v[1])), frequency) * v[1]
+        return np.asarray(result, dtype=np.complex128)
 
 
 def _middle(gain: Gain) -> float:

@@ -235,8 +235,8 @@ def _across(jacobian: Floats, flow: Floats) -> tuple[Complex, float]:
         return np.linalg.eigvals(jacobian).astype(np.complex128), np.inf
     along = flow / length
     across = np.linalg.svd(along[None, :])[2][1:].T
-    found = np.linalg.eigvals(across.T @ jacobian @ across).astype(np.complex128)
-    return found[np.argsort(-np.abs(found))], float(np.linalg.norm(jacobian @ along - along))
+    result = np.linalg.eigvals(across.T @ jacobian @ across).astype(np.complex128)
+    return result[np.argsort(-np.abs(result))], float(np.linalg.norm(jacobian @ along - along))
 
 
 def follow_orbits(
@@ -309,8 +309,8 @@ def _vanished(points: Sequence[BranchPoint]) -> Iterator[BranchPoint]:
         points: of the branch, the smallest cycle first.
     """
     sizes = [points[0].fundamental * factor for factor in _GROWN]
-    found = [next((p for p in points if p.fundamental >= size), None) for size in sizes]
-    chosen = [p for p in found if p is not None]
+    result = [next((p for p in points if p.fundamental >= size), None) for size in sizes]
+    chosen = [p for p in result if p is not None]
     if len(chosen) < len(_GROWN):
         return
     a = np.array([p.fundamental for p in chosen]) / chosen[-1].fundamental

@@ -74,8 +74,8 @@ class DescribedBlock(ABC):
             amplitude: amplitude of the sine.
             frequency: [Hz]; without effect where the block does not depend on it.
         """
-        found = complex(self.harmonics(amplitude, frequency, 1)[1] / (-1j * amplitude))
-        return complex(found.real) if self.real else found
+        result = complex(self.harmonics(amplitude, frequency, 1)[1] / (-1j * amplitude))
+        return complex(result.real) if self.real else result
 
     def gains(self, amplitudes: Floats, frequencies: Floats) -> Complex:
         """Return N, in the shape to which amplitudes and frequencies are broadcast.

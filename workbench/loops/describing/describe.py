@@ -188,19 +188,19 @@ def _method(block: DescribedBlock) -> str:
 
 
 def _rising(what: str, values: Sequence[float] | Floats) -> Floats:
-    found = np.unique(np.asarray(values, dtype=np.float64))
-    if not len(found) or not (np.isfinite(found).all() and found[0] > 0.0):
+    result = np.unique(np.asarray(values, dtype=np.float64))
+    if not len(result) or not (np.isfinite(result).all() and result[0] > 0.0):
         raise InputError(f"{what}: give one or more positive numbers")
-    return found
+    return result
 
 
 def _harmonics(block: DescribedBlock, a: Floats, f: Floats) -> Floats:
     shape = (len(a), len(f), HARMONICS + 1)
     if isinstance(block, MeasuredBlock):
         return np.array([[block.harmonic_sizes(x, y) for y in f.tolist()] for x in a.tolist()]).reshape(shape)
-    found = np.array([[np.abs(block.harmonics(x, y)) for y in f.tolist()] for x in a.tolist()]).reshape(shape)
+    result = np.array([[np.abs(block.harmonics(x, y)) for y in f.tolist()] for x in a.tolist()]).reshape(shape)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(found / found[:, :, 1:2], dtype=np.float64)
+        return np.asarray(result / result[:, :, 1:2], dtype=np.float64)
 
 
 def _measured(

@@ -41,8 +41,8 @@ def gain_beside_bias(
         0.333333 0.551329
     """
     _check(amplitude)
-    found = block.answer(np.array([bias, -1j * amplitude]), frequency, 1)
-    return float(found[0].real), complex(found[1] / (-1j * amplitude))
+    result = block.answer(np.array([bias, -1j * amplitude]), frequency, 1)
+    return float(result[0].real), complex(result[1] / (-1j * amplitude))
 
 
 def beside_sine(block: DescribedBlock, amplitude: float) -> StaticBlock:

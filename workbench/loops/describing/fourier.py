@@ -46,9 +46,9 @@ def coefficients(function: Callable[[Floats], Floats], v: Complex, levels: Float
     weight = (half[:, None] * _W).ravel()
     angle = theta.ravel()
     w = function(series(v, angle)) * weight
-    found = np.exp(-1j * np.multiply.outer(np.arange(count + 1), angle)) @ w / np.pi
-    found[0] = 0.5 * found[0].real
-    return np.asarray(found, dtype=np.complex128)
+    result = np.exp(-1j * np.multiply.outer(np.arange(count + 1), angle)) @ w / np.pi
+    result[0] = 0.5 * result[0].real
+    return np.asarray(result, dtype=np.complex128)
 
 
 def _edges(v: Complex, levels: Floats) -> Floats:

@@ -76,21 +76,21 @@ class MeasuredBlock(DescribedBlock):
 
     def answer(self, v: Complex, frequency: float, count: int) -> Complex:
         """Return the fundamental alone; the other harmonics are not known and count as zero."""
-        found: Complex = np.zeros(count + 1, dtype=np.complex128)
-        found[1] = v[1] * self.gain(float(abs(v[1])), frequency)
-        return found
+        result: Complex = np.zeros(count + 1, dtype=np.complex128)
+        result[1] = v[1] * self.gain(float(abs(v[1])), frequency)
+        return result
 
 
 def _sizes(response: NfrResult) -> Floats:
     """Return the sizes of the harmonics at each point, shape (amplitudes, frequencies, 8)."""
-    found = np.full((*response.response.shape, HARMONICS + 1), np.nan)
+    result = np.full((*response.response.shape, HARMONICS + 1), np.nan)
     fundamental = np.abs(response.response) * response.amplitude[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        found[:, :, 0] = np.abs(response.offset) / fundamental
-    found[:, :, 1] = 1.0
+        result[:, :, 0] = np.abs(response.offset) / fundamental
+    result[:, :, 1] = 1.0
     for i, row in enumerate(response.certificates):
         for j, certificate in enumerate(row):
             if certificate is not None:
                 known = certificate.harmonics[: HARMONICS - 1]
-                found[i, j, 2 : 2 + len(known)] = [np.nan if h is None else h for h in known]
-    return found
+                result[i, j, 2 : 2 + len(known)] = [np.nan if h is None else h for h in known]
+    return result

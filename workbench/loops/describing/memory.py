@@ -25,9 +25,9 @@ def sampled_coefficients(w: Floats, count: int) -> Complex:
         w: shape (n,).
         count: highest harmonic.
     """
-    found: Complex = np.fft.rfft(w)[: count + 1] * (2.0 / len(w))
-    found[0] *= 0.5
-    return found
+    result: Complex = np.fft.rfft(w)[: count + 1] * (2.0 / len(w))
+    result[0] *= 0.5
+    return result
 
 
 class RelayWithHysteresis(DescribedBlock):
@@ -60,13 +60,13 @@ class RelayWithHysteresis(DescribedBlock):
         x = series(v, theta)
         up = _crossings(theta, x, self.half_width)
         down = _crossings(theta, -x, self.half_width)
-        found: Complex = np.zeros(count + 1, dtype=np.complex128)
+        result: Complex = np.zeros(count + 1, dtype=np.complex128)
         switches = _alternating(up, down)
         k = np.arange(1, count + 1)
         for (begin, sign), (end, _) in pairwise(switches):
-            found[0] += sign * self.level * (end - begin) / (2.0 * np.pi)
-            found[1:] += sign * self.level * (np.exp(-1j * k * end) - np.exp(-1j * k * begin)) / (-1j * k * np.pi)
-        return found
+            result[0] += sign * self.level * (end - begin) / (2.0 * np.pi)
+            result[1:] += sign * self.level * (np.exp(-1j * k * end) - np.exp(-1j * k * begin)) / (-1j * k * np.pi)
+        return result
 
 
 def _crossings(theta: Floats, x: Floats, level: float) -> list[float]:

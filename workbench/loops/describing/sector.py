@@ -54,9 +54,9 @@ def sector_of(block: DescribedBlock, reach: float) -> Sector:
     """
     count = _DECADES * _PER_DECADE + 1
     size = np.geomspace(reach * 10.0**-_DECADES, reach, count)
-    found = [_side(block, sign * size) for sign in (-1.0, 1.0)]
-    low, high = min(f[0] for f in found), max(f[1] for f in found)
-    return Sector(low=low + 0.0, high=high, reach=None if all(f[2] for f in found) else reach)
+    result = [_side(block, sign * size) for sign in (-1.0, 1.0)]
+    low, high = min(f[0] for f in result), max(f[1] for f in result)
+    return Sector(low=low + 0.0, high=high, reach=None if all(f[2] for f in result) else reach)
 
 
 def _side(block: DescribedBlock, v: Floats) -> tuple[float, float, bool]:

@@ -120,8 +120,8 @@ def find_levels(function: Function, low: float, high: float) -> Floats:
     y = function(x)
     bend = np.abs(np.diff(y, 2))
     floor = _NOISE * max(float(np.ptp(y)), 1e-300)
-    found = [_zoom(function, x[a], x[b], floor) for a, b in _suspects(bend, floor)]
-    return np.unique(np.array([0.0, *(place for place in found if place is not None)]))
+    result = [_zoom(function, x[a], x[b], floor) for a, b in _suspects(bend, floor)]
+    return np.unique(np.array([0.0, *(place for place in result if place is not None)]))
 
 
 def _suspects(bend: Floats, floor: float) -> list[tuple[int, int]]:

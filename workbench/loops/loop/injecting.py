@@ -96,8 +96,8 @@ def injected(bench: Bench, wanted: Sequence[tuple[float, float]]) -> list[LoopPo
     for _ in range(_ROUNDS):
         open_ones = [i for i, t in enumerate(tries) if not t.done]
         fresh = [tries[i] if tries[i].passed is None else tries[i].next() for i in open_ones]
-        found = bench.measure(INJECTED, PASSED, [(t.frequency, t.injected) for t in fresh])
-        for i, t, point in zip(open_ones, fresh, found, strict=True):
+        result = bench.measure(INJECTED, PASSED, [(t.frequency, t.injected) for t in fresh])
+        for i, t, point in zip(open_ones, fresh, result, strict=True):
             tries[i] = t.with_point(point)
         if not open_ones:
             break
@@ -112,9 +112,9 @@ def first_guess(loop: LinearPart | None, frequency: float) -> float:
         loop: linear L; None: not known.
         frequency: [Hz].
     """
-    found = 1.0 if loop is None else abs(1.0 + loop.at(frequency))
+    result = 1.0 if loop is None else abs(1.0 + loop.at(frequency))
     # At a pole or zero of 1 + L the guess is anything; the search begins nearby.
-    return min(max(found, 1e-3), 1e3) if math.isfinite(found) else 1.0
+    return min(max(result, 1e-3), 1e3) if math.isfinite(result) else 1.0
 
 
 def _point(tried: _Try, y: NfrPoint) -> LoopPoint:

@@ -60,10 +60,10 @@ class Lifted(Linear):
             angle: shape (k,) [rad].
         """
         at = np.exp(1j * angle)
-        found = self.C @ resolvent(self.A, self.B, at) + self.D
-        good = np.isfinite(found).all(axis=(1, 2))
-        each = np.full(found.shape[:2], np.nan, dtype=np.complex128)
-        each[good] = np.linalg.eigvals(found[good])
+        result = self.C @ resolvent(self.A, self.B, at) + self.D
+        good = np.isfinite(result).all(axis=(1, 2))
+        each = np.full(result.shape[:2], np.nan, dtype=np.complex128)
+        each[good] = np.linalg.eigvals(result[good])
         return each
 
 
@@ -164,9 +164,9 @@ def _first(loop: Lifted, values: Floats, factor: Callable[[float], complex]) -> 
     before, begin = float(values[0]), outside(float(values[0]))
     for value in values[1:].tolist():
         if (outside(value) < 0.0) != (begin < 0.0):
-            found = float(brentq(outside, before, value, xtol=1e-14, rtol=1e-13))
-            poles = loop.closed(factor(found))
-            return found, abs(float(np.angle(poles[np.abs(poles).argmax()]))) / (2.0 * math.pi * loop.dt)
+            result = float(brentq(outside, before, value, xtol=1e-14, rtol=1e-13))
+            poles = loop.closed(factor(result))
+            return result, abs(float(np.angle(poles[np.abs(poles).argmax()]))) / (2.0 * math.pi * loop.dt)
         before = value
     return math.nan, math.nan
 
@@ -176,8 +176,8 @@ def _largest(loop: Lifted, angle: Floats, size: Callable[[Complex], Floats]) -> 
 
     def at(angles: Floats) -> Floats:
         with np.errstate(all="ignore"):
-            found = size(loop.values(angles)).max(axis=1)
-        return np.where(np.isnan(found), -np.inf, found)
+            result = size(loop.values(angles)).max(axis=1)
+        return np.where(np.isnan(result), -np.inf, result)
 
     sizes = at(angle)
     k = int(np.argmax(sizes))

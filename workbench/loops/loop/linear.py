@@ -45,17 +45,17 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: flo
     """
     point = cut.point
     x0, u0 = ({}, {}) if point is None else ({**point.x, **point.discrete}, dict(point.u))
-    asked = Lin(x0=x0, u0={**u0, PASSED: cut.value}, inputs=[PASSED], outputs=[RETURNED], method=method, dx=dx, du=du,
+    request = Lin(x0=x0, u0={**u0, PASSED: cut.value}, inputs=[PASSED], outputs=[RETURNED], method=method, dx=dx, du=du,
                 time=cut.time)  # fmt: skip
     with cut.opened() as model:
-        result = lin_result(model, **values_of(asked))
+        result = lin_result(model, **values_of(request))
         periodic = result.method == "kalman-bertram"
-        whole = lifted(make_task(model, asked), result) if periodic and not result.delayed else None
+        whole = lifted(make_task(model, request), result) if periodic and not result.delayed else None
     transfer = LinearPart(result.A, result.B, -result.C, -result.D, dt=result.dt)
     notes = (*cut.notes, *result.notes, *_notes(cut, result))
     if periodic:
         transfer = (whole and whole.single) or transfer
-        alone = replace(asked, u0=u0, inputs=[], outputs=None, dx=None, du=None)
+        alone = replace(request, u0=u0, inputs=[], outputs=None, dx=None, du=None)
         closed = run(replace(make_task(cut.model, alone), explained=False), result.method)
         margins, more = _sampled(cut, result, transfer, whole, closed)
         return LinearLoop(result, transfer, judged(closed, transfer), margins, (*notes, *more))
@@ -78,7 +78,7 @@ def _sampled(
     The closed loop is known by itself, from its own map over a basic period. Margins are stated where the open loop,
     closed again, has its poles.
     """
-    found, source = judged(closed, transfer), cut.place.source
+    solution, source = judged(closed, transfer), cut.place.source
     # Poles alone do not tell: where the loop is weak, L held over the period has almost those of the loop as it is.
     once = result.delayed is not None if whole is None else whole.single is not None
     if once and same_poles(transfer.sensitivity().poles, closed.poles):
@@ -89,13 +89,13 @@ def _sampled(
             "factor on it, for the phase of exp(−jφ); the curves of L, |S| and |T| show it held over the basic period, "
             "which it is not: open the loop where the signal acts once in that time, to see L"
         )
-        return margins_of_lifted(whole, found), [note]
+        return margins_of_lifted(whole, solution), [note]
     held = f"opened there, L holds it over {transfer.dt:.6g} s"
     if cut.place.discrete or (result.intersample is not None and result.intersample.sampled):
         why = f"{source} acts at several instants; {held}, and closed again it has other poles than the loop"
     else:
         why = f"{source} is continuous and acts between the samples too; {held}, a delay that the loop does not have"
-    return withheld(found), [f"{why}: there are no margins; open the loop at a sampled signal instead"]
+    return withheld(solution), [f"{why}: there are no margins; open the loop at a sampled signal instead"]
 
 
 def _notes(cut: CutLoop, result: LinResult) -> list[str]:

@@ -41,16 +41,16 @@ def margins_of(loop: LinearPart) -> Margins:
     Source: K. J. Åström, R. M. Murray, Feedback Systems, 2nd ed., section 10.3; disk margins: P. Seiler, A. Packard,
     P. Gahinet, An introduction to disk margins, IEEE Control Systems 40 (2020).
     """
-    found = stability_of(loop)
+    result = stability_of(loop)
     s, t = loop.sensitivity(), loop.complementary()
-    on_border = found.verdict == BORDER
+    on_border = result.verdict == BORDER
     at_s, at_t = ((math.inf, math.nan),) * 2 if on_border else (peak(s), peak(t))
     return Margins(
-        verdict=found.verdict,
-        words=found.words,
+        verdict=result.verdict,
+        words=result.words,
         phase_crossovers=tuple(_phase_crossovers(loop)),
         gain_crossovers=tuple(GainCrossover.of(f, loop.at(f)) for f in gain_crossings(loop)),
-        disk=disk_of(*peak(_difference(s))) if found.stable else None,
+        disk=disk_of(*peak(_difference(s))) if result.stable else None,
         peak_sensitivity=at_s[0],
         peak_sensitivity_hz=at_s[1],
         peak_complementary=at_t[0],
@@ -74,13 +74,13 @@ def _difference(s: LinearPart) -> LinearPart:
 
 def _phase_crossovers(loop: LinearPart) -> list[PhaseCrossover]:
     inner = sorted([f for f in real_crossings(loop) if _negative(loop.at(f))])
-    found = [PhaseCrossover(f, 1.0 / abs(loop.at(f)), _upwards(loop, f)) for f in inner]
+    result = [PhaseCrossover(f, 1.0 / abs(loop.at(f)), _upwards(loop, f)) for f in inner]
     for end in (0.0, loop.highest_hz):
         value = loop.at(end)
         # Where L only tends to 0 no gain reaches the border.
         if _negative(value) and abs(value) > 1e-12 * _size(loop, inner):
-            found.append(PhaseCrossover(end, 1.0 / abs(value)))
-    return sorted(found, key=lambda c: c.frequency_hz)
+            result.append(PhaseCrossover(end, 1.0 / abs(value)))
+    return sorted(result, key=lambda c: c.frequency_hz)
 
 
 def _negative(value: complex) -> bool:
@@ -152,10 +152,10 @@ def curve_margins(
         linear: margins of the linear loop at the operating point, if known.
         stability: of that loop.
     """
-    found = Response(frequency_hz, value).margins()
-    verdict, words = _verdict(found.phase_crossovers, frequency_hz, linear, stability)
-    disk = found.disk if verdict in (STABLE, UNKNOWN) else None
-    return replace(found, verdict=verdict, words=words, disk=disk)
+    result = Response(frequency_hz, value).margins()
+    verdict, words = _verdict(result.phase_crossovers, frequency_hz, linear, stability)
+    disk = result.disk if verdict in (STABLE, UNKNOWN) else None
+    return replace(result, verdict=verdict, words=words, disk=disk)
 
 
 def _verdict(

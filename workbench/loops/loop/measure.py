@@ -51,7 +51,7 @@ def choose_measurement(how: str, linear: LinearLoop | None) -> tuple[tuple[str, 
 def measure(
     cut: CutLoop,
     name: str,
-    asked: Loop,
+    request: Loop,
     *,
     frequencies: Sequence[float],
     amplitudes: Sequence[float],
@@ -63,7 +63,7 @@ def measure(
     Args:
         cut: the loop.
         name: of the measurement.
-        asked: where points are measured, how long to wait for each, and how many rounds of more points there are, at
+        request: where points are measured, how long to wait for each, and how many rounds of more points there are, at
             the crossovers that the points so far show; what may end it between handfuls of points.
         frequencies: [Hz], rising.
         amplitudes: of the signal passed on, rising.
@@ -74,11 +74,11 @@ def measure(
     loop = None if linear is None else linear.transfer
 
     def stopped() -> bool:
-        return job.stopped or (asked.stopped is not None and asked.stopped())
+        return job.stopped or (request.stopped is not None and request.stopped())
 
-    with changed(cut) as model, Bench(model, asked, job, value=cut.value, loop=loop) as bench:
+    with changed(cut) as model, Bench(model, request, job, value=cut.value, loop=loop) as bench:
         wanted = [(f, a) for a in amplitudes for f in frequencies]
-        for _ in range(1 + asked.refine):
+        for _ in range(1 + request.refine):
             for part in _parts(wanted):
                 if stopped():
                     break
@@ -91,14 +91,14 @@ def measure(
         notes = (*bench.notes, *(("interrupted: points are missing",) if stopped() else ()))
     curves = []
     for amplitude in amplitudes:
-        found = _known(points, amplitude)
-        doubts = _doubts(found, amplitude, cut.value)
+        result = _known(points, amplitude)
+        doubts = _doubts(result, amplitude, cut.value)
         curves.append(
             LoopCurve(
                 how=name,
                 amplitude=amplitude,
-                points=tuple(found),
-                margins=_margins(found, linear),
+                points=tuple(result),
+                margins=_margins(result, linear),
                 notes=(*notes, *doubts),
             )
         )
@@ -114,8 +114,8 @@ def _known(points: Points, amplitude: float) -> list[LoopPoint]:
     return [points[key] for key in sorted(points) if key[1] == amplitude]
 
 
-def _margins(found: Sequence[LoopPoint], linear: LinearLoop | None) -> Margins:
-    good, known = [p for p in found if p.value is not None], linear if linear is not None and linear.closes else None
+def _margins(result: Sequence[LoopPoint], linear: LinearLoop | None) -> Margins:
+    good, known = [p for p in result if p.value is not None], linear if linear is not None and linear.closes else None
     return curve_margins(
         np.array([p.frequency_hz for p in good]),
         np.array([p.value for p in good], dtype=np.complex128),
@@ -130,32 +130,32 @@ def _closer(points: Points, amplitudes: Sequence[float]) -> list[tuple[float, fl
     return [(f, a) for f, a in seen if all(abs(f / p.frequency_hz - 1.0) > _SAME for p in _known(points, a))]
 
 
-def _doubts(found: Sequence[LoopPoint], amplitude: float, value: float) -> list[str]:
+def _doubts(result: Sequence[LoopPoint], amplitude: float, value: float) -> list[str]:
     doubts = [
         _worst(
-            [(p.thd_passed or 0.0, p) for p in found],
+            [(p.thd_passed or 0.0, p) for p in result],
             0.05,
             "the signal passed on is not a sine at {n} points (distortion up to {worst:.3g} % at {hz:.4g} Hz): a "
             "describing function is not reliable there",
         ),
         _worst(
-            [(abs((value if p.mean is None else p.mean) - value) / amplitude, p) for p in found],
+            [(abs((value if p.mean is None else p.mean) - value) / amplitude, p) for p in result],
             0.05,
             "the sine moves the mean of the signal passed on at {n} points (by up to {worst:.3g} % of the amplitude at "
             "{hz:.4g} Hz): L is that of another operating point there",
         ),
         _worst(
-            [(p.balance or 0.0, p) for p in found],
+            [(p.balance or 0.0, p) for p in result],
             0.01,
             "what was passed on, returned and injected does not add up at {n} points (by up to {worst:.3g} % at "
             "{hz:.4g} Hz): not settled",
         ),
     ]
-    averaged, failed = (sum(p.status == s for p in found) for s in ("averaged", "failed"))
+    averaged, failed = (sum(p.status == s for p in result) for s in ("averaged", "failed"))
     if averaged:
         doubts.append(f"{averaged} points did not settle and are averages")
     if failed:
-        first = next(p for p in found if p.value is None)
+        first = next(p for p in result if p.value is None)
         doubts.append(f"{failed} points failed, the first at {first.frequency_hz:.4g} Hz: {first.reason}")
     return [d for d in doubts if d]
 
@@ -186,20 +186,20 @@ def broken(bench: Bench, wanted: Sequence[tuple[float, float]]) -> list[LoopPoin
     return [_point(p, bench.value) for p in bench.measure(PASSED, RETURNED, wanted)]
 
 
-def _point(found: NfrPoint, mean: float) -> LoopPoint:
-    known = found.certificate
+def _point(result: NfrPoint, mean: float) -> LoopPoint:
+    known = result.certificate
     return LoopPoint(
-        frequency_hz=found.frequency,
-        amplitude=math.nan if found.response is None else found.amplitude,
-        value=None if found.response is None else -found.response,
-        mean=None if found.response is None else mean,
-        thd_passed=None if found.response is None else 0.0,
+        frequency_hz=result.frequency,
+        amplitude=math.nan if result.response is None else result.amplitude,
+        value=None if result.response is None else -result.response,
+        mean=None if result.response is None else mean,
+        thd_passed=None if result.response is None else 0.0,
         thd_returned=None if known is None else known.thd,
         harmonics=() if known is None else known.harmonics,
-        status=found.status,
-        periods=found.periods,
-        reason=found.reason,
-        kind=found.kind,
+        status=result.status,
+        periods=result.periods,
+        reason=result.reason,
+        kind=result.kind,
     )
 
 

@@ -45,24 +45,24 @@ def loop_page(result: LoopResult) -> Page:
 
 def _verdicts(result: LoopResult, unit: str) -> list[Verdict]:
     linear = [] if result.linear is None else [_verdict("linear loop", result.linear.margins)]
-    found = [
+    solution = [
         *linear,
         *(_verdict(f"{c.how}, amplitude {c.amplitude:g}{unit}", c.margins) for c in result.curves),
     ]
     failed = [(c, p) for c in result.curves for p in c.failed]
-    return found + [
+    return solution + [
         Verdict("failed", f"amplitude {c.amplitude:g}{unit} at {p.frequency_hz:.5g} Hz: {p.reason}") for c, p in failed
     ]
 
 
 def _verdict(where: str, margins: Margins) -> Verdict:
     words = {"stable": "stable", "unstable": "unstable"}
-    found = [
+    result = [
         f"gain margin {margins.gain_margin_db:.3g} dB" if 0.0 < margins.gain_margin < math.inf else "",
         f"phase margin {margins.phase_margin_deg:.3g}°" if math.isfinite(margins.phase_margin_deg) else "",
         f"delay margin {1e3 * margins.delay_margin_s:.3g} ms" if math.isfinite(margins.delay_margin_s) else "",
     ]
-    text = "; ".join(filter(None, [margins.words, ", ".join(filter(None, found))]))
+    text = "; ".join(filter(None, [margins.words, ", ".join(filter(None, result))]))
     return Verdict(words.get(margins.verdict, "unknown"), f"{where}: {text}")
 
 
@@ -82,20 +82,20 @@ def _linear(result: LoopResult) -> list[Section]:
     ]
 
 
-def _sectors(found: AbsoluteStability | None) -> list[PageTable]:
+def _sectors(result: AbsoluteStability | None) -> list[PageTable]:
     """Return what may stand in the connection in place of the gain 1."""
-    if found is None:
+    if result is None:
         return []
-    if found.refused:
-        return [PageTable(("proven with a characteristic in the connection", ""), [("nothing", found.refused)])]
+    if result.refused:
+        return [PageTable(("proven with a characteristic in the connection", ""), [("nothing", result.refused)])]
 
     def row(name: str, k: float | None) -> tuple[str, str]:
         return name, "any" if k is None else f"0 … {k:.6g}"
 
     rows = [
-        row("constant gain", found.linear),
-        row("circle criterion: any, also one that changes with time", found.circle),
-        row("Popov's criterion: any that does not", found.popov),
+        row("constant gain", result.linear),
+        row("circle criterion: any, also one that changes with time", result.circle),
+        row("Popov's criterion: any that does not", result.popov),
     ]
     return [PageTable(("stable with, in the connection,", "slopes"), rows)]
 

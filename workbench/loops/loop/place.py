@@ -60,8 +60,8 @@ def _split(at: Open) -> tuple[str, str | None]:
             raise InputError(f'at: {at!r} is not a connection; write "plant.y", or ("plant.y", "controller.u")')
         return at[0], at[1]
     for arrow in _ARROWS:
-        source, found, target = (part.strip() for part in at.partition(arrow))
-        if found:
+        source, result, target = (part.strip() for part in at.partition(arrow))
+        if result:
             return source, target
     return at.strip(), None
 
@@ -100,8 +100,8 @@ def _check_loop(place: Opening, cut: Sequence[Wire], wires: Sequence[Wire], name
 
 def _reached(start: Collection[int], wires: Sequence[Wire]) -> set[int]:
     """Return the components that connections lead to, those of the start included."""
-    found, fresh = set(start), set(start)
+    result, fresh = set(start), set(start)
     while fresh:
-        fresh = {w.to_component for w in wires if w.from_component in fresh} - found
-        found |= fresh
-    return found
+        fresh = {w.to_component for w in wires if w.from_component in fresh} - result
+        result |= fresh
+    return result

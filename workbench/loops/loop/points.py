@@ -51,15 +51,15 @@ class Bench(Closable):
             for f, a in wanted
         ]
         jobs = [PointsJob(tasks=(task,), carry=False, step=None) for task in tasks]
-        found: dict[int, NfrPoint] = {}
+        result: dict[int, NfrPoint] = {}
         for event in self._runner.run(perform, deque(jobs)):
             task = event.job.tasks[0]
             if isinstance(event, Lost):
                 point = failed_point(task.frequency, task.amplitude, event.error)
             else:
                 point = event.value
-            found[id(event.job)] = point
-        return [found[id(job)] for job in jobs]
+            result[id(event.job)] = point
+        return [result[id(job)] for job in jobs]
 
     def close(self) -> None:
         """End the workers."""

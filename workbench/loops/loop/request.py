@@ -215,8 +215,8 @@ class Loop(InWorkers, ModelRequest["LoopResult"]):
         Raises:
             InputError: there is no such connection.
         """
-        found: str = named("workbench.loops.loop.cut:source_of")(subject, self.place_and_point()[0])
-        return found
+        result: str = named("workbench.loops.loop.cut:source_of")(subject, self.place_and_point()[0])
+        return result
 
     def went_well(self, record: LoopResult) -> bool:
         """Return whether no point failed.

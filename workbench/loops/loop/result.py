@@ -111,12 +111,12 @@ class LoopResult(Result):
         Raises:
             InputError: there is no such curve, or several are.
         """
-        found = [c for c in self.curves if amplitude is None or np.isclose(c.amplitude, amplitude, rtol=1e-9)]
-        found = [c for c in found if how is None or c.how == how]
-        if len(found) != 1:
+        result = [c for c in self.curves if amplitude is None or np.isclose(c.amplitude, amplitude, rtol=1e-9)]
+        result = [c for c in result if how is None or c.how == how]
+        if len(result) != 1:
             known = ", ".join(f"{c.how} {c.amplitude:g}" for c in self.curves) or "none"
-            raise InputError(f"curve: {'several fit' if found else 'no such one'}; measured: {known}")
-        return found[0]
+            raise InputError(f"curve: {'several fit' if result else 'no such one'}; measured: {known}")
+        return result[0]
 
     def frequencies(self, count: int = MANY) -> Floats:
         """Return frequencies that show the linear loop, shape (count,), rising [Hz].

@@ -24,19 +24,19 @@ _BESIDE = 3.0  # a band that is not given reaches so far beyond the linear cross
 _SAMPLED = 0.5  # and to this part of the Nyquist frequency: near it periods do not repeat
 
 
-def run(system: Model, asked: Loop, job: Job) -> LoopResult:
+def run(system: Model, request: Loop, job: Job) -> LoopResult:
     """Open a loop; see `Loop`."""
-    wanted = asked.amplitudes is not None
-    amplitudes = tuple(sorted(several(asked.amplitudes or ())))
-    place, at, notes = asked.place_and_point()
-    found, remarks = find_point(system, _trimmed(system) if asked.trim else at)
-    cut = cut_loop(system, place, point=found)
-    linear, doubts = _linear(cut, asked.method, asked.dx, asked.du, needed=not wanted)
+    wanted = request.amplitudes is not None
+    amplitudes = tuple(sorted(several(request.amplitudes or ())))
+    place, at, notes = request.place_and_point()
+    result, remarks = find_point(system, _trimmed(system) if request.trim else at)
+    cut = cut_loop(system, place, point=result)
+    linear, doubts = _linear(cut, request.method, request.dx, request.du, needed=not wanted)
     curves: list[LoopCurve] = []
     why = ""
     if wanted:
         with job.ended_by(lambda: None):  # it ends after the points under way
-            curves, why = _measured(cut, linear, amplitudes, asked, job)
+            curves, why = _measured(cut, linear, amplitudes, request, job)
     if wanted and linear is not None and linear.transfer.dt > 0.0:
         doubts.append(
             "the loop is sampled: what is measured holds the fundamentals of continuous signals, L(z) samples"
@@ -54,23 +54,23 @@ def run(system: Model, asked: Loop, job: Job) -> LoopResult:
 
 
 def _trimmed(system: Model) -> OperatingPoint:
-    found = trim(system)
-    if not found.converged:
-        raise InputError(f"--trim: {found.message}")
-    return found.operating_point
+    result = trim(system)
+    if not result.converged:
+        raise InputError(f"--trim: {result.message}")
+    return result.operating_point
 
 
 def _measured(
-    cut: CutLoop, linear: LinearLoop | None, amplitudes: tuple[float, ...], asked: Loop, job: Job
+    cut: CutLoop, linear: LinearLoop | None, amplitudes: tuple[float, ...], request: Loop, job: Job
 ) -> tuple[list[LoopCurve], str]:
     """Return the curves, one for each way and amplitude, and why it was measured so."""
-    names, why = choose_measurement(asked.how, linear)
-    band = _own_band(linear) if asked.frequencies is None and asked.band is None else asked.band
-    grid = frequency_grid(asked.frequencies, band, asked.ratio, falling=False)
+    names, why = choose_measurement(request.how, linear)
+    band = _own_band(linear) if request.frequencies is None and request.band is None else request.band
+    grid = frequency_grid(request.frequencies, band, request.ratio, falling=False)
     curves: list[LoopCurve] = []
     for number, name in enumerate(names, 1):
         job.stage(number, len(names))
-        curves += measure(cut, name, asked, frequencies=grid, amplitudes=amplitudes, linear=linear, job=job)
+        curves += measure(cut, name, request, frequencies=grid, amplitudes=amplitudes, linear=linear, job=job)
     return curves, why
 
 
@@ -78,12 +78,12 @@ def _linear(
     cut: CutLoop, method: str, dx: Width, du: float | None, *, needed: bool
 ) -> tuple[LinearLoop | None, list[str]]:
     try:
-        found = linear_loop(cut, method=method, dx=dx, du=du)
+        result = linear_loop(cut, method=method, dx=dx, du=du)
     except (InputError, SimulationError) as error:
         if needed:
             raise
         return None, [*cut.notes, f"there is no linear loop: {error}"]
-    return found, list(found.notes)
+    return result, list(result.notes)
 
 
 def _own_band(linear: LinearLoop | None) -> tuple[float, float]:

@@ -88,14 +88,14 @@ def same_poles(one: Complex, other: Complex) -> bool:
     return bool(np.abs(a - b).max() <= _KNOWN * np.abs(a).max())
 
 
-def unknown(found: ClosedLoopStability, why: str) -> ClosedLoopStability:
+def unknown(result: ClosedLoopStability, why: str) -> ClosedLoopStability:
     """Return that nothing is known of the stability of the closed loop.
 
     Args:
-        found: what would be said.
+        result: what would be said.
         why: what speaks against it.
     """
-    return replace(found, verdict=UNKNOWN, words=f"whether the closed loop is stable is not known: {why}")
+    return replace(result, verdict=UNKNOWN, words=f"whether the closed loop is stable is not known: {why}")
 
 
 def _sides(poles: Complex, f: Linear) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

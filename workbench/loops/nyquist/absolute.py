@@ -132,15 +132,15 @@ def absolute_stability(
     low = low if sector is None else sector.low
     if not math.isfinite(low):
         raise InputError(f"sector: its lower end is {low:g}; give a finite one")
-    told = {"name": name, "sector": sector, "low": low}
+    notes = {"name": name, "sector": sector, "low": low}
     refused = _refused(part, low)
     if refused:
-        return AbsoluteStability(**told, linear=low, circle=low, popov=low, refused=refused)  # type: ignore[arg-type]
+        return AbsoluteStability(**notes, linear=low, circle=low, popov=low, refused=refused)  # type: ignore[arg-type]
     closed = _closed(part, low)
     circle, hz = _bound(closed, low)
     q, popov = _popov(closed, low)
     return AbsoluteStability(
-        **told,  # type: ignore[arg-type]
+        **notes,  # type: ignore[arg-type]
         linear=_hurwitz(closed, low),
         circle=circle,
         popov=popov if circle is not None else None,
@@ -209,10 +209,10 @@ def _refined(part: LinearPart, hz: float, value: float) -> tuple[float, float]:
     if not (0.0 < hz < np.inf):
         return hz, value
     ends = (math.log(hz) - 0.1, math.log(hz) + 0.1)
-    found = minimize_scalar(
+    result = minimize_scalar(
         lambda t: part.at(math.exp(t)).real, bounds=ends, method="bounded", options={"xatol": 1e-12}
     )
-    return (math.exp(float(found.x)), float(found.fun)) if found.fun < value else (hz, value)
+    return (math.exp(float(result.x)), float(result.fun)) if result.fun < value else (hz, value)
 
 
 def _even_pencil(part: LinearPart, level: float) -> tuple[Floats, Floats]:

@@ -110,12 +110,12 @@ def _border_poles(part: LinearPart) -> Floats:
     value, uncertain = poles.value, np.maximum(5.0 * poles.uncertain, rounding / (part.dt or 1.0))
     size = np.full(len(value), 1.0 / part.dt) if part.dt > 0.0 else np.abs(value)
     near = np.abs(value.real) <= _AXIS * size + uncertain
-    found = np.where(value.imag > _AXIS + uncertain, value.imag, 0.0)
+    result = np.where(value.imag > _AXIS + uncertain, value.imag, 0.0)
     if part.dt > 0.0:
         near &= value.real * part.dt > _INSIDE  # the bound is one of |z|, and its logarithm near z = 0 wide
-        found = np.where(found > math.pi / part.dt - uncertain, math.pi / part.dt, found)
+        result = np.where(result > math.pi / part.dt - uncertain, math.pi / part.dt, result)
     kept: list[float] = []
-    for turn, apart in zip(found[near].tolist(), uncertain[near].tolist(), strict=True):
+    for turn, apart in zip(result[near].tolist(), uncertain[near].tolist(), strict=True):
         if all(abs(turn - other) > 2.0 * apart for other in kept):
             kept.append(turn)
     return np.array(kept) / (2.0 * math.pi)
@@ -154,14 +154,14 @@ def intersections(block: DescribedBlock, part: LinearPart, f: Floats, value: Com
     f, value = f[::stride], value[::stride]
     f = np.asarray(f, dtype=np.float64)
     sheet = 1.0 + _gains(block, amplitudes, f) * value[None, :]
-    found: list[tuple[float, float]] = []
+    result: list[tuple[float, float]] = []
     for i, j in zip(*np.nonzero(_mixed(sheet.real) & _mixed(sheet.imag)), strict=True):
         begin = (float(np.sqrt(amplitudes[i] * amplitudes[i + 1])), float(np.sqrt(f[j] * f[j + 1])))
         spread = (amplitudes[i + 1] / amplitudes[i], f[j + 1] / f[j])
         solution = _refined(block, part, begin, spread)
-        if solution is not None and not any(np.allclose(solution, other, rtol=1e-5) for other in found):
-            found.append(solution)
-    return np.array(sorted(found, key=lambda s: s[1]), dtype=np.float64).reshape(-1, 2)
+        if solution is not None and not any(np.allclose(solution, other, rtol=1e-5) for other in result):
+            result.append(solution)
+    return np.array(sorted(result, key=lambda s: s[1]), dtype=np.float64).reshape(-1, 2)
 
 
 def _gains(block: DescribedBlock, amplitudes: Floats, f: Floats) -> Complex:

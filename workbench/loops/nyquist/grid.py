@@ -53,10 +53,10 @@ def _cornered(value: Complex) -> NDArray[np.bool_]:
         angle = np.abs(np.angle(chord[1:] / chord[:-1]))
         long = np.abs(chord) > _SHORT * np.abs(value[:-1])
     corner = angle > _CORNER
-    found = np.zeros(len(chord), dtype=bool)
-    found[1:] |= corner
-    found[:-1] |= corner
-    return np.asarray(found & long)
+    result = np.zeros(len(chord), dtype=bool)
+    result[1:] |= corner
+    result[:-1] |= corner
+    return np.asarray(result & long)
 
 
 def _merged(f: Floats, value: Complex, more: Floats, there: Complex) -> tuple[Floats, Complex]:

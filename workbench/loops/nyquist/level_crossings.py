@@ -52,8 +52,8 @@ def real_crossings(f: LinearPart) -> list[float]:
         value = f.at(frequency)
         return value.imag / abs(value) if abs(value.imag) > _ROUNDING * abs(value) else 0.0
 
-    found = _roots(imaginary, level_frequencies(f, _odd_pencil), f.highest_hz)
-    return [x for x in found if abs(imaginary(x)) < _REAL]
+    result = _roots(imaginary, level_frequencies(f, _odd_pencil), f.highest_hz)
+    return [x for x in result if abs(imaginary(x)) < _REAL]
 
 
 def scan(f: LinearPart, candidates: Floats | None = None) -> Floats:

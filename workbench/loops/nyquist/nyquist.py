@@ -84,17 +84,17 @@ def _nyquist(
     real_axis = [c for c in axis_crossings(part) if band[0] <= c.frequency <= band[1]]
     sides = _LoopParts(part, real_axis)
     if block is None:
-        found, gains = [sides.plain(c) for c in real_axis if c.gain >= 0.0], np.ones(0, dtype=np.complex128)
+        result, gains = [sides.plain(c) for c in real_axis if c.gain >= 0.0], np.ones(0, dtype=np.complex128)
     elif block.real and not block.frequency_dependent:
         gains = np.array([block.gain(x) for x in a.tolist()], dtype=np.complex128)
-        found = [c for axis in real_axis for c in _with_amplitudes(axis, block, a, gains.real, sides)]
+        result = [c for axis in real_axis for c in _with_amplitudes(axis, block, a, gains.real, sides)]
     else:
         pairs = intersections(block, part, f, value, a)
-        found = [_complex_crossing(part, block, x, y) for x, y in pairs.tolist()]
-        found += [sides.plain(c) for c in real_axis if c.gain >= 0.0]
-        where = found[0].frequency_hz if found else float(np.sqrt(band[0] * band[1]))
+        result = [_complex_crossing(part, block, x, y) for x, y in pairs.tolist()]
+        result += [sides.plain(c) for c in real_axis if c.gain >= 0.0]
+        where = result[0].frequency_hz if result else float(np.sqrt(band[0] * band[1]))
         gains = np.array([block.gain(x, where) for x in a.tolist()], dtype=np.complex128)
-    found = [c for c in found if c.gain or c.unstable_below != c.unstable_above]  # poles that L does not show
+    result = [c for c in result if c.gain or c.unstable_below != c.unstable_above]  # poles that L does not show
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.where(gains == 0.0, complex(np.nan), -1.0 / gains)
     return NyquistResult(
@@ -102,7 +102,7 @@ def _nyquist(
         block="" if block is None else block.name,
         frequency_hz=f,
         response=value,
-        crossings=tuple(sorted(found, key=lambda c: c.frequency_hz)),
+        crossings=tuple(sorted(result, key=lambda c: c.frequency_hz)),
         amplitude=a if block is not None else np.ones(0),
         minus_inverse=inverse.astype(np.complex128),
         unstable_open=part.unstable(0j),
@@ -155,7 +155,7 @@ def _with_amplitudes(
     roots = _amplitudes(axis.gain, block, a, gains)
     if not roots:
         return [bare] if axis.gain > 0.0 else []
-    found = []
+    result = []
     for amplitude in roots:
         rising = block.gain(amplitude * 1.001).real > block.gain(amplitude * 0.999).real
         smaller, greater = bare.unstable_below, bare.unstable_above
@@ -167,8 +167,8 @@ def _with_amplitudes(
             "stable": greater == 0 and smaller > 0,
             "distortion": _distortion(sides.part, block, amplitude, axis.frequency),
         }
-        found.append(Crossing(**fields))
-    return found
+        result.append(Crossing(**fields))
+    return result
 
 
 def _amplitudes(gain: float, block: DescribedBlock, a: Floats, gains: Floats) -> list[float]:
@@ -181,13 +181,13 @@ def _amplitudes(gain: float, block: DescribedBlock, a: Floats, gains: Floats) ->
         return known[x] if x in known else block.gain(x).real - gain
 
     apart = np.maximum(np.abs(distance[:-1]), np.abs(distance[1:])) > _STANDS * abs(gain)
-    found = [
+    result = [
         float(brentq(off, a[i], a[i + 1], xtol=1e-15 * a[i], rtol=1e-14))
         for i in np.flatnonzero((distance[:-1] * distance[1:] < 0.0) & apart).tolist()
     ]
     exact = [float(a[i]) for i in np.flatnonzero(distance == 0.0).tolist()]
     # On a plateau of N, such as that of a saturation, every amplitude would do: none is a limit cycle.
-    return sorted(found + (exact if len(exact) == 1 else []))
+    return sorted(result + (exact if len(exact) == 1 else []))
 
 
 def _complex_crossing(part: LinearPart, block: DescribedBlock, amplitude: float, frequency: float) -> Crossing:

@@ -105,32 +105,32 @@ def draw_plane(ax: Axes, result: NyquistResult, *, reach: float | None) -> None:
     ax.xaxis.set_major_locator(MaxNLocator(6))
 
 
-def draw_absolute(ax: Axes, found: AbsoluteStability) -> None:
+def draw_absolute(ax: Axes, result: AbsoluteStability) -> None:
     """Draw what the circle criterion keeps L(jω) away from, and where on the real axis Popov's ends.
 
     Args:
         ax: the complex plane; it grows a little where that shows a bound.
-        found: the sectors that are proven stable.
+        result: the sectors that are proven stable.
     """
-    if found.refused:
+    if result.refused:
         return
     (left_end, right_end), height = ax.get_xlim(), ax.get_ylim()
-    bounds = [-1.0 / k for k in (found.circle, found.popov) if k]
+    bounds = [-1.0 / k for k in (result.circle, result.popov) if k]
     near = [bound for bound in bounds if bound > _FARTHER * left_end]
     left_end = min([left_end, *(1.1 * bound for bound in near)])
     style: dict[str, Any] = {"color": COLOURS[2], "linestyle": "--", "linewidth": 1.1, "zorder": 2}
-    if found.circle is not None:
-        name = f"circle criterion, slopes {found.low:.4g} … {found.circle:.4g}"
-        right = -1.0 / found.circle if found.circle else -math.inf
-        if found.low == 0.0 and right > left_end:
+    if result.circle is not None:
+        name = f"circle criterion, slopes {result.low:.4g} … {result.circle:.4g}"
+        right = -1.0 / result.circle if result.circle else -math.inf
+        if result.low == 0.0 and right > left_end:
             ax.axvline(right, label=name, **style)
-        elif found.low != 0.0 and math.isfinite(right):
-            left, turn = -1.0 / found.low, np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))
+        elif result.low != 0.0 and math.isfinite(right):
+            left, turn = -1.0 / result.low, np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))
             disc = 0.5 * (left + right) + 0.5 * (right - left) * turn
             ax.plot(disc.real, disc.imag, label=name, **style)
-    if found.popov and -1.0 / found.popov > left_end:
-        name = f"Popov, slopes {found.low:.4g} … {found.popov:.4g}"
-        ax.plot(-1.0 / found.popov, 0.0, "|", color=COLOURS[3], markersize=22.0, markeredgewidth=2.0, label=name)
+    if result.popov and -1.0 / result.popov > left_end:
+        name = f"Popov, slopes {result.low:.4g} … {result.popov:.4g}"
+        ax.plot(-1.0 / result.popov, 0.0, "|", color=COLOURS[3], markersize=22.0, markeredgewidth=2.0, label=name)
     ax.set(xlim=(left_end, right_end), ylim=height)
 
 

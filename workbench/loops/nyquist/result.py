@@ -80,8 +80,8 @@ class NyquistResult(Result):
     @property
     def negative(self) -> tuple[Crossing, ...]:
         """The crossings of the negative real axis, each frequency once."""
-        found = {c.frequency_hz: c for c in self.crossings if c.imag == 0.0 and c.real < 0.0}
-        return tuple(found.values())
+        result = {c.frequency_hz: c for c in self.crossings if c.imag == 0.0 and c.real < 0.0}
+        return tuple(result.values())
 
     def derived(self) -> dict[str, Any]:
         """Return the response by its parts."""

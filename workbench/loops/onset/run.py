@@ -42,33 +42,33 @@ _BELOW_NYQUIST = 0.999
 _SHOWN = 400  # frequencies of the curves
 
 
-def run(model: DescribedModel, asked: RateOnset, job: Job) -> OnsetResult:
+def run(model: DescribedModel, request: RateOnset, job: Job) -> OnsetResult:
     """Find the onset of a rate limiter; see `RateOnset`."""
-    ports = find_ports(model, asked.limiter, needs=_NEEDS)
-    check_variables(model, [asked.input], "input", what="input")
-    if asked.attitude is not None:
-        check_variables(model, [asked.attitude], "output", "state", what="attitude")
-    placed, remarks = start_at(model, asked.at)
-    rate, notes = _rate(model, asked)
+    ports = find_ports(model, request.limiter, needs=_NEEDS)
+    check_variables(model, [request.input], "input", what="input")
+    if request.attitude is not None:
+        check_variables(model, [request.attitude], "output", "state", what="attitude")
+    placed, remarks = start_at(model, request.at)
+    rate, notes = _rate(model, request)
     point = standing(placed)
-    opened, every = loop(placed, ports.w, in_process=True).linear, several(asked.amplitudes)
+    opened, every = loop(placed, ports.w, in_process=True).linear, several(request.amplitudes)
     if opened is None:
-        raise InputError(f"{model.name}: the loop through {asked.limiter} has no linear model; {_NEEDS} one")
+        raise InputError(f"{model.name}: the loop through {request.limiter} has no linear model; {_NEEDS} one")
     with _watched(placed, ports.w) as watched:
         closed = linear_between(
-            watched, {asked.input: None}, [_LIMITED, *([asked.attitude] if asked.attitude else [])],
+            watched, {request.input: None}, [_LIMITED, *([request.attitude] if request.attitude else [])],
             x=point.x, u=point.u, time=point.time,
         )  # fmt: skip
         _check_stable(closed)
         if closed.dt > 0.0:
             _check_held(placed, closed, ports.w)
-        band, told = _band(closed, asked.band)
-        notes += [*told, *closed.notes, *(f"{z.name}: {z.reason}" for z in closed.zeros if z.name == asked.input)]
+        band, told = _band(closed, request.band)
+        notes += [*told, *closed.notes, *(f"{z.name}: {z.reason}" for z in closed.zeros if z.name == request.input)]
         motion = _LimiterMotion(closed, rate, *_curve(closed, 0, band))
         points = []
         for number, amplitude in enumerate(every, 1):
-            found = _point(amplitude, motion, opened.lin)
-            points.append(_followed(found, watched, asked, motion) if asked.jump else found)
+            result = _point(amplitude, motion, opened.lin)
+            points.append(_followed(result, watched, request, motion) if request.jump else result)
             job.done(f"amplitude {amplitude:g}", number, len(every))
     shown = np.geomspace(*band, _SHOWN)
     through = -opened.lin.response(shown)[:, 0, 0]
@@ -77,9 +77,9 @@ def run(model: DescribedModel, asked: RateOnset, job: Job) -> OnsetResult:
         model=model.name,
         interface=placed.interface,
         solver=placed.solver,
-        input=asked.input,
-        input_unit=units.get(asked.input),
-        limiter=asked.limiter,
+        input=request.input,
+        input_unit=units.get(request.input),
+        limiter=request.limiter,
         limited=ports.w,
         limited_unit=units.get(ports.w),
         rate=rate,
@@ -88,7 +88,7 @@ def run(model: DescribedModel, asked: RateOnset, job: Job) -> OnsetResult:
         closed_gain_db=decibels(closed.fundamental(shown)[:, 0, 0]),
         open_gain_db=decibels(through),
         open_phase_deg=_below(np.unwrap(np.angle(through))),
-        attitude=None if asked.attitude is None else _attitude(asked.attitude, *_curve(closed, 1, band)),
+        attitude=None if request.attitude is None else _attitude(request.attitude, *_curve(closed, 1, band)),
         notes=(*remarks, *notes),
         operating_point=point,
     )
@@ -133,28 +133,31 @@ class _LimiterMotion:
         return 2.0 * math.pi * frequency_hz * abs(_at(self.closed, frequency_hz)) / self.rate
 
 
-def _rate(model: Model, asked: RateOnset) -> tuple[float, list[str]]:
+def _rate(model: Model, request: RateOnset) -> tuple[float, list[str]]:
     """Return the limit of the rate, and what to know of it."""
-    component = next(c for c in system_of(model, _NEEDS).components if c.name == asked.limiter)
+    component = next(c for c in system_of(model, _NEEDS).components if c.name == request.limiter)
     own = None
     if isinstance(component, BlockComponent) and component.kind == "rate_limiter":
         own = component.block.packed()[:2]
-    if asked.rate is not None:
-        if own is None or asked.rate == min(own[1], -own[0]):
-            return asked.rate, []
+    if request.rate is not None:
+        if own is None or request.rate == min(own[1], -own[0]):
+            return request.rate, []
         words = (
-            f"the limit is {asked.rate:g} as given, though {asked.limiter} itself limits at {own[0]:g} and {own[1]:g}, "
-            f"which act wherever the system is simulated (--set {asked.limiter}.rising=… changes them)"
+            f"the limit is {request.rate:g} as given, though {request.limiter} itself limits at {own[0]:g} and "
+            f"{own[1]:g}, which act wherever the system is simulated (--set {request.limiter}.rising=… changes them)"
         )
-        return asked.rate, [words]
+        return request.rate, [words]
     if own is None:
         raise InputError(
-            f"limiter: the limit of {asked.limiter} is not known, as it is not a block rate_limiter; give it (--rate R)"
+            f"limiter: the limit of {request.limiter} is not known, as it is not a block rate_limiter; "
+            "give it (--rate R)"
         )
     falling, rising = own
     if -falling == rising:
         return rising, []
-    return min(rising, -falling), [f"{asked.limiter}: the limits differ, {falling:g} and {rising:g}; the lower counts"]
+    return min(rising, -falling), [
+        f"{request.limiter}: the limits differ, {falling:g} and {rising:g}; the lower counts"
+    ]
 
 
 def _at(closed: LinResult, frequency_hz: float) -> complex:
@@ -190,11 +193,11 @@ def _check_held(model: DescribedModel, closed: LinResult, limited: str) -> None:
         )
 
 
-def _band(closed: LinResult, asked: tuple[float, float]) -> tuple[tuple[float, float], list[str]]:
+def _band(closed: LinResult, request: tuple[float, float]) -> tuple[tuple[float, float], list[str]]:
     """Return the band as far as samples show it, and what to say of it."""
-    low, high = asked
+    low, high = request
     if high < closed.highest_hz:
-        return asked, []
+        return request, []
     top = _BELOW_NYQUIST * closed.highest_hz
     if low >= top:
         raise InputError(f"band: {low:g} Hz is not below {closed.highest_hz:g} Hz, half the sample rate")
@@ -217,28 +220,28 @@ def _point(amplitude: float, motion: _LimiterMotion, opened: LinResult) -> Onset
     first = int(reached[0])
     between = motion.grid[max(first - 1, 0)], motion.grid[first]
     if first == 0:
-        found = float(between[1])
+        result = float(between[1])
     else:
-        found = float(brentq(lambda f: amplitude * motion.ratio(f) - 1.0, *between, xtol=1e-14, rtol=1e-14))
-    value = -complex(opened.response(found)[0, 0, 0])
+        result = float(brentq(lambda f: amplitude * motion.ratio(f) - 1.0, *between, xtol=1e-14, rtol=1e-14))
+    value = -complex(opened.response(result)[0, 0, 0])
     phase = float(np.degrees(np.angle(value)) % 360.0 - 360.0)
     return replace(
         plain,
-        frequency_hz=found,
+        frequency_hz=result,
         phase_deg=phase,
         gain_db=float(decibels(np.array([value]))[0]),
         boundary_db=boundary_db(phase),
     )
 
 
-def _followed(point: OnsetPoint, watched: Model, asked: RateOnset, motion: _LimiterMotion) -> OnsetPoint:
+def _followed(point: OnsetPoint, watched: Model, request: RateOnset, motion: _LimiterMotion) -> OnsetPoint:
     """Return the point with the folds of the model's own periodic responses around the onset."""
     if point.frequency_hz is None:
         return replace(point, jumps=(), jumps_told="the limit is not reached")
-    low, high = asked.band
+    low, high = request.band
     band = (max(low, point.frequency_hz / _AROUND), min(high, point.frequency_hz * _AROUND))
     try:
-        found = branches(watched, asked.input, _LIMITED, [point.amplitude], band=band, seeds=0, in_process=True)
+        result = branches(watched, request.input, _LIMITED, [point.amplitude], band=band, seeds=0, in_process=True)
     except WorkbenchError as error:
         return replace(point, jumps_told=f"the periodic responses could not be followed: {error}")
     jumps = [
@@ -247,11 +250,11 @@ def _followed(point: OnsetPoint, watched: Model, asked: RateOnset, motion: _Limi
             rate_ratio=point.amplitude * motion.ratio(f.frequency_hz),
             kind=f.kind,
         )
-        for f in found.folds
+        for f in result.folds
     ]
     where = f"from {band[0]:.4g} to {band[1]:.4g} Hz"
-    told = f"{len(jumps)} folds {where}" if jumps else f"no fold {where}"
-    return replace(point, jumps=tuple(jumps), jumps_told="; ".join([told, *found.warnings]))
+    notes = f"{len(jumps)} folds {where}" if jumps else f"no fold {where}"
+    return replace(point, jumps=tuple(jumps), jumps_told="; ".join([notes, *result.warnings]))
 
 
 def _below(phase: Floats) -> Floats:

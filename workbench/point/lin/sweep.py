@@ -56,16 +56,16 @@ def over(model: Model, request: LinOver, job: Job) -> LinGrid:
     """Linearise at every combination; see `LinOver`."""
     grid = {name: several(values) for name, values in request.over.items()}
     every = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
-    found: dict[str, LinPoint] = {}
+    solution: dict[str, LinPoint] = {}
 
     def result() -> LinGrid:
-        points = (found.get(_label(varied)) or LinPoint(varied, None, "not reached") for varied in every)
+        points = (solution.get(_label(varied)) or LinPoint(varied, None, "not reached") for varied in every)
         return LinGrid(model.name, model.interface, model.solver, grid, tuple(points))
 
-    job.partial = lambda: result() if found else None
+    job.partial = lambda: result() if solution else None
     for point in points_over(model, request, request.place.apart, job):
-        found[str(point)] = point
-        job.done(point, len(found), len(every))
+        solution[str(point)] = point
+        job.done(point, len(solution), len(every))
     return result()
 
 

@@ -48,8 +48,8 @@ def _range(modes: ModeSet) -> str:
 
 
 def _lead(result: ModesResult) -> str:
-    found = [(s, s.first_unstable) for s in result.sets]
-    return " ".join(f"With {_name(s)}: {_critical_words(result, c) if c else _none(result)}." for s, c in found)
+    solution = [(s, s.first_unstable) for s in result.sets]
+    return " ".join(f"With {_name(s)}: {_critical_words(result, c) if c else _none(result)}." for s, c in solution)
 
 
 def _none(result: ModesResult) -> str:
@@ -64,14 +64,16 @@ def _critical_words(result: ModesResult, c: Critical) -> str:
 
 def _verdicts(result: ModesResult, modes: ModeSet) -> list[Verdict]:
     name = _name(modes)
-    found = [Verdict(c.becomes, f"{name}: {_critical_words(result, c)}") for c in modes.critical]
-    found += [Verdict("unstable", f"{name}: mode {n}, at every value") for n in modes.unstable_throughout]
+    solution = [Verdict(c.becomes, f"{name}: {_critical_words(result, c)}") for c in modes.critical]
+    solution += [Verdict("unstable", f"{name}: mode {n}, at every value") for n in modes.unstable_throughout]
     if any(modes.unstable_count[:1]):
         begin = f"{result.parameter} = {modes.value[0]:g}"
-        found.append(Verdict("unstable", f"{name}: {modes.unstable_count[0]} of the modes at the first value, {begin}"))
-    found += [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
+        solution.append(
+            Verdict("unstable", f"{name}: {modes.unstable_count[0]} of the modes at the first value, {begin}")
+        )
+    solution += [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
     which = "every mode" if result.followed is None else "every mode that was followed"
-    return found or [Verdict("stable", f"{name}: {which}, at every value")]
+    return solution or [Verdict("stable", f"{name}: {which}, at every value")]
 
 
 def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Section:

@@ -156,10 +156,10 @@ class _TrimRun:
         return self._result("equations", problem, solution, [note, restless])
 
     def _floated(
-        self, problem: TrimProblem, found: tuple[Solution, str], *, tolerance: float, exact: bool
+        self, problem: TrimProblem, result: tuple[Solution, str], *, tolerance: float, exact: bool
     ) -> tuple[TrimProblem, Solution, str]:
         """Let states move that nothing depends on, as the angle of a shaft that turns, where the others rest."""
-        solution, note = found
+        solution, note = result
         if solution.converged or self.sets.floating:
             return problem, solution, note
         names, shown = without_influence(problem, solution)

@@ -169,7 +169,7 @@ class BranchesResult(Result):
         Args:
             frequency_hz: [Hz].
         """
-        found = [
+        result = [
             ResponseAt(
                 frequency_hz=frequency_hz,
                 amplitude=b.amplitude,
@@ -183,7 +183,7 @@ class BranchesResult(Result):
             if b.amplitude is not None and self.vary == "frequency"
             for i in b.places_at(frequency_hz)
         ]
-        return tuple(sorted(found, key=lambda r: (r.amplitude, -r.gain)))
+        return tuple(sorted(result, key=lambda r: (r.amplitude, -r.gain)))
 
     def derived(self) -> dict[str, Any]:
         """Return the responses at the frequencies that were asked for.

@@ -222,96 +222,96 @@ class _BranchSearch:
 
 def explore(
     family: ForcedPeriodMaps,
-    asked: Branches,
-    told: Callable[[Place], None] = lambda _: None,
+    request: Branches,
+    notes: Callable[[Place], None] = lambda _: None,
     begun: Callable[[_BranchSearch], None] = lambda _: None,
 ) -> list[tuple[ForcedPeriodMaps, ContinuedBranch]]:
     """Return all branches of a family that can be found.
 
     Args:
         family: period maps of order 1.
-        asked: how far to look.
-        told: called for each place.
+        request: how far to look.
+        notes: called for each place.
         begun: called with what holds the branches while they are found.
 
     Raises:
         SimulationError: no periodic response was found.
     """
-    marks = [] if asked.vary else [family.parameter(f) for f in several(asked.frequencies or ())]
-    search = _BranchSearch(family, told, asked.places, marks)
+    marks = [] if request.vary else [family.parameter(f) for f in several(request.frequencies or ())]
+    search = _BranchSearch(family, notes, request.places, marks)
     begun(search)
     try:
         search.from_starts()
-        search.branching(asked.order)
-        search.from_seeds(asked.seeds, asked.order)
-        search.branching(asked.order)
+        search.branching(request.order)
+        search.from_seeds(request.seeds, request.order)
+        search.branching(request.order)
     finally:
         for one in (family, *search.families):
             one.close()
     return search.tracks
 
 
-def run(model: Model, asked: Branches, job: Job) -> BranchesResult:
+def run(model: Model, request: Branches, job: Job) -> BranchesResult:
     """Follow the periodic responses."""
     recipe = model.recipe
     if not isinstance(recipe, LoadRecipe) or recipe.tolerance is not None or model.rtol <= _COARSE:
-        return _follow(model, asked, job)
+        return _follow(model, request, job)
     with recipe.tighter(Branches.usual_tolerance / DEFAULT_TOLERANCE).open() as exact:  # nobody asked for another
-        return _follow(exact, asked, job)
+        return _follow(exact, request, job)
 
 
-def _follow(model: Model, asked: Branches, job: Job) -> BranchesResult:
-    model, remarks = start_at(model, asked.at)
-    about = _check(model, asked)
-    vary, (low, high) = next(iter(asked.vary.items()), ("frequency", asked.band or (0.0, 0.0)))
-    centre = 0.0 if model.at is None else model.at.u.get(asked.input, 0.0)
+def _follow(model: Model, request: Branches, job: Job) -> BranchesResult:
+    model, remarks = start_at(model, request.at)
+    about = _check(model, request)
+    vary, (low, high) = next(iter(request.vary.items()), ("frequency", request.band or (0.0, 0.0)))
+    centre = 0.0 if model.at is None else model.at.u.get(request.input, 0.0)
     with model.open_session() as session:
         point = standing(model, session)
-    found: list[tuple[float | None, ForcedPeriodMaps, ContinuedBranch]] = []
+    solution: list[tuple[float | None, ForcedPeriodMaps, ContinuedBranch]] = []
     notes = [*remarks, *about]
     if model.rtol > _COARSE:
         notes.append(f"a tolerance of {model.rtol:g} is coarse for following branches; load with tolerance=1e-9")
     onset: Onset | None = None
-    amplitudes = [1.0] if vary == "amplitude" else sorted(several(asked.amplitudes or ()))
+    amplitudes = [1.0] if vary == "amplitude" else sorted(several(request.amplitudes or ()))
     progress, at_work = _BranchProgress(job, len(amplitudes)), list[_BranchSearch]()
     units = {v.name: v.unit for v in (*model.parameters, *model.inputs, *model.outputs, *model.states)}
 
     def result() -> BranchesResult:
         now = [t for search in at_work for t in search.so_far()]
-        every = [*found, *((None if vary == "amplitude" else f.amplitude, f, t) for f, t in now)]
+        every = [*solution, *((None if vary == "amplitude" else f.amplitude, f, t) for f, t in now)]
         branches = tuple(_branch(family, track, amplitude) for amplitude, family, track in every)
         return BranchesResult(
             model=model.name,
             interface=model.interface,
             solver=model.solver,
-            input=asked.input,
-            output=asked.output,
-            input_unit=units.get(asked.input),
-            output_unit=units.get(asked.output),
+            input=request.input,
+            output=request.output,
+            input_unit=units.get(request.input),
+            output_unit=units.get(request.output),
             vary=vary,
             branches=branches,
             folds=tuple(_fold(f, s, i) for i, (_, f, track) in enumerate(every) for s in track.special),
             onset=onset,
-            asked_hz=() if asked.vary else several(asked.frequencies or ()),
-            vary_unit={"frequency": "Hz", "amplitude": units.get(asked.input)}.get(vary, units.get(vary)),
+            asked_hz=() if request.vary else several(request.frequencies or ()),
+            vary_unit={"frequency": "Hz", "amplitude": units.get(request.input)}.get(vary, units.get(vary)),
             periods=sum({id(f): f.count for _, f, _ in every}.values()),
             warnings=(*notes, *_cut_short(branches), *_not_located(every)),
             operating_point=point,
         )
 
-    job.partial = lambda: result() if found or any(s.so_far() for s in at_work) else None
+    job.partial = lambda: result() if solution or any(s.so_far() for s in at_work) else None
     job.notes = notes
-    frequency = several(asked.frequencies or (1.0,))[0]
+    frequency = several(request.frequencies or (1.0,))[0]
     with job.ended_by(lambda: None):  # it ends before the next period
         for amplitude in amplitudes:
             family = ForcedPeriodMaps(
-                model, asked.input, asked.output, vary, low, high, frequency, amplitude, centre,
+                model, request.input, request.output, vary, low, high, frequency, amplitude, centre,
                 stopped=lambda: job.stopped,
             )  # fmt: skip
-            tracks = explore(family, asked, progress.at, at_work.append)
+            tracks = explore(family, request, progress.at, at_work.append)
             at_work.clear()
-            found += [(None if vary == "amplitude" else amplitude, f, t) for f, t in tracks]
-            if asked.onset and amplitude == amplitudes[-1]:
+            solution += [(None if vary == "amplitude" else amplitude, f, t) for f, t in tracks]
+            if request.onset and amplitude == amplitudes[-1]:
                 onset = _onset(tracks, progress.at)
                 if onset is None:
                     notes.append(
@@ -348,11 +348,13 @@ class _BranchProgress:
         return 100 * self.amplitudes
 
 
-def _check(model: Model, asked: Branches) -> tuple[str, ...]:
+def _check(model: Model, request: Branches) -> tuple[str, ...]:
     """Refuse what cannot be followed; return what is to be said of the model's events."""
-    check_variables(model, [asked.input], "input", what="input")
-    check_variables(model, [asked.output], "output", "state", what="output")
-    check_variables(model, [name for name in asked.vary if name != "amplitude"], "parameter", what="vary", number=True)
+    check_variables(model, [request.input], "input", what="input")
+    check_variables(model, [request.output], "output", "state", what="output")
+    check_variables(
+        model, [name for name in request.vary if name != "amplitude"], "parameter", what="vary", number=True
+    )
     if model.interface != "me":
         raise InputError(
             f"branches: {model.name} runs as co-simulation, whose states cannot be set while it runs; "
@@ -426,7 +428,7 @@ def _fold(family: ForcedPeriodMaps, special: Special, number: int) -> Fold:
 # -- where it begins to jump ------------------------------------------------------------------------------------------
 
 
-def _onset(tracks: list[tuple[ForcedPeriodMaps, ContinuedBranch]], told: Callable[[Place], None]) -> Onset | None:
+def _onset(tracks: list[tuple[ForcedPeriodMaps, ContinuedBranch]], notes: Callable[[Place], None]) -> Onset | None:
     """Return the amplitude at which two folds meet, by following them to ever smaller amplitudes.
 
     Near the cusp the distance of the folds goes with (a − a₀)^(3/2).
@@ -443,7 +445,7 @@ def _onset(tracks: list[tuple[ForcedPeriodMaps, ContinuedBranch]], told: Callabl
         width = max(b / a, 1.0 + 1e-4)
         # As the amplitude falls the folds move together, and down the backbone.
         window = (a / width**2.0 * (1.0 - 0.3 * (1.0 - amplitude / high)), b * width**0.5)
-        folds = _folds_in(family.again(amplitude=amplitude, low=window[0], high=window[1]), told)
+        folds = _folds_in(family.again(amplitude=amplitude, low=window[0], high=window[1]), notes)
         if folds is None:
             low = amplitude
         else:
@@ -467,13 +469,13 @@ def _two_folds(family: ForcedPeriodMaps, track: ContinuedBranch) -> tuple[float,
     return (folds[0], folds[-1]) if len(folds) >= 2 else None
 
 
-def _folds_in(family: ForcedPeriodMaps, told: Callable[[Place], None]) -> tuple[float, float] | None:
-    search = _BranchSearch(family, told, 600)
+def _folds_in(family: ForcedPeriodMaps, notes: Callable[[Place], None]) -> tuple[float, float] | None:
+    search = _BranchSearch(family, notes, 600)
     try:
         search.from_starts()
     except SimulationError:
         return None
     finally:
         family.close()
-    found = [pair for pair in (_two_folds(f, t) for f, t in search.tracks) if pair is not None]
-    return found[0] if found else None
+    result = [pair for pair in (_two_folds(f, t) for f, t in search.tracks) if pair is not None]
+    return result[0] if result else None

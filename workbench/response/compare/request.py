@@ -22,11 +22,11 @@ __all__ = ["CompareMotions", "compare_motions"]
 
 
 def _windows(value: Any) -> tuple[tuple[float, float], ...]:  # noqa: ANN401
-    found = tuple(map(two_numbers, value))
-    for begin, end in found:
+    result = tuple(map(two_numbers, value))
+    for begin, end in result:
         if not 0.0 <= begin < end < math.inf:
             raise ValueError(f"the window {begin:g}:{end:g} must rise, from 0 on, as 120:140 does")
-    return found
+    return result
 
 
 _WINDOWS = Form(

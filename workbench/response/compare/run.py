@@ -30,37 +30,37 @@ _BEFORE = 1.0 - 1e-6
 Window = tuple[float, float]
 
 
-def run(systems: Mapping[str, DescribedModel], asked: CompareMotions, job: Job) -> MotionComparison:
+def run(systems: Mapping[str, DescribedModel], request: CompareMotions, job: Job) -> MotionComparison:
     """Simulate several models; see `CompareMotions`."""
-    systems = _labelled(systems, asked.label)
-    points = _points(list(systems), asked.at or {})
+    systems = _labelled(systems, request.label)
+    points = _points(list(systems), request.at or {})
     placed = {name: start_at(model, points.get(name)) for name, model in systems.items()}
     systems = {name: model for name, (model, _) in placed.items()}
     if not systems:
         raise InputError("compare: give at least one model")
     first = next(iter(systems.values()))
-    signals = _signals(systems) if asked.outputs is None else tuple(dict.fromkeys(asked.outputs))
+    signals = _signals(systems) if request.outputs is None else tuple(dict.fromkeys(request.outputs))
     if not signals:
         raise InputError("outputs: none given; leave it out for all that the models have in common")
     for model in systems.values():
         check_variables(model, signals, "variable", what="outputs")
-    windows = [(float(begin), float(end)) for begin, end in asked.windows] or [(0.0, _stop(first, asked.stop))]
-    forced = {name: forced_inputs(model, asked.inputs) for name, model in systems.items()}
+    windows = [(float(begin), float(end)) for begin, end in request.windows] or [(0.0, _stop(first, request.stop))]
+    forced = {name: forced_inputs(model, request.inputs) for name, model in systems.items()}
     units = {v.name: v.unit for v in first.description.variables if v.name in signals}
-    shown = {s: shown_unit(units.get(s), asked.unit) for s in signals}
-    if asked.unit is not None and not any(u.unit == asked.unit for u in shown.values()):
+    shown = {s: shown_unit(units.get(s), request.unit) for s in signals}
+    if request.unit is not None and not any(u.unit == request.unit for u in shown.values()):
         known = ", ".join(sorted({u for u in units.values() if u})) or "none declared"
-        raise InputError(f"compare: no signal can be shown in '{asked.unit}'; their units: {known}")
+        raise InputError(f"compare: no signal can be shown in '{request.unit}'; their units: {known}")
     last = max(end for _, end in windows)
-    end = last if asked.stop is None else asked.stop
+    end = last if request.stop is None else request.stop
     if end < last:
         raise InputError(f"compare: the run ends at {end:g} s, before the last window does")
     simulation = Simulate(
-        workers=asked.place,
+        workers=request.place,
         stop=end,
-        inputs=asked.inputs,
+        inputs=request.inputs,
         outputs=signals,
-        interval=end / _POINTS if asked.interval is None else asked.interval,
+        interval=end / _POINTS if request.interval is None else request.interval,
     )
     histories, failed = list[MotionHistory](), list[MotionFailed]()
     begins: dict[str, OperatingPoint | None] = {}
@@ -136,18 +136,18 @@ def _stop(first: DescribedModel, stop: float | None) -> float:
 
 
 def _run(
-    model: DescribedModel, asked: Simulate, job: Job
+    model: DescribedModel, request: Simulate, job: Job
 ) -> tuple[SimulationResult | None, SimulationError | None, list[str]]:
     """Return what ran, why it ended early, and remarks; what came before a failure is run once more."""
     inner = Job()
     with job.ended_by(inner.stop):
         try:
-            return asked.run(model, inner), None, inner.notes
+            return request.run(model, inner), None, inner.notes
         except SimulationError as error:
             if error.time is None or not error.time > 0.0:
                 return None, error, inner.notes
             try:
-                return replace(asked, stop=error.time * _BEFORE).run(model, inner), error, inner.notes
+                return replace(request, stop=error.time * _BEFORE).run(model, inner), error, inner.notes
             except SimulationError:
                 return None, error, inner.notes
 
@@ -161,15 +161,15 @@ def _history(name: str, run: SimulationResult, signals: Sequence[str]) -> Motion
 
 
 def _motions(history: MotionHistory, windows: Sequence[Window]) -> list[Motion]:
-    found = []
+    result = []
     for signal, value in history.values.items():
         for number, window in enumerate(windows):
             if history.time[-1] < window[1] * _BEFORE:
                 continue
             measured = measure(history.time, value, window)
             if measured is not None:
-                found.append(Motion(system=history.system, signal=signal, window=number, measure=measured))
-    return found
+                result.append(Motion(system=history.system, signal=signal, window=number, measure=measured))
+    return result
 
 
 def _text(signal: Signal) -> str:

@@ -35,7 +35,7 @@ def shown_unit(own: str | None, wanted: str | None) -> DisplayedUnit:
         return DisplayedUnit(own)
     # g is never grams, but the standard gravity.
     target, share = ("m/s2", 1.0 / STANDARD_GRAVITY) if wanted == "g" else (wanted, 1.0)
-    found = named_conversion(own, target)
-    if found is None or found[1]:
+    result = named_conversion(own, target)
+    if result is None or result[1]:
         return DisplayedUnit(own)
-    return DisplayedUnit(wanted, found[0] * share)
+    return DisplayedUnit(wanted, result[0] * share)

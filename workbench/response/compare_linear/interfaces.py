@@ -115,13 +115,13 @@ def _apart(equations: LinResult, stepped: LinResult, frequencies: Floats) -> flo
     return float((np.abs(b - a)[good] / np.abs(a)[good]).max(initial=0.0))
 
 
-def _distance(expected: Poles, found: Poles) -> Floats:
-    distances: Floats = np.abs(found[:, None] - expected[None, :]).min(axis=1)
+def _distance(expected: Poles, result: Poles) -> Floats:
+    distances: Floats = np.abs(result[:, None] - expected[None, :]).min(axis=1)
     return distances
 
 
-def _nearest(expected: Poles, found: Poles) -> NDArray[np.intp]:
-    return np.asarray(np.abs(found[:, None] - expected[None, :]).argmin(axis=1), dtype=np.intp)
+def _nearest(expected: Poles, result: Poles) -> NDArray[np.intp]:
+    return np.asarray(np.abs(result[:, None] - expected[None, :]).argmin(axis=1), dtype=np.intp)
 
 
 def _shift(discrete: Poles, seen: Poles, period: float) -> float:
@@ -129,8 +129,8 @@ def _shift(discrete: Poles, seen: Poles, period: float) -> float:
     moving = (np.abs(seen * period) > 1e-9) & (np.abs(discrete) > 1e-12)
     if not moving.any():
         return 0.0
-    found = np.log(discrete[moving]) / period
-    return float((np.abs(found - seen[moving]) / np.abs(seen[moving])).max())
+    result = np.log(discrete[moving]) / period
+    return float((np.abs(result - seen[moving]) / np.abs(seen[moving])).max())
 
 
 def _agreeing(rule: Callable[[Poles], Poles], seen: Poles) -> float | None:

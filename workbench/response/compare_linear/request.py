@@ -150,16 +150,16 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinCompa
             subject: the model; it stays open.
             job: is told what is finished.
         """
-        asked: ModelRequest[Any]
+        request: ModelRequest[Any]
         if self.over:
-            asked = recast(LinOver, self)
+            request = recast(LinOver, self)
         elif self.snapshot is not None:
-            asked = recast(LinAlong, self, times=self.snapshot)
+            request = recast(LinAlong, self, times=self.snapshot)
         elif self.compare:
-            asked = recast(Compare, self, input=self._one("input", subject), output=self._one("output", subject))
+            request = recast(Compare, self, input=self._one("input", subject), output=self._one("output", subject))
         else:
-            asked = recast(Lin, self)
-        record: LinResult | LinGrid | LinComparison = asked.run(subject, job)
+            request = recast(Lin, self)
+        record: LinResult | LinGrid | LinComparison = request.run(subject, job)
         return record
 
     def _one(self, kind: str, model: Model) -> str:

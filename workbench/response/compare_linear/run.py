@@ -40,17 +40,17 @@ _PERIODS = 60  # most periods of a measured point: a sampled model may beat with
 FAINT = 1e-2  # of the largest gain: what lies below is not compared unless asked for
 
 
-def run_all(model: Model, asked: Compare, _job: Job) -> LinComparison:
+def run_all(model: Model, request: Compare, _job: Job) -> LinComparison:
     """Linearise by every method and measure; see `Compare`."""
-    task = make_task(model, recast(Lin, asked, inputs=[asked.input], outputs=[asked.output]))
+    task = make_task(model, recast(Lin, request, inputs=[request.input], outputs=[request.output]))
     results, failed = _every(task)
     if not results:
         raise InputError(f"no method applies: {'; '.join(f'{k}: {v}' for k, v in failed.items())}")
-    given = asked.frequencies
+    given = request.frequencies
     grid = _frequencies(list(results.values())) if given is None else np.asarray(several(given), dtype=np.float64)
     point = next(iter(results.values())).operating_point
-    amplitude = None if asked.amplitude is None else float(asked.amplitude)
-    measured, words = _measure(task, point, grid, amplitude) if asked.measure else (None, [])
+    amplitude = None if request.amplitude is None else float(request.amplitude)
+    measured, words = _measure(task, point, grid, amplitude) if request.measure else (None, [])
     verdicts = tuple(v for name, result in results.items() for v in _verdicts(name, result, grid, measured))
     interfaces = _interfaces(task, results, grid)
     spoken = [*([interfaces.words] if interfaces else []), *words, *_summary(results, verdicts), *_remarks(results)]
@@ -58,8 +58,8 @@ def run_all(model: Model, asked: Compare, _job: Job) -> LinComparison:
         model=model.name,
         interface=model.interface,
         solver=model.solver,
-        input=asked.input,
-        output=asked.output,
+        input=request.input,
+        output=request.output,
         results=results,
         failed=failed,
         measured=measured,

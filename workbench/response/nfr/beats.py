@@ -82,13 +82,13 @@ class Beat:
             known: whether the error of their mean is.
         """
         every = f", together every {self.common} periods" if self.common else ""
-        told = spread_words(spread, every)
+        notes = spread_words(spread, every)
         if known:
-            return told
+            return notes
         beat = max(self.length, self.turn)
         seen = self.seen_in(len(_newest(np.empty(max(BEGIN + 1, count)))))
         cause = "a transient decays slowly" if seen else f"a whole beat takes {beat:.3g} periods or more"
-        return f"{told}; how far off that is, is not known: {cause} (wait longer: --max-periods)"
+        return f"{notes}; how far off that is, is not known: {cause} (wait longer: --max-periods)"
 
     @property
     def slowness(self) -> float:
@@ -97,12 +97,12 @@ class Beat:
 
     def angles(self, harmonics: int) -> list[float]:
         """Return the phase advances of the beat's harmonics, those left out that look like others or stand still."""
-        found: list[float] = []
+        result: list[float] = []
         for n in range(1, harmonics + 1):
             angle = abs(math.remainder(n * self.angle, 2.0 * math.pi))
-            if angle > _SAME and all(abs(angle - other) > _SAME for other in found):
-                found.append(angle)
-        return found
+            if angle > _SAME and all(abs(angle - other) > _SAME for other in result):
+                result.append(angle)
+        return result
 
 
 def spread_words(spread: float, every: str = "") -> str:

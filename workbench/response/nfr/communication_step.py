@@ -79,8 +79,8 @@ def refine(tasks: Sequence[PointTask], run: Run, way: str) -> list[NfrPoint]:
         limits = [_limit(*runs) for runs in zip(before, old, new, strict=True)] if before else [None] * len(new)
         last = budget < 2 * _cost(tasks, new)
         ends = [_end(*of_point, last=last, way=way) for of_point in zip(old, new, limits, tasks, strict=True)]
-        if last or all(found is not None for found in ends):
-            return [found or _unconverged(o, n, way) for found, o, n in zip(ends, old, new, strict=True)]
+        if last or all(result is not None for result in ends):
+            return [result or _unconverged(o, n, way) for result, o, n in zip(ends, old, new, strict=True)]
 
 
 def _rows(task: PointTask, point: NfrPoint) -> int:
@@ -167,8 +167,8 @@ def at_own_step(points: Sequence[NfrPoint], tasks: Sequence[PointTask], own: flo
     others = run([replace(t, rows=max(_FEWEST_ROWS, _rows_in(t.frequency, own)), fixed_step=True) for t in tasks], 0)
     words = f"a communication step as long as the FMU's own, {own:.3g} s,"
     why = f"the output moves every {own:.3g} s only; unless the model samples, use that as --step"
-    found = zip(points, others, strict=True)
-    return [_held(p, checked(p, o, by="step", words=words, why=why, times=_LEFT), own, why) for p, o in found]
+    result = zip(points, others, strict=True)
+    return [_held(p, checked(p, o, by="step", words=words, why=why, times=_LEFT), own, why) for p, o in result]
 
 
 def _held(point: NfrPoint, compared: NfrPoint, own: float, why: str) -> NfrPoint:
@@ -211,8 +211,8 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, why: str, 
     where = f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}"
     if other.reason is not None:
         return replace(point, warning=f"{where}: {words} fails: {other.reason}")
-    told = point.averaged and point.certificate is not None and point.certificate.why == why
-    if told or max(gain, math.radians(phase_deg)) <= _TELL:
+    notes = point.averaged and point.certificate is not None and point.certificate.why == why
+    if notes or max(gain, math.radians(phase_deg)) <= _TELL:
         return replace(point, warning=point.warning or other.warning)
     warning = (
         f"{where}: {words} changes the gain by {100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; "

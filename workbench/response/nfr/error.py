@@ -166,8 +166,8 @@ def of_integration(
         size: of the output's fundamental [its unit].
         largest: largest magnitude of the output [its unit].
     """
-    found = _INTEGRATION * rtol * slow * max(1.0, largest / size)
-    return found + _cancelled(forced, rtol, drive, size) + below_scale(forced, rtol, size)
+    result = _INTEGRATION * rtol * slow * max(1.0, largest / size)
+    return result + _cancelled(forced, rtol, drive, size) + below_scale(forced, rtol, size)
 
 
 def below_scale(forced: LinearSineResponse | None, rtol: float, size: float) -> float:

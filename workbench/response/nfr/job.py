@@ -85,8 +85,8 @@ class SurroundingsJob(WorkItem):
     task: PointTask
 
     def run(self, model: Model) -> Iterator[Surroundings]:
-        found = surroundings(model, self.task.input, self.task.output)
-        yield replace(found, own_step=own_step(model, replace(self.task, rates=found.rates)))
+        result = surroundings(model, self.task.input, self.task.output)
+        yield replace(result, own_step=own_step(model, replace(self.task, rates=result.rates)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,10 +129,10 @@ class PointsJob(WorkItem):
         """
         if not halvings or model.recipe is None:
             return list(self._pass(nullcontext(model), tasks))
-        found = list(self._pass(model.recipe.tighter(OF_HALVING**halvings).open(), tasks))
-        if model.controls_step() or all(p.reason is None for p in found):
-            return found
-        reason = next(p.reason for p in found if p.reason is not None)
+        result = list(self._pass(model.recipe.tighter(OF_HALVING**halvings).open(), tasks))
+        if model.controls_step() or all(p.reason is None for p in result):
+            return result
+        reason = next(p.reason for p in result if p.reason is not None)
         return [
             replace(p, warning=p.warning or f"{p.frequency:.6g} Hz, amplitude {p.amplitude:g}: {NOT_TIGHTER}: {reason}")
             for p in self._pass(nullcontext(model), tasks)
@@ -208,12 +208,12 @@ class PointsJob(WorkItem):
         self, model: Model, session: CompiledMeSession, task: PointTask, search: Search, origin: Floats
     ) -> NfrPoint:
         """Return the motion that the model reaches from its operating point: what was solved for, or another one."""
-        found = search.found
-        stands = found is not None and len(found.x) == 0
-        if found is not None and found.stable is not False and (stands or contracts(session, task, found, origin)):
-            return found.point(task, reached="contracts")
+        result = search.found
+        stands = result is not None and len(result.x) == 0
+        if result is not None and result.stable is not False and (stands or contracts(session, task, result, origin)):
+            return result.point(task, reached="contracts")
         session.close()
-        watch = Approach([] if found is None or found.stable is False else [found])
+        watch = Approach([] if result is None or result.stable is False else [result])
         with ExitStack() as stack:
             other = stack.enter_context(model.open_session(signals={task.input: task.sine(model.start_time)}))
             own = bool(task.moves) or search.timed
@@ -223,7 +223,7 @@ class PointsJob(WorkItem):
             ran = point.certificate is not None and point.certificate.reached is not None and point.stable is not False
             if ran and point.status != "settled" and not own and isinstance(other, CompiledMeSession):
                 point = _further(other, task, watch, point)
-        return _with(point, [m.point(task) for m in ([] if found is None else [found]) + watch.motions])
+        return _with(point, [m.point(task) for m in ([] if result is None else [result]) + watch.motions])
 
 
 def _beside(stack: ExitStack, model: Model, task: PointTask, step: float | None) -> Session | None:

@@ -48,7 +48,7 @@ def jumps(row: Sequence[NfrPoint], *, carried: bool = False, interface: str = "m
     """
     good = [p for p in row if p.response and (p.status == "settled" or (carried and _is_known(p)))]
     changes = [_apart(a, b) for a, b in pairwise(good)]
-    found = []
+    result = []
     for i, change in enumerate(changes):
         beside = [changes[k] for k in (i - 1, i + 1) if 0 <= k < len(changes)]
         low, high = good[i], good[i + 1]
@@ -60,8 +60,8 @@ def jumps(row: Sequence[NfrPoint], *, carried: bool = False, interface: str = "m
             where = f"between {low.frequency:.6g} and {high.frequency:.6g} Hz, amplitude {low.amplitude:g}"
             gains = f"from gain {abs(low.response or 0.0):.4g} to {abs(high.response or 0.0):.4g}"
             why = _CARRIED if carried else _AFRESH
-            found.append(f"{where}, the response jumps {gains}: {why}; {_OTHERS[interface]}")
-    return found
+            result.append(f"{where}, the response jumps {gains}: {why}; {_OTHERS[interface]}")
+    return result
 
 
 def _is_known(point: NfrPoint) -> bool:
@@ -143,7 +143,7 @@ def stepped_over(row: Sequence[NfrPoint], between: Sequence[NfrPoint]) -> list[s
         between: others of that amplitude, at resonances of the linear model.
     """
     good = [p for p in row if p.response is not None]
-    found = []
+    result = []
     for low, high in pairwise(good):
         inside = [p for p in between if low.frequency < p.frequency < high.frequency and p.response is not None]
         top = max(inside, key=_size, default=None)
@@ -151,10 +151,10 @@ def stepped_over(row: Sequence[NfrPoint], between: Sequence[NfrPoint]) -> list[s
         if top is not None and _size(top) > (_PEAKS + (top.error or 0.0)) * beside:
             where = f"between {low.frequency:.6g} and {high.frequency:.6g} Hz, amplitude {top.amplitude:g}"
             gains = f"{_gain(top)} at {top.frequency:.4g} Hz, {_gain(low)} and {_gain(high)} at the points beside"
-            found.append(
+            result.append(
                 f"{where}, the gain peaks: {gains}; for the peak itself give a smaller --ratio, or frequencies there"
             )
-    return found
+    return result
 
 
 def may_jump(row: Sequence[NfrPoint], linear: LinearStart | None) -> bool:
@@ -207,17 +207,17 @@ def another(points: Mapping[tuple[float, float], NfrPoint], second: Sequence[Nfr
         unknown = mine is None or (mine.response is not None and mine.error is None)
         if p.stable and mine is not None and not unknown and (mine.response is None or _contradict(p, mine)):
             (missed if mine.response is None else beside).setdefault((p.amplitude, p.frequency), p)
-    found = []
+    result = []
     if beside:
         key, other = min(beside.items())
         span = f"{key[1]:.6g}" if len(beside) == 1 else f"{key[1]:.6g} … {max(f for _, f in beside):.6g}"
         gains = f"gain {_gain(other)} besides {_gain(points[key])} of {output}"
         what = f"{span} Hz, amplitude {key[0]:g}: there is another stable response, {gains} at {key[1]:.6g} Hz"
-        found.append(f"{what}; which one is reached depends on the start; --branches shows all")
+        result.append(f"{what}; which one is reached depends on the start; --branches shows all")
     for (amplitude, frequency), other in sorted(missed.items()):
         where = f"{frequency:.6g} Hz, amplitude {amplitude:g}"
-        found.append(f"{where}: there is a stable response of gain {_gain(other)} of {output}; --branches shows it")
-    return found
+        result.append(f"{where}: there is a stable response of gain {_gain(other)} of {output}; --branches shows it")
+    return result
 
 
 def _size(point: NfrPoint) -> float:

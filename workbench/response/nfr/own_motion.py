@@ -62,31 +62,31 @@ class Apart(Settling):
         if self._answer is None:
             self._answer = self._beside.add(period)
         size = max(period.size, own.size)
-        found = super().add(Period(period.harmonics - own.harmonics, period.drive, size))
-        return None if found is None else self._final(found)
+        result = super().add(Period(period.harmonics - own.harmonics, period.drive, size))
+        return None if result is None else self._final(result)
 
-    def _final(self, found: PointResponse) -> PointResponse:
+    def _final(self, result: PointResponse) -> PointResponse:
         whole = self._answer if self._answer is not None and _settled(self._answer) else None
-        if whole is not None and not _settled(found) and self._is_gone():
+        if whole is not None and not _settled(result) and self._is_gone():
             return whole
-        offset = found.offset + float(self._newest(self._alone)[:, 0].mean()) if whole is None else whole.offset
-        found = replace(found, offset=offset, error=found.error + self._mixed(found))
-        if _settled(found) and found.error > self.errcrit / 10.0:
-            return replace(found, outcome=SettlingOutcome.AVERAGED, why=OWN)
-        return found
+        offset = result.offset + float(self._newest(self._alone)[:, 0].mean()) if whole is None else whole.offset
+        result = replace(result, offset=offset, error=result.error + self._mixed(result))
+        if _settled(result) and result.error > self.errcrit / 10.0:
+            return replace(result, outcome=SettlingOutcome.AVERAGED, why=OWN)
+        return result
 
-    def _mixed(self, found: PointResponse) -> float:
+    def _mixed(self, result: PointResponse) -> float:
         """Return what forced and own motion may do to each other, relative to the response."""
-        size = abs(fundamental(found.harmonics))
+        size = abs(fundamental(result.harmonics))
         if size == 0.0:
             return 0.0
         own = self._newest(self._alone)
         moves = float(np.linalg.norm(own[:, 1:], axis=1).max()) + float(np.ptp(own[:, 0]))
-        bent = math.hypot(*(h or 0.0 for h in distortion(found.harmonics)))
+        bent = math.hypot(*(h or 0.0 for h in distortion(result.harmonics)))
         twin = self.evidence.twin
         if twin is None:
             return min(1.0, _FILTERED * bent) * moves / size
-        away = abs(found.value - twin.forced.response) / abs(found.value)
+        away = abs(result.value - twin.forced.response) / abs(result.value)
         return min(1.0, _MIXED * (away + bent)) * moves / size
 
     def _is_gone(self) -> bool:
@@ -97,8 +97,8 @@ class Apart(Settling):
         return np.array([p.harmonics for p in periods[len(periods) // 2 :]])
 
 
-def _settled(found: PointResponse) -> bool:
-    return found.outcome in (SettlingOutcome.RESOLVED, SettlingOutcome.SETTLED)
+def _settled(result: PointResponse) -> bool:
+    return result.outcome in (SettlingOutcome.RESOLVED, SettlingOutcome.SETTLED)
 
 
 def _scatter(harmonics: Floats) -> float:

@@ -110,21 +110,21 @@ def _curves(result: NfrResult) -> list[str]:
 
     Above a resonance, and across a jump, the fall from the lowest frequency is not a bandwidth.
     """
-    told: dict[str, list[float]] = {}
+    notes: dict[str, list[float]] = {}
     for i, amplitude in enumerate(result.amplitude.tolist()):
         good = np.isfinite(result.gain_db[i])
         f, gain_db = result.frequency_hz[good], result.gain_db[i][good]
         peak = peak_of(f, gain_db)
         high = peak is not None and (peak.above_db > DROP_DB or peak.between is not None)
         if peak is not None and high:
-            told.setdefault(_peak(peak), []).append(amplitude)
+            notes.setdefault(_peak(peak), []).append(amplitude)
         fall = fall_of(f, gain_db, result.error[i][good])
         if fall is not None and not fall.cliff and not (high and peak is not None and peak.above_db > DROP_DB):
             between = f"between {fall.low:.5g} and {fall.high:.5g} Hz"
             words = f"{between} the gain falls to 3 dB below its value at the lowest frequency"
-            told.setdefault(words, []).append(amplitude)
+            notes.setdefault(words, []).append(amplitude)
     several, unit = result.amplitude.size > 1, behind(result.input_unit)
-    return [sentence(f"at {_listed(a)}{unit} {words}" if several else words) for words, a in told.items()]
+    return [sentence(f"at {_listed(a)}{unit} {words}" if several else words) for words, a in notes.items()]
 
 
 def _peak(peak: ResonancePeak) -> str:
@@ -151,7 +151,7 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
     words = np.where(idle, _NO_EFFECT, np.array(result.status, dtype=object))
     words[(words == "averaged") & np.isnan(result.error)] = _UNKNOWN
     counts = Counter(words.ravel().tolist())
-    found = [
+    solution = [
         Verdict(word.partition(",")[0], f"{counted(counts[word], 'point')}: {meaning}")
         for word, meaning in _MEANING.items()
         if counts[word]
@@ -159,19 +159,19 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
     reasons = Counter(f.reason for f in result.failed if f.reason != MISSING)
     missing = sum(f.reason == MISSING for f in result.failed)
     if missing:
-        found.append(
+        solution.append(
             Verdict("skipped", f"{counted(missing, 'point')}, which the sweep had not reached when it was stopped")
         )
     first = {f.reason: f for f in reversed(result.failed)}
-    found += [
+    solution += [
         Verdict("failed", f"{counted(n, 'point')}, the first at {first[why].frequency_hz:.5g} Hz: {why}")
         for why, n in reasons.items()
     ]
     folds = [f for f in result.folds if f.kind == "fold"]
     for amplitude in sorted({f.amplitude for f in folds}):
-        told = jumping([f.frequency_hz for f in folds if f.amplitude == amplitude], "Hz")
-        found.append(replace(told, text=f"at amplitude {amplitude:g}{behind(result.input_unit)} {told.text}"))
-    return found
+        notes = jumping([f.frequency_hz for f in folds if f.amplitude == amplitude], "Hz")
+        solution.append(replace(notes, text=f"at amplitude {amplitude:g}{behind(result.input_unit)} {notes.text}"))
+    return solution
 
 
 def _values(result: NfrResult, i: int) -> Section:

@@ -262,13 +262,13 @@ class Search:
             self._check(self._checking, at)
             return
         if self._quiet > (lap.events > 0) and trusted:
-            found = self._solved(lap, at, e)
+            result = self._solved(lap, at, e)
             slopes = at is not self._linear and not self._differ and len(lap.x0) > 0
             if slopes and _largest(at) > _HARMLESS and self._more_instants():
-                self._checking, self._x = found, lap.x0 + e
+                self._checking, self._x = result, lap.x0 + e
                 return
-            if found.stable is not None or not self._finer():
-                self.found = found
+            if result.stable is not None or not self._finer():
+                self.found = result
                 return
         elif rate > _POOR or not trusted:
             self._finer()
@@ -278,17 +278,17 @@ class Search:
         # With events the next period shows whether the discrete states repeat, too.
         self._before, self._x = (lap, distance), None if good and lap.events else lap.x0 + e
 
-    def _check(self, found: Solved, finer: VariationalEquation) -> None:
+    def _check(self, result: Solved, finer: VariationalEquation) -> None:
         """Judge the stability of what was found by the derivative from more instants.
 
         What does for Newton's method may be wrong in the multipliers: two sets of instants tell by how much.
         """
-        stable = is_stable(finer.multipliers, max(finer.doubt, abs(_largest(finer) - _largest(found.at))))
-        found = replace(found, at=finer, stable=stable, periods=self._count)
+        stable = is_stable(finer.multipliers, max(finer.doubt, abs(_largest(finer) - _largest(result.at))))
+        result = replace(result, at=finer, stable=stable, periods=self._count)
         if stable is None and self._more_instants():
-            self._checking = found
+            self._checking = result
         else:
-            self.found = found
+            self.found = result
 
     def _more_instants(self) -> bool:
         """Take the slopes at more instants; False: they are as many as there can be."""
@@ -331,14 +331,14 @@ class Search:
     def _derivative(self, lap: Lap) -> VariationalEquation:
         if self._differ:
             self._count += len(lap.x0)
-            found = self.periods.by_differences(lap, self._task.frequency, self._task.amplitude).tangent
+            result = self.periods.by_differences(lap, self._task.frequency, self._task.amplitude).tangent
         else:
-            found = self._linear if self._level < 0 else lap.tangent
+            result = self._linear if self._level < 0 else lap.tangent
         if len(lap.x0) == 0:
             return VariationalEquation(np.empty((0, 0)), np.empty((3, 0)), np.empty(0))
-        if found is None:
+        if result is None:
             raise NotSolvedError("the model cannot be linearised along its motion")
-        return found
+        return result
 
     def _finer(self) -> bool:
         """Ask for a better derivative; False: there is none."""
@@ -386,15 +386,15 @@ class Search:
         twin = self._evidence.twin
         if not rtol:
             return 0.0
-        found = math.inf
+        result = math.inf
         if twin is not None and self._alike(lap):
             drive, slow = abs(lap.period.drive), 1.0 + twin.forced.sensitivity
-            found = of_integration(twin.forced, rtol, slow, drive=drive, size=size, largest=lap.period.size)
+            result = of_integration(twin.forced, rtol, slow, drive=drive, size=size, largest=lap.period.size)
         if at.through is None:
-            return found
+            return result
         smallest, _ = self.periods.session.scales()
         slip = rtol * PER_PERIOD * (np.abs(lap.x0) + np.maximum(lap.unit, smallest))
-        return min(found, float((np.abs(resolvent_rows(lap, at)) + at.through) @ slip) / size)
+        return min(result, float((np.abs(resolvent_rows(lap, at)) + at.through) @ slip) / size)
 
 
 def _largest(at: VariationalEquation) -> float:

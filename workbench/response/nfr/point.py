@@ -210,8 +210,8 @@ def run_point(
                     raise KeyboardInterrupt
                 k = len(settling.periods)
                 if isinstance(session, CompiledSession):  # rows are not kept, their sums are made where they arise
-                    found = session.harmonics(signals={task.input: sine}, **task.span(sine, k).asked(task.output))
-                    period, longest = period_of(found), found.gap
+                    result = session.harmonics(signals={task.input: sine}, **task.span(sine, k).asked(task.output))
+                    period, longest = period_of(result), result.gap
                 else:
                     period, longest = _recorded(session, task, sine, k)
                 _check(period, task, time=session.time)

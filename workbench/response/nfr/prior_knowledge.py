@@ -66,8 +66,8 @@ class LinearStart:
     @cached_property
     def rest(self) -> Floats:
         """Distance of the operating point from where the linear model rests, shape (n,)."""
-        found, *_ = np.linalg.lstsq(self.part.A, self.dx0, rcond=None)
-        return np.asarray(found, dtype=np.float64)
+        result, *_ = np.linalg.lstsq(self.part.A, self.dx0, rcond=None)
+        return np.asarray(result, dtype=np.float64)
 
     @property
     def at_rest(self) -> LinearStart:
@@ -94,12 +94,12 @@ class LinearStart:
         if frequency not in self._forced:
             try:
                 with np.errstate(all="ignore"), one_thread():
-                    found = LinearSineResponse.of(self, frequency)
+                    result = LinearSineResponse.of(self, frequency)
             except (np.linalg.LinAlgError, ValueError, OverflowError):
                 return None
-            if not (np.isfinite(found.response) and np.isfinite(found.terms)):
+            if not (np.isfinite(result.response) and np.isfinite(result.terms)):
                 return None
-            self._forced[frequency] = found
+            self._forced[frequency] = result
         return self._forced[frequency]
 
     def twin(self, frequency: float, amplitude: float, start: Floats | None = None) -> Twin | None:
@@ -239,11 +239,11 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
         with model.open_point(values=middle) as point:
             ticks = len(point.ticks(_LOOK, np.inf)) > 0
             many = len(point.states) > _MOST_STATES
-            found = None if ticks or many or point.why_not_exact() else _exact(point, input, output)
+            result = None if ticks or many or point.why_not_exact() else _exact(point, input, output)
             dx0, smallest = point.at(point.x0, point.u0).dx, point.smallest
         if ticks or many:
             return _of_rates(model) if ticks else Surroundings()
-        part = _difference(model, input, output, middle) if found is None else found
+        part = _difference(model, input, output, middle) if result is None else result
     except PeriodsError:
         raise
     except WorkbenchError:
@@ -256,8 +256,8 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
 
 
 def _of_rates(model: Model) -> Surroundings:
-    found = sampled(model)
-    return Surroundings(rates=found.periods, notes=found.notes)
+    result = sampled(model)
+    return Surroundings(rates=result.periods, notes=result.notes)
 
 
 def _middle(model: Model, input: str) -> dict[str, float]:

@@ -32,7 +32,7 @@ _GRID, _EVENLY, _EXTREMES = 400, 8, 8
 _DECAYED = 5.0
 
 
-def contracts(session: CompiledMeSession, task: PointTask, found: Solved, origin: Floats) -> bool:
+def contracts(session: CompiledMeSession, task: PointTask, result: Solved, origin: Floats) -> bool:
     """Return whether the run from the operating point is known to contract onto a motion, without running it.
 
     The linear model predicts the run, x = x0 + Re V·e^(Λt)·c + the forced motion, in closed form. Where the model has
@@ -42,14 +42,14 @@ def contracts(session: CompiledMeSession, task: PointTask, found: Solved, origin
     Args:
         session: where it was solved for; it cannot be continued.
         task: what was asked for.
-        found: the motion.
+        result: the motion.
         origin: states at the operating point, shape (n,).
 
     Source: H. K. Khalil, Nonlinear Systems, 9.1 (perturbed exponentially stable systems).
     """
     linear, instance = task.linear, session.instance
     forced = None if linear is None else linear.forced(task.frequency)
-    if linear is None or forced is None or linear.modes is None or instance.nz or found.lap.events:
+    if linear is None or forced is None or linear.modes is None or instance.nz or result.lap.events:
         return False
     poles, vectors, inverse = linear.modes
     rates = -poles.real
@@ -66,7 +66,7 @@ def contracts(session: CompiledMeSession, task: PointTask, found: Solved, origin
     except WorkbenchError:  # the model cannot be evaluated there
         return False
     shift = np.abs(vectors) @ (left / np.maximum(rates, task.frequency / task.max_periods))
-    away = np.abs(found.x - origin - task.amplitude * forced.states.imag + forced.rest)
+    away = np.abs(result.x - origin - task.amplitude * forced.states.imag + forced.rest)
     return bool((shift + away <= _FOLLOWS * np.maximum(np.abs(moves).max(axis=1), linear.smallest)).all())
 
 
@@ -85,8 +85,8 @@ def _telling(moves: Floats, smallest: Floats) -> list[int]:
     """Return the instants at which a run is compared: some evenly spaced, and the extremes of the largest states."""
     largest = np.argsort(-np.abs(moves).max(axis=1) / np.maximum(smallest, 1e-300))[:_EXTREMES]
     even = np.linspace(0, _GRID - 1, _EVENLY, dtype=int)
-    found: list[int] = np.unique([*even, *moves[largest].argmax(axis=1), *moves[largest].argmin(axis=1)]).tolist()
-    return found
+    result: list[int] = np.unique([*even, *moves[largest].argmax(axis=1), *moves[largest].argmin(axis=1)]).tolist()
+    return result
 
 
 def _slope(session: CompiledMeSession, x: Floats, name: str, value: float) -> Floats:
@@ -179,8 +179,8 @@ class _PeriodModes:
 
     def distance(self, x: Floats) -> Complex:
         """Return where states are, from the motion."""
-        found: Complex = self._parts[1] @ (x - self.motion.x)
-        return found
+        result: Complex = self._parts[1] @ (x - self.motion.x)
+        return result
 
     def size(self, x: Floats) -> float:
         """Return how far states are from the motion, relative to how far they move; not along those that stand."""

@@ -224,10 +224,10 @@ class NfrResult(Result):
                 values = [getattr(self, name)[i, j] for name in _COLUMNS[2:8]]
                 values += [int(self.averaged[i, j]), self.periods[i, j]]
                 known = self.certificates[i][j] or _NOTHING_KNOWN
-                found = [getattr(known, name) for name in _CSV_FIELDS]
+                result = [getattr(known, name) for name in _CSV_FIELDS]
                 if np.isnan(self.error[i, j]) and self.gain[i, j] > 0.0:
-                    found[-1] = f"error unknown: {found[-1]}" if found[-1] else "error unknown"
-                yield (a, f, *values, reasons.get((a, f), ""), self.status[i][j], *found, *known.harmonics)
+                    result[-1] = f"error unknown: {result[-1]}" if result[-1] else "error unknown"
+                yield (a, f, *values, reasons.get((a, f), ""), self.status[i][j], *result, *known.harmonics)
 
     def to_frd(self, amplitude: float | None = None) -> FrequencyResponseData:
         """Return the response at one amplitude as python-control's frequency response data.
@@ -321,8 +321,8 @@ def assemble(
         operating_point: passed on.
     """
     f, a = sorted(frequencies), sorted(amplitudes)
-    found = {(p.amplitude, p.frequency): p for p in points}
-    grid = [[found.get((ai, fj)) or NfrPoint(frequency=fj, amplitude=ai, reason=MISSING) for fj in f] for ai in a]
+    result = {(p.amplitude, p.frequency): p for p in points}
+    grid = [[result.get((ai, fj)) or NfrPoint(frequency=fj, amplitude=ai, reason=MISSING) for fj in f] for ai in a]
     response = np.array([[complex("nan") if p.response is None else p.response for p in row] for row in grid])
     return NfrResult(
         model=model.name,

@@ -44,9 +44,9 @@ from workbench.response.nfr.zero_input import ZeroInput, doubt
 __all__ = ["NfrSweep", "run"]
 
 
-def run(model: Model, asked: Nfr, job: telling.Job) -> NfrResult:
+def run(model: Model, request: Nfr, job: telling.Job) -> NfrResult:
     """Measure a nonlinear frequency response."""
-    sweep = Sweep(model, asked)
+    sweep = Sweep(model, request)
     job.partial = lambda: sweep.result() if sweep.done else None
     job.notes = sweep.notes
     with job.ended_by(sweep.stop), sweep.under_way() as points:
@@ -253,10 +253,10 @@ class Sweep:
         seen = self._second
         return self._asked.branches or any(solved(self._row(a)) for a in self._amplitudes if a not in seen)
 
-    def _keep_second(self, amplitude: float, found: Sequence[NfrPoint]) -> None:
-        self._second[amplitude] = tuple(found)
+    def _keep_second(self, amplitude: float, result: Sequence[NfrPoint]) -> None:
+        self._second[amplitude] = tuple(result)
         if self._store is not None:
-            self._store.save_second(amplitude, self._frequencies, found)
+            self._store.save_second(amplitude, self._frequencies, result)
 
     def _branches(self, amplitude: float) -> Branches:
         low, high = min(self._frequencies), max(self._frequencies)
@@ -348,15 +348,15 @@ class Sweep:
         self._points[point.amplitude, point.frequency] = point
         return point
 
-    def _keep_standing(self, found: OperatingPoint) -> None:
-        self._standing = found
+    def _keep_standing(self, result: OperatingPoint) -> None:
+        self._standing = result
         if self._store is not None:
-            self._store.save_standing(found)
+            self._store.save_standing(result)
 
-    def _keep_zero_input(self, found: ZeroInput) -> None:
-        self._zero_input = found
-        if self._store is not None and found.reason is None:
-            self._store.save_zero_input(found)
+    def _keep_zero_input(self, result: ZeroInput) -> None:
+        self._zero_input = result
+        if self._store is not None and result.reason is None:
+            self._store.save_zero_input(result)
 
     def _lost(self, event: Lost, jobs: deque[WorkItem]) -> Iterator[NfrPoint]:
         """The point at work fails; those after it go on in another process."""
@@ -382,7 +382,7 @@ class Sweep:
         points = list(self._points.values())
         zero, way = self._zero_input, self._model.way_out(SHORTER)
         warning = None if zero is None else doubt(zero, points, output=self._asked.output, way=way)
-        looked = {*self._second, *(b.amplitude for found in self._followed for b in found.branches)}
+        looked = {*self._second, *(b.amplitude for solution in self._followed for b in solution.branches)}
         seen = [
             jumps(self._row(a), carried=self._asked.carry, interface=self._model.interface)
             for a in self._amplitudes
@@ -392,11 +392,11 @@ class Sweep:
             *chain.from_iterable(seen),
             *(words for a in self._amplitudes for words in stepped_over(self._row(a), self._second.get(a, ()))),
             *disagreements(self._points, self._before), *self._told_of,
-            *(w for found in self._second.values() for w in another(self._points, found, self._asked.output)),
+            *(w for solution in self._second.values() for w in another(self._points, solution, self._asked.output)),
             *filter(None, [warning]),
         ]  # fmt: skip
-        followed = sorted(self._followed, key=lambda found: found.branches[0].amplitude or 0.0)
-        warnings += [text for found in followed for text in found.warnings]
+        followed = sorted(self._followed, key=lambda solution: solution.branches[0].amplitude or 0.0)
+        warnings += [text for solution in followed for text in solution.warnings]
         return assemble(
             self._model,
             input=self._asked.input,
@@ -406,7 +406,7 @@ class Sweep:
             points=points,
             warnings=warnings,
             zero_input=self._zero_input,
-            branches=tuple(branch for found in followed for branch in found.branches),
+            branches=tuple(branch for solution in followed for branch in solution.branches),
             folds=tuple(_folds(followed)),
             operating_point=self._standing,
         )
@@ -415,14 +415,14 @@ class Sweep:
 def _folds(followed: Sequence[BranchesResult]) -> Iterator[Fold]:
     """Yield the folds of several results, with the numbers that their branches have together."""
     before = 0
-    for found in followed:
-        yield from (replace(fold, branch=fold.branch + before) for fold in found.folds)
-        before += len(found.branches)
+    for result in followed:
+        yield from (replace(fold, branch=fold.branch + before) for fold in result.folds)
+        before += len(result.branches)
 
 
-def _stable_at(found: BranchesResult, frequency: float, amplitude: float) -> Iterator[NfrPoint]:
+def _stable_at(result: BranchesResult, frequency: float, amplitude: float) -> Iterator[NfrPoint]:
     """Yield the stable responses at a frequency."""
-    for branch in found.branches:
+    for branch in result.branches:
         for i in np.flatnonzero(np.isclose(branch.frequency_hz, frequency, rtol=1e-9) & branch.stable).tolist():
             response = cmath.rect(branch.gain[i], math.radians(branch.phase_deg[i]))
             yield NfrPoint(frequency=frequency, amplitude=amplitude, response=response, stable=True)
@@ -443,5 +443,5 @@ NfrSweep = with_options(
 
 def _responses(items: Sequence[object]) -> Complex:
     """Return what two worker processes must agree in: responses and means of points [of the output], shape (n,)."""
-    found = [p for p in items if isinstance(p, NfrPoint) and p.response is not None]
-    return np.array([x for p in found for x in (p.amplitude * (p.response or 0.0), p.offset or 0.0)], dtype=complex)
+    result = [p for p in items if isinstance(p, NfrPoint) and p.response is not None]
+    return np.array([x for p in result for x in (p.amplitude * (p.response or 0.0), p.offset or 0.0)], dtype=complex)

@@ -175,19 +175,19 @@ class Settling:
         if count >= 2 and period.responds(self._floor()):
             limit = self._limit()
             if limit.defect <= self._allowed():
-                found = self._of_limit(limit, SettlingOutcome.RESOLVED)
-                if self._is_good(found) and self._is_calm(limit):
-                    return found
+                result = self._of_limit(limit, SettlingOutcome.RESOLVED)
+                if self._is_good(result) and self._is_calm(limit):
+                    return result
             if self.evidence.beat is not None:
-                found = self._of_beats(limit)
-                if self._is_good(found):
-                    return found
+                result = self._of_beats(limit)
+                if self._is_good(result):
+                    return result
             if 2 * count > self.most and self._repeats() and not self._grows():
                 of_limit = self._of_limit(limit, SettlingOutcome.SETTLED)
                 of_mean = self._of_mean(limit, of_limit, SettlingOutcome.SETTLED)
-                found = min([of_mean, of_limit] if self._is_calm(limit) else [of_mean], key=attrgetter("error"))
-                if self._is_good(found):
-                    return found
+                result = min([of_mean, of_limit] if self._is_calm(limit) else [of_mean], key=attrgetter("error"))
+                if self._is_good(result):
+                    return result
         return self._last_resort() if count >= self.most else None
 
     def _is_good(self, response: PointResponse) -> bool:
@@ -290,15 +290,15 @@ class Settling:
         better = 2.0 * of_limit.error < of_mean.error and of_limit.beyond <= _MOST_BEYOND
         if self.evidence.twin is None and of_limit.error > BELIEVED:
             of_limit = replace(of_limit, error=math.inf)
-        found = min(of_limit if better else of_mean, of_beats, key=attrgetter("error"))
+        result = min(of_limit if better else of_mean, of_beats, key=attrgetter("error"))
         if self._beats_unseen():
-            return replace(found, error=math.inf, why=_BEATS)
+            return replace(result, error=math.inf, why=_BEATS)
         every = None if self.evidence.sampled else repeats_every(limit.periods)
         if every is not None:
             return self._of_subharmonic(limit, every)
         if self.evidence.sampled:
-            return replace(found, why=self._why_sampled(of_mean.defect, found))
-        return replace(found, why=self._why(limit, of_limit))
+            return replace(result, why=self._why_sampled(of_mean.defect, result))
+        return replace(result, why=self._why(limit, of_limit))
 
     def _latest(self) -> list[Period]:
         """Return the periods that tell whether there is a response: a hold may outlast one period of the forcing."""
@@ -322,9 +322,9 @@ class Settling:
         size = abs(fundamental(last))
         change = abs(fundamental(last - before)) / size if size > 0.0 else math.inf
         error = relative_to_true(_OF_CHANGE * change + quadrature(last, self.evidence.rows))
-        found = self._response(last, SettlingOutcome.AVERAGED, limit.defect, error)
+        result = self._response(last, SettlingOutcome.AVERAGED, limit.defect, error)
         return replace(
-            found, why=f"a subharmonic of order {every}: it repeats only every {every} periods of the forcing"
+            result, why=f"a subharmonic of order {every}: it repeats only every {every} periods of the forcing"
         )
 
     def _why(self, limit: Limit, of_limit: PointResponse) -> str:
@@ -342,10 +342,10 @@ class Settling:
         doubtful = steady and not foretold and wanders(limit)
         return _UNCLEAR if doubtful else _SLOW
 
-    def _why_sampled(self, spread: float, found: PointResponse) -> str:
+    def _why_sampled(self, spread: float, result: PointResponse) -> str:
         if self.evidence.beat is None:
             return spread_words(spread)
-        return self.evidence.beat.words(spread, len(self.periods), known=math.isfinite(found.error))
+        return self.evidence.beat.words(spread, len(self.periods), known=math.isfinite(result.error))
 
     def _response(
         self, harmonics: Floats, outcome: SettlingOutcome, defect: float, error: float = math.inf, beyond: float = 1.0

@@ -89,9 +89,9 @@ class NfrStore:
             redo: statuses that are measured again. With one, the newest measurement of each point
                 counts, whatever its effort was; without, only those made with the present effort.
         """
-        found = self.store.load() if not redo else {k: m.value for k, m in self.store.latest().items()}
+        result = self.store.load() if not redo else {k: m.value for k, m in self.store.latest().items()}
         with self.store.taken_apart():
-            values = [v for k, v in found.items() if _is_point(k) and self._counts(v)]
+            values = [v for k, v in result.items() if _is_point(k) and self._counts(v)]
             points = [_whole(NfrPoint.from_dict(v["point"])) for v in values]
         return {(p.amplitude, p.frequency): p for p in points if p.status not in redo}
 
@@ -100,9 +100,9 @@ class NfrStore:
 
     def zero_input(self) -> ZeroInput | None:
         """Return how the model moves by itself, if that was watched already."""
-        found = self.store.load().get(_ZERO_INPUT)
+        result = self.store.load().get(_ZERO_INPUT)
         with self.store.taken_apart():
-            return None if found is None else ZeroInput.from_dict(found)
+            return None if result is None else ZeroInput.from_dict(result)
 
     def save(self, point: NfrPoint, *, lost: bool = False) -> None:
         """Keep a point; it is on disk when this returns.
@@ -114,19 +114,19 @@ class NfrStore:
         value = {"point": point.to_dict(), "lost_under": asdict(self.limits) if lost else None}
         self.store.save(repr((point.amplitude, point.frequency)), value)
 
-    def save_zero_input(self, found: ZeroInput) -> None:
+    def save_zero_input(self, result: ZeroInput) -> None:
         """Keep how the model moves by itself."""
-        self.store.save(_ZERO_INPUT, found.to_dict())
+        self.store.save(_ZERO_INPUT, result.to_dict())
 
     def standing(self) -> OperatingPoint | None:
         """Return where the model stood, if that was looked at already."""
-        found = self.store.load().get(_STANDING)
+        result = self.store.load().get(_STANDING)
         with self.store.taken_apart():
-            return None if found is None else OperatingPoint.from_dict(found)
+            return None if result is None else OperatingPoint.from_dict(result)
 
-    def save_standing(self, found: OperatingPoint) -> None:
+    def save_standing(self, result: OperatingPoint) -> None:
         """Keep where the model stood."""
-        self.store.save(_STANDING, found.to_dict())
+        self.store.save(_STANDING, result.to_dict())
 
     def second(self, frequencies: Sequence[float]) -> dict[float, tuple[NfrPoint, ...]]:
         """Return what was found besides the measured responses, by amplitude, where it was looked for.
@@ -134,9 +134,9 @@ class NfrStore:
         Args:
             frequencies: of the sweep.
         """
-        found = self.store.load()
+        result = self.store.load()
         with self.store.taken_apart():
-            rows = [v for k, v in found.items() if k.startswith(_SECOND)]
+            rows = [v for k, v in result.items() if k.startswith(_SECOND)]
             return {
                 row["amplitude"]: tuple(map(NfrPoint.from_dict, row["points"]))
                 for row in rows

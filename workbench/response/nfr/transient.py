@@ -126,8 +126,8 @@ def multipliers(changes: Floats, modes: int) -> Sequence[complex]:
         changes: newest first, twice as many as modes at least.
         modes: number of modes, at least 1.
     """
-    found: list[complex] = np.roots(_prediction(changes, modes, 0.0)).tolist()
-    return found
+    result: list[complex] = np.roots(_prediction(changes, modes, 0.0)).tolist()
+    return result
 
 
 def _candidates(periods: Floats) -> Iterator[tuple[float, Floats]]:

@@ -117,36 +117,36 @@ def _movement(record: Recorded, output: str) -> ZeroInput:
     return ZeroInput(seconds=float(time[-1]), drift=float(slope), swing=0.5 * float(np.ptp(rest)))
 
 
-def doubt(found: ZeroInput, points: Sequence[NfrPoint], *, output: str, way: str) -> str | None:
+def doubt(result: ZeroInput, points: Sequence[NfrPoint], *, output: str, way: str) -> str | None:
     """Return a warning where the model's own movement is more than 5 % of what was measured.
 
     Args:
-        found: the movement.
+        result: the movement.
         points: the measured points; the one that suffers most is named.
         output: name of the output.
         way: what helps where the communication step is too long.
     """
-    if found.reason is not None:
-        return f"with zero input the run fails: {found.reason}"
+    if result.reason is not None:
+        return f"with zero input the run fails: {result.reason}"
     measured = [p for p in points if p.response]
-    if not measured or found.decays:
+    if not measured or result.decays:
         return None
-    worst = max(measured, key=lambda p: _share(found, p))
-    if _share(found, worst) <= _TELL:
+    worst = max(measured, key=lambda p: _share(result, p))
+    if _share(result, worst) <= _TELL:
         return None
-    if found.grows:
+    if result.grows:
         return (
             f"with zero input {output} grows without bound; the model is unstable there, or a co-simulation step too "
             f"long ({way}): the points tell more"
         )
     return (
-        f"with zero input {output} moves by itself (drifts by {found.drift:.3g} per s, swings by ±{found.swing:.3g}), "
-        f"{100.0 * _share(found, worst):.2g} % of the amplitude at {worst.frequency:.6g} Hz, amplitude "
-        f"{worst.amplitude:g}; start at rest (--set, --bias) or measure with a larger amplitude"
+        f"with zero input {output} moves by itself (drifts by {result.drift:.3g} per s, swings by "
+        f"±{result.swing:.3g}), {100.0 * _share(result, worst):.2g} % of the amplitude at {worst.frequency:.6g} Hz, "
+        f"amplitude {worst.amplitude:g}; start at rest (--set, --bias) or measure with a larger amplitude"
     )
 
 
-def _share(found: ZeroInput, point: NfrPoint) -> float:
+def _share(result: ZeroInput, point: NfrPoint) -> float:
     """The model's own movement in a period of the point, relative to the output's amplitude there."""
     amplitude = abs(point.response or 0.0) * point.amplitude
-    return max(abs(found.drift) / point.frequency, found.swing) / amplitude
+    return max(abs(result.drift) / point.frequency, result.swing) / amplitude

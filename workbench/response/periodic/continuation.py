@@ -115,10 +115,10 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
             raise KeyboardInterrupt
         if len(track.places) >= manner.most:
             return _ended(track, f"stopped after {manner.most} places; not followed further")
-        found = _next(family, here, stride)
-        if isinstance(found, str):
-            return _ended(track, found)
-        place, stride = found
+        result = _next(family, here, stride)
+        if isinstance(result, str):
+            return _ended(track, result)
+        place, stride = result
         if not 0.0 <= place.p <= 1.0:
             edge = 0.0 if place.p < 0.0 else 1.0
             last = None if here.p == edge else _at_edge(family, here, place, edge)
@@ -143,8 +143,8 @@ def follow(family: Family, first: Place, manner: Manner, *, way: float = 1.0) ->
 def _marked(family: Family, here: Place, there: Place, marks: Sequence[float]) -> list[Place]:
     """Return the places at the marks between two places, in the order of the branch."""
     between = [p for p in marks if (here.p - p) * (there.p - p) < 0.0]
-    found = (_at_edge(family, here, there, p) for p in sorted(between, reverse=there.p < here.p))
-    return [place for place in found if place is not None]
+    result = (_at_edge(family, here, there, p) for p in sorted(between, reverse=there.p < here.p))
+    return [place for place in result if place is not None]
 
 
 def _ended(track: ContinuedBranch, why: str) -> ContinuedBranch:
@@ -206,10 +206,10 @@ def _at_edge(family: Family, here: Place, beyond: Place, edge: float) -> Place |
     """Return the place at a bound, between two."""
     share = (edge - here.p) / (beyond.p - here.p)
     try:
-        found = arrive(family, here.x + share * (beyond.x - here.x), edge)
+        result = arrive(family, here.x + share * (beyond.x - here.x), edge)
     except SimulationError:
         return None
-    return found if found.direction @ _rescaled(here, found) > 0.0 else turned(found)
+    return result if result.direction @ _rescaled(here, result) > 0.0 else turned(result)
 
 
 def _passes(here: Place, there: Place, first: Place) -> bool:

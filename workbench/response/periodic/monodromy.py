@@ -54,8 +54,8 @@ class VariationalEquation:
     def multipliers(self) -> Complex:
         """Floquet multipliers, largest first, shape (n,)."""
         with one_thread():
-            found = np.linalg.eigvals(self.Phi).astype(np.complex128) if self.others is None else self.others
-        return found[np.argsort(-np.abs(found))]
+            result = np.linalg.eigvals(self.Phi).astype(np.complex128) if self.others is None else self.others
+        return result[np.argsort(-np.abs(result))]
 
     @property
     def kept(self) -> tuple[complex, ...]:
@@ -126,10 +126,10 @@ def tangent(
         coarse = np.eye(n + 1)
         for part in held:
             coarse = part @ coarse
-        found = _rows(A[:, :n, :n], slopes.C[1:, 0] * unit, (held[:, :n, :n], starts), period, order)
-        if not (np.isfinite(coarse).all() and np.isfinite(found).all()):
+        result = _rows(A[:, :n, :n], slopes.C[1:, 0] * unit, (held[:, :n, :n], starts), period, order)
+        if not (np.isfinite(coarse).all() and np.isfinite(result).all()):
             return None
-    return VariationalEquation(Phi, found / unit, stretch, through, coarse=coarse[:n, :n] * unit[:, None] / unit)
+    return VariationalEquation(Phi, result / unit, stretch, through, coarse=coarse[:n, :n] * unit[:, None] / unit)
 
 
 def _apart(Phi: Floats, other: Floats) -> float:

@@ -91,10 +91,10 @@ class PeriodRange:
         }
 
 
-def period_of(found: Harmonics) -> Period:
+def period_of(result: Harmonics) -> Period:
     """Return what the one output did in a period, and the one input, where there is one."""
-    (output,), inputs = found.values, list(found.inputs.values())
-    return Period(found.values[output], fundamental(inputs[0]) if inputs else 0.0j, found.largest[output])
+    (output,), inputs = result.values, list(result.inputs.values())
+    return Period(result.values[output], fundamental(inputs[0]) if inputs else 0.0j, result.largest[output])
 
 
 @lru_cache(maxsize=8)
@@ -206,8 +206,8 @@ class PeriodMap:
         if slopes is None or not slopes.complete or not np.isfinite(slopes.A).all():
             return lap
         unit = _motion(np.vstack([slopes.x, x0, lap.x1]))
-        found = tangent(slopes, length, unit, self.order, rows=self.derived)
-        return replace(lap, unit=unit, tangent=found, flow=slopes.dx[0])
+        result = tangent(slopes, length, unit, self.order, rows=self.derived)
+        return replace(lap, unit=unit, tangent=result, flow=slopes.dx[0])
 
     def by_differences(self, lap: Lap, frequency: float, amplitude: float = 0.0) -> Lap:
         """Return a lap with the derivative of the map by differences of whole periods: right with jumps of the flow.
@@ -226,8 +226,8 @@ def _motion(points: Floats) -> Floats:
     """Return how far each state moves; its size where it is at rest, 1 where that is zero, too."""
     swing, size = np.ptp(points, axis=0), np.max(np.abs(points), axis=0)
     unit = np.where(swing > _AT_REST * size, swing, size)
-    found: Floats = np.where(unit > 0.0, unit, 1.0)
-    return found
+    result: Floats = np.where(unit > 0.0, unit, 1.0)
+    return result
 
 
 def differences(lap: Lap, run: Callable[[Floats], Lap], part: float = NUDGE) -> VariationalEquation:
@@ -267,10 +267,10 @@ def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
     unit = lap.unit
     matrix = np.eye(len(unit)) - Phi * unit / unit[:, None]
     aim = lap.defect / unit
-    found, *_ = np.linalg.lstsq(matrix, aim, rcond=_STANDS)
+    result, *_ = np.linalg.lstsq(matrix, aim, rcond=_STANDS)
     size = float(np.linalg.norm(aim))
-    left = float(np.linalg.norm(matrix @ found - aim)) / size if size > 0.0 else 0.0
-    return found * unit, left
+    left = float(np.linalg.norm(matrix @ result - aim)) / size if size > 0.0 else 0.0
+    return result * unit, left
 
 
 def resolvent_rows(lap: Lap, at: VariationalEquation) -> Complex:
@@ -278,6 +278,6 @@ def resolvent_rows(lap: Lap, at: VariationalEquation) -> Complex:
     unit = lap.unit
     matrix = np.eye(len(unit)) - at.Phi * unit / unit[:, None]
     rows = (at.rows[1] + 1j * at.rows[2]) * unit
-    found, *_ = np.linalg.lstsq(matrix.T.astype(np.complex128), rows, rcond=_STANDS)
-    result: Complex = found / unit
+    solution, *_ = np.linalg.lstsq(matrix.T.astype(np.complex128), rows, rcond=_STANDS)
+    result: Complex = solution / unit
     return result

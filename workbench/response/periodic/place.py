@@ -149,8 +149,8 @@ def depart(other: Family, crossing: Place, multiplier: float, aside: float) -> P
         SimulationError: it is not found.
     """
     unit = crossing.lap.unit
-    found, vectors = np.linalg.eig(crossing.at.Phi * unit / unit[:, None])
-    way = vectors[:, int(np.argmin(np.abs(found - multiplier)))].real
+    result, vectors = np.linalg.eig(crossing.at.Phi * unit / unit[:, None])
+    way = vectors[:, int(np.argmin(np.abs(result - multiplier)))].real
     way *= np.sign(aside) / float(np.linalg.norm(way))
     level = np.append(way, 0.0)
     place = correct(other, crossing.x + abs(aside) * unit * way, crossing.p, level, rounds=3 * ROUNDS)
@@ -193,8 +193,8 @@ def correct(family: Family, x: Floats, p: float, level: Floats, *, exact: bool =
 
 def _standing(at: VariationalEquation) -> str:
     """Return what to think of a multiplier near 1; empty: there is none."""
-    found = at.multipliers[np.abs(at.multipliers - 1.0) < _INTEGRATES]
-    if not len(found):
+    result = at.multipliers[np.abs(at.multipliers - 1.0) < _INTEGRATES]
+    if not len(result):
         return ""
     return " (a multiplier of 1: an integrator, whose response depends on where it starts? nfr measures such a model)"
 
@@ -213,9 +213,9 @@ def _jacobian(lap: Lap, Phi: Floats, along: Floats) -> Floats:
 
 def _direction(matrix: Floats, before: Floats) -> Floats:
     """Return the direction of the branch, that way in which `before` points."""
-    found = np.linalg.svd(matrix)[2][-1]
-    size = float(np.linalg.norm(found))
-    direction: Floats = found / size if found @ before >= 0.0 else -found / size
+    result = np.linalg.svd(matrix)[2][-1]
+    size = float(np.linalg.norm(result))
+    direction: Floats = result / size if result @ before >= 0.0 else -result / size
     return direction
 
 

@@ -55,14 +55,14 @@ class Missed:
 
 def _tests(place: Place) -> dict[str, float]:
     """Return the test functions: each changes sign where something happens."""
-    found = place.multipliers
-    complex_ones = found[np.abs(found.imag) > _REAL]
+    result = place.multipliers
+    complex_ones = result[np.abs(result.imag) > _REAL]
     outside = sum(1 for mu in complex_ones if mu.imag > 0.0 and abs(mu) > 1.0)
     nearest = min((abs(mu) - 1.0 for mu in complex_ones if mu.imag > 0.0), key=abs, default=-1.0)
-    doubled = float(np.sign(np.prod(np.sign((found[np.abs(found.imag) <= _REAL] + 1.0).real))))
+    doubled = float(np.sign(np.prod(np.sign((result[np.abs(result.imag) <= _REAL] + 1.0).real))))
     return {
         "fold": float(place.direction[-1]),
-        "period doubling": doubled * float(np.min(np.abs(found + 1.0), initial=1.0)),
+        "period doubling": doubled * float(np.min(np.abs(result + 1.0), initial=1.0)),
         "Neimark-Sacker": abs(nearest) if outside % 2 else -abs(nearest),
         "branch point": place.regular,
     }
@@ -104,9 +104,9 @@ def _locate(family: Family, a: Place, b: Place, kind: str) -> Place | None:
     @cache
     def value(s: float) -> float:
         place = stride_from(family, a, s, exact=True)
-        found = _tests(place)[kind]
-        tried.append((abs(found), place))
-        return 0.0 if kind == "fold" and abs(found) < _FLAT * largest else found
+        result = _tests(place)[kind]
+        tried.append((abs(result), place))
+        return 0.0 if kind == "fold" and abs(result) < _FLAT * largest else result
 
     # Where branches cross, Newton's method has no direction: there the nearest place that was reached counts.
     crossing = kind == "branch point"
@@ -137,8 +137,8 @@ def _turning(family: Family, a: Place, b: Place) -> Place | None:
     with suppress(SimulationError):
         ends = (min(0.0, far), max(0.0, far))  # the tangent at a kink may point away from where the branch goes
         minimize_scalar(lower, bounds=ends, method="bounded", options={"xatol": 1e-4 * abs(far), "maxiter": 30})
-    found = max(tried, key=lambda place: sign * place.p)
-    return None if found is a or found is b else found
+    result = max(tried, key=lambda place: sign * place.p)
+    return None if result is a or result is b else result
 
 
 def _bracket(value: Callable[[float], float], far: float) -> tuple[float, float]:

@@ -89,18 +89,18 @@ class DivergenceError(SimulationError):
     followed: Recorded
 
     @classmethod
-    def of(cls, found: Divergence, cause: SimulationError, followed: Recorded) -> DivergenceError:
+    def of(cls, result: Divergence, cause: SimulationError, followed: Recorded) -> DivergenceError:
         """Return the error for a run that `cause` ended.
 
         Args:
-            found: how it grew.
+            result: how it grew.
             followed: the record that shows it.
             cause: what the solver or the model said.
         """
         reason = str(cause).partition(" (at t = ")[0].partition(";")[0]  # advice on solvers does not help here
         when = "" if cause.time is None else f" (at t = {cause.time:.9g} s)"
-        made = cls(f"{found.words}; the run stopped: {reason}{when}")
-        made.time, made.divergence, made.followed = cause.time, found, followed
+        made = cls(f"{result.words}; the run stopped: {reason}{when}")
+        made.time, made.divergence, made.followed = cause.time, result, followed
         return made
 
 
@@ -226,14 +226,14 @@ def explained(
         return error
     units = declared_units(model, every)
     kinds = [divergence(seen.time, seen.values[n], variable=n, unit=units[n]) for n in every]
-    found = [d for d in kinds if d is not None]
-    worst = _worst([d for d in found if d.variable in names] or found)
+    result = [d for d in kinds if d is not None]
+    worst = _worst([d for d in result if d.variable in names] or result)
     return error if worst is None else DivergenceError.of(worst, error, seen)
 
 
-def _worst(found: Sequence[Divergence]) -> Divergence | None:
+def _worst(result: Sequence[Divergence]) -> Divergence | None:
     """Return the growth that tells most: finite escape before exponential growth, then the variable named first."""
-    return min(found, key=lambda d: _FIRST.index(d.kind), default=None)
+    return min(result, key=lambda d: _FIRST.index(d.kind), default=None)
 
 
 def _points(start: float, end: float, session: Session) -> list[Floats]:

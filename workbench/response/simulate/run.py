@@ -39,16 +39,16 @@ _FEW = 6  # elements of an array that are named
 _JUMP = 1e-9  # relative: an input that moves by less stays where it is
 
 
-def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
+def run(model: Model, request: Simulate, job: Job) -> SimulationResult:
     """Simulate a model; see `Simulate`."""
-    model, remarks = start_at(model, asked.at)
-    inputs = forced_inputs(model, asked.inputs)
-    names, instead = _names(model, asked.outputs)
-    start = model.start_time if asked.start_time is None else asked.start_time
-    stop, told = _stop(model, asked.stop)
-    told = (*remarks, *told, *instead, *_left_out(model, inputs), *_jumps(model, inputs, start))
-    interval = _usual_interval(model, stop - start) if asked.interval is None else asked.interval
-    points = None if asked.points is None else several(asked.points)
+    model, remarks = start_at(model, request.at)
+    inputs = forced_inputs(model, request.inputs)
+    names, instead = _names(model, request.outputs)
+    start = model.start_time if request.start_time is None else request.start_time
+    stop, notes = _stop(model, request.stop)
+    notes = (*remarks, *notes, *instead, *_left_out(model, inputs), *_jumps(model, inputs, start))
+    interval = _usual_interval(model, stop - start) if request.interval is None else request.interval
+    points = None if request.points is None else several(request.points)
     rows = _points(start, stop, interval, points, grid=model.grid)
     running = _Run(model, start, stop, inputs, names, rows, exactly=points is not None)
 
@@ -59,26 +59,26 @@ def run(model: Model, asked: Simulate, job: Job) -> SimulationResult:
 
     try:
         with at_pauses(tell):
-            found = running.once(None)
+            result = running.once(None)
         tell(stop)
-        if found.step is not None and asked.verify_step:
-            job.found(lambda: running.result(found, told), "the repetition with half the communication step")
+        if result.step is not None and request.verify_step:
+            job.found(lambda: running.result(result, notes), "the repetition with half the communication step")
     except StoppedError as error:
         if _has_rows(error.before):
-            ended = running.result(_Once(error.before, None), (*told, f"stopped before {stop:g} s"))
+            ended = running.result(_Once(error.before, None), (*notes, f"stopped before {stop:g} s"))
             job.partial = lambda: replace(ended, ended_at=float(ended.time[-1]))
         raise
     except SimulationError as error:
         why = explained(model, error, start=start, signals=inputs, names=names)
         if _has_rows(error.before):
-            why.before = cut = running.result(_Once(error.before, None), told, failed=why)
+            why.before = cut = running.result(_Once(error.before, None), notes, failed=why)
             job.partial = lambda: cut
         if why is error:
             raise
         raise why from error
-    if found.step is not None and asked.verify_step:
-        told += running.doubts(found)
-    return running.result(found, told)
+    if result.step is not None and request.verify_step:
+        notes += running.doubts(result)
+    return running.result(result, notes)
 
 
 def _left_out(model: Model, inputs: Mapping[str, Signal]) -> Iterator[str]:
@@ -140,9 +140,9 @@ def _usual_interval(model: Model, span: float) -> float | None:
 def _growth(record: Recorded, units: Mapping[str, str | None]) -> tuple[str, ...]:
     """Return a note on what still grows without bound at the end, by more than a million times."""
     for name, values in record.values.items():
-        found = divergence(record.time, values, variable=name, unit=units.get(name))
-        if found is not None:
-            return (found.words,)
+        result = divergence(record.time, values, variable=name, unit=units.get(name))
+        if result is not None:
+            return (result.words,)
     return ()
 
 
@@ -213,11 +213,11 @@ class _Run:
             return _Once(record, session.communication_step, ended)
 
     def result(
-        self, found: _Once, notes: tuple[str, ...], *, failed: SimulationError | None = None
+        self, solution: _Once, notes: tuple[str, ...], *, failed: SimulationError | None = None
     ) -> SimulationResult:
         """Return the result of a run, cut short or not."""
-        model, end = self.model, found.ended or failed
-        record = found.record
+        model, end = self.model, solution.ended or failed
+        record = solution.record
         if model.interface == "cs":
             record = _at_points(record, self.start, self.points, () if end is None else record.time[-1:])
         if isinstance(failed, DivergenceError) and not self.exactly:
@@ -225,8 +225,8 @@ class _Run:
         record, missing = _missing(record)
         units = declared_units(model, [*self.names, *self.inputs])
         columns = {**record.values, **record.inputs}
-        if found.ended is not None:
-            notes += (f"{found.ended}, before {self.stop:g} s",)
+        if solution.ended is not None:
+            notes += (f"{solution.ended}, before {self.stop:g} s",)
         notes += (*missing, *_growth(record, units), *_inexact(model, columns))
         notes += (*_sampled(model, self.inputs), *model.remarks())
         return SimulationResult(
@@ -242,9 +242,9 @@ class _Run:
             operating_point=self.begins[0],
         )
 
-    def doubts(self, found: _Once) -> tuple[str, ...]:
+    def doubts(self, result: _Once) -> tuple[str, ...]:
         """Repeat with half the communication step; return a note if the answer changes."""
-        step = found.step or 0.0
+        step = result.step or 0.0
         advice = self.model.way_out(f"use a step below {step:.3g} s")
         try:
             finer = self.once(0.5 * step)
@@ -254,7 +254,7 @@ class _Run:
             return ()
         except FmuError as error:
             return (f"the FMU cannot be run again with half the communication step: {error}",)
-        change, name = _largest_change(found.record, finer.record)
+        change, name = _largest_change(result.record, finer.record)
         if change <= WORRYING_CHANGE:
             return ()
         return (f"{name} changes by {100.0 * change:.3g} % with half the communication step; {advice}",)
@@ -291,8 +291,8 @@ def _names(model: Model, outputs: Sequence[str] | None) -> tuple[list[str], tupl
             v for v in variables if v.causality == "local" and v.variability != "constant" and not v.alias_of
         ),
     }
-    for kind, found in kinds.items():
-        names = [v.name for v in found if v.is_number]
+    for kind, result in kinds.items():
+        names = [v.name for v in result if v.is_number]
         if names and kind == "outputs":
             return names, ()
         if names:
@@ -318,8 +318,8 @@ def _points(
     if not (math.isfinite(start) and math.isfinite(stop) and stop > start):
         raise InputError(f"stop: must be after the start at {start:g} s, not {stop:g} s")
     if points is not None:
-        asked: Floats = np.asarray(points, dtype=np.float64)
-        return asked[1:] if len(asked) and asked[0] == start else asked  # the start has a row in any case
+        request: Floats = np.asarray(points, dtype=np.float64)
+        return request[1:] if len(request) and request[0] == start else request  # the start has a row in any case
     span = stop - start
     if interval is None:
         interval = span / DEFAULT_POINTS

@@ -32,8 +32,8 @@ def pass_rate(passes: Floats, guess: float | None = None) -> float:
         passes: when, two or more, shape (k,) [s].
         guess: what counts where harmonics pass more than once a period; None: nothing is expected.
     """
-    found = float((len(passes) - 1) / (passes[-1] - passes[0]))
-    return found if guess is None or found < 1.5 * guess else guess
+    result = float((len(passes) - 1) / (passes[-1] - passes[0]))
+    return result if guess is None or result < 1.5 * guess else guess
 
 
 # -- peaks -------------------------------------------------------------------------------------

@@ -25,15 +25,15 @@ def border_points(study: Study, envelope: Envelope) -> list[GridPoint]:
     """
     first, *second = envelope.axes
     along = [float(x) for x in np.linspace(0.0, 1.0, envelope.lines)] if second else [0.0]
-    found = []
+    result = []
     failures: list[str | None] = [*study.configurations] or [None]
     for failure in failures:
         for place in along:
             values = [s.across(place) if s.name in second else s.middle for s in envelope.spreads]
             point = point_of(study, envelope.spreads, failure, values)
             kept = {name: value for name, value in point.values.items() if name != first}
-            found.append(GridPoint(configuration=failure, values=kept))
-    return found
+            result.append(GridPoint(configuration=failure, values=kept))
+    return result
 
 
 def borders_in(result: Mapping[str, Any], analysis: str, point: GridPoint, axes: Sequence[str]) -> Iterator[Border]:

@@ -111,19 +111,19 @@ class Evaluator(Closable):
             InputError: an analysis cannot be done at any point, or the requirement asks for what no result has.
         """
         plan, outcomes = self.outcomes(requirement.analyses, points, progress=progress, patient=patient)
-        found: list[Compliance | None] = []
+        result: list[Compliance | None] = []
         wrong: list[InputError] = []
         for k in range(len(points)):
             runs = [plan.at[name, k] for name in requirement.analyses]
             try:
                 there = all(run in outcomes for run in runs)
-                found.append(finding_of(requirement, [outcomes[run] for run in runs]) if there else None)
+                result.append(finding_of(requirement, [outcomes[run] for run in runs]) if there else None)
             except InputError as error:
                 wrong.append(error)
-                found.append(Compliance(value=None, reason=str(error)))
-        if wrong and len(wrong) == len(found) and not patient:
+                result.append(Compliance(value=None, reason=str(error)))
+        if wrong and len(wrong) == len(result) and not patient:
             raise wrong[0]
-        return found
+        return result
 
     def line_at(self, requirement: Requirement, point: GridPoint) -> list[str]:
         """Return the command lines that measure the requirement at a point again."""

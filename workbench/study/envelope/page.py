@@ -66,12 +66,12 @@ def envelope_page(result: EnvelopeResult) -> Page:
 
 def _limit(result: EnvelopeResult) -> str:
     signs = {"min": "≥", "max": "≤", "equal": "=", "tolerance": "±"}
-    told = " ".join(f"{signs[name]} {number(value)}" for name, value in result.limit.items() if name in signs)
-    return f"{told} {result.unit}" if told and result.unit not in (None, "1") else told or "no limit is known"
+    notes = " ".join(f"{signs[name]} {number(value)}" for name, value in result.limit.items() if name in signs)
+    return f"{notes} {result.unit}" if notes and result.unit not in (None, "1") else notes or "no limit is known"
 
 
 def _verdicts(result: EnvelopeResult) -> Iterator[Verdict]:
-    found = result.found_violated
+    solution = result.found_violated
     for failure in result.failures or (None,):
         points = result.of(failure)
         bad = sum(p.passed is False for p in points)
@@ -80,10 +80,10 @@ def _verdicts(result: EnvelopeResult) -> Iterator[Verdict]:
         if bad:
             yield Verdict("failed", f"{words}not met at {bad} of {counted(len(points), 'point')}")
         elif points and not unknown:
-            word, of = ("passed", "") if found is None or found.failure != failure else ("watch", " of the plan")
+            word, of = ("passed", "") if solution is None or solution.failure != failure else ("watch", " of the plan")
             yield Verdict(word, f"{words}met at every one of {counted(len(points), 'point')}{of}")
-        if found is not None and found.failure == failure:
-            yield Verdict("failed", f"{words}not met at the worst case, margin {found.margin:+.4g}")
+        if solution is not None and solution.failure == failure:
+            yield Verdict("failed", f"{words}not met at the worst case, margin {solution.margin:+.4g}")
         if unknown:
             yield Verdict("watch", f"{words}nothing was measured at {counted(unknown, 'point')}: see the reasons")
     if result.worst is not None and result.worst.failed:
@@ -99,7 +99,7 @@ def _worst(result: EnvelopeResult) -> Iterator[Section]:
     if worst is None:
         return
     where = f" ({worst.where})" if worst.where else ""
-    told = f"{result.requirement} is {worst.value:.6g}, margin {worst.margin:+.4g}{where}."
+    notes = f"{result.requirement} is {worst.value:.6g}, margin {worst.margin:+.4g}{where}."
     how = (
         f"Found by the search, after {counted(worst.evaluations, 'evaluation')} beside the points of the plan."
         if worst.found == "search"
@@ -112,7 +112,7 @@ def _worst(result: EnvelopeResult) -> Iterator[Section]:
     )
     failure = [("failure", worst.failure)] if worst.failure is not None else []
     rows = [*failure, *((name, f"{v:.12g}" if isinstance(v, float) else str(v)) for name, v in worst.values.items())]
-    words = [told, how, "A search proves nothing about what it did not look at: the true worst case may be worse."]
+    words = [notes, how, "A search proves nothing about what it did not look at: the true worst case may be worse."]
     files = [
         Section(f"System file of {name}", code=[text], folded=True, explains=True)
         for name, text in worst.systems.items()
@@ -233,12 +233,12 @@ def plot_envelope(result: EnvelopeResult) -> Figure:
 
 def _remark(result: EnvelopeResult) -> str:
     others = [p.name for p in result.parameters if p.name not in result.axes]
-    told = []
+    notes = []
     if others:
-        told.append(f"{', '.join(others)} vary, too, so that nothing is interpolated between the points.")
+        notes.append(f"{', '.join(others)} vary, too, so that nothing is interpolated between the points.")
     if others and result.borders:
-        told.append("Borders hold with these in their middle.")
-    return " ".join(told)
+        notes.append("Borders hold with these in their middle.")
+    return " ".join(notes)
 
 
 def _panel(result: EnvelopeResult, failure: str | None, axes: list[tuple[str, float, float]]) -> EnvelopePanel:

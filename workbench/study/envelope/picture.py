@@ -83,8 +83,8 @@ def plot_maps(
     drawn: Any = None
     for ax, panel in zip(cells, shown, strict=False):
         if len(axes) > 1:
-            found = _map(ax, panel, axes, norm)
-            drawn = drawn if found is None else found
+            result = _map(ax, panel, axes, norm)
+            drawn = drawn if result is None else result
             ax.set(xlabel=axes[0][0], ylabel=axes[1][0], xlim=axes[0][1:], ylim=axes[1][1:])
         else:
             _curve(ax, panel, label(f"margin of {quantity}", unit), axes[0])

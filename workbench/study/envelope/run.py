@@ -31,32 +31,32 @@ from workbench.study.run import default_store
 __all__ = ["run"]
 
 
-def run(name: str | Path, asked: EnvelopeOf, job: Job) -> EnvelopeResult:
+def run(name: str | Path, request: EnvelopeOf, job: Job) -> EnvelopeResult:
     """Map, search and count; see `EnvelopeOf`."""
     study = read_study(name)
     if study.envelope is None:
         raise InputError(f"{name}: has no [envelope]; wb.run_study runs it")
-    envelope = _as_asked(study.envelope, asked)
-    folder = (Path(asked.store) if asked.store is not None else default_store(name)) if asked.keep else None
+    envelope = _as_asked(study.envelope, request)
+    folder = (Path(request.store) if request.store is not None else default_store(name)) if request.keep else None
     with (
         place(str(study.path)),
         Finished(folder) as finished,
         job.ended_by(),
-        Evaluator(study, finished, asked.place, job) as evaluator,
+        Evaluator(study, finished, request.place, job) as evaluator,
     ):
         return _EnvelopeRun(study, envelope, evaluator, job).done()
 
 
-def _as_asked(envelope: Envelope, asked: EnvelopeOf) -> Envelope:
+def _as_asked(envelope: Envelope, request: EnvelopeOf) -> Envelope:
     """Return the envelope with what the command line gives in place of the study."""
     names = ("plan", "points", "seed", "search", "width")
-    given: dict[str, Any] = {n: getattr(asked, n) for n in names if getattr(asked, n) is not None}
+    given: dict[str, Any] = {n: getattr(request, n) for n in names if getattr(request, n) is not None}
     if given.get("width", 0.0) > 1.0:
         raise InputError(f"width: {given['width']:g} is more than a probability can be uncertain; take at most 1")
-    found = replace(envelope, **given)
-    if "points" in given and found.plan == "grid":
+    result = replace(envelope, **given)
+    if "points" in given and result.plan == "grid":
         raise InputError("points: a grid has the steps of its parameters; leave it out, or take another plan")
-    return found
+    return result
 
 
 class _EnvelopeRun:
@@ -104,13 +104,13 @@ class _EnvelopeRun:
 
     def _map(self) -> None:
         runs = len(self._envelope.requirement.analyses)
-        found = self._evaluator.findings(
+        result = self._evaluator.findings(
             self._envelope.requirement,
             self._planned,
             progress=lambda done, label: self._tell(0, done // runs, label),
         )
-        self._points = [_point(p, f) for p, f in zip(self._planned, found, strict=True) if f is not None]
-        first = next((f for f in found if f is not None and f.limit), None)
+        self._points = [_point(p, f) for p, f in zip(self._planned, result, strict=True) if f is not None]
+        first = next((f for f in result if f is not None and f.limit), None)
         if first is not None:
             self._limit, self._unit = dict(first.limit), first.unit
         self._done = len(self._planned)
@@ -137,7 +137,7 @@ class _EnvelopeRun:
     # -- the worst case ------------------------------------------------------------------------
 
     def _find_worst(self) -> None:
-        spent, failed, found = 0, 0, "plan"
+        spent, failed, result = 0, 0, "plan"
         worst = min((p for p in self._points if p.margin is not None), key=_margin, default=None)
         if self._envelope.search and worst is None:
             self._notes.append("no search for the worst case: no point of the plan has a margin")
@@ -149,9 +149,9 @@ class _EnvelopeRun:
                 point, evaluations, without = self._search(failure)
                 spent, failed = spent + evaluations, failed + without
                 if point is not None and worst is not None and _margin(point) < _margin(worst):
-                    worst, found = point, "search"
+                    worst, result = point, "search"
         if worst is not None:
-            self._worst = self._as_worst(worst, found, spent, failed)
+            self._worst = self._as_worst(worst, result, spent, failed)
 
     def _search(self, failure: str | None) -> tuple[EnvelopePoint | None, int, int]:
         """Search under one failure; return the worst point, and how many were looked at and failed."""
@@ -161,10 +161,10 @@ class _EnvelopeRun:
         def margins(places: Floats) -> Floats:
             rows = [[s.across(float(x)) for s, x in zip(spreads, row, strict=True)] for row in places]
             points = [point_of(self._study, spreads, failure, row) for row in rows]
-            found = self._evaluator.findings(self._envelope.requirement, points, patient=True)
-            if any(f is None for f in found):
+            result = self._evaluator.findings(self._envelope.requirement, points, patient=True)
+            if any(f is None for f in result):
                 raise KeyboardInterrupt
-            measured = [_point(p, f) for p, f in zip(points, found, strict=True) if f is not None]
+            measured = [_point(p, f) for p, f in zip(points, result, strict=True) if f is not None]
             looked_at.update(zip((row.tobytes() for row in places), measured, strict=True))
             self._done += len(points)
             self._tell(self._done, 0, f"worst case {failure or ''}".strip())
@@ -176,13 +176,13 @@ class _EnvelopeRun:
         known = (places, np.array([_margin(p) for p in own]))
         envelope = self._envelope
         try:
-            found = search(margins, len(spreads), known=known, evaluations=envelope.search, seed=envelope.seed)
+            result = search(margins, len(spreads), known=known, evaluations=envelope.search, seed=envelope.seed)
         except KeyboardInterrupt:
             best = min((p for p in looked_at.values() if p.margin is not None), key=_margin, default=None)
             return best, len(looked_at), sum(p.margin is None for p in looked_at.values())
-        return looked_at.get(found.place.tobytes()), found.evaluations, found.failed
+        return looked_at.get(result.place.tobytes()), result.evaluations, result.failed
 
-    def _as_worst(self, worst: EnvelopePoint, found: str, evaluations: int, failed: int) -> WorstCase | None:
+    def _as_worst(self, worst: EnvelopePoint, result: str, evaluations: int, failed: int) -> WorstCase | None:
         if isinstance(worst.value, str) or worst.value is None or worst.margin is None:
             return None
         requirement = self._envelope.requirement
@@ -194,7 +194,7 @@ class _EnvelopeRun:
         texts = {m: system_at(change, self._study.folder, [said, *lines]) for m, change in at.items()}
         return WorstCase(
             failure=worst.failure, values=worst.values, value=float(worst.value), margin=worst.margin,
-            where=worst.where, found=found, evaluations=evaluations, failed=failed, commands=tuple(lines),
+            where=worst.where, found=result, evaluations=evaluations, failed=failed, commands=tuple(lines),
             systems={m: text for m, text in texts.items() if text},
         )  # fmt: skip
 
@@ -212,8 +212,8 @@ class _EnvelopeRun:
             return ()
         failures: list[str | None] = [*self._study.configurations] or [None]
         passed = [[p.passed for p in self._points if p.failure == f] for f in failures]
-        told = {"confidence": envelope.confidence, "width": envelope.width}
-        each = [probability(f, p, **told) for f, p in zip(failures, passed, strict=True)]  # type: ignore[arg-type]
+        notes = {"confidence": envelope.confidence, "width": envelope.width}
+        each = [probability(f, p, **notes) for f, p in zip(failures, passed, strict=True)]  # type: ignore[arg-type]
         if envelope.weights:
             weights = list(envelope.weights.values())
             each.append(together(passed, weights, confidence=envelope.confidence))
@@ -268,15 +268,15 @@ def border_points_of(study: Study, envelope: Envelope) -> list[GridPoint]:
     return border_points(study, envelope) if envelope.borders else []
 
 
-def _point(point: GridPoint, found: Compliance) -> EnvelopePoint:
+def _point(point: GridPoint, result: Compliance) -> EnvelopePoint:
     return EnvelopePoint(
         failure=point.configuration,
         values=dict(point.values),
-        value=found.value,
-        margin=found.margin,
-        passed=None if found.value is None else found.passed,
-        where=found.where,
-        reason=found.reason,
+        value=result.value,
+        margin=result.margin,
+        passed=None if result.value is None else result.passed,
+        where=result.where,
+        reason=result.reason,
     )
 
 

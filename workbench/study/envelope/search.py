@@ -69,13 +69,13 @@ class _Counted:
             raise _EnoughError
         if new:
             self._limit -= len(new)
-            found = self._margins(np.array(new))
-            self.failed += int(np.isnan(found).sum())
-            self.remember(np.array(new), found)
+            result = self._margins(np.array(new))
+            self.failed += int(np.isnan(result).sum())
+            self.remember(np.array(new), result)
         finite = [m for m in self.known.values() if math.isfinite(m)]
         benign = (max(finite) if finite else 0.0) + _BENIGN
-        found = np.array([self.known[p.tobytes()] for p in places])
-        return np.where(np.isfinite(found), found, benign)
+        result = np.array([self.known[p.tobytes()] for p in places])
+        return np.where(np.isfinite(result), result, benign)
 
 
 def search(margins: Margins, dimensions: int, *, known: tuple[Floats, Floats], evaluations: int, seed: int) -> Searched:

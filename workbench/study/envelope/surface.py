@@ -55,12 +55,12 @@ class Surface:
         planes = np.einsum("kij,kj->ki", np.linalg.pinv(squares, hermitian=True), right)
         residues = np.zeros(count)
         np.add.at(residues, own, (np.einsum("ij,ij->i", rows, planes[own]) - values) ** 2)
-        found = np.maximum(np.abs(planes[:, 0]), np.sqrt(residues / ring))
+        result = np.maximum(np.abs(planes[:, 0]), np.sqrt(residues / ring))
         corners = ring < _RING  # three points fit any plane: a corner is as uncertain as its neighbours
         near = np.zeros(count)
-        np.maximum.at(near, own, np.where(corners[neighbours], 0.0, found[neighbours]))
-        usual = float(np.max(found[~corners], initial=0.0)) if not corners.all() else float(np.ptp(self._values))
-        return np.where(corners, np.where(near > 0.0, near, usual), found)
+        np.maximum.at(near, own, np.where(corners[neighbours], 0.0, result[neighbours]))
+        usual = float(np.max(result[~corners], initial=0.0)) if not corners.all() else float(np.ptp(self._values))
+        return np.where(corners, np.where(near > 0.0, near, usual), result)
 
     def __call__(self, places: Floats) -> tuple[Floats, Floats]:
         """Return value and error at places, shape (m,) each; NaN outside of the points.

@@ -42,8 +42,8 @@ def system_at(change: Change, folder: Path, remarks: Sequence[str]) -> str:
     except (WorkbenchError, KeyError):
         return ""
     left = {key: value for key, value in change.options.items() if key in _ELSEWHERE and value}
-    told = [f"It is opened with {key} = {toml_value(value)}." for key, value in left.items()]
-    return "".join(f"# {' '.join(line.split())}\n" for line in (*remarks, *told)) + _text(data)
+    notes = [f"It is opened with {key} = {toml_value(value)}." for key, value in left.items()]
+    return "".join(f"# {' '.join(line.split())}\n" for line in (*remarks, *notes)) + _text(data)
 
 
 def _around(name: str, given: Mapping[str, Any]) -> dict[str, Any]:

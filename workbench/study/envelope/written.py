@@ -25,7 +25,7 @@ class EnvelopeFiles(Written):
         default=None,
     )
 
-    def check(self, asked: Any) -> None:  # noqa: ANN401 - see `Written`
+    def check(self, request: Any) -> None:  # noqa: ANN401 - see `Written`
         if self.worst is not None and Path(self.worst).suffix.lower() != ".toml":
             raise InputError(f"--worst: {self.worst} is not a system file; name it .toml")
 

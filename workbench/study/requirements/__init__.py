@@ -49,8 +49,8 @@ class _Kinds(Mapping[str, "type[Requirement]"]):
 
     def __getitem__(self, name: str) -> type[Requirement]:
         module, _, kind = _HOME[name].partition(":")
-        found: type[Requirement] = getattr(import_module(f"{__name__}.{module}"), kind)
-        return found
+        result: type[Requirement] = getattr(import_module(f"{__name__}.{module}"), kind)
+        return result
 
     def __iter__(self) -> Iterator[str]:
         return iter(_HOME)

@@ -120,20 +120,20 @@ class ResponseAgreement(_ResultPair, OfResponse):
 
     def _curve(self, result: Result, amplitude: float | None, source: str | None, at: Sequence[float]) -> Curve:
         names = {"input": self.input, "output": self.output} if result["command"] in _MODELS else {}
-        found = curves(result, at=at, amplitude=amplitude, source=source, plant=self.plant, **names)
-        if len(found) != 1:
-            had = ", ".join(c.label for c in found)
+        solution = curves(result, at=at, amplitude=amplitude, source=source, plant=self.plant, **names)
+        if len(solution) != 1:
+            had = ", ".join(c.label for c in solution)
             raise InputError(f"{self.name}: the {result['command']} has several responses ({had}); name one amplitude")
-        if not found[0].frequency:
+        if not solution[0].frequency:
             raise NotMeasured("no point was measured")
-        return found[0]
+        return solution[0]
 
     def _at(self, mine: Curve, theirs: Curve, frequency: float) -> list[Compliance]:
-        found = []
+        result = []
         if self.db is not None:
             off = abs(mine.at("gain", frequency) - theirs.at("gain", frequency))
-            found.append(judge(off, {"max": self.db}, unit="dB", where=mine.where(frequency)))
+            result.append(judge(off, {"max": self.db}, unit="dB", where=mine.where(frequency)))
         if self.deg is not None:
             off = abs((mine.at("phase", frequency) - theirs.at("phase", frequency) + 180.0) % 360.0 - 180.0)
-            found.append(judge(off, {"max": self.deg}, unit="deg", where=mine.where(frequency)))
-        return found
+            result.append(judge(off, {"max": self.deg}, unit="deg", where=mine.where(frequency)))
+        return result

@@ -235,10 +235,10 @@ class Limited(Requirement):
         """
 
     def find(self, results: Sequence[Result]) -> Compliance:
-        found = [self._judged(value) for value in self.values(results[0])]
-        if not found:
+        result = [self._judged(value) for value in self.values(results[0])]
+        if not result:
             raise NotMeasured("there is no such value in the result")
-        return worst(found)
+        return worst(result)
 
     def _judged(self, value: Value) -> Compliance:
         number, unit = value.value, value.unit
@@ -271,10 +271,10 @@ def judge(
         unit: of both; None: they have none.
         where: at which frequency, amplitude, time.
     """
-    found = Compliance(value=value, unit=unit, limit=limit, where=where)
+    result = Compliance(value=value, unit=unit, limit=limit, where=where)
     if isinstance(value, str | bool) or isinstance(limit.get("equal"), str | bool):
         wanted = limit.get("equal")
-        return replace(found, passed=type(value) is type(wanted) and value == wanted)
+        return replace(result, passed=type(value) is type(wanted) and value == wanted)
     margins = []
     if "min" in limit:
         margins.append(value - float(limit["min"]))
@@ -283,7 +283,7 @@ def judge(
     if "equal" in limit:
         margins.append(float(limit["tolerance"]) - abs(value - float(limit["equal"])))
     margin = min(margins)
-    return found if math.isnan(margin) else replace(found, margin=margin, passed=margin >= 0.0)
+    return result if math.isnan(margin) else replace(result, margin=margin, passed=margin >= 0.0)
 
 
 def worst(findings: Sequence[Compliance]) -> Compliance:
@@ -310,8 +310,8 @@ def convert(value: float, unit: str | None, wanted: str, where: str) -> float:
     source, target = known_unit(unit or "1"), known_unit(wanted)
     if target is None and wanted not in ("dB", "%"):
         raise InputError(f"{where}: unit '{wanted}' is unknown")
-    found = conversion(source, target) if source is not None and target is not None else None
-    if found is None:
+    result = conversion(source, target) if source is not None and target is not None else None
+    if result is None:
         raise InputError(f"{where}: unit '{wanted}' does not fit: the value is in {unit or 'no unit'}")
-    factor, offset = found
+    factor, offset = result
     return factor * value + offset

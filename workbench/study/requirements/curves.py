@@ -58,12 +58,12 @@ class Curve:
         Raises:
             NotMeasured: there is none.
         """
-        found: Sequence[float] = getattr(self, quantity)
+        result: Sequence[float] = getattr(self, quantity)
         if not self.frequency:
             raise NotMeasured(next(iter(self.failed.values()), "no point was measured"))
-        if not found:
+        if not result:
             raise NotMeasured(f"the result has no {quantity}")
-        return found
+        return result
 
     def at(self, quantity: str, frequency: float) -> float:
         """Return a value at a frequency, interpolated linearly over log frequency (gain in dB).
@@ -129,8 +129,8 @@ def amplitude_words(amplitude: float, unit: str | None) -> str:
 
 def unwrap(phases: Sequence[float]) -> list[float]:
     """Return phases [deg] with jumps of more than half a turn taken out."""
-    found: list[float] = np.unwrap(phases, period=360.0).tolist()
-    return found
+    result: list[float] = np.unwrap(phases, period=360.0).tolist()
+    return result
 
 
 def curves(
@@ -159,12 +159,12 @@ def curves(
         NotMeasured: the result holds none.
     """
     read = READERS[str(result["command"])]
-    found = read(result, {"at": at, "source": source, "input": input, "output": output, "plant": plant})
+    solution = read(result, {"at": at, "source": source, "input": input, "output": output, "plant": plant})
     if amplitude is None:
-        return found
-    chosen = [c for c in found if c.amplitude is not None and math.isclose(c.amplitude, amplitude, rel_tol=1e-9)]
+        return solution
+    chosen = [c for c in solution if c.amplitude is not None and math.isclose(c.amplitude, amplitude, rel_tol=1e-9)]
     if not chosen:
-        had = ", ".join(f"{c.amplitude:g}" for c in found if c.amplitude is not None) or "none"
+        had = ", ".join(f"{c.amplitude:g}" for c in solution if c.amplitude is not None) or "none"
         raise InputError(f"amplitude {amplitude:g} was not measured; measured: {had}")
     return chosen
 
@@ -209,8 +209,8 @@ def _of_model(result: Result, options: Mapping[str, Any]) -> list[Curve]:
 def poles(result: Result) -> list[complex]:
     """Return the poles of a linear model as those of a continuous one [1/s]; delays, near z = 0, are left out."""
     dt = float(result["dt"])
-    found = np.array([complex(*p) for p in result["poles"]], dtype=np.complex128)
-    seen: list[complex] = continuous(found[~vanished(found, dt)], dt).tolist()
+    solution = np.array([complex(*p) for p in result["poles"]], dtype=np.complex128)
+    seen: list[complex] = continuous(solution[~vanished(solution, dt)], dt).tolist()
     return seen
 
 
@@ -245,9 +245,9 @@ def _sines(result: Result, plant: str, input: str, output: str) -> Callable[[Flo
     """Return the response of the model to sines as a function of frequency [Hz]."""
     if result["command"] == "identify" and float(result["dt"]) > 0.0:
         return sine_response(IdentifiedModel.from_dict(result), plant, input, output)[0]
-    found = LinResult.from_dict(result)
-    row, column = found.output_names.index(output), found.input_names.index(input)
-    return lambda f: found.fundamental(f)[:, row, column]
+    solution = LinResult.from_dict(result)
+    row, column = solution.output_names.index(output), solution.input_names.index(input)
+    return lambda f: solution.fundamental(f)[:, row, column]
 
 
 def _index(what: str, name: str | None, names: Sequence[str]) -> int:
@@ -287,8 +287,8 @@ def _of_loop(result: Result, options: Mapping[str, Any]) -> list[Curve]:
         return [_linear_loop(result)]
     if not result["measured"]:
         raise InputError('the loop was not measured; give the analysis an amplitude, or take source = "linear"')
-    told = len(result["measured"]) > 1
-    return [_measured_loop(m, result["unit"], told=told) for m in result["measured"]]
+    notes = len(result["measured"]) > 1
+    return [_measured_loop(m, result["unit"], told=notes) for m in result["measured"]]
 
 
 def _linear_loop(result: Result) -> Curve:
@@ -312,8 +312,8 @@ def _measured_loop(measured: Result, unit: str | None, *, told: bool) -> Curve:
 
 
 def _db(gains: Sequence[float]) -> list[float]:
-    found: list[float] = decibels(np.maximum(gains, 1e-300)).tolist()
-    return found
+    result: list[float] = decibels(np.maximum(gains, 1e-300)).tolist()
+    return result
 
 
 READERS: Mapping[str, Callable[[Result, Mapping[str, Any]], list[Curve]]] = {

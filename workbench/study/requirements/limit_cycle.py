@@ -35,10 +35,10 @@ class _OfCycles(Limited):
             NotMeasured: a cycle is predicted, but the method did not find it.
         """
         every = [c for c in result["limit_cycles"] if self.unstable or c["stable"] is not False]
-        found = [c for c in every if c["method"] == self.method]
-        if every and not found:
+        solution = [c for c in every if c["method"] == self.method]
+        if every and not solution:
             raise NotMeasured(f"a limit cycle is predicted, but not by {self.method}")
-        return found
+        return solution
 
 
 def _none(result: Result) -> str:
@@ -63,14 +63,14 @@ class LimitCycleAmplitude(_OfCycles):
     signal: str | None = None
 
     def values(self, result: Result) -> list[Value]:
-        found = self.cycles(result)
-        if not found:
+        solution = self.cycles(result)
+        if not solution:
             return [Value(value=0.0, where=_none(result))]
         if self.signal is not None:
             return [self._of_signal(result, self.signal)]
         unit = (result.get("simulated") or {}).get("units", {}).get(result["block_input"])
         return [
-            Value(value=c["amplitude"], where=f"{c['frequency_hz']:.4g} Hz, {c['method']}", unit=unit) for c in found
+            Value(value=c["amplitude"], where=f"{c['frequency_hz']:.4g} Hz, {c['method']}", unit=unit) for c in solution
         ]
 
     def _of_signal(self, result: Result, signal: str) -> Value:
@@ -91,10 +91,10 @@ class LimitCycleFrequency(_OfCycles):
     units = ("Hz",)
 
     def values(self, result: Result) -> list[Value]:
-        found = self.cycles(result)
-        if not found:
+        solution = self.cycles(result)
+        if not solution:
             raise NotMeasured("there is no limit cycle")
-        return [Value(value=c["frequency_hz"], where=str(c["method"]), unit="Hz") for c in found]
+        return [Value(value=c["frequency_hz"], where=str(c["method"]), unit="Hz") for c in solution]
 
 
 class StableGains(Requirement):

@@ -31,10 +31,10 @@ class _Margin(Limited):
     amplitude: float | None = None
 
     def values(self, result: Result) -> list[Value]:
-        found = [self._value(margins, label) for label, margins in _sources(result, self.source, self.amplitude)]
-        if not found:
+        solution = [self._value(margins, label) for label, margins in _sources(result, self.source, self.amplitude)]
+        if not solution:
             raise NotMeasured("the result has no such loop: give the analysis an amplitude, or leave source out")
-        return found
+        return solution
 
     def _value(self, margins: Mapping[str, Any], label: str) -> Value:
         if margins["closed_loop"] != "stable":
@@ -54,13 +54,13 @@ class _Margin(Limited):
 
 
 def _sources(result: Result, source: str | None, amplitude: float | None) -> list[tuple[str, Mapping[str, Any]]]:
-    found: list[tuple[str, Mapping[str, Any]]] = []
+    solution: list[tuple[str, Mapping[str, Any]]] = []
     if source != "measured" and amplitude is None and result["linear"] is not None:
-        found.append(("linear", result["linear"]["margins"]))
+        solution.append(("linear", result["linear"]["margins"]))
     if source != "linear":
         chosen = [m for m in result["measured"] if amplitude is None or math.isclose(m["amplitude"], amplitude)]
-        found += [(amplitude_words(m["amplitude"], result["unit"]), m["margins"]) for m in chosen]
-    return found
+        solution += [(amplitude_words(m["amplitude"], result["unit"]), m["margins"]) for m in chosen]
+    return solution
 
 
 class GainMargin(_Margin):

@@ -216,23 +216,23 @@ class Mask(OfResponse):
         return [c[0] for c in (*(self.upper or ()), *(self.lower or ()))]
 
     def find(self, results: Sequence[Result]) -> Compliance:
-        found = [
+        result = [
             self._side(curve, name, corners)
             for curve in self.responses(results[0], self.corners)
             for name, corners in (("max", self.upper), ("min", self.lower))
             if corners
         ]
-        return worst(found)
+        return worst(result)
 
     def _side(self, curve: Curve, name: str, corners: list[list[float]]) -> Compliance:
         """Compare a curve with one mask; the place with the least margin counts."""
         curve.check_failed(corners[0][0], corners[-1][0])
         unit = UNITS.get(self.quantity, curve.unit)
         places = sorted(_places(corners, curve.frequency))
-        found = [
+        result = [
             judge(curve.at(self.quantity, f), {name: limit}, unit=unit, where=curve.where(f)) for f, limit in places
         ]
-        return worst(found)
+        return worst(result)
 
 
 def _check_corners(where: str, corners: list[list[float]] | None) -> None:
@@ -247,11 +247,11 @@ def _check_corners(where: str, corners: list[list[float]] | None) -> None:
 def _places(corners: list[list[float]], frequencies: Sequence[float]) -> list[tuple[float, float]]:
     """Return (frequency, limit) wherever mask or response have a corner; both limits where the mask steps."""
     low, high = corners[0][0], corners[-1][0]
-    found = [(c[0], c[1]) for c in corners]
+    result = [(c[0], c[1]) for c in corners]
     for frequency in frequencies:
         if low < frequency < high:
-            found += [(frequency, limit) for limit in _inside(corners, frequency)]
-    return found
+            result += [(frequency, limit) for limit in _inside(corners, frequency)]
+    return result
 
 
 def _inside(corners: list[list[float]], frequency: float) -> list[float]:

@@ -68,8 +68,8 @@ class _LinearBlock(Block):
 
     @property
     def states(self) -> tuple[str, ...]:
-        found = self.matrices()
-        return tuple(f"x{k}" for k in range(1, len(found.a) + 1)) if found is not None else ()
+        result = self.matrices()
+        return tuple(f"x{k}" for k in range(1, len(result.a) + 1)) if result is not None else ()
 
 
 class TransferFunction(_LinearBlock):

@@ -57,17 +57,17 @@ def block_of(kind: str, parameters: Mapping[str, Any]) -> Block:
         InputError: unknown kind or parameter (near names are in the message), a parameter that is missing or out of
             its range.
     """
-    found = BLOCKS.get(str(kind))
-    if found is None:
+    result = BLOCKS.get(str(kind))
+    if result is None:
         raise InputError(f"block '{kind}' is unknown; {suggest(str(kind), BLOCKS)}")
-    known = {d.name: d for d in options_of(found)}
+    known = {d.name: d for d in options_of(result)}
     for name in parameters:
         if name not in known:
             raise InputError(f"{kind}: parameter '{name}' is unknown; {suggest(str(name), known)}")
     for name, declared in known.items():
         if declared.required and name not in parameters:
             raise InputError(f"{kind}: parameter '{name}' is missing")
-    made: Any = found
+    made: Any = result
     return made(**parameters)  # type: ignore[no-any-return]
 
 

@@ -283,10 +283,10 @@ def _handed_over(end: Key, flattener: Flattener, bound: Mapping[Key, Parameter])
     for hop in flattener.incoming.get(end, []):
         if not flattener.nodes[hop.start[0]].is_system:
             continue
-        found = _handed_over(hop.start, flattener, bound) or bound.get(hop.start)
-        if found is not None:
-            factor, offset = hop.gain * found.factor, hop.gain * found.offset + hop.offset
-            return replace(found, factor=factor, offset=offset, convert=found.convert and hop.convert)
+        result = _handed_over(hop.start, flattener, bound) or bound.get(hop.start)
+        if result is not None:
+            factor, offset = hop.gain * result.factor, hop.gain * result.offset + hop.offset
+            return replace(result, factor=factor, offset=offset, convert=result.convert and hop.convert)
     return None
 
 

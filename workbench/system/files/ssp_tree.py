@@ -186,8 +186,8 @@ def _element(
     system = descend(inner.ssd, "System")
     if system is None:
         raise InputError(f"component '{'.'.join(path)}': {element.get('source')} holds no System")
-    found = _system(system, path, inner, {})  # names of dictionaries are looked up within a file
-    return replace(found, bindings=(*found.bindings, *bindings))
+    result = _system(system, path, inner, {})  # names of dictionaries are looked up within a file
+    return replace(result, bindings=(*result.bindings, *bindings))
 
 
 def _bindings(element: Element, origin: SspSource) -> tuple[tuple[Element, SspSource], ...]:
@@ -235,8 +235,8 @@ def _reference(element: Element, known: Mapping[str, SspComponent]) -> SspCompon
 
 
 def _connectors(element: Element) -> dict[str, Connector]:
-    found = [_connector(c, c.get("kind")) for c in children(element, "Connectors", "Connector")]
-    return {connector.name: connector for connector in found}
+    result = [_connector(c, c.get("kind")) for c in children(element, "Connectors", "Connector")]
+    return {connector.name: connector for connector in result}
 
 
 def _connector(element: Element, kind: str | None) -> Connector:

@@ -124,10 +124,10 @@ def linear(element: Element, where: str) -> tuple[float, float]:
     Raises:
         InputError: one of them is not a number.
     """
-    found = descend(element, "LinearTransformation")
-    if found is None:
+    result = descend(element, "LinearTransformation")
+    if result is None:
         return 1.0, 0.0
-    return number(found, "factor", 1.0, where), number(found, "offset", 0.0, where)
+    return number(result, "factor", 1.0, where), number(result, "offset", 0.0, where)
 
 
 @dataclass(frozen=True)

@@ -179,10 +179,10 @@ def _nonzero(value: object) -> bool:
 def _transfer(name: str, given: Mapping[str, Any], place: _Context) -> LinearComponent:
     table = read_table(TransferTable, given, place.where)
     try:
-        found = realised(table.numerator, table.denominator)
+        result = realised(table.numerator, table.denominator)
     except InputError as error:
         raise InputError(f"{place.where}: {error}") from None
-    return _linear(name, (found.a, found.b, found.c, found.d), table, place.where)
+    return _linear(name, (result.a, result.b, result.c, result.d), table, place.where)
 
 
 def _matrix(key: str, rows: list[list[float]], where: str) -> Floats:
@@ -274,7 +274,7 @@ def component_schemas() -> Iterator[dict[str, Any]]:
         yield json_schema(kind)
     yield json_schema(TransferTable)
     for name, block in BLOCKS.items():
-        found = table_schema({d.name: d for d in options_of(block)})
+        result = table_schema({d.name: d for d in options_of(block)})
         own = {"block": {"const": name}, "units": {"type": "object", "additionalProperties": {"type": "string"}}}
-        properties = {**own, **found["properties"]}
-        yield {**found, "properties": properties, "required": ["block", *found["required"]], "title": name}
+        properties = {**own, **result["properties"]}
+        yield {**result, "properties": properties, "required": ["block", *result["required"]], "title": name}

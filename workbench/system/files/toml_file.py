@@ -113,15 +113,15 @@ _KEYS = {"source": "from"}
 
 def system_schema() -> dict[str, Any]:
     """Return the JSON Schema of a system file: what can be said without opening the FMUs that it names."""
-    found = json_schema(SystemTable)
+    result = json_schema(SystemTable)
     source = {"type": "string", "description": "Output that the input takes, as plant.w."}
     table = json_schema(table_of(Connection, keys=_KEYS, known=("destination",)))
     # Without quotes, a.u is a table a with the key u.
     more = {"type": "object", "additionalProperties": {"$ref": "#/$defs/connection"}}
-    found["properties"] |= {
+    result["properties"] |= {
         "components": {"type": "object", "additionalProperties": {"anyOf": list(component_schemas())}},
         "connections": {"type": "object", "additionalProperties": {"$ref": "#/$defs/connection"}},
         "experiment": json_schema(ExperimentTable),
         "master": json_schema(table_of(MasterOptions)),
     }
-    return {"$schema": DRAFT, **found, "title": "System", "$defs": {"connection": {"anyOf": [source, table, more]}}}
+    return {"$schema": DRAFT, **result, "title": "System", "$defs": {"connection": {"anyOf": [source, table, more]}}}

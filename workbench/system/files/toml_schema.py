@@ -142,13 +142,13 @@ def json_schema(kind: type[TomlTable]) -> dict[str, Any]:
     Args:
         kind: of the table.
     """
-    found = kind.model_json_schema()
+    result = kind.model_json_schema()
     for name, field in kind.model_fields.items():
-        held = found["properties"][field.alias or name]
+        held = result["properties"][field.alias or name]
         held.pop("title", None)
         if text := meaning(kind, name):
             held["description"] = text
-    return found
+    return result
 
 
 def meaning(kind: type[TomlTable], name: str) -> str:
@@ -160,9 +160,11 @@ def meaning(kind: type[TomlTable], name: str) -> str:
     """
     for owner in kind.__mro__:
         attributes = (inspect.getdoc(owner) or "").partition("Attributes:\n")[2] if "__doc__" in vars(owner) else ""
-        for found in re.finditer(r"^    (?P<names>\w+(?:, \w+)*): (?P<text>.*(?:\n {8}.*)*)", attributes, re.MULTILINE):
-            if name in found["names"].split(", "):
-                return " ".join(found["text"].split()).replace("None:", "without it:")
+        for result in re.finditer(
+            r"^    (?P<names>\w+(?:, \w+)*): (?P<text>.*(?:\n {8}.*)*)", attributes, re.MULTILINE
+        ):
+            if name in result["names"].split(", "):
+                return " ".join(result["text"].split()).replace("None:", "without it:")
     return ""
 
 

@@ -98,8 +98,8 @@ def _opened(model: DescribedModel) -> LinearPart:
         n, x0, u0 = len(point.x0), point.x0, point.u0
 
         def both(v: Floats) -> Floats:
-            found = point.at(v[:n], v[n:])
-            return np.concatenate([found.dx, found.y])
+            result = point.at(v[:n], v[n:])
+            return np.concatenate([result.dx, result.y])
 
         v0 = np.concatenate([x0, u0])
         columns = []

@@ -132,7 +132,7 @@ class MasterInstance(CompositeInstance):
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         super().enter_initialisation(start_time, tolerance)
-        self.ticks = {k: found.begun(start_time) for k, found in self.decided.sampled.items()}
+        self.ticks = {k: result.begun(start_time) for k, result in self.decided.sampled.items()}
         for group in self.groups.values():
             group.instance.enter_initialisation(start_time, tolerance)
 
@@ -204,7 +204,7 @@ class MasterInstance(CompositeInstance):
         """Return the next instant after `time` [s] at which something is known to happen: a communication point."""
         later = [*self._wiring.switches_after(time), *self.next_events.values()]
         later += [group.due() for group in self.groups.values()]
-        later += [s.after(time + rounding(time)) for found in self.ticks.values() for s in found]
+        later += [s.after(time + rounding(time)) for result in self.ticks.values() for s in result]
         return gathered((t for t in later if not is_due(t, time)), time)
 
     def watched(self) -> list[Variable]:

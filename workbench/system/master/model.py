@@ -74,7 +74,7 @@ class MasterModel(ConnectedModel):
         """How the master goes about it. The first time, sampled components are asked for their instants."""
         if self._decided is None:
             sampled = find_ticks(self._opened.parts, self._units)
-            held = frozenset(k for k, found in sampled.items() if found.held)
+            held = frozenset(k for k, result in sampled.items() if result.held)
             self._decided = MasterPlan(
                 units=self._units,
                 names=tuple(p.name for p in self._opened.parts),
@@ -137,10 +137,10 @@ class MasterModel(ConnectedModel):
             self._probing = before
 
     def remarks(self) -> tuple[str, ...]:
-        told = (*super().remarks(), *self._shown_late())
+        notes = (*super().remarks(), *self._shown_late())
         if self.recipe.system.master.extrapolation < 2 or not (why := self.why_replay()):
-            return told
-        return (*told, f"extrapolation: the first step cannot be repeated and knows no slope: {why}")
+            return notes
+        return (*notes, f"extrapolation: the first step cannot be repeated and knows no slope: {why}")
 
     def _shown_late(self) -> list[str]:
         """Say where samples that coincide are not one event: what has no event mode shows its own after the step."""
@@ -212,15 +212,15 @@ def _described(opened: Opened) -> ModelDescription:
 
 def _solvers(units: Units, wanted: str) -> tuple[dict[int, str], list[str]]:
     """Return the solver of each group of model exchange components, and notes."""
-    found, notes = dict[int, str](), list[str]()
+    result, notes = dict[int, str](), list[str]()
     for k, unit in enumerate(units.units):
         if unit.group is not None:
             described = unit.group.description
             states = described.state_count
             # What is wanted for the whole system does not concern groups without states.
-            found[k], note = choose_solver(wanted if states else "auto", described)
+            result[k], note = choose_solver(wanted if states else "auto", described)
             notes += [f"{unit.name}: {note}"] if states and note else []
-    return found, notes
+    return result, notes
 
 
 # -- notes --------------------------------------------------------------------------------------
@@ -228,18 +228,18 @@ def _solvers(units: Units, wanted: str) -> tuple[dict[int, str], list[str]]:
 
 def _check(recipe: SystemRecipe) -> None:
     """Refuse options that do not go together."""
-    asked = recipe.system.master
-    if asked.order not in (known_orders := ("auto", *ORDERS)):
-        raise InputError(f"{recipe.source}: order '{asked.order}' is unknown; {suggest(asked.order, known_orders)}")
-    if asked.extrapolation not in _EXTRAPOLATED:
+    request = recipe.system.master
+    if request.order not in (known_orders := ("auto", *ORDERS)):
+        raise InputError(f"{recipe.source}: order '{request.order}' is unknown; {suggest(request.order, known_orders)}")
+    if request.extrapolation not in _EXTRAPOLATED:
         known = ", ".join(map(str, _EXTRAPOLATED))
-        raise InputError(f"{recipe.source}: extrapolation {asked.extrapolation} is unknown; known: {known}")
-    if asked.extrapolation != 1 and recipe.hold_inputs:
+        raise InputError(f"{recipe.source}: extrapolation {request.extrapolation} is unknown; known: {known}")
+    if request.extrapolation != 1 and recipe.hold_inputs:
         raise InputError(f"{recipe.source}: hold_inputs holds all inputs; extrapolation is for inputs that go on")
-    if asked.step_tolerance is not None and recipe.step is not None:
+    if request.step_tolerance is not None and recipe.step is not None:
         raise InputError(f"{recipe.source}: step fixes the communication step, step_tolerance controls it; give one")
-    if asked.step_tolerance is not None and not 0.0 < asked.step_tolerance < 1.0:
-        raise InputError(f"{recipe.source}: step_tolerance is {asked.step_tolerance:g}, not between 0 and 1")
+    if request.step_tolerance is not None and not 0.0 < request.step_tolerance < 1.0:
+        raise InputError(f"{recipe.source}: step_tolerance is {request.step_tolerance:g}, not between 0 and 1")
 
 
 def _master_note(order: str, units: Units, recipe: SystemRecipe) -> str:

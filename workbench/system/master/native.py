@@ -105,7 +105,7 @@ class NativeMaster:
         wires, outputs = sorted(master.decided.units.outer()), master.watched()
         self._least = master.least()
         self._scale = self._least.copy()
-        access = NativeRecord(system, [(found, part) for part, found in (master.ports(v)[0] for v in outputs)])
+        access = NativeRecord(system, [(result, part) for part, result in (master.ports(v)[0] for v in outputs)])
         self.control = Control(
             tolerance=tolerance,
             step=math.nan,
