@@ -75,6 +75,7 @@ upper = [[0.1, 2], [1, 2]]
 """
 _BESIDES = ("zero input", "operating point", "second responses")  # rows of a sweep's store that are no points
 _OWN = ("seconds", "asked", "measured", "reused")  # of a result: differs with time, folder, and what was kept
+_KEPT = "points were measured before and are kept"  # a note that tells it
 _ENDS_WITHIN = 2.5  # [s], with a margin for a busy machine
 _GONE_WITHIN = 10.0  # [s]: workers of a killed program see that it is gone
 
@@ -160,7 +161,12 @@ def _numbers(what: str, data: Any) -> Any:
         return data["operating_point"]
     if what in ("identify", "envelope"):
         return {k: v for k, v in data.items() if k not in _OWN}
-    return [(a["name"], {k: v for k, v in a["result"].items() if k not in _OWN}) for a in data["analyses"]]
+    return [(a["name"], _own_numbers(a["result"])) for a in data["analyses"]]
+
+
+def _own_numbers(result: dict[str, Any]) -> dict[str, Any]:
+    own = {k: v for k, v in result.items() if k not in _OWN}
+    return {**own, "warnings": [w for w in result.get("warnings", ()) if not w.endswith(_KEPT)]}
 
 
 def _finished(what: str, data: Any) -> set[str]:
@@ -187,7 +193,7 @@ def _ended(place: _Place, what: str, name: str, delay: float, *, first: bool) ->
     # Before the program's first line, in a package's `__init__`, Python itself is starting.
     frames = [f for f in re.findall(r'File "([^"]+)"', error) if f"{os.sep}workbench{os.sep}" in f]
     if "Traceback" in error and any(not f.endswith("__init__.py") for f in frames):
-        yield f"traceback: {error.strip().splitlines()[-1]}"
+        yield f"traceback: {error.strip()}"
     while place.processes() and time.monotonic() < sent + _GONE_WITHIN:
         time.sleep(0.1)
     if left := place.processes():
@@ -252,7 +258,7 @@ def _scheduler() -> Iterator[None]:
             _LINES["cluster"] = _LINES["cluster"].replace("SCHEDULER", address)
             yield
         finally:
-            cluster.send_signal(signal.SIGINT)
+            cluster.terminate()  # a program in the background does not hear INT
 
 
 def main() -> None:

@@ -460,16 +460,17 @@ def told(case: Case, data: Any, truth: Any) -> tuple[str, int, str]:
     """Return the kind of what a record tells, the exit code that fits, and words."""
     if "failure" in data:
         return data["failure"]["kind"], 2, data["failure"]["message"]
-    if why := str(case.deed.failed(data) or ""):
-        return "told" if case.call == LIE and re.search(REMARKS[case.way], why) else _kind_in(why), 1, why
-    found = case.deed.numbers(data)
-    if _same(found, truth, case.deed.tolerance):
-        return "ok", 0, ""
     notes = [
         *(data.get("notes") or ()),
         *(data.get("warnings") or ()),
         *(c["evidence"] for c in data.get("checks", ())),
     ]
+    if why := str(case.deed.failed(data) or ""):
+        words = REMARKS.get(case.way)
+        return "told" if words and any(re.search(words, note) for note in (why, *notes)) else _kind_in(why), 1, why
+    found = case.deed.numbers(data)
+    if _same(found, truth, case.deed.tolerance):
+        return "ok", 0, ""
     for words, kind in ((TOLD.get((case.what, case.call)), ""), (REMARKS.get(case.way), "told")):
         if words and (why := next((note for note in notes if re.search(words, note)), "")):
             return kind or _kind_in(why), 0, why

@@ -39,6 +39,8 @@ _CASES = [
     ("segfault", "load", "cs", "export"),
     *((way, "exitInitialization", "me", "lin") for way in ("_data", "_traps", "_arithmetic")),
     ("_space", "load", "me", "lin"),
+    ("_few", "load", "me", "limit-cycle"),  # the binary of another FMU cannot be loaded any more
+    ("rounding", "enterEventMode", "me", "check"),  # its second instance begins in the arithmetic of the first
     *((lie, LIE, interface, "nfr") for lie, interface in zip(LIES, ("me", "cs") * len(LIES), strict=False)),
     ("unset", LIE, "cs", "simulate"),
 ]

@@ -210,7 +210,8 @@ def load_library(path: Path, *, version: int, interface: str, identifier: str) -
         with kept_arithmetic():  # compiled with -ffast-math it would set that of the workbench, too
             dll = _load(path)
     except OSError as error:
-        raise FmuError(f"{path.name}: the system cannot load this FMU's binary: {error}") from None
+        why = str(error).removeprefix(f"{path}: ")  # in a folder of ours
+        raise FmuError(f"{path.name}: the system cannot load this FMU's binary: {why}") from None
     functions = {}
     for name, (result, arguments) in _signatures(version, interface).items():
         prefixed = f"{identifier}_fmi{name[4:]}" if version == 1 else f"{identifier}_{name}"

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 from workbench.core.machine.arithmetic import Arithmetic
 from workbench.core.machine.scratch import remove_if_dead
-from workbench.errors import LostError, WorkbenchError
+from workbench.errors import FmuError, LostError, WorkbenchError
 from workbench.fmi.ended import end_later, end_now
 from workbench.jobs.answers import in_records
 from workbench.jobs.channel import HUNG_UP, MARK_BYTES, Channel
@@ -242,9 +242,10 @@ def _done(channel: Channel, folder: str, recipe: bytes, work: bytes, limits: Lim
 
 def _failure(error: BaseException) -> tuple[str, Any]:
     """Return the message that tells what a task has raised; what is not an error of the workbench is a bug of ours."""
-    if isinstance(error, WorkbenchError):
+    lowered = _lowered()
+    if isinstance(error, WorkbenchError) and not (lowered and type(error) is FmuError):
         return ERROR, error
-    if lowered := _lowered():
+    if lowered:
         return ERROR, LostError(
             f"the FMU lowered the limits of its process ({', '.join(lowered)}), in which the workbench cannot go on: "
             f"{(str(error) or type(error).__name__).splitlines()[0]}"
