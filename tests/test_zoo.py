@@ -98,5 +98,5 @@ def test_what_fmpy_is_not_sure_of_is_no_disagreement(tmp_path: Path) -> None:
     assert found[stiff.name, "me"].verdict == "ok"
     assert "at a hundredth of its tolerance" in found[stiff.name, "me"].reason
     assert found[counter.name, "me"].verdict == "no"
-    assert "FMPy's runs at two tolerances differ" in found[counter.name, "me"].reason
+    assert "two runs of FMPy differ" in found[counter.name, "me"].reason
     assert {found[nan.name, side].verdict for side in ("me", "cs")} == {"refused"}
