@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +14,11 @@ import workbench as wb
 from tests.random_systems import pole_error
 from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import LinearPart
-from workbench.errors import SimulationError
 from workbench.limit_cycles.feed_forward.plant import linear_plant
 from workbench.limit_cycles.feed_forward.remaining_cycles import Remaining, remaining, with_filter
-from workbench.limit_cycles.feed_forward.trial import TrialSettings, _shorter, run_trial
+from workbench.limit_cycles.feed_forward.trial import Trial, run_trial
 from workbench.limit_cycles.feed_forward.weighting import weighted
-from workbench.limit_cycles.feed_forward.wiring import Loops
+from workbench.limit_cycles.feedback.closed_system import ControlLaw, find_place
 from workbench.loops.opened_system import find_ports
 
 Numbers = list[float]
@@ -167,10 +165,8 @@ def test_feedback_of_the_integral_leaves_the_quotient_as_it_is() -> None:
     )  # fmt: skip
     with system(part) as model:
         ports = find_ports(model, "block")
-        plain, fed = (
-            linear_plant(model, Loops(ports=ports, target="plant.u", source=source, gain=gain), at=None, time=0.0)
-            for source, gain in ((None, 0.0), ("plant.position", -9.0))
-        )
+        place = find_place(model, "plant.position", "plant.u")
+        plain, fed = (linear_plant(place, ports, gain) for gain in (0.0, -9.0))
     f = np.geomspace(0.01, 10.0, 50)
     s = 2j * np.pi * f
     by_hand = np.linalg.eigvals(A - 9.0 * np.outer(B[:, 0], [1.0, 0.0, 0.0]))
@@ -185,7 +181,7 @@ def test_feedback_of_the_integral_leaves_the_quotient_as_it_is() -> None:
 
 def test_what_is_left_is_h_less_g_times_f() -> None:
     with system(plant(G, H, POLES)) as model:
-        found = linear_plant(model, Loops(ports=find_ports(model, "block"), target="plant.u"), at=None, time=0.0)
+        found = linear_plant(find_place(model, "plant.y", "plant.u"), find_ports(model, "block"), 0.0)
     f = np.geomspace(0.01, 10.0, 60)
     s = 2j * np.pi * f
     left = with_filter(found, LinearPart(np.array([[-2.0]]), np.array([1.0]), np.array([1.0]), 3.0))
@@ -198,7 +194,7 @@ def test_a_wrong_sign_makes_a_limit_cycle_of_known_size() -> None:
     # describing function 8A/(3π)·9 meets the critical gain 8 at A = π/3, at √3 rad/s; it is unstable: beyond it grows.
     lag = list(np.polymul([1.0, 1.0], np.polymul([1.0, 1.0], [1.0, 1.0])))
     with system(plant([0.0, 0.0, 1.0], [0.0, 0.0, 1.0], lag)) as model:
-        found = linear_plant(model, Loops(ports=find_ports(model, "block"), target="plant.u"), at=None, time=0.0)
+        found = linear_plant(find_place(model, "plant.y", "plant.u"), find_ports(model, "block"), 0.0)
         wrong = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), -8.0)
         left = remaining(model, "block", found, wrong, band=(0.01, 10.0), at=None, time=0.0)
     assert isinstance(left, Remaining)
@@ -216,15 +212,20 @@ def scalar(x0: float, *, size: float = 1.0) -> wb.DescribedModel:
     return system(plant([size], [1.0], [1.0, 1.0], x0=[x0]))
 
 
+def tried(model: wb.DescribedModel, gain: float, *, stop: float) -> Trial:
+    """A trial of a plain gain in place of the filter."""
+    plain = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), gain)
+    law = ControlLaw(gain=0.0, filter=plain, filtered="block.y")
+    place = find_place(model, "plant.y", "plant.u")
+    return run_trial(place, find_ports(model, "block"), law, name="plain gain", inputs={}, closes_at=0.0, stop=stop)
+
+
 def test_a_filter_too_strong_escapes_in_finite_time_and_says_when() -> None:
     # The crude gain is 1 = exact here; a sign that is wrong doubles the brake, twice the gain turns it:
     # dv/dt = −v + v·|v| escapes from v > 1 at ln(v/(v − 1)).
-    twice = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 2.0)
     with scalar(1.5) as model:
-        loops = Loops(ports=find_ports(model, "block"), target="plant.u")
-        run = TrialSettings(inputs={}, outputs=(), stop=10.0, closes_at=0.0)
-        trial = run_trial(model, loops, twice, run, name="twice")
-        tame = run_trial(model, loops, LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0), run, name="exact")
+        trial = tried(model, 2.0, stop=10.0)
+        tame = tried(model, 1.0, stop=10.0)
     assert trial.divergence is not None
     assert trial.divergence.kind == "finite escape"
     assert trial.divergence.escape_time == pytest.approx(math.log(3.0), rel=1e-4)
@@ -242,27 +243,9 @@ def test_a_filter_too_strong_escapes_in_finite_time_and_says_when() -> None:
 def test_the_largest_target_is_that_of_the_motion_however_small() -> None:
     """The exact gain 1 leaves dv/dt = −v from 0.5; the target is v·|v|, which begins at 0.25 and falls with −2 v²."""
     with scalar(0.5) as model:
-        loops = Loops(ports=find_ports(model, "block"), target="plant.u")
-        run = TrialSettings(inputs={}, outputs=(), stop=1.0, closes_at=0.0)
-        exact = LinearPart(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)
-        trial = run_trial(model, loops, exact, run, name="exact")
+        trial = tried(model, 1.0, stop=1.0)
     assert trial.largest_target == pytest.approx(0.25, rel=1e-3)
     assert trial.largest_target_rate == pytest.approx(0.5, rel=1e-3)
-
-
-def test_where_the_end_fails_again_nine_tenths_of_the_way_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    ends = []
-
-    def failing(_: object, *, stop: float, **__: object) -> None:
-        ends.append(stop)
-        if stop > 11.5:
-            raise SimulationError("again")
-
-    monkeypatch.setattr("workbench.limit_cycles.feed_forward.trial.simulate", failing)
-    system: Any = None
-    run = TrialSettings(inputs={}, outputs=(), stop=20.0, closes_at=2.0)
-    _shorter(system, SimulationError("fails", time=12.0), {}, ["y"], run)
-    assert ends[-1] == pytest.approx(2.0 + 0.9 * (12.0 - 2.0))
 
 
 def test_the_feedback_that_closes_late() -> None:
@@ -308,9 +291,8 @@ def test_results_are_written(tmp_path: Path) -> None:
     ("options", "words"),
     [
         ({"block": "blok"}, "did you mean block"),
-        ({"target": "plant.v"}, "'plant.v' is not a variable of a component; did you mean .*plant.u"),
-        ({"target": "plant.w"}, "plant.w is driven by block.y"),
-        ({"feedback": ("plant.z", -1.0)}, "feedback 'plant.z' is not a variable"),
+        ({"target": "plant.v"}, "has no input 'plant.v'"),
+        ({"feedback": ("plant.z", -1.0)}, "has no output 'plant.z'"),
         ({"feedback": ("plant.y", math.inf)}, "finite number"),
         ({"orders": (9, 1)}, "between 1 and 4"),
         ({"hankel": 2.0}, "between 0 and 1"),
@@ -322,7 +304,7 @@ def test_results_are_written(tmp_path: Path) -> None:
         ({"inputs": {"q": wb.Constant(1.0)}, "stop": 1.0}, "has no input 'q'"),
         ({"inputs": {}}, "stop is missing"),
         ({"inputs": {}, "stop": 1.0, "closes_at": 2.0}, "closes_at must lie between"),
-        ({"inputs": {}, "stop": 1.0, "outputs": ["plant.q"]}, "output 'plant.q'"),
+        ({"inputs": {}, "stop": 1.0, "outputs": ["plant.q"]}, "variable 'plant.q' is unknown"),
         ({"inputs": {}, "stop": 1.0, "actuator": "fmu:Aircraft"}, "5 real inputs .* must have one"),
         ({"actuator": "fmu:LimitdActuator"}, "did you mean LimitedActuator"),
     ],
@@ -409,5 +391,5 @@ def test_the_second_control_must_be_another_one() -> None:
     with two_inputs() as model:
         with pytest.raises(wb.InputError, match=r"plant\.u is the target itself"):
             design(model, second="plant.u")
-        with pytest.raises(wb.InputError, match=r"second target 'plant\.q'"):
+        with pytest.raises(wb.InputError, match=r"has no input 'plant\.q'"):
             design(model, second="plant.q")

@@ -15,8 +15,7 @@ from workbench.core.values.linear import LinearPart
 from workbench.limit_cycles.feedback.gains import CriticalGain, crossings, fixed_modes, intervals, stable_gains
 from workbench.limit_cycles.feedback.initial_motion import InitialMotion, mean_magnitude
 from workbench.limit_cycles.feedback.locus import fastest, locus
-from workbench.limit_cycles.feedback.result import GainRun, SettlingStudy
-from workbench.limit_cycles.feedback.settling import with_optimum
+from workbench.limit_cycles.feedback.settling import GainRun, SettlingStudy, with_optimum
 
 ALL = (-math.inf, math.inf)
 HZ = 2.0 * math.pi

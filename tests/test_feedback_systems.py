@@ -14,12 +14,12 @@ import pytest
 
 from scripts.reproduce.targets import read_targets
 from tests.gemseo import gemseo_fmu, needs_gemseo
+from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.limit_cycles.feedback.actuator import wrapped
 from workbench.limit_cycles.feedback.block import cut_at, find_block
 from workbench.limit_cycles.feedback.closed_system import find_place
 from workbench.limit_cycles.feedback.gains import crossings, intervals, stable_gains
-from workbench.limit_cycles.feedback.plant import linear, standing
 from workbench.limit_cycles.feedback.request import feedback
 from workbench.limit_cycles.feedback.result import FeedbackResult
 from workbench.model.described_model import DescribedModel
@@ -29,6 +29,8 @@ from workbench.system.load import load
 
 SYSTEMS = Path(__file__).resolve().parents[1] / "systems"
 POSITION, RATE, INNER = "aircraft.outer_aileron_position", "aircraft.outer_aileron_rate", "aircraft.inner_aileron"
+
+AT_START = OperatingPoint(x={}, u={})
 
 
 def within(name: str, measured: object) -> bool:
@@ -81,7 +83,7 @@ def test_no_cycle_is_left_in_the_stable_interval(position: FeedbackResult) -> No
 def test_outside_the_interval_a_cycle_stays(aircraft: DescribedModel) -> None:
     place = find_place(aircraft, POSITION, INNER)
     with ExitStack() as keep:
-        two = cut_at(place, standing(place, at=None, time=0.0), "damper", time=0.0, actuator=None, keep=keep)
+        two = cut_at(place, AT_START, "damper", time=0.0, keep=keep)
         without = two.left(0.0, band=(0.1, 6.0), amplitudes=(1e-4, 1e4))
         beyond = two.left(-1.35, band=(0.1, 10.0), amplitudes=(1e-4, 1e4))
     (steady,) = [c for c in without.cycles if c.stable]
@@ -143,8 +145,7 @@ def test_lag_of_an_actuator_narrows_the_interval(aircraft: DescribedModel, posit
     """The bundled actuator follows with 5 ms, which turns the phase at 4 Hz by 7°."""
     (wide,) = position.stable_gains
     place = find_place(aircraft, POSITION, INNER)
-    where = standing(place, at=None, time=0.0)
-    plant = linear(place, where, time=0.0, actuator=wrapped("fmu:LimitedActuator")).part().balanced()
+    plant = place.linear(AT_START, time=0.0, actuator=wrapped("fmu:LimitedActuator")).part().balanced()
     (narrow,) = stable_gains(intervals(plant, [c.gain for c in crossings(plant)]), (-math.inf, math.inf))
     assert wide[0] < narrow[0] < narrow[1] < wide[1]
 
@@ -206,7 +207,7 @@ def test_limits_of_deflection_are_respected_and_told() -> None:
 def test_van_der_pol_keeps_a_cycle_below_the_stable_gain() -> None:
     with van_der_pol() as system, ExitStack() as keep:
         place = find_place(system, "plant.y", "plant.u")
-        two = cut_at(place, standing(place, at=None, time=0.0), "block", time=0.0, actuator=None, keep=keep)
+        two = cut_at(place, AT_START, "block", time=0.0, keep=keep)
         for gain in (0.0, -0.5, -0.9):
             left = two.left(gain, band=(0.01, 10.0), amplitudes=(1e-3, 1e3))
             (cycle,) = left.cycles

@@ -82,8 +82,8 @@ from workbench.limit_cycles.feed_forward.result import FeedForwardResult as Feed
 from workbench.limit_cycles.feed_forward.trial import Trial as Trial
 from workbench.limit_cycles.feedback.request import feedback as feedback
 from workbench.limit_cycles.feedback.result import FeedbackResult as FeedbackResult
-from workbench.limit_cycles.feedback.result import SettlingStudy as SettlingStudy
 from workbench.limit_cycles.feedback.run import FeedbackRun as FeedbackRun
+from workbench.limit_cycles.feedback.settling import SettlingStudy as SettlingStudy
 from workbench.limit_cycles.limit_cycle.branch import Branch as Branch
 from workbench.limit_cycles.limit_cycle.branch import BranchPoint as BranchPoint
 from workbench.limit_cycles.limit_cycle.free_run import FreeRun as FreeRun

@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from scripts.reproduce.drawings import titled
 from scripts.reproduce.measurement import Measurement, Picture, Reproduction
 from workbench.limit_cycles.feedback.request import feedback
-from workbench.limit_cycles.feedback.result import FeedbackResult, SettlingStudy
+from workbench.limit_cycles.feedback.result import FeedbackResult
+from workbench.limit_cycles.feedback.settling import SettlingStudy
 from workbench.system.load import load
 
 __all__ = ["EXPERIMENTS"]

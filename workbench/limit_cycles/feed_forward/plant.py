@@ -11,9 +11,8 @@ from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.limit_cycles.feed_forward.weighting import Weighting, weighted
-from workbench.limit_cycles.feed_forward.wiring import COMMAND, OPENED, SECOND, Loops, opened, reopen
-from workbench.loops.opened_system import linear_between
-from workbench.model.described_model import DescribedModel
+from workbench.limit_cycles.feedback.closed_system import FeedbackPath
+from workbench.loops.opened_system import Ports
 
 __all__ = ["Plant", "linear_plant"]
 
@@ -43,48 +42,39 @@ _PER_DECADE = 300  # frequencies at which two inputs are weighed
 
 
 def linear_plant(
-    model: DescribedModel,
-    loops: Loops,
+    place: FeedbackPath,
+    ports: Ports,
+    gain: float,
     *,
-    at: OperatingPoint | None,
-    time: float,
+    at: OperatingPoint | None = None,
+    time: float = 0.0,
     band: tuple[float, float] = (0.1, 5.0),
     weighting: str = "absolute",
 ) -> Plant:
     """Linearise a system without its block and close the scalar feedback.
 
     Args:
-        model: the system; it stays open.
-        loops: block, target, feedback; the weights of a second input are found here.
+        place: from the variable that is fed back to the target; the weights of its second target are found here.
+        ports: of the block.
+        gain: of the feedback; 0: there is none.
         at: operating point; None: the start values.
         time: session time [s].
         band: frequencies at which two inputs are weighed [Hz].
         weighting: method of `weighted`.
 
     Raises:
-        InputError: the target is driven already, no effect on the block, a feedback without solution.
+        InputError: no effect on the block, a feedback without solution.
         FmuError, SimulationError: the model cannot be opened or evaluated.
     """
-    held = {} if at is None else {**at.x, **at.u}
-    with model.open_at(time=time, values=held) as session:
-        w = session.values([loops.ports.w])[loops.ports.w]
-    with reopen(model, opened(model, loops)) as rest:
-        result = linear_between(
-            rest,
-            {OPENED: w, COMMAND: None, **({SECOND: None} if loops.second is not None else {})},
-            ["seen", *(["fed_back"] if loops.source else [])],
-            x={} if at is None else at.x,
-            u={} if at is None else at.u,
-            time=time,
-        )
+    result = place.two_ports(ports, at or OperatingPoint(x={}, u={}), time=time)
     if result.dt > 0.0:
-        raise InputError(f"{model.name}: the linear part is sampled ({result.dt:g} s), but must be continuous")
-    whole = result.with_feedback(loops.gain, input=1, output=1) if loops.source and loops.gain else result
+        raise InputError(f"{place.model.name}: the linear part is sampled ({result.dt:g} s), but must be continuous")
+    whole = result.with_feedback(gain, input=1, output=1)
     G = whole.part(1, 0)
     if not np.any(G.response(np.geomspace(1e-3, 1e3, 7))):
-        raise InputError(f"{model.name}: {loops.target} has no effect on {loops.ports.v}")
+        raise InputError(f"{place.model.name}: {place.target} has no effect on {ports.v}")
     H, shared = whole.part(0, 0, sign=-1.0), None
-    if loops.second is not None:
+    if place.second is not None:
         other = whole.part(2, 0)
         low, high = band
         f = np.geomspace(low, high, max(2, round(_PER_DECADE * np.log10(high / low))))

@@ -78,7 +78,7 @@ class FeedForward(AtPoint, ModelRequest["FeedForwardResult"]):
     Source: the filter of chapter 8.6 of the source report; J.-J. Slotine, W. Li, Applied Nonlinear Control, chapter 6.
 
     Raises:
-        InputError: no system, unknown names, a target that is driven, orders or tolerances out of range.
+        InputError: no system, unknown names, orders or tolerances out of range.
         FmuError, SimulationError: the model cannot be opened or evaluated.
 
     Examples:
@@ -107,7 +107,7 @@ class FeedForward(AtPoint, ModelRequest["FeedForwardResult"]):
     _: KW_ONLY
     block: str = option("Name of the nonlinear block's component, with one input and one output.", metavar="COMPONENT")
     target: str = option(
-        "Control input that the filter drives, component.variable; nothing else may drive it.",
+        "Control input that the filter drives, component.variable, besides what drives it already.",
         flag="--to",
         metavar="NAME",
     )

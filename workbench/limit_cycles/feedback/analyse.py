@@ -10,24 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
-from workbench.core.records.quantity import quantity
 from workbench.core.values.arrays import Complex, Floats
-from workbench.core.values.conversion import named_conversion
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import natural_frequency_hz
 from workbench.errors import InputError, WorkbenchError
 from workbench.jobs.job import Job
-from workbench.limit_cycles.feedback.actuator import Actuator, limited, wrapped
+from workbench.limit_cycles.equilibrium import rest_of
+from workbench.limit_cycles.feedback.actuator import Actuator, in_unit, limited, wrapped
 from workbench.limit_cycles.feedback.block import TwoPorts, cut_at, find_block
-from workbench.limit_cycles.feedback.closed_system import SEEN, FeedbackPath, find_place
+from workbench.limit_cycles.feedback.closed_system import SEEN, ControlLaw, FeedbackPath, find_place
 from workbench.limit_cycles.feedback.gains import Interval, count_poles, crossings, fixed_modes, intervals, stable_gains
-from workbench.limit_cycles.feedback.initial_motion import InitialMotion, from_cycle, from_signals
+from workbench.limit_cycles.feedback.initial_motion import InitialMotion, initial_motion
 from workbench.limit_cycles.feedback.locus import fastest
-from workbench.limit_cycles.feedback.plant import Standing, linear, standing
 from workbench.limit_cycles.feedback.request import Feedback, Range
-from workbench.limit_cycles.feedback.result import FeedbackResult, SettlingStudy, interval_words
-from workbench.limit_cycles.feedback.run import FeedbackRun, feedback_run
+from workbench.limit_cycles.feedback.result import FeedbackResult, interval_words
+from workbench.limit_cycles.feedback.run import feedback_run
 from workbench.limit_cycles.feedback.settling import settling_study
 from workbench.loops.nyquist.grid import adaptive_grid
 from workbench.loops.nyquist.nyquist import AMPLITUDES, BAND
@@ -48,24 +46,23 @@ def run(system: DescribedModel, request: Feedback, job: Job) -> FeedbackResult:
     time = system.start_time if request.time is None else request.time
     with one_thread(), ExitStack() as keep:
         place = find_place(system, request.source, request.target)
-        watched = place.outer(place.inner(request.watch)) if request.watch is not None else None
-        where = standing(place, at=system.at, time=time)
+        watched = None if request.watch is None else place.outer(place.inner(request.watch))
+        point, notes = system.at or OperatingPoint(x={}, u={}, time=time), list[str]()
+        if system.at is None and system.interface == "me":
+            point, notes = rest_of(system, time=time, what="the gains are looked for at")
         between = _actuator(system, request)
-        solution = linear(place, where, time=time, actuator=between, method=request.method)
-        seen = solution.operating_point.y.get(SEEN, 0.0)
-        work = _FeedbackAnalysis(place, where, seen, between, time, request, keep)
-        result = work.linear_result(solution)
+        solution = place.linear(point, time=time, actuator=between, method=request.method)
+        work = _FeedbackAnalysis(place, point, solution.operating_point.y.get(SEEN, 0.0), between, time, request, keep)
+        result = work.linear_result(solution, notes)
         job.partial = lambda: result  # what is known, should a run of the study fail or somebody end it
         chosen = work.study_gains(result) if request.settle else ()
         two, why = work.two_ports()
         result = work.with_cycles(result, two, why)
-        notes = _told(system, where.point, time)
-        result = replace(result, notes=(*remarks, *result.notes), operating_point=notes)
+        told = _told(system, point, time)
+        result = replace(result, notes=(*remarks, *result.notes), operating_point=told)
         if request.settle or request.gain is not None:
             first = watched or (two.loop.ports.v if two is not None else place.outer(place.source))
-            start = work.start(two, first)
-            result = work.with_run(result, start, first)
-            result = work.with_study(result, start, chosen, first, job)
+            result = work.with_runs(result, work.start(two, first), chosen, first, job)
     return result
 
 
@@ -82,22 +79,9 @@ def _actuator(system: DescribedModel, request: Feedback) -> Actuator | None:
         return wrapped(request.actuator)
     unit = next((v.unit for v in system.description.variables if v.name == request.target), None)
     return limited(
-        _size("limit", request.limit, request.target, unit, per=""),
-        _size("rate_limit", request.rate_limit, request.target, unit, per="/s"),
+        in_unit("limit", request.limit, request.target, unit),
+        in_unit("rate_limit", request.rate_limit, request.target, unit, per="/s"),
     )
-
-
-def _size(option: str, size: float | str | None, target: str, own: str | None, *, per: str) -> float | None:
-    """Return a limit in the target's unit; a number alone is in that unit."""
-    if size is None:
-        return None
-    value, unit = quantity(size)
-    if not unit:
-        return value
-    factor = named_conversion(unit, f"{own}{per}") if own else None
-    if factor is None:
-        raise InputError(f"{option}: '{unit}' cannot be converted to {own or 'no unit'}{per}, that of {target}")
-    return factor[0] * value
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +89,14 @@ class _FeedbackAnalysis:
     """One analysis under way."""
 
     place: FeedbackPath
-    where: Standing
+    point: OperatingPoint
     y0: float
     actuator: Actuator | None
     time: float
     asked: Feedback
     keep: ExitStack
 
-    def linear_result(self, result: LinResult) -> FeedbackResult:
+    def linear_result(self, result: LinResult, notes: Sequence[str]) -> FeedbackResult:
         plant = result.part().balanced()
         every = crossings(plant)
         parts = intervals(plant, [c.gain for c in every])
@@ -139,7 +123,7 @@ class _FeedbackAnalysis:
             fastest=tuple(fastest(plant, *_finite(pair)) for pair in stable),
             frequency_hz=frequency,
             response=response,
-            notes=tuple(dict.fromkeys([*self.where.notes, *_notes(plant, result, self.actuator), *_doubts(parts)])),
+            notes=tuple(dict.fromkeys([*notes, *_notes(plant, result, self.actuator), *_doubts(parts)])),
         )
 
     def two_ports(self) -> tuple[TwoPorts | None, str]:
@@ -149,7 +133,7 @@ class _FeedbackAnalysis:
         if name is None:
             return None, why
         try:
-            return cut_at(self.place, self.where, name, time=self.time, actuator=self.actuator, keep=self.keep), ""
+            return cut_at(self.place, self.point, name, time=self.time, actuator=self.actuator, keep=self.keep), ""
         except WorkbenchError as error:
             if block is not None:
                 raise
@@ -182,49 +166,47 @@ class _FeedbackAnalysis:
         return _spread(_finite(nearest), self.asked.count)
 
     def start(self, two: TwoPorts | None, watch: str) -> InitialMotion:
-        centre = self._centre(watch)
-        if self.asked.start_after is not None:
-            return from_signals(
-                self.place, self.where, watch, centre=centre,
-                signals=forced_inputs(self.place.model, self.asked.signals or {}, what="signals"), time=self.time,
-                start_after=self.asked.start_after,
-            )  # fmt: skip
-        if two is None:
-            raise InputError(
-                f"{self.place.model.name}: no nonlinear block is known, so no limit cycle is predicted; name it "
-                "(block), or excite a motion (pulse, start_after)"
-            )
-        return from_cycle(self.place, self.where, two, watch, centre=centre, time=self.time)
+        return initial_motion(
+            self.place, self.point, watch, centre=self._centre(watch), time=self.time, two=two,
+            signals=forced_inputs(self.place.model, self.asked.signals or {}, what="signals"),
+            start_after=self.asked.start_after,
+        )  # fmt: skip
 
     def _centre(self, watch: str) -> float:
         """Return the value of a variable at rest."""
         if watch == self.place.outer(self.place.source):
             return self.y0
-        point = self.where.point
+        point = self.point
         known = {**point.y, **point.x}
         if watch in known:
             return known[watch]
         with self.place.model.open_at(time=self.time, values={**point.x, **point.discrete, **point.u}) as session:
             return session.values([watch])[watch]
 
-    def with_study(
+    def with_runs(
         self, result: FeedbackResult, start: InitialMotion, gains: Sequence[float], watch: str, job: Job
     ) -> FeedbackResult:
+        """Return the result with the one simulation and the settling study that are wanted."""
+        request, law = self.asked, ControlLaw(gain=self.asked.gain or 0.0, y0=self.y0, actuator=self.actuator)
+        if request.gain is not None:
+            run = feedback_run(
+                self.place, start, law, watch, begin=self.time, outputs=request.outputs, stop=request.stop
+            )
+            result = replace(result, run=run)
         if not gains:
             return result
         study = settling_study(
-            self.place, start, gains, watch, y0=self.y0, actuator=self.actuator, asked=self.asked, job=job
+            self.place,
+            start,
+            [replace(law, gain=g) for g in gains],
+            watch,
+            threshold=request.threshold,
+            order=request.order,
+            longest=request.longest,
+            where=request.place.apart,
+            job=job,
         )
-        return _noted(replace(result, settling=study), *_study_notes(study))
-
-    def with_run(self, result: FeedbackResult, start: InitialMotion, watch: str) -> FeedbackResult:
-        if self.asked.gain is None:
-            return result
-        run: FeedbackRun = feedback_run(
-            self.place, start, self.asked.gain, begin=self.time, watch=watch, y0=self.y0, actuator=self.actuator,
-            outputs=self.asked.outputs, stop=self.asked.stop,
-        )  # fmt: skip
-        return replace(result, run=run)
+        return _noted(replace(result, settling=study), *study.remarks())
 
 
 def _noted(result: FeedbackResult, *notes: str) -> FeedbackResult:
@@ -272,25 +254,6 @@ def _doubts(parts: Sequence[Interval]) -> list[str]:
         for i in parts
         if not i.certain
     ]
-
-
-def _study_notes(study: SettlingStudy) -> list[str]:
-    notes, below = [], f"{100.0 * study.threshold:g} %"
-    if study.optimum_at_end:
-        notes.append(
-            f"settling to {below}: the polynomial still falls at the end of the measured gains, so the optimum is that "
-            f"end, {study.optimum:.4g}"
-        )
-    if unsettled := len(study.runs) - len(study.settled):
-        notes.append(f"{unsettled} of {len(study.runs)} gains did not settle to {below}")
-    hit = [r.gain for r in study.runs if r.deflection_limited]
-    if hit:
-        notes.append(f"the deflection reached its limit with gains {', '.join(f'{g:.4g}' for g in hit)}")
-    slow = [r for r in study.runs if r.rate_limited]
-    if slow:
-        longest = max(r.rate_limited or 0.0 for r in slow)
-        notes.append(f"the rate reached its limit with {len(slow)} gains, for at most {longest:.3g} s")
-    return notes
 
 
 # -- G(jω) over frequencies dense enough for a picture ---------------------------------------------

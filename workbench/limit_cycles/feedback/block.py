@@ -10,23 +10,21 @@ from typing import Any
 from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
+from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
 from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.closed_system import FeedbackPath
-from workbench.limit_cycles.feedback.plant import Standing, linear
 from workbench.limit_cycles.limit_cycle.cut import SplitLoop, cut
 from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.nyquist.nyquist import nyquist
 from workbench.loops.nyquist.result import Crossing, NyquistResult
-from workbench.loops.opened_system import find_ports, without_block
+from workbench.loops.opened_system import find_ports
 from workbench.model.described_model import DescribedModel
 from workbench.point.lin.result import LinResult
 from workbench.system.description import BlockComponent, Component, FmuComponent, FunctionComponent
 from workbench.system.model import SystemModel
 
-__all__ = ["CyclesLeft", "TwoPorts", "cut_at", "find_block"]
-
-_INJECTED, _RETURNED = "feedback.block_output", "feedback.block_input"
+__all__ = ["CyclesLeft", "TwoPorts", "cut_at", "cycles_in", "find_block"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,12 +68,13 @@ class CyclesLeft(RecordPart):
         return {"words": self.words}
 
 
-class _Remembering(DescribedBlock):
-    """A block whose N(A) is evaluated once for each amplitude, for many gains.
+def cycles_in(result: NyquistResult) -> tuple[Crossing, ...]:
+    """Return the crossings to which an amplitude belongs."""
+    return tuple(c for c in result.crossings if c.amplitude is not None)
 
-    Args:
-        block: static, or with a memory that it runs through by itself.
-    """
+
+class _Remembering(DescribedBlock):
+    """A block whose N(A) is evaluated once for each amplitude, for many gains."""
 
     def __init__(self, block: DescribedBlock) -> None:
         self.name, self.real, self.frequency_dependent = block.name, block.real, block.frequency_dependent
@@ -120,12 +119,6 @@ class TwoPorts:
         """
         return self.lin.with_feedback(gain, input=1, output=1).part(sign=1.0 if self.loop.turned else -1.0)
 
-    def loop_cycles(self) -> tuple[Crossing, ...]:
-        """Return the limit cycles without feedback, by the describing function; none where the block has a memory."""
-        if self.block is None:
-            return ()
-        return tuple(c for c in nyquist(self.part(0.0), self.block).crossings if c.amplitude is not None)
-
     def left(self, gain: float, *, band: tuple[float, float], amplitudes: tuple[float, float]) -> CyclesLeft:
         """Return the limit cycles that remain with u = g·y.
 
@@ -141,14 +134,8 @@ class TwoPorts:
             raise InputError(f"{self.loop.ports.component} has a memory of its own; its cycles are not predicted here")
         part = self.part(gain)
         result = nyquist(part, self.block, band=band, amplitudes=amplitudes, name=f"gain {gain:.4g}")
-        small, large = (self.block.gain(a) for a in amplitudes)
-        return CyclesLeft(
-            gain=gain,
-            cycles=tuple(c for c in result.crossings if c.amplitude is not None),
-            unstable_small=part.unstable(small),
-            unstable_large=part.unstable(large),
-            curve=result,
-        )
+        small, large = (part.unstable(self.block.gain(a)) for a in amplitudes)
+        return CyclesLeft(gain=gain, cycles=cycles_in(result), unstable_small=small, unstable_large=large, curve=result)
 
 
 def find_block(model: DescribedModel) -> tuple[str | None, str]:
@@ -162,9 +149,9 @@ def find_block(model: DescribedModel) -> tuple[str | None, str]:
     """
     if not isinstance(model, SystemModel):
         return None, "the system has no model exchange parts, so there is no block that could make limit cycles"
-    connected = [c for c in model.system.components if _connected(model, c)]
-    result = [c.name for c in connected if not _has_states(model, c)]
-    result = result or [c.name for c in connected if _is_static(model, c)]
+    connected = [c.name for c in model.system.components if _connected(model, c)]
+    result = [n for n in connected if not any(v.name.startswith(f"{n}.") for v in model.states)]
+    result = result or [n for n in connected if _is_static(model, n)]
     if len(result) == 1:
         return result[0], ""
     if not result:
@@ -183,31 +170,33 @@ def _connected(model: SystemModel, component: Component) -> bool:
     return True
 
 
-def _has_states(model: SystemModel, component: Component) -> bool:
-    return any(v.name.startswith(f"{component.name}.") for v in model.states)
-
-
-def _is_static(model: SystemModel, component: Component) -> bool:
-    """Whether the states of a component lead nowhere."""
+def _is_static(model: SystemModel, name: str) -> bool:
+    """Whether the states of a component lead nowhere, as the one that OpenModelica adds."""
     with ExitStack() as keep:
         try:
-            return cut(model, component.name, at=None, time=0.0, keep=keep).block is not None
+            return cut(model, name, at=None, time=0.0, keep=keep).block is not None
         except WorkbenchError:
             return False
 
 
 def cut_at(
-    place: FeedbackPath, where: Standing, component: str, *, time: float, actuator: Actuator | None, keep: ExitStack
+    place: FeedbackPath,
+    point: OperatingPoint,
+    component: str,
+    *,
+    time: float,
+    keep: ExitStack,
+    actuator: Actuator | None = None,
 ) -> TwoPorts:
     """Return a system opened at its block and at the feedback.
 
     Args:
         place: of the feedback.
-        where: operating point.
+        point: where it is linearised.
         component: the block.
         time: session time [s].
-        actuator: before the target.
         keep: closes the models that the block needs for its evaluation.
+        actuator: before the target.
 
     Raises:
         InputError: unknown component, or not one input and one output of it connected.
@@ -218,16 +207,5 @@ def cut_at(
                 f"{place.model.name}: block {component} contains the feedback's {role} {name}; name another"
             )
     ports = find_ports(place.model, component)
-    loop = cut(place.model, component, at=where.point, time=time, keep=keep)
-    with place.model.open_at(time=time, values={**where.point.x, **where.point.u}) as session:
-        resting = session.values([ports.w])[ports.w]
-    opened = without_block(place.model, place.system, ports, _INJECTED, {_RETURNED: ports.v})
-    result = linear(
-        place,
-        where,
-        time=time,
-        actuator=actuator,
-        system=opened,
-        more=({_INJECTED: resting}, (_RETURNED,)),
-    )
-    return TwoPorts(result, loop)
+    loop = cut(place.model, component, at=point, time=time, keep=keep)
+    return TwoPorts(place.two_ports(ports, point, time=time, actuator=actuator), loop)

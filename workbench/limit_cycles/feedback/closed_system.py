@@ -1,4 +1,4 @@
-"""Where a feedback is taken and where it acts, and the system described with it."""
+"""Where a feedback or a filter takes and acts, the system described with it, and its linear model."""
 
 from __future__ import annotations
 
@@ -7,42 +7,61 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from workbench.core.records.names_in_text import check_names
+from workbench.core.values.linear import LinearPart
+from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, article, suggest
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.limit_cycles.feedback.actuator import Actuator
-from workbench.loops.opened_system import free_name
+from workbench.loops.opened_system import Ports, free_name, linear_between, without_block
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
 from workbench.model.load import FmuModel
+from workbench.point.lin.result import LinResult
 from workbench.system.components import open_parts
 from workbench.system.connection_units import declared_unit
-from workbench.system.description import Connection, FmuComponent, GainComponent, SumComponent, SystemDescription
+from workbench.system.description import (
+    Component,
+    Connection,
+    FmuComponent,
+    GainComponent,
+    LinearComponent,
+    SumComponent,
+    SystemDescription,
+)
 from workbench.system.openable import OpenableSystem
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["DRIVE", "SEEN", "FeedbackPath", "FeedbackSpec", "find_place"]
+__all__ = ["SEEN", "ControlLaw", "FeedbackPath", "find_place"]
 
-DRIVE = "feedback.drive"  # input of the opened system
-SEEN = "feedback.seen"  # its output
-_OTHER = "feedback.other"  # input that drives the target besides
-LAW = "feedback"  # the component that holds the gain, where its name is free
+SEEN = "feedback.seen"  # output of the opened system
+_INJECTED, _RETURNED = "feedback.block_output", "feedback.block_input"
+_DRIVE = "feedback.drive"  # its input; of a second target with a 2 behind
+_PARTS = ("feedback", "feedforward", "command", "share")
 _PLANT = "model"  # the component's name where the model is one FMU
 
 
-@dataclass(frozen=True, eq=False)
-class FeedbackSpec:
-    """A feedback that is to be inserted.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ControlLaw:
+    """What is to be inserted.
 
     Attributes:
-        gain: g.
+        gain: g of the feedback.
         y0: of the source at the operating point; what is fed back is the deviation from it.
-        actuator: between gain and target; None: none.
+        filter: its output is added to the feedback; None: there is none.
+        filtered: full name of the variable that the filter takes.
+        shares: of the filter's output that go to the target and to the second one.
+        actuator: in front of the target; None: none.
         closes_at: [s]; None: closed always.
     """
 
     gain: float
     y0: float = 0.0
+    filter: LinearPart | None = None
+    filtered: str = ""
+    shares: tuple[float, float] = (1.0, 0.0)
     actuator: Actuator | None = None
     closes_at: float | None = None
 
@@ -59,6 +78,7 @@ class FeedbackPath:
         source_unit, target_unit: None where none is declared.
         shown: what the user calls source and target.
         u0: of the target where nothing else drives it.
+        second: from the same variable to a second input, which shares a filter; None: there is none.
     """
 
     model: DescribedModel
@@ -69,11 +89,7 @@ class FeedbackPath:
     target_unit: str | None
     shown: tuple[str, str]
     u0: float = 0.0
-
-    @property
-    def system(self) -> SystemDescription:
-        """As it is written down, without the feedback."""
-        return self.recipe.system
+    second: FeedbackPath | None = None
 
     def inner(self, name: str) -> str:
         """Return the full name in the system of a variable that the user names.
@@ -96,9 +112,7 @@ class FeedbackPath:
         Args:
             name: in the model.
         """
-        if isinstance(self.model.recipe, SystemRecipe):
-            return name
-        return f"{_PLANT}.{name}"
+        return name if isinstance(self.model.recipe, SystemRecipe) else f"{_PLANT}.{name}"
 
     def outer(self, name: str) -> str:
         """Return the name in the model of a variable of the system.
@@ -109,17 +123,21 @@ class FeedbackPath:
         return name if isinstance(self.model.recipe, SystemRecipe) else name.removeprefix(f"{_PLANT}.")
 
     def inputs(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return values by the names that inputs of the model have in the systems with feedback.
+        """Return values by the names that inputs of the model have in the systems with a control.
 
         A system's input may have the name of the target, which is then driven by a sum.
 
         Args:
             values: by input of the model.
         """
-        return {self._input(n): v for n, v in values.items()}
+        named = {self._beside(n): v for n, v in values.items()}
+        return named if self.second is None else self.second.inputs(named)
+
+    def _beside(self, name: str) -> str:
+        return f"{name}.other" if name == self.target else name
 
     def start_values(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return states and inputs of the model by the names that they have in the systems with feedback.
+        """Return states and inputs of the model by the names that they have in the systems with a control.
 
         Args:
             values: by the model's names.
@@ -130,102 +148,175 @@ class FeedbackPath:
             **self.inputs({n: v for n, v in values.items() if n in inputs}),
         }
 
-    def _input(self, name: str) -> str:
-        return _OTHER if name == self.target else name
-
-    def opened(self, system: SystemDescription | None = None) -> DescribedModel:
-        """Open the system; the caller closes it before `model`.
+    def opened(self, system: SystemDescription, at: OperatingPoint | None = None) -> DescribedModel:
+        """Open a system with a control; the caller closes it before `model`.
 
         Args:
-            system: a changed one; None: as it is.
+            system: from `driven` or `closed`.
+            at: where its sessions start, by the model's names; None: at its own start.
         """
-        return replace(self.recipe, bias=self.inputs(self.recipe.bias)).changed(system or self.system).open()
+        recipe = replace(self.recipe, bias=self.inputs(self.recipe.bias)).changed(system)
+        point = at and OperatingPoint(x=at.x, u=self.inputs(at.u), discrete=at.discrete)
+        return replace(recipe, at=point).open()
 
-    def driven(self, system: SystemDescription | None = None, *, actuator: Actuator | None = None) -> SystemDescription:
-        """Return the system with the target also driven by an input `DRIVE`, and the source shown as `SEEN`.
+    def driven(self, system: SystemDescription, drive: str, actuator: Actuator | None = None) -> SystemDescription:
+        """Return a system with the target also driven by a new input, and the source shown as `SEEN`.
 
         Args:
-            system: in place of the one that is written down.
+            system: without a control.
+            drive: name of that input.
             actuator: between that input and the target.
         """
-        base = system or self.system
-        name = free_name("feedback_drive", base.components)
+        name = free_name(drive.replace(".", "_"), system.components)
         base = replace(
-            base,
-            components=(*base.components, GainComponent(name=name)),
-            inputs={**base.inputs, DRIVE: (f"{name}.u",)},
-            outputs={**base.outputs, SEEN: self.source},
+            system,
+            components=(*system.components, GainComponent(name=name)),
+            inputs={**system.inputs, drive: (f"{name}.u",)},
+            outputs={**system.outputs, SEEN: self.source},
         )
         return self._acting(base, f"{name}.y", actuator)
 
-    def closed(self, wish: FeedbackSpec) -> SystemDescription:
-        """Return the system with the feedback in it.
+    def closed(self, law: ControlLaw) -> tuple[SystemDescription, str]:
+        """Return the system with a control in it, and the full name of what it hands to the target.
+
+        The components put in are `feedback`, `feedforward`, their sum `command`, the actuator, and `share` in front of
+        a second target, each with a number behind it where its name is taken.
 
         Args:
-            wish: the feedback.
+            law: the control.
         """
-        base = self.system
-        name = free_name(LAW, base.components)
-        law = GainComponent(name=name, gain=wish.gain)
-        lead = Connection(
-            source=self.source, destination=f"{name}.u", offset=-wish.y0, convert=False, closes_at=wish.closes_at
-        )
-        base = replace(base, components=(*base.components, law), connections=(*base.connections, lead))
-        return self._acting(base, f"{name}.y", wish.actuator)
-
-    def command(self, wish: FeedbackSpec) -> tuple[str, str, float]:
-        """Return the names of what the gain commands and of what is handed to the target, and the scale of the latter.
-
-        Args:
-            wish: the feedback.
-        """
-        command = f"{free_name(LAW, self.system.components)}.y"
-        if wish.actuator is None:
-            return command, command, 1.0
-        name = free_name(wish.actuator.component.name, self.system.components)
-        return command, f"{name}.{wish.actuator.output}", wish.actuator.scale
+        base = self.recipe.system
+        gain, filter_, both, share = (free_name(n, base.components) for n in _PARTS)
+        handed = f"{gain}.y"
+        made: list[Component] = [GainComponent(name=gain, gain=law.gain)]
+        ways = [_wire(self.source, f"{gain}.u", offset=-law.y0, closes_at=law.closes_at)]
+        if law.filter is not None:
+            made += [_component(filter_, law.filter), SumComponent(name=both, signs=(1.0, law.shares[0]))]
+            ways.append(_wire(law.filtered, f"{filter_}.u", closes_at=law.closes_at))
+            ways += [_wire(handed, f"{both}.u1"), _wire(f"{filter_}.y", f"{both}.u2")]
+            handed = f"{both}.y"
+        base = replace(base, components=(*base.components, *made), connections=(*base.connections, *ways))
+        if law.filter is not None and self.second is not None:
+            base = replace(base, components=(*base.components, GainComponent(name=share, gain=law.shares[1])))
+            base = replace(base, connections=(*base.connections, _wire(f"{filter_}.y", f"{share}.u")))
+            base = self.second._acting(base, f"{share}.y", None)  # noqa: SLF001 - of its own kind
+        result = self._acting(base, handed, law.actuator)
+        if law.actuator is not None:
+            handed = f"{free_name(law.actuator.component.name, base.components)}.{law.actuator.output}"
+        return result, handed
 
     def _acting(self, base: SystemDescription, source: str, actuator: Actuator | None) -> SystemDescription:
         """Return the system with the target driven by a source, through an actuator if there is one."""
         if actuator is None:
             return self._joined(base, source, 1.0)
-        part = replace(actuator.component, name=free_name(actuator.component.name, self.system.components))
-        into = Connection(
-            source=source, destination=f"{part.name}.{actuator.input}", gain=1.0 / actuator.scale, convert=False
-        )
+        part = replace(actuator.component, name=free_name(actuator.component.name, base.components))
+        into = _wire(source, f"{part.name}.{actuator.input}", gain=1.0 / actuator.scale)
         base = replace(base, components=(*base.components, part), connections=(*base.connections, into))
         return self._joined(base, f"{part.name}.{actuator.output}", actuator.scale)
 
     def _joined(self, base: SystemDescription, source: str, scale: float) -> SystemDescription:
         """Return the system with the target driven by a source, added to what drives it already."""
-        wire = Connection(source=source, destination=self.target, gain=scale, convert=False)
         before = next((c for c in base.connections if c.destination == self.target), None)
         forced = next((n for n, ends in base.inputs.items() if self.target in ends), None)
         if before is None and forced is None:
-            return replace(base, connections=(*base.connections, replace(wire, offset=self.u0)))
+            return replace(
+                base, connections=(*base.connections, _wire(source, self.target, gain=scale, offset=self.u0))
+            )
         name = free_name("feedback_sum", base.components)
-        both = SumComponent(name=name, unit=self.target_unit)
-        ways: list[Connection] = [c for c in base.connections if c is not before]
+        ways = [c for c in base.connections if c is not before]
         inputs = dict(base.inputs)
         if before is not None:
             ways.append(replace(before, destination=f"{name}.u1"))
         elif forced is not None:
             ends = tuple(f"{name}.u1" if e == self.target else e for e in inputs.pop(forced))
-            inputs[self._input(forced)] = ends
+            inputs[self._beside(forced)] = ends
         ways += [
-            replace(wire, destination=f"{name}.u2"),
+            _wire(source, f"{name}.u2", gain=scale),
             Connection(source=f"{name}.y", destination=self.target),
         ]
+        both = SumComponent(name=name, unit=self.target_unit)
         return replace(base, components=(*base.components, both), connections=tuple(ways), inputs=inputs)
 
+    # -- linear models -----------------------------------------------------------------------------
 
-def find_place(model: Model, source: str, target: str) -> FeedbackPath:
-    """Return where a feedback leaves and enters a model.
+    def linear(
+        self, point: OperatingPoint, *, time: float, actuator: Actuator | None = None, method: str = "auto"
+    ) -> LinResult:
+        """Linearise from the target to the source, `SEEN`.
+
+        Args:
+            point: by the model's names; what it leaves out is as it starts.
+            time: session time [s].
+            actuator: before the target.
+            method: of `lin`.
+
+        Raises:
+            InputError: `lin` refuses.
+            FmuError, SimulationError: a part cannot be opened or evaluated.
+        """
+        driven = self.driven(self.recipe.system, _DRIVE, actuator)
+        return self._linearised(driven, {_DRIVE: 0.0}, (SEEN,), point, time, method)
+
+    def two_ports(
+        self, ports: Ports, point: OperatingPoint, *, time: float, actuator: Actuator | None = None
+    ) -> LinResult:
+        """Linearise from a block's output, the target and the second target to the block's input and the source.
+
+        Args:
+            ports: of the block, which is taken out.
+            point: by the model's names; what it leaves out is as it starts.
+            time: session time [s].
+            actuator: before the target.
+
+        Raises:
+            InputError, FmuError, SimulationError: see `linear`.
+        """
+        with self.model.open_at(time=time, values={**point.x, **point.u}) as session:
+            inputs = {_INJECTED: session.values([ports.w])[ports.w], _DRIVE: 0.0}
+        opened = without_block(self.model, self.recipe.system, ports, _INJECTED, {_RETURNED: ports.v})
+        opened = self.driven(opened, _DRIVE, actuator)
+        if self.second is not None:
+            opened, inputs = self.second.driven(opened, f"{_DRIVE}2"), {**inputs, f"{_DRIVE}2": 0.0}
+        return self._linearised(opened, inputs, (_RETURNED, SEEN), point, time)
+
+    def _linearised(  # noqa: PLR0917 - what is opened, and where
+        self,
+        system: SystemDescription,
+        inputs: Mapping[str, float],
+        outputs: tuple[str, ...],
+        point: OperatingPoint,
+        time: float,
+        method: str = "auto",
+    ) -> LinResult:
+        x = {self.full(n): v for n, v in {**point.x, **point.discrete}.items()}
+        with self.opened(system) as opened:
+            return linear_between(opened, inputs, outputs, x=x, u=self.inputs(point.u), time=time, method=method)
+
+
+def _wire(
+    source: str, destination: str, *, gain: float = 1.0, offset: float = 0.0, closes_at: float | None = None
+) -> Connection:
+    return Connection(
+        source=source, destination=destination, gain=gain, offset=offset, convert=False, closes_at=closes_at
+    )
+
+
+def _component(name: str, part: LinearPart) -> LinearComponent:
+    n = len(part.A)
+    return LinearComponent(
+        name=name, A=part.A, B=part.B, C=part.C, D=part.D, dt=0.0, input_names=("u",), output_names=("y",),
+        state_names=tuple(f"x{k + 1}" for k in range(n)), x0=np.zeros(n),
+    )  # fmt: skip
+
+
+def find_place(model: Model, source: str, target: str, second: str | None = None) -> FeedbackPath:
+    """Return where a control leaves and enters a model.
 
     Args:
         model: a system or one FMU.
         source: an output, "component.variable" or a name of the system's outputs; of one FMU its plain name.
         target: an input of a component or of the system, likewise.
+        second: another such input; None: there is none.
 
     Raises:
         InputError: unknown names, an input as source, an output as target, no real numbers.
@@ -233,63 +324,51 @@ def find_place(model: Model, source: str, target: str) -> FeedbackPath:
     if not isinstance(model, DescribedModel):
         raise InputError(f"{model.name}: feedback needs a system or an FMU as wb.load or wb.connect give them")
     recipe = _as_system(model)
-    single = not isinstance(model.recipe, SystemRecipe)
     table = _variables(recipe)
-    taken = _found(model, table, recipe.system, source, role="source", single=single)
-    acted = _found(model, table, recipe.system, target, role="target", single=single)
-    units = tuple(table[n].unit or None for n in (taken, acted))
-    return FeedbackPath(model, recipe, taken, acted, units[0], units[1], (source, target), _undriven(model, target))
+    taken, acted = (_found(model, table, recipe.system, n, r) for n, r in ((source, "source"), (target, "target")))
+    with model.open_session() as session:
+        u0 = session.values([target])[target]
+    other = None if second is None else find_place(model, source, second)
+    units = [table[n].unit or None for n in (taken, acted)]
+    return FeedbackPath(model, recipe, taken, acted, units[0], units[1], (source, target), u0, other)
 
 
 def _variables(recipe: SystemRecipe) -> dict[str, Variable]:
     """Return all variables of the components by full name, with the causality that they have in their component."""
     with ExitStack() as undo:
         parts = open_parts(recipe.system.components, undo, recipe.parts, interface=recipe.interface)
-        result = {f"{p.name}.{v.name}": (p, v) for p in parts for v in p.description.variables}
-        return {n: v._replace(unit=declared_unit(p.component, v)) for n, (p, v) in result.items()}
-
-
-def _undriven(model: DescribedModel, target: str) -> float:
-    with model.open_session() as session:
-        return session.values([target])[target]
+        return {
+            f"{p.name}.{v.name}": v._replace(unit=declared_unit(p.component, v))
+            for p in parts
+            for v in p.description.variables
+        }
 
 
 def _found(
-    model: Model,
-    table: Mapping[str, Variable],
-    system: SystemDescription,
-    name: str,
-    *,
-    role: str,
-    single: bool,
+    model: DescribedModel, table: Mapping[str, Variable], system: SystemDescription, name: str, role: str
 ) -> str:
     """Return the full name of a component's output (as source) or input (as target) that the user names."""
     wanted = "output" if role == "source" else "input"
+    single = not isinstance(model.recipe, SystemRecipe)
     own = {n: (v,) for n, v in system.outputs.items()} if role == "source" else dict(system.inputs)
     if single:
-        own = {v.name.removeprefix(f"{_PLANT}."): (n,) for n, v in _named(table).items()}
+        own = {n.removeprefix(f"{_PLANT}."): (n,) for n in table}
     full = own.get(name, (name,))
     if len(full) != 1:
         raise InputError(
             f"{model.name}: {name} drives several inputs ({', '.join(full)}); name one of them, or let a gain of 1 "
             "drive them and name its input"
         )
-    usable = [n for n, v in table.items() if v.causality == wanted and v.type in FLOAT_TYPES]
-    known = [n.removeprefix(f"{_PLANT}.") for n in usable] if single else [*own, *usable]
-    if full[0] in table and table[full[0]].type not in FLOAT_TYPES:
-        raise InputError(f"{role}: '{name}' of {model.name} is {article(table[full[0]].type)}, not a real number")
-    if full[0] not in usable:
-        others = {name: _kind(table[full[0]])} if full[0] in table else {}
+    result = table.get(full[0])
+    if result is not None and result.type not in FLOAT_TYPES:
+        raise InputError(f"{role}: '{name}' of {model.name} is {article(result.type)}, not a real number")
+    if result is None or result.causality != wanted:
+        usable = [n for n, v in table.items() if v.causality == wanted and v.type in FLOAT_TYPES]
+        known = [n.removeprefix(f"{_PLANT}.") for n in usable] if single else [*own, *usable]
+        shown = result is not None and result.causality in {"input", "output", "parameter"}
+        others = {} if result is None else {name: result.causality if shown else "local variable"}
         check_names([name], known, kinds=(wanted,), what=role, model=model.name, others=others)
     return full[0]
-
-
-def _named(table: Mapping[str, Variable]) -> dict[str, Variable]:
-    return {n: v._replace(name=n) for n, v in table.items()}
-
-
-def _kind(variable: Variable) -> str:
-    return variable.causality if variable.causality in ("input", "output", "parameter") else "local variable"
 
 
 def _as_system(model: DescribedModel) -> SystemRecipe:

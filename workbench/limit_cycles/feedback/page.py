@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from itertools import groupby
 
-from workbench.limit_cycles.feedback.result import CONVENTION, FeedbackResult, GainRun, SettlingStudy, interval_words
+from workbench.limit_cycles.feedback.result import CONVENTION, FeedbackResult, interval_words
 from workbench.limit_cycles.feedback.run import HANDED, FeedbackRun
+from workbench.limit_cycles.feedback.settling import GainRun, SettlingStudy
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, number
 from workbench.show.verdicts import Verdict

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from workbench.core.values.poles import continuous, damped_frequency_hz
 from workbench.limit_cycles.feedback.picture_nyquist import draw_curve
-from workbench.limit_cycles.feedback.picture_settling import draw_settling
+from workbench.limit_cycles.feedback.picture_runs import draw_settling
 from workbench.show.figure import ABOVE, COLOURS, UNSTABLE, panels, written
 from workbench.show.labels import name_lines, name_points
 

@@ -183,7 +183,7 @@ class Feedback(AtPoint, InParts, ModelRequest["FeedbackResult"]):
         default=None,
     )
     stop: float | None = option(
-        "Time at which the simulation ends; by default 160 cycles after closing.",
+        "Time at which the simulation ends; by default 250 cycles after closing.",
         unit="s",
         metavar="T",
         group=_RUN,

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workbench.core.records.record import RecordPart, complex_of, entry
+from workbench.core.records.record import complex_of, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import damped_frequency_hz
 from workbench.errors import InputError, suggest
-from workbench.limit_cycles.feedback.actuator import Actuator
 from workbench.limit_cycles.feedback.block import CyclesLeft
 from workbench.limit_cycles.feedback.gains import CriticalGain
-from workbench.limit_cycles.feedback.initial_motion import InitialMotion
 from workbench.limit_cycles.feedback.locus import Fastest, Locus, locus, shown_gains
 from workbench.limit_cycles.feedback.run import FeedbackRun
+from workbench.limit_cycles.feedback.settling import SettlingStudy
 from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CONVENTION", "FeedbackResult", "GainRun", "SettlingStudy"]
+__all__ = ["CONVENTION", "FeedbackResult", "interval_words"]
 
 CONVENTION = (
     "u = g·y is added to the target, y the deviation of the source from rest: negative g is negative feedback where "
@@ -230,118 +229,3 @@ def within(limits: tuple[float, float]) -> str:
     if math.isinf(low) and math.isinf(high):
         return ""
     return f" within {low:g} … {high:g}"
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class GainRun(RecordPart):
-    """The motion after the feedback closed with one gain.
-
-    Attributes:
-        gain: g.
-        settling_seconds: time after closing from which the mean magnitude over a cycle stays below the threshold [s];
-            None: it did not come to that.
-        seconds: how long was simulated.
-        left: mean magnitude at the end over that at the beginning.
-        peak_deflection: largest size of what is handed to the target [its unit], behind the actuator if there is one.
-        peak_rate: largest rate of that [its unit / s]; without an actuator the jump at closing is left out.
-        deflection_limited: how long the deflection was at its limit [s]; None: there is no known limit.
-        rate_limited: how long the rate was at its limit [s]; None: likewise.
-        why: why it ended early; "": it did not.
-        time: after closing, thinned out, shape (k,) [s].
-        magnitude: mean over a cycle there, over that at the beginning, shape (k,).
-    """
-
-    gain: float
-    settling_seconds: float | None
-    seconds: float
-    left: float
-    peak_deflection: float
-    peak_rate: float
-    deflection_limited: float | None
-    rate_limited: float | None
-    why: str
-    time: Floats
-    magnitude: Floats
-
-    @property
-    def limit_reached(self) -> bool:
-        """Whether the actuator came to a limit."""
-        return bool(self.deflection_limited) or bool(self.rate_limited)
-
-    def derived(self) -> dict[str, Any]:
-        """Return whether it came to a limit."""
-        return {"limit_reached": self.limit_reached}
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SettlingStudy(Result):
-    """Settling times over the gain, and the gain at which a polynomial through them is smallest.
-
-    Attributes:
-        variable: the one whose magnitude decides that the motion has settled.
-        unit: unit of the variable.
-        target: what the feedback drives.
-        target_unit: unit of the target.
-        threshold: part of the magnitude at the beginning below which the motion has settled.
-        polynomial_order: order of the polynomial.
-        motion: the motion before the feedback closes.
-        actuator: between gain and target; None: none.
-        runs: one for each gain, rising.
-        optimum: gain at which the polynomial is smallest, between the lowest and the highest gain; None: too few gains
-            settled.
-        optimum_seconds: the polynomial there [s].
-        optimum_at_end: whether that is the lowest or highest gain: there is no smaller minimum inside.
-        coefficients: of the polynomial in g, from g⁰ on.
-    """
-
-    _page = "workbench.limit_cycles.feedback.page:settling_page"
-    _picture = "workbench.limit_cycles.feedback.picture_settling:plot_settling"
-
-    variable: str
-    unit: str | None
-    target: str
-    target_unit: str | None
-    threshold: float
-    polynomial_order: int
-    motion: InitialMotion = field(metadata=entry(key="beginning"))
-    actuator: Actuator | None
-    runs: tuple[GainRun, ...]
-    optimum: float | None = None
-    optimum_seconds: float | None = None
-    optimum_at_end: bool = False
-    coefficients: tuple[float, ...] = ()
-
-    @property
-    def gains(self) -> tuple[float, ...]:
-        """Rising."""
-        return tuple(r.gain for r in self.runs)
-
-    @property
-    def settling_seconds(self) -> tuple[float | None, ...]:
-        """For each gain [s]; None: it did not settle."""
-        return tuple(r.settling_seconds for r in self.runs)
-
-    @property
-    def settled(self) -> tuple[GainRun, ...]:
-        """The runs that came below the threshold."""
-        return tuple(r for r in self.runs if r.settling_seconds is not None)
-
-    def derived(self) -> dict[str, Any]:
-        """Return the settling times, the fastest measured, and where the motion begins."""
-        motion = self.motion
-        fastest = min(self.settled, key=lambda r: r.settling_seconds or 0.0, default=None)
-        return {
-            "gains": self.gains,
-            "settling_seconds": self.settling_seconds,
-            "fastest_gain": None if fastest is None else fastest.gain,
-            "start": motion.how,
-            "closes_at": motion.closes,
-            "frequency_hz": motion.frequency,
-            "magnitude": motion.magnitude,
-        }
-
-    def rows(self) -> Iterator[Sequence[Any]]:
-        """Yield one row for each gain."""
-        names = ("gain", "settling_seconds", "left", "peak_deflection", "peak_rate", "limit_reached")
-        yield names
-        yield from ([getattr(run, name) for name in names] for run in self.runs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,17 +11,15 @@ import numpy as np
 from workbench.core.records.record import entry
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.limit_cycles.feedback.actuator import Actuator
-from workbench.limit_cycles.feedback.closed_system import FeedbackPath, FeedbackSpec
-from workbench.limit_cycles.feedback.initial_motion import PER_CYCLE, InitialMotion, mean_magnitude
-from workbench.limit_cycles.limit_cycle.confirm import TOLERANCE
+from workbench.limit_cycles.feedback.closed_system import ControlLaw, FeedbackPath
+from workbench.limit_cycles.feedback.initial_motion import InitialMotion, closing, mean_magnitude
+from workbench.limit_cycles.feedback.settling import LONGEST
+from workbench.limit_cycles.limit_cycle.confirm import PER_PERIOD
+from workbench.response.simulate.run import MAX_POINTS
 from workbench.show.result import Result
 
 __all__ = ["HANDED", "FeedbackRun", "feedback_run"]
 
-_LEAD = 12  # cycles shown before the feedback closes, where the motion begins in the cycle
-_AFTER = 160  # cycles simulated after that, unless an end is asked for
-_MOST = 400_000  # points
 HANDED = "handed to the target"
 
 
@@ -43,7 +41,7 @@ class FeedbackRun(Result):
     """
 
     _page = "workbench.limit_cycles.feedback.page:run_page"
-    _picture = "workbench.limit_cycles.feedback.picture_run:plot_feedback_run"
+    _picture = "workbench.limit_cycles.feedback.picture_runs:plot_feedback_run"
 
     model: str
     gain: float
@@ -72,13 +70,11 @@ class FeedbackRun(Result):
         Raises:
             InputError: the simulation ended before.
         """
-        if not 0.0 <= seconds <= self.time[-1] - self.closes_at + 1e-9:
-            raise InputError(
-                f"the simulation ends {self.time[-1] - self.closes_at:g} s after closing, not {seconds:g} s"
-            )
+        longest = self.time[-1] - self.closes_at
+        if not 0.0 <= seconds <= longest + 1e-9:
+            raise InputError(f"the simulation ends {longest:g} s after closing, not {seconds:g} s")
         size = mean_magnitude(self.time, self.signals[self.watch], 1.0 / self.frequency_hz)
-        then = int(np.searchsorted(self.time, self.closes_at + seconds, side="right")) - 1
-        before = int(np.searchsorted(self.time, self.closes_at, side="right")) - 1
+        then, before = np.searchsorted(self.time, [self.closes_at + seconds, self.closes_at], side="right") - 1
         return float(size[then] / size[before])
 
     def derived(self) -> dict[str, Any]:
@@ -96,71 +92,53 @@ class FeedbackRun(Result):
 
 def feedback_run(
     place: FeedbackPath,
-    start: InitialMotion,
-    gain: float,
+    motion: InitialMotion,
+    law: ControlLaw,
+    watch: str,
     *,
     begin: float,
-    watch: str,
-    y0: float,
-    actuator: Actuator | None,
     outputs: Sequence[str] = (),
     stop: float | None = None,
 ) -> FeedbackRun:
-    """Simulate: the motion, the feedback closing on it, what becomes of it.
+    """Simulate: the motion from its beginning, the feedback closing on it, what becomes of it.
 
     Args:
         place: place of the feedback.
-        start: the motion.
-        gain: g.
-        begin: session time at which a motion that was excited by signals begins [s].
+        motion: which.
+        law: the feedback.
         watch: variable whose magnitude decides, by the model's name.
-        y0: value of the source at rest.
-        actuator: between gain and target; None: none.
+        begin: session time at which the motion begins [s].
         outputs: further variables, by the model's names.
-        stop: session time of the end [s]; None: 160 cycles after closing.
+        stop: session time of the end [s]; None: 250 cycles after closing.
 
     Raises:
         InputError: unknown output, an end before the feedback closes.
         FmuError, SimulationError: the system cannot be opened or simulated.
     """
-    opens, closes, values = _times(start, begin)
-    stop = closes + _AFTER / start.frequency if stop is None else stop
-    if not stop > closes:
-        raise InputError(f"stop: {stop:g} s is not after the feedback closes at {closes:g} s")
-    law = FeedbackSpec(gain, y0, actuator, closes)
-    command, handed, scale = place.command(law)
+    stop = motion.closes + LONGEST / motion.frequency if stop is None else stop
+    if not stop > motion.closes:
+        raise InputError(f"stop: {stop:g} s is not after the feedback closes at {motion.closes:g} s")
     shown = {n: place.inner(n) for n in dict.fromkeys([place.shown[0], watch, *outputs])}
-    count = min(_MOST, round((stop - opens) * start.frequency * PER_CYCLE))
-    points = np.append(opens + (stop - opens) * np.arange(1, count) / count, stop)
-    with (
-        place.opened(place.closed(law)) as model,
-        model.open_at(time=opens, values=place.start_values(values), tolerance=TOLERANCE) as session,
-    ):
+    count = min(MAX_POINTS, round((stop - begin) * motion.frequency * PER_PERIOD))
+    points = np.linspace(begin, stop, count + 1)[1:]
+    first = replace(motion, opens=begin, values=motion.first)
+    with closing(place, replace(law, closes_at=motion.closes), first) as (session, handed):
         record = session.advance(
-            stop, signals=place.inputs(start.signals), record=[*shown.values(), command, handed], points=points
-        )
-    record = record.right_limits()
+            stop, signals=place.inputs(motion.signals), record=[*shown.values(), handed], points=points
+        ).right_limits()
     known = {v.name: v.unit for v in place.model.description.variables}
-    signals = {n: record.values[full] for n, full in shown.items()}
-    units = {n: known.get(n) or None for n in shown}
+    scale = 1.0 if law.actuator is None else law.actuator.scale
     return FeedbackRun(
         model=place.model.name,
-        gain=gain,
+        gain=law.gain,
         source=place.shown[0],
         target=place.shown[1],
         watch=watch,
-        closes_at=closes,
-        frequency_hz=start.frequency,
+        closes_at=motion.closes,
+        frequency_hz=motion.frequency,
         time=record.time,
-        signals={**signals, HANDED: scale * record.values[handed]},
-        units={**units, HANDED: place.target_unit},
-        limit=None if actuator is None else actuator.limit,
-        rate_limit=None if actuator is None else actuator.rate_limit,
+        signals={**{n: record.values[full] for n, full in shown.items()}, HANDED: scale * record.values[handed]},
+        units={**{n: known.get(n) or None for n in shown}, HANDED: place.target_unit},
+        limit=None if law.actuator is None else law.actuator.limit,
+        rate_limit=None if law.actuator is None else law.actuator.rate_limit,
     )
-
-
-def _times(start: InitialMotion, begin: float) -> tuple[float, float, Mapping[str, float]]:
-    """Return when the run opens and when the feedback closes [s], and the values that it opens with."""
-    if start.signals or start.opens < start.closes:
-        return begin, start.closes, start.first
-    return start.opens, start.opens + _LEAD / start.frequency, start.values

@@ -12,10 +12,10 @@ from workbench.limit_cycles.limit_cycle.result import SimulatedCycle
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.zero_crossings import half_range, pass_rate, rising_passes
 
-__all__ = ["TOLERANCE", "VANISHED", "confirm"]
+__all__ = ["CHUNK", "PER_PERIOD", "TOLERANCE", "VANISHED", "confirm"]
 
-_PER_PERIOD = 200
-_CHUNK = 20  # periods
+PER_PERIOD = 200
+CHUNK = 20  # periods
 _STEADY = 1e-4  # relative change of the fundamental from chunk to chunk
 VANISHED = 1e-3  # of the predicted amplitude
 TOLERANCE = 1e-8  # relative, of the integration
@@ -55,9 +55,9 @@ def confirm(
     rows: Mapping[str, Floats] = values
     with model.open_at(time=time, values={**inputs, **states}, tolerance=TOLERANCE) as session:
         while run < periods and not steady:
-            count = min(_CHUNK, periods - run)
+            count = min(CHUNK, periods - run)
             begin = session.time
-            points = begin + np.arange(1, count * _PER_PERIOD + 1) / (f * _PER_PERIOD)
+            points = begin + np.arange(1, count * PER_PERIOD + 1) / (f * PER_PERIOD)
             try:
                 record = session.advance(float(points[-1]), signals={}, record=recorded, points=points)
             except SimulationError as error:
