@@ -165,6 +165,25 @@ def test_a_worker_that_cannot_be_started_is_one_line_and_leaves_nothing(
     assert owned() == before
 
 
+@linux
+def test_an_fmu_that_writes_into_every_file_does_not_wait_for_a_worker_that_its_own_began() -> None:
+    """Nobody reads what is written into a lifeline: a pipe that is full would hold the FMU for ever."""
+    worker = WorkerProcess()
+    theirs = {file.readlink() for file in Path(f"/proc/{worker.pid}/fd").iterdir()}
+    pipes = {file for file in theirs if file.name.startswith("pipe:")}
+    lifelines = [int(file.name) for file in _open_files() if file.readlink() in pipes]
+    assert lifelines
+    for file in lifelines:
+        assert not os.get_blocking(file)
+        with pytest.raises(BlockingIOError):
+            os.write(file, bytes(1 << 20)) and os.write(file, b"further")
+    worker.kill()
+
+
+def _open_files() -> list[Path]:
+    return [file for file in Path("/proc/self/fd").iterdir() if os.path.lexists(file)]
+
+
 # -- stopping and copies made by fork ---------------------------------------------------------
 
 

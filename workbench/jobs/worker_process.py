@@ -266,7 +266,9 @@ def _started(theirs: socket.socket, rest: tuple[int, str, str], log: int, first:
         pass_fds=[theirs.fileno()] if os.name == "posix" else [],
         start_new_session=True,  # the terminal sends Ctrl-C to all processes of its own session
     )
-    if os.name != "posix" and process.stdin is not None:
+    if os.name == "posix" and process.stdin is not None:
+        os.set_blocking(process.stdin.fileno(), False)  # nobody reads: an FMU that writes into it shall not wait
+    elif process.stdin is not None:
         process.stdin.write(theirs.share(process.pid))  # type: ignore[attr-defined]
         process.stdin.close()
     return process
