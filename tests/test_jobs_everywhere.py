@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from pathlib import Path
 
@@ -61,11 +62,21 @@ def test_every_request_has_a_line() -> None:
 
 
 @pytest.mark.parametrize("name", LINES)
-def test_it_tells_how_far_it_is(name: str, heard: list[float], capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_tells_how_far_it_is(
+    name: str, heard: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words: list[str] = []
+
+    def update(_: Bar, done: float, text: str) -> None:
+        heard.append(done)
+        words.append(text)
+
+    monkeypatch.setattr(Bar, "update", update)
     assert run(LINES[name][0].split()) == 0, capsys.readouterr().err
     assert heard == sorted(heard)
     assert heard[0] >= 0.0
     assert heard[-1] == 1.0
+    assert not [text for text in words if re.search(r"\w\(\w*=| object at 0x", text)], "an object, not words"
 
 
 # The part done from which on there is something to keep, where it is not there with the first that is told: a power of

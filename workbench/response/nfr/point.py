@@ -153,6 +153,9 @@ class NfrPoint(RecordPart):
     certificate: Certificate | None = None
     warning: str | None = None
 
+    def __str__(self) -> str:
+        return f"amplitude {self.amplitude:.4g}, {self.frequency:.4g} Hz"
+
     @property
     def status(self) -> str:
         """How it ended: "settled", "averaged" or "failed"."""
