@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 import workbench as wb
-from tests.hostile_fmus import build_hostile
+from tests.hostile_fmus import build_broken, build_hostile
 from tests.platforms import posix_signals
 from workbench.cli.app import run
+from workbench.fmi import library
 
 
 def snapshots(fmu: str, capsys: pytest.CaptureFixture[str]) -> dict[str, dict[str, str]]:
@@ -53,6 +54,30 @@ def test_a_crash_in_the_probe_harms_nobody(tmp_path: Path, capsys: pytest.Captur
 def test_without_a_probe_nothing_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["info", "fmu:Rudder", "--no-probe", "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["capabilities"]["me"]["snapshots"] is None
+
+
+def test_a_binary_that_cannot_be_loaded_does_not_run_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fmu = build_broken(tmp_path, "broken-binary")
+    assert run(["info", str(fmu)]) == 0
+    shown, said = capsys.readouterr()
+    assert "does not run here" in shown
+    assert "runs here" not in shown
+    assert "cannot load this FMU's binary" in said
+    card = wb.check(fmu, interface="me", skip=["validation"])
+    assert ["cannot load this FMU's binary" in line.evidence for line in card.checks].count(True) == 1
+    assert [line.verdict for line in card.checks].count("broken") == 1
+    assert not card.passed
+
+
+def test_a_library_that_is_absent_is_to_be_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(path: Path) -> None:
+        raise OSError("libgfortran.so.3: cannot open shared object file: No such file or directory")
+
+    monkeypatch.setattr(library, "_load", absent)
+    with pytest.raises(
+        wb.FmuError, match=r"install libgfortran\.so\.3, or ask its maker for an export that contains it"
+    ):
+        library.load_library(tmp_path / "m.so", version=2, interface="me", identifier="m")
 
 
 def test_the_model_says_why() -> None:

@@ -34,6 +34,7 @@ __all__ = [
     "EventInfo",
     "Instance",
     "StepResult",
+    "loaded",
     "no_event_time",
 ]
 
@@ -135,7 +136,7 @@ class Instance(ABC):
         update: int | None = None,
     ) -> None:
         self._answerer = update
-        self._setup(description, library or _loaded(description, folder, interface, source), interface=interface)
+        self._setup(description, library or loaded(description, folder, interface, source), interface=interface)
         self.event_mode = interface == "me" or (self.capabilities.event_mode and event_mode)
         self.source = source
         self.folder = folder if folder.is_absolute() else folder.resolve()
@@ -159,7 +160,7 @@ class Instance(ABC):
             self.log.lines.clear()
             if self.capabilities.once_per_process:
                 self.library.close()
-                self.library = _loaded(description, folder, interface, source)
+                self.library = loaded(description, folder, interface, source)
             self.component = self._made(logging=False)
 
     def _made(self, *, logging: bool) -> Any:
@@ -456,7 +457,7 @@ class Instance(ABC):
         raise FmuError(f"{self.source}: FMI {self.description.fmi_version} has no adjoint derivatives")
 
 
-def _loaded(description: ModelDescription, folder: Path, interface: str, source: str) -> Library:
+def loaded(description: ModelDescription, folder: Path, interface: str, source: str) -> Library:
     """Return the binary of an FMU; of one that may be instantiated only once per process, one for this instance."""
     claims = description.interfaces[interface]
     path = binary_path(folder, claims.identifier, source=source)

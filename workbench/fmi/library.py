@@ -6,6 +6,7 @@ import _ctypes
 import ctypes
 import inspect
 import os
+import re
 import shutil
 import sys
 import threading
@@ -211,7 +212,9 @@ def load_library(path: Path, *, version: int, interface: str, identifier: str) -
             dll = _load(path)
     except OSError as error:
         why = str(error).removeprefix(f"{path}: ")  # in a folder of ours
-        raise FmuError(f"{path.name}: the system cannot load this FMU's binary: {why}") from None
+        absent = re.match(r"(\S+): cannot open shared object file", why) or re.search(r"Library not loaded: (\S+)", why)
+        todo = f"; install {absent[1]}, or ask its maker for an export that contains it" if absent else ""
+        raise FmuError(f"{path.name}: the system cannot load this FMU's binary: {why}{todo}") from None
     functions = {}
     for name, (result, arguments) in _signatures(version, interface).items():
         prefixed = f"{identifier}_fmi{name[4:]}" if version == 1 else f"{identifier}_{name}"

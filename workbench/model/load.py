@@ -17,7 +17,7 @@ from workbench.errors import FmuError, InputError, suggest
 from workbench.fmi.archive import Unpacked, unpack
 from workbench.fmi.binding import instantiate
 from workbench.fmi.description import ModelDescription
-from workbench.fmi.instance import Instance
+from workbench.fmi.instance import Instance, loaded
 from workbench.fmi.library import Library
 from workbench.fmi.platforms import binary_path
 from workbench.fmi.reading import read_description
@@ -84,19 +84,27 @@ class FmuModel(DescribedModel):
 
     def new_instance(self) -> Instance:
         folder, source = self._folder, self.source
-        loaded = None if self._binary is None else self._binary.held()
+        held = None if self._binary is None else self._binary.held()
         instance = instantiate(
             self.description,
             folder,
             interface=self.interface,
             source=source,
-            library=loaded,
+            library=held,
             event_mode=not self._setup.manners.other_order,
             update=intermediate_update() if self.interface == "cs" else None,
         )
         if self._binary is None and not instance.capabilities.once_per_process:  # stays loaded between sessions
             self._binary = instance.library.held()
         return instance
+
+    def why_not_loaded(self) -> str:
+        """Return why the system cannot load the binary; empty: it can."""
+        try:
+            loaded(self.description, self._folder, self.interface, self.source).close()
+        except FmuError as error:
+            return str(error)
+        return ""
 
     def close(self) -> None:
         super().close()

@@ -14,8 +14,11 @@ from workbench.health.check.subject import CheckedFmu
 from workbench.jobs.runner import WorkItem
 from workbench.model import Model
 from workbench.model.described_model import DescribedModel
+from workbench.model.load import FmuModel
 
-__all__ = ["CheckJob", "CheckReply", "adapted"]
+__all__ = ["UNLOADED", "CheckJob", "CheckReply", "adapted"]
+
+UNLOADED = Answer("not applicable", "its binary cannot be loaded", finished=False)
 
 _SHORTER = 0.1  # of a test run, for the checks after a run that failed on its way
 _LONG = 3.0  # [s] that a run may take; others make a dozen of them, and shorter ones where it takes longer
@@ -73,6 +76,11 @@ class CheckJob(WorkItem):
             subject = adapted(subject, done)
             if name == "runs":
                 end_now()  # its instances: a crash then is this check's, and not told by nobody
+            first_fails = name == self.names[0] and done.finding.verdict != "good"
+            if first_fails and isinstance(subject.model, FmuModel) and (why := subject.model.why_not_loaded()):
+                yield replace(done, finding=Answer("broken", why, "no analysis is possible with this interface"))
+                yield from (CheckReply(rest, UNLOADED, 0.0) for rest in self.names[1:])
+                return
             yield done
 
     def after_loss(self, lost: str) -> CheckJob | None:

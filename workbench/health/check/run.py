@@ -14,7 +14,7 @@ from workbench.core.records.option import options_of
 from workbench.errors import FmuError, InputError, TimedOutError, WorkbenchError
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.platforms import binary_path
-from workbench.health.check.job import CheckJob, CheckReply, adapted
+from workbench.health.check.job import UNLOADED, CheckJob, CheckReply, adapted
 from workbench.health.check.processes import processes
 from workbench.health.check.registry import CHECKS, FILE, PROCESSES, VALIDATION, choose
 from workbench.health.check.request import Check
@@ -175,7 +175,7 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
     """Yield the lines as they are finished; what a crash cuts off goes on in a new worker."""
     open_names = {i: [n for n in names if n != PROCESSES] for i, names in wanted.items()}
     jobs = deque(CheckJob(interface=i, names=tuple(names)) for i, names in open_names.items() if names)
-    subjects, lost = {i: CheckedFmu(model) for i in wanted}, set[str]()
+    subjects, unknown = {i: CheckedFmu(model) for i in wanted}, dict[str, Answer]()
     with at_work(model, where, job) as runner:
         try:
             for event in runner.run(perform, jobs):
@@ -183,9 +183,11 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
                 if isinstance(event, Reply) and isinstance(event.value, CheckReply):
                     open_names[of.interface].remove(event.value.name)
                     subjects[of.interface] = adapted(subjects[of.interface], event.value)
+                    if event.value.finding == UNLOADED:
+                        unknown[of.interface] = UNLOADED
                     yield _line(of.interface, event.value)
                 elif isinstance(event, Lost):
-                    lost.add(of.interface)
+                    unknown[of.interface] = _UNKNOWN
                     yield from _lost(event, open_names[of.interface], jobs)
         except WorkbenchError as error:
             for interface, names in open_names.items():
@@ -196,7 +198,7 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
     for interface, subject in subjects.items():
         if PROCESSES in wanted[interface]:
             begin = time.monotonic()
-            answer = _UNKNOWN if interface in lost else processes(subject, interface, where, job)
+            answer = unknown.get(interface) or processes(subject, interface, where, job)
             yield _line(interface, CheckReply(PROCESSES, answer, time.monotonic() - begin))
 
 

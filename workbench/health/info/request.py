@@ -19,7 +19,8 @@ __all__ = ["Info", "info"]
 class Info(InWorker, Request[str | Path, "FmuInfo | SystemInfo"]):
     """Show what an FMU is and can do: interfaces, platforms, variables; of a system: components and connections.
 
-    What is declared is read from the FMU's description. Whether saving and restoring the state works is tried.
+    What is declared is read from the FMU's description. Whether its binary can be loaded, and whether saving and
+    restoring the state works, is tried.
 
     Returns:
         Facts as they stand in the page: `inputs`, `outputs`, `parameters`, `states`, `capabilities`.
@@ -41,7 +42,9 @@ class Info(InWorker, Request[str | Path, "FmuInfo | SystemInfo"]):
     unwritten = ("csv", "plot")
 
     _: KW_ONLY
-    probe: bool = option("Try in a worker process whether the FMU's saved state works.", default=True)
+    probe: bool = option(
+        "Try in a worker process whether the FMU can be loaded and its saved state works.", default=True
+    )
 
 
 info = function(Info)

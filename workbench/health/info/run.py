@@ -60,7 +60,10 @@ def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
         result = read_description(unpacked.folder, source=str(source))
         reasons = {i: _why_not(unpacked.folder, c.identifier, source) for i, c in result.interfaces.items()}
         runs = [i for i, reason in reasons.items() if not reason]
-        snapshots = _snapshots(unpacked, result, runs, request.place.limits, job) if request.probe and runs else {}
+        probed = _probed(unpacked, runs, request.place.limits, job) if request.probe and runs else {}
+        snapshots = {i: found for i, found in probed.items() if isinstance(found, Snapshots)}
+        reasons |= {i: f"{source}: {found}" for i, found in probed.items() if isinstance(found, str)}
+        runs = [i for i in runs if not reasons[i]]
 
     def having(causality: str) -> tuple[VariableFacts, ...]:
         return _facts(v for v in result.variables if v.causality == causality and v.type != "Clock")
@@ -132,17 +135,15 @@ def _why_not(folder: Path, identifier: str, source: Path) -> str:
     return ""
 
 
-def _snapshots(
-    unpacked: Unpacked, description: ModelDescription, interfaces: Sequence[str], limits: Limits, job: Job
-) -> dict[str, Snapshots]:
-    """Return how snapshots are taken with each interface that runs here."""
+def _probed(unpacked: Unpacked, interfaces: Sequence[str], limits: Limits, job: Job) -> dict[str, Snapshots | str]:
+    """Return how snapshots are taken with each interface that has a binary, or why that cannot be loaded."""
     recipe = FmuRecipe(
         source=str(unpacked.source),
         folder=str(unpacked.folder),
         interface=interfaces[0],
         solver="auto",
     )
-    return dict(probe_snapshots(recipe, description.interfaces, interfaces, limits, job))
+    return probe_snapshots(recipe, interfaces, limits, job)
 
 
 def _system(path: str | Path) -> SystemInfo:

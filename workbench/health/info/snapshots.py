@@ -1,19 +1,18 @@
-"""How snapshots of an FMU are taken: found out where a crash harms nobody."""
+"""Whether an FMU's binary can be loaded, and how snapshots are taken: found out where a crash harms nobody."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from workbench.errors import WorkbenchError
-from workbench.fmi.description import Capabilities
 from workbench.jobs import job as telling
 from workbench.jobs.options import Limits
 from workbench.jobs.pool import Pool
 from workbench.jobs.runner import Lost, Reply, WorkItem, perform
-from workbench.model import DescribedModel, Model
-from workbench.model.load import FmuRecipe
+from workbench.model import Model
+from workbench.model.load import FmuModel, FmuRecipe
 
 __all__ = ["Snapshots", "probe_snapshots"]
 
@@ -38,31 +37,26 @@ class Snapshots:
 class _Probe(WorkItem):
     interface: str
 
-    def run(self, model: Model) -> Iterator[Snapshots]:
-        if not isinstance(model, DescribedModel):
+    def run(self, model: Model) -> Iterator[Snapshots | str]:
+        if not isinstance(model, FmuModel):
             return
         with replace(model.recipe, interface=self.interface, solver="auto").open() as probed:
-            yield Snapshots(probed.snapshot_method(), probed.why_replay())
+            yield probed.why_not_loaded() or Snapshots(probed.snapshot_method(), probed.why_replay())
 
 
 def probe_snapshots(
-    recipe: FmuRecipe, claims: Mapping[str, Capabilities], interfaces: Sequence[str], limits: Limits, notes: telling.Job
-) -> dict[str, Snapshots]:
-    """Take, disturb, restore and compare, in worker processes.
+    recipe: FmuRecipe, interfaces: Sequence[str], limits: Limits, notes: telling.Job
+) -> dict[str, Snapshots | str]:
+    """Load, take, disturb, restore and compare, in worker processes; a text: why the binary cannot be loaded.
 
     Args:
         recipe: of the FMU, with one of the interfaces.
-        claims: what the FMU says about its interfaces.
         interfaces: those to be probed; they must be able to run on this platform.
         limits: of the processes; a probe has 20 s at most.
         notes: ends the probe, and gets what the user should know of how they ran.
     """
-    result = {
-        name: Snapshots("replay", "the FMU does not claim to save its state")
-        for name in interfaces
-        if not claims[name].state
-    }
-    jobs: deque[_Probe] = deque(_Probe(name) for name in interfaces if name not in result)
+    result: dict[str, Snapshots | str] = {}
+    jobs: deque[_Probe] = deque(_Probe(name) for name in interfaces)
     patient = replace(limits, timeout=min(_PATIENCE, limits.timeout or _PATIENCE))
     with Pool(recipe, jobs=1, limits=patient) as pool, notes.ended_by(pool.stop):
         try:
