@@ -311,7 +311,7 @@ LIES = ("half-restore", "wrong-restore", "failing-restore", "pid", "unset", "fir
 OWN, COMPARING = ("pid", "unset", "first"), ("check", "sweep")
 # Instances end when the result is told; where there are more than a worker lets wait, some end before.
 _TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "delays", "excite", "feedback"}
-_FEW_RUNS = {"trim", "branches", "modes", "loop", "run"}  # trim of cs runs the FMU several times
+_FEW_RUNS = {"trim", "branches", "modes", "loop", "limit-cycle", "feed-forward", "run"}  # trim of cs runs several times
 # Without these calls there is a result, or it is there before them: call → for what, by interface ("" both).
 SPARED: Mapping[str, Mapping[str, set[str]]] = {
     "getFMUstate": {"": {"simulate", "nfr", "compare"}, "cs": {"trim", "run"}},

@@ -12,6 +12,11 @@ static bool add_row(Cs *cs, const double *inputs, RowKind kind) {
     return record_add(cs->record, cs->system, cs->time, inputs, kind);
 }
 
+/* The row of the right limits. */
+static bool add_right(Cs *cs, RowKind kind) {
+    return add_row(cs, cs->system->forcing->written, kind) && ((!cs->record->read && !cs->master) || cs_announce(cs));
+}
+
 /* The number of equal steps that the way to `target` is cut into; 0: off the grid. */
 static double steps_to(Cs *cs, double target) {
     const double span = target - cs->time;
@@ -42,8 +47,7 @@ bool cs_communicate(Cs *cs, double end, bool last) {
     if (!add_row(cs, forcing->seen, last ? ROW_ALWAYS : ROW_POINT)) {
         return false;
     }
-    return last || (cs_set_inputs(cs, forcing_next_break(forcing, start) <= end) &&
-                    add_row(cs, forcing->written, ROW_SECOND));
+    return last || (cs_set_inputs(cs, forcing_next_break(forcing, start) <= end) && add_right(cs, ROW_SECOND));
 }
 
 /* Cut the way to the next point or break into equal steps. */
@@ -99,6 +103,7 @@ bool cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Recor
         intermediate_begin(system);
     }
     record_begin(record, system);
+    copy_values(system->forcing->seen, system->forcing->written, system->forcing->n);
     return cs_set_inputs(cs, fresh || forcing_next_break(system->forcing, cs->previous) <= cs->time) &&
-           add_row(cs, system->forcing->written, ROW_ALWAYS) && run_on(cs);
+           add_right(cs, ROW_ALWAYS) && run_on(cs);
 }

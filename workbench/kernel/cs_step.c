@@ -7,6 +7,8 @@
 
 enum { MAX_EARLY_RETURNS = 10000, MAX_EVENT_ITERATIONS = 1000 };
 
+static const double ROUNDING = 1e-12; /* relative */
+
 static Failure *failure_of(Cs *cs) {
     return &cs->system->failure;
 }
@@ -153,6 +155,35 @@ bool cs_set_inputs(Cs *cs, bool jump) {
         }
     }
     return system_propagate(system, false, NULL);
+}
+
+bool input_moves(double before, double now) {
+    return fabs(now - before) > ROUNDING * fmax(fabs(now), fabs(before));
+}
+
+static bool announce(Cs *cs, int32_t who) {
+    Forcing *forcing = cs->system->forcing;
+    bool moves = false;
+    for (size_t i = 0; i < forcing->n; i++) {
+        forcing->seen[i] = isnan(forcing->seen[i]) ? forcing->written[i] : forcing->seen[i];
+        moves = moves || (forcing->owners[i] == who && !forcing->discrete[i] &&
+                          input_moves(forcing->seen[i], forcing->written[i]));
+    }
+    return !moves || (write_blocks(cs, &forcing->fast, who, forcing->seen) &&
+                      write_blocks(cs, &forcing->fast, who, forcing->written));
+}
+
+bool cs_announce(Cs *cs) {
+    System *system = cs->system;
+    if (cs->master) {
+        return master_announce(cs, 0.0);
+    }
+    for (size_t i = 0; i < system->n_components; i++) {
+        if (!announce(cs, (int32_t)i)) {
+            return false;
+        }
+    }
+    return true;
 }
 
 /* ---- steps ---- */

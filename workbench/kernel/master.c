@@ -279,6 +279,36 @@ static bool write_fast(Cs *cs, Unit *unit) {
     return access_write(&unit->fast, cs->system->components, unit->values, failure_of(cs));
 }
 
+static bool announce(Cs *cs, Unit *unit, double ramped) {
+    const size_t n_wires = cs->system->wires.n;
+    bool moves = false;
+    for (size_t i = 0; i < unit->n; i++) {
+        const size_t source = unit->sources[i];
+        const size_t k = source - n_wires;
+        const double now = source < n_wires
+                               ? cs->system->wires.values[source]
+                               : cs->system->forcing->written[k] + cs->master->ramps[k] * ramped;
+        moves = moves || (unit->moving[i] && input_moves(unit->ends[i], now));
+        unit->starts[i] = now;
+        unit->values[i] = isnan(unit->ends[i]) ? now : unit->ends[i];
+    }
+    if (!moves || !write_fast(cs, unit)) {
+        return !moves;
+    }
+    copy_values(unit->values, unit->starts, unit->n);
+    return write_fast(cs, unit);
+}
+
+bool master_announce(Cs *cs, double ramped) {
+    for (size_t k = 0; k < cs->master->n_units; k++) {
+        Unit *unit = &cs->master->units[k];
+        if (!unit->me && unit->fast.n_blocks && !announce(cs, unit, ramped)) {
+            return false;
+        }
+    }
+    return true;
+}
+
 /* Tell the FMU how its inputs go on; some claim to take slopes but answer with an error: false. */
 static bool give_slopes(Cs *cs, Unit *unit, double span) {
     Component *component = &cs->system->components[unit->component];
@@ -543,7 +573,8 @@ bool master_step_to(Cs *cs, double end) {
         if (!early) {
             return !cs->master->control || control_watch(cs);
         }
-        if (!enter_events(cs) || !write_ramps(cs) || !iterate(cs)) {
+        if (!enter_events(cs) || !write_ramps(cs) || !iterate(cs) ||
+            !master_announce(cs, cs->time - cs->master->since)) {
             return false;
         }
     }

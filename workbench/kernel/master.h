@@ -20,7 +20,7 @@ typedef struct {
     const size_t *sources; /* number of a connection, or that of all connections + place of a forced input */
     const int32_t *types;  /* ValueType */
     const int32_t *moving; /* may change between events */
-    double *starts, *ends; /* right limit at the start of the step, left limit at its end */
+    double *starts, *ends; /* right limit at the start of the step, left limit at its end (NaN before the first) */
     double *bows;          /* mean over the step less that of the straight line; order 2 only */
     double *values, *rates; /* scratch */
     const int32_t *orders; /* ones */
@@ -73,6 +73,8 @@ typedef struct Master {
 
 /* Set the right limits and let all components iterate, if that is due. */
 bool master_set_inputs(Cs *cs, bool jump);
+/* See `cs_announce`; the outputs that connections need were read, too. Forced inputs go on for `ramped` [s] as before. */
+bool master_announce(Cs *cs, double ramped);
 /* Look where forced inputs go until `end`; fills `seen` of the forcing. */
 void master_look_ahead(Cs *cs, double end);
 /* Step all units to `end`; a unit that stops at an event of its own is followed by an event iteration of all. */

@@ -66,6 +66,7 @@ static bool is_kept(Record *record, RowKind kind) {
 }
 
 static bool read_values(Record *record, System *system, double time, double *values) {
+    record->read = 1;
     return access_read(&record->access, system->components, values, &system->failure) &&
            check_values(record, system, time, values);
 }
@@ -116,6 +117,7 @@ bool record_put(Record *record, const double *values, RowKind kind) {
 }
 
 bool record_add(Record *record, System *system, double time, const double *inputs, RowKind kind) {
+    record->read = 0;
     const bool kept = record->keep && is_kept(record, kind);
     if (!kept && !record->fourier && !isfinite(record->bound)) {
         return true;

@@ -14,6 +14,7 @@ typedef struct {
     int32_t keep;     /* 0: rows only go to `fourier` */
     int32_t no_feedthrough; /* the file says that no recorded value depends on an input directly */
     int32_t checked;        /* how often that was found true in this run */
+    int32_t read;           /* whether the FMUs were asked for the last row */
     size_t every;     /* of the plain points only each n-th is kept; the first and the last row and events always are */
     /* Owned by the kernel; `record_free` frees them. */
     double *data; /* [rows][width] */

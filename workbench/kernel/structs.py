@@ -370,6 +370,7 @@ class RecordStruct(ctypes.Structure):
         ("keep", c_int32),
         ("no_feedthrough", c_int32),
         ("checked", c_int32),
+        ("read", c_int32),
         ("every", c_size_t),
         ("data", c_void_p),
         ("rows", c_size_t),

@@ -9,6 +9,7 @@
  * force of "unset" on memory that nobody has set, that of "first" on whether this is the first instance of the process.
  * "half-restore" restores the position, not the velocity.
  * "repeats" takes a step that it is not promised to be final (noSetFMUStatePriorToCurrentPoint) for the last one again.
+ * "peeked" overlooks over a step that an input moved before it, where it was asked for a value in between.
  */
 #include <math.h>
 #include <stdbool.h>
@@ -34,7 +35,7 @@ typedef enum {
     HONEST, FORGETFUL, WRONG_RESTORE, FAILING_RESTORE, WRONG_DERIVATIVE, NO_DERIVATIVE, CLOCK, RANDOM, SHARED, SINGLE,
     STICKY_RESET, REFUSED_RESET, EULER, DIVERGING, UNSTABLE, DEAF, REFUSED_SLOPES, IGNORED_SLOPES, WRONG_SLOPES,
     ZERO_NOMINAL, TINY_NOMINAL, LEAK, LARGE, COUNTER, LATE_INPUTS, OWN_CLOCK, COARSE, PID, FIRST, UNSET, REPEATS,
-    HALF_RESTORE,
+    HALF_RESTORE, PEEKED,
     N_LIES
 } Lie;
 
@@ -43,7 +44,7 @@ static const char *const names[N_LIES] = {
     "shared", "single", "sticky-reset", "refused-reset", "euler", "diverging", "unstable", "deaf", "refused-slopes",
     "ignored-slopes", "wrong-slopes", "zero-nominal", "tiny-nominal", "leak", "large-leak", "counter", "late-inputs",
     "own-clock", "coarse", "pid", "first", "unset", "repeats",
-    "half-restore",
+    "half-restore", "peeked",
 };
 
 typedef struct {
@@ -51,6 +52,8 @@ typedef struct {
     double waiting[2]; /* inputs that a deaf or late FMU has heard but not yet taken */
     long steps;        /* that were made: what a forgetful state forgets */
     long inside;       /* steps inside, of a late FMU */
+    double before[2];  /* inputs of the last step, of one that is peeked at */
+    int unread;        /* its inputs moved since it was asked for a value */
 } State;
 
 typedef struct {
@@ -221,8 +224,9 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c)
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
-    const Model *m = c;
+    Model *m = c;
     const State *s = &m->s;
+    m->s.unread = 0;
     for (size_t i = 0; i < n; i++) {
         switch (vr[i]) {
         case VR_X:
@@ -263,6 +267,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
             break;
         case VR_U:
         case VR_W:
+            m->s.unread = m->s.unread || value[i] != m->s.waiting[vr[i] - VR_U];
             m->s.waiting[vr[i] - VR_U] = value[i];
             break;
         default:
@@ -494,6 +499,10 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real point, fmi2Real size, fmi2Boolea
         size += point - m->s.time;
         point = m->s.time;
     }
+    const bool overlooked = m->lie == PEEKED && !m->s.unread;
+    double now[2];
+    memcpy(now, m->s.input, sizeof now);
+    memcpy(m->s.input, overlooked ? m->s.before : now, sizeof now);
     m->s.time = point;
     m->s.steps++;
     if (m->lie == EULER || m->lie == DIVERGING) {
@@ -505,6 +514,11 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real point, fmi2Real size, fmi2Boolea
         }
     }
     m->s.time = point + size;
+    for (int i = 0; i < 2 && overlooked; i++) {
+        m->s.input[i] = now[i] + size * m->s.slope[i];
+    }
+    memcpy(m->s.before, m->s.input, sizeof now);
+    m->s.unread = 0;
     memcpy(m->s.waiting, m->s.input, sizeof m->s.waiting);
     memset(m->s.slope, 0, sizeof m->s.slope);
     return fmi2OK;
