@@ -209,6 +209,8 @@ def test_too_many_equations_that_agree_are_solved() -> None:
     result = trim(lag(), fix={"y": 3.0}, u0={"u": 3.0})
     assert result.converged
     assert result.point.x["x"] == pytest.approx(3.0)
+    (note,) = told(result)
+    assert note.endswith("over-determined by 1; they hold together nevertheless")
 
 
 def test_no_real_root_is_no_silent_solution() -> None:

@@ -309,7 +309,10 @@ class DescribedModel(Model):
         try:
             return self._start(setup)
         except NotReachedError as error:
-            if self.interface != "cs" or not approach:
+            if self.interface != "cs":
+                words = "leave the point out, and give start values that lead there (--set)"
+                raise NotReachedError(f"{error}; {words}") from None
+            if not approach:
                 raise
             return self._approach(setup, error)
 

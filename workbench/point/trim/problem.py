@@ -110,23 +110,29 @@ class TrimProblem:
         """Return rates and outputs in one array with the unknowns at `values`."""
         return np.concatenate(self.balance.evaluate(*self.at(values)))
 
-    def degrees(self) -> str:
-        """Return what unknowns and equations there are, and what is missing; "" if they are as many."""
+    def degrees(self, *, solved: bool) -> str:
+        """Return what unknowns and equations there are, and what is missing; "" if they are as many.
+
+        Args:
+            solved: whether there is a solution all the same.
+        """
         n, m = len(self.unknowns), len(self._counting())
         if n == m:
             return ""
         names = _listed([k.slot.name for k in self.unknowns]) or "none"
         counted = f"{n} unknown{_s(n)} ({names}), {m} equation{_s(m)} ({_listed(self._counting()) or 'none'})"
-        return f"{counted}: {self._advice(n - m)}"
+        return f"{counted}: {self._advice(n - m, solved=solved)}"
 
     def _counting(self) -> list[str]:
         """Return the equations that count: not intervals, nor what holds by itself as the state cannot be set."""
         own = [not s.settable for s in self.balance.states]
         return [e.name for e in self.equations if e.low == e.high and not (e.row < len(own) and own[e.row])]
 
-    def _advice(self, spare: int) -> str:
+    def _advice(self, spare: int, *, solved: bool) -> str:
         if spare > 0:
             return f"under-determined by {spare}; fix {_more(spare)}; otherwise one of many solutions is chosen"
+        if solved:
+            return f"over-determined by {-spare}; they hold together nevertheless"
         held = [
             s.name for s in self.balance.inputs if not s.whole and s.name not in {k.slot.name for k in self.unknowns}
         ]

@@ -37,6 +37,7 @@ from workbench.point.trim.search import exact_agrees, search
 from workbench.point.trim.solve import Solution
 from workbench.session.point import ModelPoint
 from workbench.session.settle import STEP, STEP_PARTS, Settled
+from workbench.session.start_values import NotReachedError
 
 __all__ = ["run"]
 
@@ -82,8 +83,20 @@ class _TrimRun:
         way: tuple[str, ...] = ()
         if self.model.interface == "cs" and not result.converged:
             way = (f"co-simulation shows no derivatives that could be solved for; {self.model.way_out()}",)
-        notes = (*result.notes, *way, *self.model.remarks())
-        return replace(result, notes=notes, operating_point=named(self.model, result.operating_point))
+        result = replace(result, operating_point=named(self.model, result.operating_point))
+        notes = (*result.notes, *way, *self._why_no_start(result), *self.model.remarks())
+        return replace(result, notes=notes)
+
+    def _why_no_start(self, result: TrimResult) -> tuple[str, ...]:
+        """Say why nothing can start at a point with discrete states, which are set before initialisation only."""
+        if self.model.interface != "me" or not (result.converged and result.operating_point.discrete):
+            return ()
+        self.job.found(lambda: result, "starting at the point")
+        try:
+            self.model.starting_at(result.operating_point).open_session().close()
+        except NotReachedError as error:
+            return (f"--at cannot use this point: {error}",)
+        return ()
 
     def _inputs(self) -> dict[str, float]:
         """Return the inputs as the user wants them, else as the model starts, bias included."""
@@ -373,13 +386,14 @@ class _TrimRun:
         if solution.converged and not np.isfinite([*(r.value for r in residuals), *point.dx.values()]).all():
             solution = solution.refuted()  # an FMU need not give the same values again
             message = "no equilibrium found: at the point where the search ended, the model cannot be evaluated again"
+        degrees = problem.degrees(solved=solution.converged)
         return replace(
             self._record(method, balance, point, residuals, message),
             null_directions=nulls,
             converged=solution.converged,
             unknowns=tuple(k.slot.name for k in problem.unknowns),
             iterations=solution.iterations,
-            notes=tuple(n for n in (*self.notes, problem.degrees(), degenerate(problem, solution), *notes) if n),
+            notes=tuple(n for n in (*self.notes, degrees, degenerate(problem, solution), *notes) if n),
         )
 
     def _chosen(self, problem: TrimProblem, solution: Solution) -> str:
