@@ -7,9 +7,11 @@ import pickle
 import struct
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -214,6 +216,26 @@ def test_what_cannot_be_read_is_refused_by_line(read: Read, why: str, xml: str, 
     with pytest.raises(FmuError, match="cannot be read") as caught:
         read(xml.replace(old, new))
     assert why in str(caught.value)
+
+
+@pytest.mark.parametrize("fmu", ["fmu:Rudder", "fmu:Rudder@3"])
+def test_what_another_parser_calls_broken_is_refused_by_line(tmp_path: Path, fmu: str) -> None:
+    """A file that was cut, or has one wrong bit, is not read as far as it goes: the rest would be other numbers."""
+    with zipfile.ZipFile(bundled_path(fmu)) as archive:
+        whole = archive.read(reading.DESCRIPTION)
+    cut = [whole[:k] for k in (*range(0, len(whole), 131), *range(len(whole) - 30, len(whole)))]
+    flips = ((k, 1 << k % 8) for k in range(0, len(whole), 43))
+    flipped = [whole[:k] + bytes([whole[k] ^ bit]) + whole[k + 1 :] for k, bit in flips]
+    refused = 0
+    for data in (*cut, *flipped):
+        try:
+            ET.fromstring(data)  # noqa: S314 - our own file
+        except ET.ParseError:
+            (tmp_path / reading.DESCRIPTION).write_bytes(data)
+            with pytest.raises(FmuError, match=rf"^.*: {reading.DESCRIPTION} .*\bline \d+.*$"):
+                described_at(tmp_path)
+            refused += 1
+    assert refused > len(cut)
 
 
 def test_a_derivative_of_nothing_is_told(read: Read) -> None:

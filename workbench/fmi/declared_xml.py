@@ -1,7 +1,8 @@
-"""Read a modelDescription.xml in one pass, element by element, and compare it with the schema of its version of FMI.
+"""Read a modelDescription.xml, element by element, and compare it with the schema of its version of FMI.
 
-The schemas are the standard's own, as they ship with FMPy; libxml2 compares while it reads. A file that leaves its
-schema is read all the same; what is wrong is listed. The tree is never built: an element is forgotten when it is read.
+A first pass, in a twentieth of the time, makes sure that it is XML. The schemas are the standard's own, as they ship
+with FMPy; libxml2 compares while it reads. A file that leaves its schema is read all the same; what is wrong is listed.
+The tree is never built: an element is forgotten when it is read.
 """
 
 from __future__ import annotations
@@ -67,17 +68,33 @@ def read_declared(data: bytes) -> Declared:
         FmuError: not well-formed, an unknown version of FMI, or text where a number should be.
     """
     result = Declared()
-    try:
-        _read_root(data, result)
-        if _read_elements(data, result):
-            result.problems = _problems(data, result.root.fmi_version)
-    except etree.XMLSyntaxError as error:
-        raise FmuError(f"not well-formed: {error.msg or 'empty'}") from None
+    _check_form(data)
+    _read_root(data, result)
+    if _read_elements(data, result):
+        result.problems = _problems(data, result.root.fmi_version)
     if result.major == 1:
         result.interfaces = result.interfaces or {"ModelExchange": Interface()}
         for interface in result.interfaces.values():
             interface.model_identifier = result.root.model_identifier
     return result
+
+
+class _Nothing:
+    """What lxml builds where only the form of a file is looked at."""
+
+    def close(self) -> None:
+        return None
+
+
+def _check_form(data: bytes) -> None:
+    """Refuse what is not well-formed; a parser that is given a schema may pass over it in silence (lxml 6)."""
+    parser = etree.XMLParser(target=_Nothing(), resolve_entities=False, no_network=True)
+    try:
+        etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise FmuError(f"not well-formed: {error.msg}") from None
+    for entry in parser.error_log.filter_from_errors():  # namespaces: nothing is raised for those without a tree
+        raise FmuError(f"not well-formed: {entry.message}, line {entry.line}, column {entry.column}")
 
 
 def _read_root(data: bytes, result: Declared) -> None:
@@ -105,10 +122,7 @@ def _read_elements(data: bytes, result: Declared) -> bool:
             if reader is not None:
                 reader(result, element)
                 _forget(element)
-    except etree.XMLSyntaxError:
-        # libxml2 goes on when the schema is left, and says so at the end; what is not well-formed ends the reading.
-        if any(entry.domain != etree.ErrorDomains.SCHEMASV for entry in steps.error_log) or not len(steps.error_log):
-            raise
+    except etree.XMLSyntaxError:  # libxml2 goes on when the schema is left, and says so at the end
         return True
     return False
 
