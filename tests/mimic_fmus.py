@@ -118,6 +118,10 @@ MIMICS = {
         "20-sim: a fixed step of its own, and always whole ones, up to the communication point or past it",
         "overshoots", _CS, experiment='startTime="0" stopTime="5" stepSize="0.01"',
     ),
+    "insists": Mimic(
+        "FMUs that take no communication step but that of their default experiment", "insists", _CS,
+        'canHandleVariableCommunicationStepSize="false"', 'startTime="0" stopTime="2.005" stepSize="0.01"',
+    ),
     "slow": Mimic("Dymola: two seconds for each that is simulated", "slow", _CS),
     "finishes": Mimic("20-sim: a stop time of its own, which only another one that it is told moves", "finishes", _CS),
     "repeats": Mimic(

@@ -271,3 +271,15 @@ def test_an_output_that_stands_still_irregularly_has_no_step_of_its_own(levels: 
     model = FakeModel(lambda: StaticSession(coarse), interface="cs")
     task = PointTask(input="u", output="y", frequency=1.0, amplitude=1.0, errcrit=0.1, max_periods=20)
     assert own_step(model, task) == 0.0
+
+
+def test_an_fmu_that_takes_one_step_only_is_measured_at_that_and_ends_at_a_multiple_of_it(tmp_path: Path) -> None:
+    """The oscillator has 10 rad/s and damping 0.2; half the step, which would confirm it, is refused."""
+    with wb.load(build_mimic(tmp_path, "insists"), interface="cs") as model:
+        response = wb.nfr(model, "u", "y", [0.5], 0.1)
+        run = wb.simulate(model)
+    s = 2j * np.pi * 0.5
+    assert response.response[0, 0] == pytest.approx(100.0 / (s**2 + 4.0 * s + 100.0), rel=1e-3)
+    assert np.isnan(response.error[0, 0])
+    assert run.time[-1] == pytest.approx(2.0)
+    assert any("ends at 2 s, before 2.005 s: the FMU takes steps of 0.01 s only" in note for note in run.notes)

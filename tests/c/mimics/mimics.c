@@ -17,6 +17,7 @@
  *   handles      sets a handler of a signal, as run-time systems of other languages do
  *   overshoots   Co-Simulation of Runge and Kutta's method with a fixed step of 0.01 s; the first that ends at or after the
  *                communication point is its last
+ *   insists      Co-Simulation: refuses every communication step but 0.01 s
  *   slow         takes 2 ms for each of its own steps, of 1 ms
  *   finishes     Co-Simulation: goes no further than 2 s, unless it is told another stop time
  *   undefined    y is not a number from 0.5 s on
@@ -42,12 +43,12 @@
 
 typedef enum {
     PLAIN, DYMOLA, SIMULINK, UNLIKE, SILENT, TOOL, WARNS, NOMINALS, FORMATS, MEMORY, FAST, HANDLES, DISCARDS,
-    FORGETS, RESOURCES, REPEATS, STATICS, OVERSHOOTS, SLOW, FINISHES, UNDEFINED, N_WAYS
+    FORGETS, RESOURCES, REPEATS, STATICS, OVERSHOOTS, SLOW, FINISHES, UNDEFINED, INSISTS, N_WAYS
 } Way;
 static const char *const names[N_WAYS] = {"plain",    "dymola",  "simulink", "unlike", "silent",  "tool",    "warns",
                                           "nominals", "formats", "memory",   "fast",   "handles", "discards",
                                           "forgets",  "resources", "repeats", "statics",
-                                          "overshoots", "slow", "finishes", "undefined"};
+                                          "overshoots", "slow", "finishes", "undefined", "insists"};
 
 /* As in OpenModelica's runtime, where it holds a thread-specific key; here none was taken, as in co-simulation there. */
 __attribute__((visibility("default"))) unsigned mmc_thread_data_key;
@@ -55,7 +56,7 @@ __attribute__((visibility("default"))) unsigned mmc_thread_data_key;
 enum { VR_TIME, VR_U, VR_X, VR_V, VR_DER_X, VR_DER_V, VR_Y, VR_C, VR_D, N_VALUES, NX = 2 };
 static const double START[N_VALUES] = {[VR_U] = 1.0, [VR_C] = 100.0, [VR_D] = 4.0};
 static const double OWN_STEP = 1e-3;    /* of the integrators in Co-Simulation [s] */
-static const double FIXED_STEP = 1e-2;  /* of "simulink" and "overshoots" [s] */
+static const double FIXED_STEP = 1e-2;  /* of "simulink", "overshoots" and "insists" [s] */
 static const double FAR = 0.5;          /* of "discards": from v at the last completed step */
 
 typedef enum { INSTANTIATED, INITIALISING, EVENT, CONTINUOUS, STEPPING, ENDED } Mode;
@@ -431,6 +432,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     memcpy(model->before, &model->v[VR_X], sizeof model->before);
     const fmi2Status status =
         said(model, model->mode == STEPPING && (model->way != FINISHES || time + step < model->finish + 1e-9) &&
+                        (model->way != INSISTS || fabs(step - FIXED_STEP) < 1e-9) &&
                         fabs(time - model->v[VR_TIME]) < 1e-6 * (1.0 + fabs(time)));
     if (status == fmi2Error) {
         return status;

@@ -116,10 +116,10 @@ class PointsJob(WorkItem):
             return self._verified(model) if self.verify else self._pass(*self._exact_enough(model))
 
         measured, way = partial(self._finer, model), model.way_out(SHORTER)
-        if self.step is None:
-            points = refine(self.tasks, measured, way)
-        else:
-            points = at_step(self.tasks, self.step, measured, way)
+        points = [] if self.step is not None else refine(self.tasks, measured, way)
+        step = self.step or (model.grid if all(p.reason is not None for p in points) else None)
+        if step is not None:  # or the FMU goes on with no other step than the one that it declares
+            points = at_step(self.tasks, step, measured, way)
         return iter(at_own_step(points, self.tasks, self.tasks[0].own_step, measured))
 
     def _finer(self, model: Model, tasks: Sequence[PointTask], halvings: int) -> list[NfrPoint]:

@@ -36,6 +36,7 @@ MOST_USUAL_POINTS = 5000
 MAX_POINTS = 10_000_000
 WORRYING_CHANGE = 0.01
 _FEW = 6  # elements of an array that are named
+_SAME = 1e-6  # of a step: rounding
 _JUMP = 1e-9  # relative: an input that moves by less stays where it is
 
 
@@ -46,7 +47,8 @@ def run(model: Model, request: Simulate, job: Job) -> SimulationResult:
     names, instead = _names(model, request.outputs)
     start = model.start_time if request.start_time is None else request.start_time
     stop, notes = _stop(model, request.stop)
-    notes = (*remarks, *notes, *instead, *_left_out(model, inputs), *_jumps(model, inputs, start))
+    stop, ends = _on_grid(start, stop, model.grid if request.points is None else None)
+    notes = (*remarks, *notes, *ends, *instead, *_left_out(model, inputs), *_jumps(model, inputs, start))
     interval = _usual_interval(model, stop - start) if request.interval is None else request.interval
     points = None if request.points is None else several(request.points)
     rows = _points(start, stop, interval, points, grid=model.grid)
@@ -112,6 +114,16 @@ def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
     if model.stop_time is None:
         raise InputError(f"{model.name} has no default stop time; give the end of the run (stop, --stop)")
     return model.stop_time, (f"stop: {model.stop_time:g} s, from the FMU's default experiment; --stop changes it",)
+
+
+def _on_grid(start: float, stop: float, step: float | None) -> tuple[float, tuple[str, ...]]:
+    """Return the last instant up to `stop` [s] that constant steps reach, and a note where it is earlier."""
+    if step is None:
+        return stop, ()
+    last = start + step * math.floor((stop - start) / step + _SAME)
+    if last <= start or stop - last <= _SAME * step:
+        return stop, ()
+    return last, (f"the run ends at {last:g} s, before {stop:g} s: the FMU takes steps of {step:g} s only",)
 
 
 def _usual_interval(model: Model, span: float) -> float | None:
