@@ -62,7 +62,8 @@ class Job:
         """
         self.partial, self.checking = record, checking
         if self._progress is not None:
-            self._progress(checking, *self.reached)
+            done, total = self.reached
+            self._progress(checking, done, max(total, 1))
 
     def stage(self, number: int, count: int) -> None:
         """Begin a stage: what is told from now on counts within it.
