@@ -238,6 +238,27 @@ def test_what_another_parser_calls_broken_is_refused_by_line(tmp_path: Path, fmu
     assert refused > len(cut)
 
 
+TWICE = """<ScalarVariable name="u" valueReference="4" causality="input"><Real start="0"/></ScalarVariable>
+    <ScalarVariable name="u2" valueReference="4" causality="input"><Real start="5"/></ScalarVariable>
+    <ScalarVariable name="i" valueReference="4" causality="input" variability="discrete"><Integer start="7"/>
+    </ScalarVariable>"""
+
+
+def test_two_inputs_with_one_value_reference_are_one_variable(read: Read) -> None:
+    xml = TWO.replace("</ModelVariables>\n", f"{TWICE}</ModelVariables>\n").replace('ies="1"', 'ies="6"')
+    found = read(xml)
+    by_name = {v.name: v for v in found.variables}
+    assert found.input_names == {"u", "i"}
+    assert (by_name["u2"].alias_of, by_name["u2"].start, by_name["u"].start) == ("u", 0.0, 0.0)
+    assert by_name["y"].dependencies == ("u",)
+    rule = "line 19: variable u2 has a start value, as has u of the same value reference"
+    assert found.problems == (rule,)
+    assert any("u2 (line 19) has the value reference of u, and is another name of it" in n for n in found.notes)
+    only = read(xml.replace('<Real start="0"/></ScalarVariable>\n    <ScalarVariable name="u2"',
+                            '<Real/></ScalarVariable>\n    <ScalarVariable name="u2"'))  # fmt: skip
+    assert {v.name: v.start for v in only.variables if v.value_reference == 4} == {"u": 5.0, "u2": 5.0, "i": 7}
+
+
 def test_a_derivative_of_nothing_is_told(read: Read) -> None:
     found = read(TWO.replace('derivative="1"', 'derivative="9"'))
     assert "variable der(x) (line 14) is the derivative of one that is not there" in found.notes

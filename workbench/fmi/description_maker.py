@@ -180,6 +180,7 @@ class _Variables:
         self._extents = {id(v): self._shape(v) for v in declared.variables if v.dimensions}
         self.notes: list[str] = []
         self._name_apart()
+        self._same = self._joined()
         self._depends = self._dependencies()
         for v in declared.variables:
             if not v.kind:
@@ -202,6 +203,25 @@ class _Variables:
                 v.name = given
             known.add(v.name)
 
+    def _joined(self) -> dict[int, said.DeclaredVariable]:
+        """Return the inputs and parameters that are another name of one before them, by id: one value, set once."""
+        known: dict[tuple[object, ...], said.DeclaredVariable] = {}
+        joined = {}
+        for v in self._declared:
+            if v.causality not in ("input", "parameter") or not v.kind or v.dimensions or v.value_reference is None:
+                continue
+            kind = "Integer" if v.kind == "Enumeration" and self._major < 3 else v.kind
+            own = known.setdefault((v.causality, kind, v.value_reference), v)
+            if own is v:
+                continue
+            joined[id(v)] = own
+            own.aliases = [*(own.aliases or ()), said.Alias(v.name, v.description, v.display_unit), *(v.aliases or ())]
+            own.start = v.start if own.start is None else own.start
+            if v.start not in (None, own.start) or v.unit != own.unit:
+                what = f"the value reference of {own.name}, and is another name of it: that one's start and unit hold"
+                self.notes.append(f"variable {v.name} (line {v.line}) has {what}")
+        return joined
+
     def find(self, which: int | None) -> said.DeclaredVariable:
         """Return the variable that the file means by a number: its position before FMI 3.0, there its reference.
 
@@ -209,7 +229,8 @@ class _Variables:
             FmuError: there is none.
         """
         if which is not None and self._knows(which):
-            return self._by_reference[which] if self._major == 3 else self._declared[which - 1]
+            found = self._by_reference[which] if self._major == 3 else self._declared[which - 1]
+            return self._same.get(id(found), found)
         what = "value reference" if self._major == 3 else "index"
         raise FmuError(f"the model structure names a variable with {what} {which}, which is not there")
 
@@ -223,7 +244,7 @@ class _Variables:
         return (*own, *chain.from_iterable(self._alias(v, a) for v, a in aliases if self._usable(v)))
 
     def _usable(self, v: said.DeclaredVariable) -> bool:
-        return bool(v.kind)
+        return bool(v.kind) and id(v) not in self._same
 
     def _alias(self, v: said.DeclaredVariable, alias: said.Alias) -> Iterator[Variable]:
         name = alias.name or ""

@@ -68,6 +68,8 @@ def broken_rules(declared: Declared) -> Iterator[str]:
     rules = [_of_variability(), _of_uniqueness(lambda v: v.name, "name")]
     if declared.major > 1:
         rules += [_of_causality(), _of_starts(), _of_units(declared)]
+    if declared.major == 2:
+        rules.append(_of_aliases())
     if declared.major > 2:
         rules.append(_of_uniqueness(lambda v: v.value_reference, "value reference"))
     for rule in rules:
@@ -97,6 +99,20 @@ def _of_uniqueness(key: Callable[[DeclaredVariable], object], what: str) -> _Rul
     def rule(v: DeclaredVariable) -> str | None:
         other = seen.setdefault(key(v), v)
         return None if other is v else f"has the {what} of {other.name} (line {other.line})"
+
+    return rule
+
+
+def _of_aliases() -> _Rule:
+    """FMI 2.0.4, 2.2.7: of variables with one value, at most one has a start value, unless they are constants."""
+    seen: dict[tuple[object, ...], DeclaredVariable] = {}
+
+    def rule(v: DeclaredVariable) -> str | None:
+        if v.start is None or v.variability == "constant":
+            return None
+        kind = "Integer" if v.kind == "Enumeration" else v.kind
+        other = seen.setdefault((kind, v.value_reference), v)
+        return None if other is v else f"has a start value, as has {other.name} of the same value reference"
 
     return rule
 

@@ -41,7 +41,7 @@ class Variable(NamedTuple):
         initial: "exact", "approx" (the start value is a guess) or "calculated"; None: not declared.
         display_unit: unit in which values are to be shown, as declared.
         declared_type: name of the type that it is declared to be of.
-        alias_of: name of the variable that this is another name of (FMI 3.0).
+        alias_of: name of the variable that this is another name of.
     """
 
     name: str

@@ -170,7 +170,7 @@ def _by_own_names(names: Mapping[str, str], value: Any, notes: set[str]) -> Any:
 
 def _other_names(model: Model) -> dict[str, str]:
     """Return alias → the variable's own name, of elements and of whole arrays."""
-    if not isinstance(model, DescribedModel) or model.description.major != 3:
+    if not isinstance(model, DescribedModel):
         return {}
     pairs = {v.name: v.alias_of for v in model.description.variables if v.alias_of}
     arrays = {a.rpartition("[")[0]: own.rpartition("[")[0] for a, own in pairs.items() if own.endswith("]")}
