@@ -283,3 +283,4 @@ def test_an_fmu_that_takes_one_step_only_is_measured_at_that_and_ends_at_a_multi
     assert np.isnan(response.error[0, 0])
     assert run.time[-1] == pytest.approx(2.0)
     assert any("ends at 2 s, before 2.005 s: the FMU takes steps of 0.01 s only" in note for note in run.notes)
+    assert any("what the step of 0.01 s makes of the answer is not known" in note for note in run.notes)

@@ -261,6 +261,8 @@ class _Run:
         try:
             finer = self.once(0.5 * step)
         except SimulationError as error:
+            if self.model.grid is not None:  # it may refuse every other step
+                advice = f"what the step of {step:.3g} s makes of the answer is not known"
             return (f"with half the communication step the run fails ({error}); {advice}",)
         except InputError:  # a constant step that cannot be halved
             return ()
