@@ -145,6 +145,28 @@ def test_the_sign_of_damping_in_table_and_page(
     assert ("2 poles in the right half-plane" in page) == (ratio < 0.0)
 
 
+@pytest.mark.parametrize(
+    ("dt", "pole", "words"),
+    [
+        (0.001, 1.0 + 1.4e-9, "1 pole on the boundary of stability."),  # what rounding makes of an integrator
+        (0.001, 1.0 - 1.4e-9, "1 pole on the boundary of stability."),
+        (0.001, 1.0 + 1e-7, "1 pole in the right half-plane."),
+        (0.0, 1e-12, "1 pole on the boundary of stability."),
+        (0.0, 1e-5, "1 pole in the right half-plane."),
+    ],
+)
+def test_a_pole_on_the_boundary_is_not_counted_as_unstable(
+    dt: float, pole: float, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    system = tmp_path / "system.toml"
+    matrices = f"A = [[{pole!r}, 0.0], [0.0, -0.5]], B = [[1.0], [1.0]], C = [[1.0, 1.0]], D = [[0.0]], dt = {dt}"
+    system.write_text(f"[components]\nplant = {{{matrices}}}\n{PORTS}", encoding="utf-8")
+    assert run(["lin", str(system)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"1 output. {words}" in said
+    assert said.count("1 pole") == 1
+
+
 def test_the_page_names_the_oscillation_with_the_least_damping_ratio(tmp_path: Path) -> None:
     """Neither the slowest mode nor that with the smallest real part: ζ = 0.3, 0.02, 0.1 at 0.1, 10, 1 Hz."""
     blocks = [

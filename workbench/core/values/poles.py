@@ -22,13 +22,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
-    "POLE_HEADINGS", "VANISHED", "PoleRow", "continuous", "damped_frequency_hz", "damping_ratio",
+    "ON_BORDER", "POLE_HEADINGS", "VANISHED", "PoleRow", "continuous", "damped_frequency_hz", "damping_ratio",
     "growth_rates", "natural_frequency_hz", "pole_keys", "pole_rows", "sides", "vanished",
 ]  # fmt: skip
 
 VANISHED = 1e-6  # size of discrete poles that are over within a sample
 POLE_HEADINGS = ("pole", "natural [Hz]", "damping", "damped [Hz]")  # of the columns of `pole_rows`
-_AT_REST = 1e-9  # of the fastest pole (of 1/dt): what rounding makes of an integrator
+_AT_REST = 1e-9  # of the fastest pole: what rounding makes of an integrator
+ON_BORDER = 1e-8  # of a discrete pole's size: so near 1 it counts as on the border of stability
 
 _Complex = NDArray[np.complex128]
 _Floats = NDArray[np.float64]
@@ -166,8 +167,8 @@ def pole_keys(poles: ArrayLike, dt: float) -> dict[str, list[float | None]]:
     """
     z = np.asarray(poles, dtype=np.complex128)
     s, gone = continuous(z, dt), vanished(z, dt)
-    fastest = max(float(np.abs(s[~gone]).max(initial=0.0)), 1.0 / dt if dt > 0.0 else 0.0)
-    s = np.where(np.abs(s) <= _AT_REST * fastest, 0.0j, s)
+    rest = max(_AT_REST * float(np.abs(s[~gone]).max(initial=0.0)), ON_BORDER / dt if dt > 0.0 else 0.0)
+    s = np.where(np.abs(s) <= rest, 0.0j, s)
     result = {
         "natural_frequency_hz": natural_frequency_hz(s),
         "damping": damping_ratio(s),

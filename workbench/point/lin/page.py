@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.core.values.operating_point import told
-from workbench.core.values.poles import continuous, damping_ratio, natural_frequency_hz, vanished
+from workbench.core.values.poles import (
+    ON_BORDER,
+    continuous,
+    damping_ratio,
+    natural_frequency_hz,
+    sides,
+    vanished,
+)
 from workbench.point.lin.grid import LinGrid, LinPoint
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.step_check import StepCheck
@@ -21,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["grid_page", "lin_page", "linear_model_page", "step_check_page"]
 
-_BORDER = 1e-9  # of the fastest pole: real parts below are rounding
+_ROUNDING = 1e-9  # of the fastest pole of a continuous model: real parts below are that
 
 
 def lin_page(result: LinResult) -> Page:
@@ -61,10 +68,13 @@ def _kind(result: LinResult) -> str:
 
 def _motion(result: LinResult) -> list[str]:
     """Return in words whether it is stable, and the oscillation that is damped least."""
-    s = continuous(result.shown_poles[~vanished(result.shown_poles, result.dt)], result.dt)
+    poles, dt = result.shown_poles[~vanished(result.shown_poles, result.dt)], result.dt
+    s = continuous(poles, dt)
     size, among = np.abs(s), "" if result.shows_all_poles else " of those shown"
-    unstable = int(np.sum(s.real > _BORDER * np.max(size, initial=0.0)))
-    words = [f"{counted(unstable, 'pole')}{among} in the right half-plane." if unstable else ""]
+    rounding = 0.0 if dt > 0.0 else _ROUNDING * float(np.max(size, initial=0.0))
+    beyond, border = sides(poles, dt, relative=ON_BORDER if dt > 0.0 else 0.0, rounding=rounding)
+    where = ((beyond, "in the right half-plane"), (border, "on the boundary of stability"))
+    words = [f"{counted(count, 'pole')}{among} {place}." for which, place in where if (count := int(np.sum(which)))]
     turning = (s.imag > 0.0) & (size > 0.0)
     if np.any(turning):
         least = s[turning][np.argmin(damping_ratio(s[turning]))]

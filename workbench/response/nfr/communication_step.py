@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.errors import EndedError, InputError
+from workbench.model import DescribedModel, Model
 from workbench.response.nfr.certificate import finite
 from workbench.response.nfr.point import NfrPoint, PointTask, change
 
@@ -39,7 +40,7 @@ _SAME = 1e-6  # of a step: rounding
 # Why a point that settled by itself is not called so.
 _DEPENDS = "half the communication step gives a different result"
 NOT_TIGHTER = "what its own solver gets wrong is not in the error, since the FMU fails at a tighter tolerance"
-SHORTER = "use a smaller --step"  # what helps, where model exchange is not offered
+SHORTER = "use a smaller --step"  # what helps, where model exchange is not offered and the FMU names no step
 
 Run = Callable[[Sequence[PointTask], int], list[NfrPoint]]  # what to measure, and how often its step was halved
 
@@ -272,6 +273,20 @@ def rows_of_step(frequency: float, step: float) -> int:
             f"steps, so use at most {longest:.3g} s"
         )
     return rows
+
+
+def other_step(model: Model, step: float | None, frequency: float) -> str:
+    """Return in words the step that helps where model exchange is not offered.
+
+    Args:
+        model: of co-simulation.
+        step: that was asked for [s]; None: it was found by halving.
+        frequency: highest one [Hz].
+    """
+    declared = model.description.experiment.step if isinstance(model, DescribedModel) else None
+    if step is not None or not declared or _rows_in(frequency, declared) < _FEWEST_ROWS:
+        return SHORTER
+    return f"use --step {declared:.12g}, which the FMU declares: it may be made for that one alone"
 
 
 def _rows_in(frequency: float, step: float) -> int:

@@ -22,10 +22,10 @@ from workbench.response.branches.run import run as follow_branches
 from workbench.response.nfr.communication_step import (
     NOT_TIGHTER,
     OF_HALVING,
-    SHORTER,
     at_own_step,
     at_step,
     checked,
+    other_step,
     refine,
     wider,
 )
@@ -115,7 +115,8 @@ class PointsJob(WorkItem):
                 return iter(refine(self.tasks, partial(self._held, model), _EVENTS_ONLY))
             return self._verified(model) if self.verify else self._pass(*self._exact_enough(model))
 
-        measured, way = partial(self._finer, model), model.way_out(SHORTER)
+        measured = partial(self._finer, model)
+        way = model.way_out(other_step(model, self.step, max(t.frequency for t in self.tasks)))
         points = [] if self.step is not None else refine(self.tasks, measured, way)
         step = self.step or (model.grid if all(p.reason is not None for p in points) else None)
         if step is not None:  # or the FMU goes on with no other step than the one that it declares

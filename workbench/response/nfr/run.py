@@ -30,7 +30,7 @@ from workbench.model.operating_point import start_at
 from workbench.requests.decorator import with_origin
 from workbench.response.branches.request import Branches
 from workbench.response.branches.result import BranchesResult, Fold
-from workbench.response.nfr.communication_step import SHORTER, rows_of_step
+from workbench.response.nfr.communication_step import other_step, rows_of_step
 from workbench.response.nfr.frequency_grid import frequency_grid
 from workbench.response.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
 from workbench.response.nfr.jumps import another, disagreements, jumps, may_jump, solved, stepped_over, unseen_peaks
@@ -380,7 +380,8 @@ class Sweep:
     def result(self) -> NfrResult:
         """Return what was measured so far."""
         points = list(self._points.values())
-        zero, way = self._zero_input, self._model.way_out(SHORTER)
+        zero = self._zero_input
+        way = self._model.way_out(other_step(self._model, self._asked.step, max(self._frequencies)))
         warning = None if zero is None else doubt(zero, points, output=self._asked.output, way=way)
         looked = {*self._second, *(b.amplitude for solution in self._followed for b in solution.branches)}
         seen = [
