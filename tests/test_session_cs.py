@@ -63,6 +63,14 @@ class Diverging(Euler):
         return OK
 
 
+@pytest.mark.parametrize(("step", "words"), [(None, "communication step: 0.002 s was derived"), (0.01, "")])
+def test_the_step_that_nobody_names_is_told(tmp_path: Path, step: float | None, words: str) -> None:
+    with wb.load(build_mimic(tmp_path, "no-experiment"), interface="cs", step=step) as model:
+        notes = "; ".join(wb.simulate(model, stop=1.0).notes)
+    assert words in notes
+    assert ("was derived" in notes) == bool(words)
+
+
 def test_a_row_at_the_present_time_makes_no_step() -> None:
     """It said 2e-303 s was the communication step; half of that, to verify a run, never ends."""
     with open_fake(Euler, "fmu", interface="cs") as session:

@@ -351,6 +351,19 @@ class DescribedModel(Model):
             result = NotReachedError(f"{direct}; with the inputs of the point it does not come to rest either")
         raise result
 
+    def derived_step(self, *steps: float | None) -> tuple[str, ...]:
+        """Return in words the communication steps of runs of an FMU, where neither the user nor the FMU names one.
+
+        Args:
+            steps: that were made [s]; None: not by co-simulation.
+        """
+        named = self._setup.step or self.description.experiment.step or self.description.components
+        known = sorted(s for s in steps if s)
+        if self.interface != "cs" or named or not known:
+            return ()
+        span = dict.fromkeys(f"{s:.4g}" for s in (known[0], known[-1]))
+        return (f"communication step: {' to '.join(span)} s was derived; --step changes it",)
+
     @property
     def shortest_step(self) -> float | None:
         """Shortest step of a co-simulation that is known before it runs, communication or inside [s]; None: none is."""

@@ -14,7 +14,7 @@ from workbench.model import DescribedModel, Model
 from workbench.model.described_model import LoadRecipe
 from workbench.model.operating_point import named
 from workbench.point.lin.intersample import held, inside, lines
-from workbench.point.lin.pulses import PulseRuns, Pulses, RunCosts, declared_step, open_at_point
+from workbench.point.lin.pulses import PulseRuns, Pulses, RunCosts, communication_step, declared_step, open_at_point
 from workbench.point.lin.realisation import Realisation, realise
 from workbench.point.lin.result import Doubt, Intersample, LinResult, Zero
 from workbench.point.lin.task import LinTask, moving_note
@@ -174,7 +174,9 @@ def _identified(task: LinTask, period: float, costs: RunCosts) -> _Attempt:
     result = _result(kept, solution, point, period, between)
     doubts = [d for d in pulses.doubts if d.column in kept.inputs] + [d for t in trials for d in t.doubts(solution)]
     over = f"inputs held over {period:.6g} s{_assumed(task)}"
-    notes = [*_notes(solution, largest, pulses, trials), over, *_replayed(task.model)]
+    step = communication_step(task.model, period)
+    derived = task.model.derived_step(step) if isinstance(task.model, DescribedModel) else ()
+    notes = [*_notes(solution, largest, pulses, trials), over, *derived, *_replayed(task.model)]
     notes += [*_moving(task, pulses, period), *(f"{n} is left out: {why}" for n, why in refused.items())]
     if answers is not None and (len(solution.A) or solution.D.any()):
         joined, between = result, inside(solution, answers, period, sampled=sampled)

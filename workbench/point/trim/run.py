@@ -251,6 +251,8 @@ class _TrimRun:
         steps = [(self.request.period or self.request.step or _own_step(self.model)) * part for part in STEP_PARTS]
         if states and self._settable(states, values):
             balance = MapBalance(self.model, states, period=steps[0], time=self.time, values=values)
+            if self.request.step is None and isinstance(self.model, DescribedModel):
+                self.notes += self.model.derived_step(steps[0])
             return self._fixed_point("step map", balance)
         why = "the states cannot be set" if states else "the model provides no states"
         watched = states or [v for v in self.model.outputs if v.is_number]

@@ -24,7 +24,7 @@ from workbench.jobs import job as telling
 from workbench.jobs.options import Workers
 from workbench.jobs.runner import InProcess, Lost, Remark, Reply, Runner, WorkItem, perform
 from workbench.jobs.runner_choice import choose
-from workbench.model import Model
+from workbench.model import DescribedModel, Model
 from workbench.model.names import check_variables
 from workbench.model.operating_point import start_at
 from workbench.requests.decorator import with_origin
@@ -53,6 +53,7 @@ def run(model: Model, request: Nfr, job: telling.Job) -> NfrResult:
         for point in points:
             job.done(point, sweep.done, sweep.total)
     job.reached = sweep.done, sweep.total  # those from the store are not told
+    sweep.notes += sweep.derived_step()
     return sweep.result()
 
 
@@ -375,6 +376,12 @@ class Sweep:
             yield self._keep(failed_point(t.frequency, t.amplitude, event.error), lost=True)
 
     # -- the result ------------------------------------------------------------------------
+
+    def derived_step(self) -> tuple[str, ...]:
+        """Return in words the communication steps that the points have, where nobody names one."""
+        if self._asked.step is not None or not isinstance(self._model, DescribedModel):
+            return ()
+        return self._model.derived_step(*(p.step for p in self._points.values()))
 
     @with_origin()
     def result(self) -> NfrResult:

@@ -240,7 +240,8 @@ class _Run:
         if solution.ended is not None:
             notes += (f"{solution.ended}, before {self.stop:g} s",)
         notes += (*missing, *_growth(record, units), *_inexact(model, columns))
-        notes += (*_sampled(model, self.inputs), *model.remarks())
+        derived = model.derived_step(solution.step) if isinstance(model, DescribedModel) else ()
+        notes += (*derived, *_sampled(model, self.inputs), *model.remarks())
         return SimulationResult(
             model.name,
             model.interface,
