@@ -13,11 +13,13 @@ from fmpy.validation import validate_fmu
 from tests.drivers import DRIVERS
 from tests.fmi1_fmus import MODELS, build_fmi1
 from workbench.build.fmu import build_fmu
-from workbench.errors import FmuError
+from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path
 from workbench.fmi.platforms import host
+from workbench.fmi.reading import described_at
 from workbench.model.load import load
 from workbench.model.sample_rates import rates_of
+from workbench.point.lin.request import lin
 from workbench.point.trim.request import trim
 from workbench.response.simulate.request import simulate
 from workbench.signals.kinds import Signal, Sine, Step
@@ -130,3 +132,31 @@ def test_rates_of_states_that_are_no_variables_are_seen(fmus: Path) -> None:
         result = trim(model)
     assert not result.converged  # a ball in the air
     assert any("discrete states are held: Hybrid: no equilibrium found by running" in note for note in result.notes)
+
+
+def test_what_is_minus_another_variable_is_listed_and_refused(fmus: Path, tmp_path: Path) -> None:
+    """It would be read with the sign of the other."""
+    negated = (
+        '<ScalarVariable name="minus{0}" valueReference="{1}" causality="{2}" variability="{3}" alias="negatedAlias">'
+        '<Real start="-1.5"/></ScalarVariable>'
+    )
+    path = tmp_path / "Negated.fmu"
+    with zipfile.ZipFile(fmus / "FirstOrderLag_me.fmu") as old, zipfile.ZipFile(path, "w") as new:
+        for entry in old.infolist():
+            data = old.read(entry)
+            if entry.filename == "modelDescription.xml":
+                found = {v.name: v.value_reference for v in described_at(fmus / "FirstOrderLag_me.fmu").variables}
+                more = negated.format("Y", found["y"], "output", "continuous")
+                more += negated.format("Tau", found["tau"], "internal", "parameter")
+                data = data.replace(b"</ModelVariables>", f"{more}</ModelVariables>".encode())
+            new.writestr(entry, data)
+    with load(path, "me") as model:
+        assert "minusY and 1 more: minus another variable (negatedAlias), and only listed" in model.description.notes
+        plain = simulate(model, stop=0.1)
+        assert "minusY" in [v.name for v in model.outputs]
+        assert "minusY" not in plain.signals
+        for refused in (lambda: simulate(model, stop=0.1, outputs=["minusY"]), lambda: lin(model, outputs=["minusY"])):
+            with pytest.raises(InputError, match=r"'minusY' of \w+ is minus another variable"):
+                refused()
+        with pytest.raises(InputError, match="minusTau: variables of type negated Real"):
+            simulate(model.with_values({"minusTau": -2.0}), stop=0.1)

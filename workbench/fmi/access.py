@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
 
 from workbench.errors import InputError
 from workbench.fmi.c_array import array_type
-from workbench.fmi.variable import Value, Variable
+from workbench.fmi.variable import NEGATED, Value, Variable
 
 if TYPE_CHECKING:
     from workbench.fmi.description import ModelDescription
@@ -227,5 +227,6 @@ def _getter(instance: _InstanceCalls, variable: Variable) -> str:
         return _CLOCK
     calls = instance.TYPES.get(variable.type)
     if calls is None:
-        raise InputError(f"{variable.name}: variables of type {variable.type} are not supported")
+        hint = ", which are only listed; use the one that it is minus of" if variable.type.startswith(NEGATED) else ""
+        raise InputError(f"{variable.name}: variables of type {variable.type} are not supported{hint}")
     return calls.getter

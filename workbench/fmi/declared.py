@@ -208,6 +208,7 @@ class DeclaredVariable:
     nominal: float | None = None
     start: str | None = None
     derivative: int | None = None
+    alias: Word | None = None
     clocks: tuple[int, ...] = ()
     intermediate_update: bool = False
     dimensions: list[Dimension] | None = field(default=None, metadata=written())

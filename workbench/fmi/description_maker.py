@@ -14,7 +14,7 @@ from workbench.fmi.clocks import clocked_by, clocks_of
 from workbench.fmi.declared import Declared
 from workbench.fmi.description import Capabilities, DefaultExperiment, DisplayUnit, ModelDescription, UnitDefinition
 from workbench.fmi.rules import broken_rules, complete, less_kept_rules
-from workbench.fmi.variable import FLOAT_TYPES, Value, Variable
+from workbench.fmi.variable import FLOAT_TYPES, NEGATED, Value, Variable
 
 __all__ = ["described"]
 
@@ -181,6 +181,7 @@ class _Variables:
         self.notes: list[str] = []
         self._name_apart()
         self._same = self._joined()
+        self._set_negated_apart()
         self._depends = self._dependencies()
         for v in declared.variables:
             if not v.kind:
@@ -210,6 +211,8 @@ class _Variables:
         for v in self._declared:
             if v.causality not in ("input", "parameter") or not v.kind or v.dimensions or v.value_reference is None:
                 continue
+            if v.alias == "negatedAlias":
+                continue
             kind = "Integer" if v.kind == "Enumeration" and self._major < 3 else v.kind
             own = known.setdefault((v.causality, kind, v.value_reference), v)
             if own is v:
@@ -221,6 +224,15 @@ class _Variables:
                 what = f"the value reference of {own.name}, and is another name of it: that one's start and unit hold"
                 self.notes.append(f"variable {v.name} (line {v.line}) has {what}")
         return joined
+
+    def _set_negated_apart(self) -> None:
+        """Let what is minus another variable be listed only (FMI 1.0): nothing that reads or sets it turns the sign."""
+        negated = [v for v in self._declared if v.alias == "negatedAlias" and v.kind]
+        for v in negated:
+            v.kind, v.start = NEGATED + v.kind, None
+        if negated:
+            more = f" and {len(negated) - 1} more" if len(negated) > 1 else ""
+            self.notes.append(f"{negated[0].name}{more}: minus another variable (negatedAlias), and only listed")
 
     def find(self, which: int | None) -> said.DeclaredVariable:
         """Return the variable that the file means by a number: its position before FMI 3.0, there its reference.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["EXACT_TO", "FLOAT_TYPES", "WHOLE_RANGES", "Value", "Variable"]
+__all__ = ["EXACT_TO", "FLOAT_TYPES", "NEGATED", "WHOLE_RANGES", "Value", "Variable"]
 
 Value = float | int | bool | str
 
@@ -15,6 +15,7 @@ WHOLE_RANGES = {
     **{f"UInt{bits}": (0, (1 << bits) - 1) for bits in (8, 16, 32, 64)},
     "Integer": (-(1 << 31), (1 << 31) - 1),
 }
+NEGATED = "negated "  # before the type of what is minus another variable (FMI 1.0): it is listed, and not used
 EXACT_TO = 1 << 53  # whole numbers up to this are themselves in signals and results, which are 64-bit floating point
 
 
@@ -70,5 +71,5 @@ class Variable(NamedTuple):
 
     @property
     def is_number(self) -> bool:
-        """Whether a float stands for its value (everything but String, Binary and Clock)."""
-        return self.type not in ("String", "Binary", "Clock")
+        """Whether a float stands for its value (everything but String, Binary, Clock and what is negated)."""
+        return self.type not in ("String", "Binary", "Clock") and not self.type.startswith(NEGATED)

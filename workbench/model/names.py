@@ -12,7 +12,7 @@ from workbench.core.records.quantity import Quantity
 from workbench.core.values.conversion import in_other_unit
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import UnitDefinition
-from workbench.fmi.variable import Variable
+from workbench.fmi.variable import NEGATED, Variable
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
 from workbench.model.starts import conversion_to, in_its_unit
@@ -53,7 +53,11 @@ def check_variables(model: Model, names: Collection[str], *kinds: Kind, what: st
         InputError: one is not; the message has near names, or says what it is instead.
     """
     accepted = [v.name for kind in kinds for v in _of(model, kind) if v.is_number or not number]
+    negated = {v.name for kind in kinds for v in _of(model, kind) if v.type.startswith(NEGATED)}
     for name in names:
+        if name in negated:
+            notes = f"'{name}' of {model.name} is minus another variable, and only listed; use the other one"
+            raise InputError(f"{what}: {notes}" if what else notes)
         if elements := _elements(name, accepted):
             notes = f"'{name}' of {model.name} is an array; name an element, {elements[0]} … {elements[-1]}"
             raise InputError(f"{what}: {notes}" if what else notes)
