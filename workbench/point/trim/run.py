@@ -89,7 +89,9 @@ class _TrimRun:
 
     def _why_no_start(self, result: TrimResult) -> tuple[str, ...]:
         """Say why nothing can start at a point with discrete states, which are set before initialisation only."""
-        if self.model.interface != "me" or not (result.converged and result.operating_point.discrete):
+        if not isinstance(self.model, DescribedModel) or self.model.interface != "me":
+            return ()  # no FMU, which alone has such states
+        if not (result.converged and result.operating_point.discrete):
             return ()
         self.job.found(lambda: result, "starting at the point")
         try:
