@@ -287,6 +287,29 @@ def test_what_was_bent_is_told_and_the_rest_is_read(read: Read, note: str, old: 
     assert [v.value_reference for v in found.variables if v.causality == "output"] == [3]
 
 
+@pytest.mark.parametrize(
+    ("told", "old", "new"),
+    [
+        ("x has a start value and the derivative der(x), which the", '<Unknown index="2"/></D', "</D"),
+        ("derivative y names the state of another, x; its own, which is called state[2]",
+         '<Unknown index="2"/></D', '<Unknown index="2"/><Unknown index="4"/></D'),
+        ('the unit "m" is defined twice, differently', "<UnitDefinitions>", '<UnitDefinitions><Unit name="m"/>'),
+        ("line 3: ModelExchange is there twice", "<ModelExchange ", "<ModelExchange/><ModelExchange "),
+    ],
+)  # fmt: skip
+def test_what_can_be_meant_in_two_ways_is_told(read: Read, told: str, old: str, new: str) -> None:
+    assert TWO.count(old) == 1
+    xml = TWO.replace('<Real unit="m" displayUnit="mm"/></S', '<Real derivative="1"/></S') if " y " in told else TWO
+    found = read(xml.replace(old, new))
+    assert any(told in note for note in found.notes), found.notes
+
+
+def test_start_values_of_another_number_than_the_elements_are_told(read: Read) -> None:
+    found = read(THREE.replace('start="1 2"', 'start="1 2 3"'))
+    assert "u has 3 start values for 2 elements; ignored" in found.notes
+    assert [v.start for v in found.variables if v.causality == "input"] == [None, None]
+
+
 def test_infinity_is_a_start_value_and_a_derivative_needs_a_type(read: Read) -> None:
     assert read(TWO.replace('start="0"', 'start="INF"')).variables[0].start == math.inf
     with pytest.raises(FmuError, match=r"variable der\(x\) is listed as a derivative, and has no type"):

@@ -71,7 +71,7 @@ def read_declared(data: bytes) -> Declared:
     _check_form(data)
     _read_root(data, result)
     if _read_elements(data, result):
-        result.problems = _problems(data, result.root.fmi_version)
+        result.problems += _problems(data, result.root.fmi_version)
     if result.major == 1:
         result.interfaces = result.interfaces or {"ModelExchange": Interface()}
         for interface in result.interfaces.values():
@@ -171,6 +171,8 @@ def _each(kind: type[Any], elements: Iterable[etree._Element]) -> list[Any]:
 
 
 def _interface(result: Declared, element: etree._Element) -> None:
+    if element.tag in result.interfaces:
+        result.problems.append(f"line {element.sourceline}: {element.tag} is there twice; the last one holds")
     result.interfaces[element.tag] = _made(Interface, element)
 
 

@@ -175,6 +175,7 @@ class _Variables:
         self._major = declared.major
         self._declared = declared.variables
         self._structure = declared.structure
+        self._has_states = self._major > 1 and "ModelExchange" in declared.interfaces
         self._types = {t.name: t for t in declared.types}
         self._by_reference = {v.value_reference: v for v in declared.variables} if self._major == 3 else {}
         self._extents = {id(v): self._shape(v) for v in declared.variables if v.dimensions}
@@ -372,16 +373,28 @@ class _Variables:
         listed = self._listed_derivatives()
         by_name = {v.name: v for v in every}
         derivatives = tuple(by_name[(v.name or "") + self._index(v, e)] for v in listed for e in range(self._size(v)))
-        states = []
+        states: list[Variable] = []
         for number, derivative in enumerate(derivatives, 1):
             state = by_name.get(derivative.derivative_of or "")
-            if state is None:
-                self.notes.append(
-                    f"derivative {derivative.name} does not name its state, which is called state[{number}]"
+            if state is None or state in states:
+                what = (
+                    "does not name its state" if state is None else f"names the state of another, {state.name}; its own"
                 )
+                self.notes.append(f"derivative {derivative.name} {what}, which is called state[{number}]")
                 state = Variable(name=f"state[{number}]")
             states.append(state)
+        self._tell_of_others(states)
         return tuple(states), derivatives
+
+    def _tell_of_others(self, states: list[Variable]) -> None:
+        """Say what begins at a start value, as a state does, and has a derivative that the model structure lacks."""
+        known = {v.value_reference for v in states}
+        pairs = [(v, self.find(v.derivative)) for v in self._declared if v.derivative is not None and self._has_states]
+        others = [(v, x) for v, x in pairs if x.start is not None and x.value_reference not in known]
+        if others:
+            (derivative, begins), more = others[0], f" (and {len(others) - 1} more)" if len(others) > 1 else ""
+            what = f"{derivative.name}, which the model structure does not list: it is taken for no state"
+            self.notes.append(f"{begins.name} has a start value and the derivative {what}{more}")
 
     def _listed_derivatives(self) -> list[said.DeclaredVariable]:
         """Return the derivatives as they are listed, each once.
@@ -416,6 +429,8 @@ class _Variables:
             return [None] * size
         if len(values) == 1:
             return values * size
+        if len(values) != size:
+            self.notes.append(f"{v.name} has {len(values)} start values for {size} elements; ignored")
         return values if len(values) == size else [None] * size
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from workbench.fmi.declared import Declared, DeclaredVariable, Unknown
+from workbench.fmi.declared import Declared, DeclaredUnit, DeclaredVariable, Unknown
 from workbench.fmi.variable import FLOAT_TYPES
 
 __all__ = ["broken_rules", "complete", "less_kept_rules", "structured_name"]
@@ -77,8 +77,16 @@ def broken_rules(declared: Declared) -> Iterator[str]:
             problem = rule(v)
             if problem:
                 yield f"line {v.line}: variable {v.name} {problem}"
+    yield from _of_unit_names(declared)
     if declared.major > 2 and sum(v.causality == "independent" for v in declared.variables) != 1:
         yield "there must be exactly one independent variable"
+
+
+def _of_unit_names(declared: Declared) -> Iterator[str]:
+    known: dict[str | None, DeclaredUnit] = {}
+    for unit in declared.units:
+        if known.setdefault(unit.name, unit) != unit:
+            yield f'the unit "{unit.name}" is defined twice, differently; the last one holds'
 
 
 _Rule = Callable[[DeclaredVariable], str | None]
