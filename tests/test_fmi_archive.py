@@ -90,6 +90,26 @@ def test_a_file_that_is_in_it_twice_is_refused_if_it_is_not_the_same(pack: Pack,
     assert not left_behind(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("entries", "words"),
+    [
+        (
+            {"resources/" + "x" * 300: ""},
+            r"entry 'resources/x+…x+' cannot be unpacked: .*; pack it again with a shorter",
+        ),
+        ({"resources/a": "", "resources/a/b": ""}, "entry 'resources/a/b' is in conflict with another: one name is"),
+        ({"resources/a/b": "", "resources/a": ""}, "entry 'resources/a' is in conflict with another: one name is"),
+    ],
+)
+def test_what_cannot_be_unpacked_is_named_as_in_the_archive(
+    pack: Pack, tmp_path: Path, entries: dict[str, str | bytes], words: str
+) -> None:
+    with pytest.raises(FmuError, match=words) as caught:
+        unpack(pack(entries))
+    assert "fmi-workbench-" not in str(caught.value)
+    assert left_behind(tmp_path) == []
+
+
 def test_symbolic_links_are_refused(pack: Pack, tmp_path: Path) -> None:
     path = pack({})
     link = zipfile.ZipInfo("binaries/link")

@@ -32,6 +32,8 @@ MAX_BYTES = 4 << 30  # unpacked, all files together
 MAX_FILES = 100_000
 MAX_RATIO = 500  # above 64 MiB, an archive that shrinks better than this is a bomb
 _SMALL = 64 << 20
+_SHOWN = 80  # characters of an entry's name in a message
+_IN_A_FILE = (errno.EEXIST, errno.ENOTDIR, errno.EISDIR)
 _SKIPPED = ("sources", "documentation")  # never needed to run the FMU
 
 
@@ -159,16 +161,29 @@ def extract(
             _check_names(source, named)
             for entry, name in named:
                 if name.parts and wanted(name):
-                    _extract_entry(archive, entry, folder.joinpath(*name.parts))
+                    try:
+                        _extract_entry(archive, entry, folder.joinpath(*name.parts))
+                    except OSError as error:
+                        raise FmuError(f"{source}: {_cannot_be_unpacked(name, error)}") from None
             return [name for entry, name in named if not (_is_folder(entry) or wanted(name))]
     except DAMAGED:
         raise damaged(source) from None
     except OSError as error:
-        hint = "; make room there, or set TMPDIR to another folder" if error.errno == errno.ENOSPC else ""
-        why = error.strerror or error
-        raise FmuError(f"{source}: cannot be unpacked into {folder.parent}: {why}{hint}") from None
+        raise FmuError(f"{source}: cannot be read: {error.strerror or error}") from None
     except (RuntimeError, NotImplementedError) as error:
         raise FmuError(f"{source}: cannot be unpacked: {error}") from None
+
+
+def _cannot_be_unpacked(name: PurePosixPath, error: OSError) -> str:
+    text = str(name)
+    shown = text if len(text) <= _SHOWN else f"{text[: _SHOWN // 2]}…{text[-_SHOWN // 2 :]}"
+    if error.errno in _IN_A_FILE:
+        return f"entry '{shown}' is in conflict with another: one name is a file and a folder; pack it again"
+    hints = {
+        errno.ENOSPC: "; make room in the folder for temporary files, or set TMPDIR to another",
+        errno.ENAMETOOLONG: "; pack it again with a shorter name",
+    }
+    return f"entry '{shown}' cannot be unpacked: {error.strerror or error}{hints.get(error.errno or 0, '')}"
 
 
 def _check_sizes(source: str, entries: list[zipfile.ZipInfo]) -> None:

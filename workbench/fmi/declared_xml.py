@@ -92,9 +92,10 @@ def _check_form(data: bytes) -> None:
     try:
         etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
-        raise FmuError(f"not well-formed: {error.msg}") from None
+        raise FmuError(f"not well-formed: {error.msg}; copy or export the FMU again") from None
     for entry in parser.error_log.filter_from_errors():  # namespaces: nothing is raised for those without a tree
-        raise FmuError(f"not well-formed: {entry.message}, line {entry.line}, column {entry.column}")
+        where = f"line {entry.line}, column {entry.column}"
+        raise FmuError(f"not well-formed: {entry.message}, {where}; copy or export the FMU again")
 
 
 def _read_root(data: bytes, result: Declared) -> None:
