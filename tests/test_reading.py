@@ -310,6 +310,11 @@ def test_start_values_of_another_number_than_the_elements_are_told(read: Read) -
     assert [v.start for v in found.variables if v.causality == "input"] == [None, None]
 
 
+def test_a_size_that_the_user_gives_need_not_fit_the_start_values(tmp_path: Path) -> None:
+    (tmp_path / reading.DESCRIPTION).write_text(THREE, encoding="utf-8")
+    assert read_description(tmp_path, source="M", structure={"n": 3}).notes == ()
+
+
 def test_infinity_is_a_start_value_and_a_derivative_needs_a_type(read: Read) -> None:
     assert read(TWO.replace('start="0"', 'start="INF"')).variables[0].start == math.inf
     with pytest.raises(FmuError, match=r"variable der\(x\) is listed as a derivative, and has no type"):

@@ -24,18 +24,19 @@ _INTERFACES = {"me": "ModelExchange", "cs": "CoSimulation", "scheduled": "Schedu
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
-def described(declared: Declared) -> ModelDescription:
+def described(declared: Declared, *, resized: bool = False) -> ModelDescription:
     """Return what the description means; `platforms` and `terminals` stay empty.
 
     Args:
         declared: as it stands in the file; defaults of the standard are filled in.
+        resized: whether arrays have other sizes than in the file, which its start values need not fit.
 
     Raises:
         FmuError: a reference to a variable that is not there, an array without an extent or of too many elements.
     """
     complete(declared)
     problems = [*declared.problems, *broken_rules(declared)]
-    made = _Variables(declared)
+    made = _Variables(declared, resized=resized)
     every = made.all()
     root = declared.root
     states, derivatives = made.states(every)
@@ -171,10 +172,11 @@ class _Variables:
         notes: what of them could not be taken as it stands.
     """
 
-    def __init__(self, declared: Declared) -> None:
+    def __init__(self, declared: Declared, *, resized: bool) -> None:
         self._major = declared.major
         self._declared = declared.variables
         self._structure = declared.structure
+        self._resized = resized
         self._has_states = self._major > 1 and "ModelExchange" in declared.interfaces
         self._types = {t.name: t for t in declared.types}
         self._by_reference = {v.value_reference: v for v in declared.variables} if self._major == 3 else {}
@@ -429,7 +431,7 @@ class _Variables:
             return [None] * size
         if len(values) == 1:
             return values * size
-        if len(values) != size:
+        if len(values) != size and not self._resized:
             self.notes.append(f"{v.name} has {len(values)} start values for {size} elements; ignored")
         return values if len(values) == size else [None] * size
 

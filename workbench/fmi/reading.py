@@ -114,7 +114,7 @@ def _read(data: bytes, source: str, structure: Mapping[str, int]) -> ModelDescri
             declared = read_declared(data)
             if structure:
                 with_structure(declared, structure)
-            return described(declared)
+            return described(declared, resized=bool(structure))
     except FmuError as error:
         raise FmuError(f"{source}: {DESCRIPTION} cannot be read: {error}") from None
 
