@@ -291,7 +291,7 @@ def test_what_was_bent_is_told_and_the_rest_is_read(read: Read, note: str, old: 
     ("told", "old", "new"),
     [
         ("x has a start value and the derivative der(x), which the", '<Unknown index="2"/></D', "</D"),
-        ("derivative y names the state of another, x; its own, which is called state[2]",
+        ("derivative y names x, as another does, as its state, which is called state[2]",
          '<Unknown index="2"/></D', '<Unknown index="2"/><Unknown index="4"/></D'),
         ('the unit "m" is defined twice, differently', "<UnitDefinitions>", '<UnitDefinitions><Unit name="m"/>'),
         ("line 3: ModelExchange is there twice", "<ModelExchange ", "<ModelExchange/><ModelExchange "),

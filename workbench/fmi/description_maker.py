@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 
 from workbench.core.records.names_in_text import OUR_TOOL, plain_unit
@@ -376,19 +376,21 @@ class _Variables:
         by_name = {v.name: v for v in every}
         derivatives = tuple(by_name[(v.name or "") + self._index(v, e)] for v in listed for e in range(self._size(v)))
         states: list[Variable] = []
+        known: set[str | None] = set()
         for number, derivative in enumerate(derivatives, 1):
             state = by_name.get(derivative.derivative_of or "")
-            if state is None or state in states:
+            if state is None or state.name in known:
                 what = (
-                    "does not name its state" if state is None else f"names the state of another, {state.name}; its own"
+                    "does not name its state" if state is None else f"names {state.name}, as another does, as its state"
                 )
                 self.notes.append(f"derivative {derivative.name} {what}, which is called state[{number}]")
                 state = Variable(name=f"state[{number}]")
+            known.add(derivative.derivative_of)
             states.append(state)
         self._tell_of_others(states)
         return tuple(states), derivatives
 
-    def _tell_of_others(self, states: list[Variable]) -> None:
+    def _tell_of_others(self, states: Iterable[Variable]) -> None:
         """Say what begins at a start value, as a state does, and has a derivative that the model structure lacks."""
         known = {v.value_reference for v in states}
         pairs = [(v, self.find(v.derivative)) for v in self._declared if v.derivative is not None and self._has_states]
