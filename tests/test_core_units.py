@@ -2,7 +2,7 @@
 
 import pytest
 
-from workbench.core.values.conversion import rate_unit
+from workbench.core.values.conversion import named_conversion, rate_unit
 
 
 @pytest.mark.parametrize(
@@ -14,3 +14,18 @@ from workbench.core.values.conversion import rate_unit
 )  # fmt: skip
 def test_the_unit_of_a_rate(unit: str | None, rate: str | None) -> None:
     assert rate_unit(unit) == rate
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "factor"),
+    [
+        ("Nm", "N.m", 1.0), ("Nms/rad", "N.m.s/rad", 1.0), ("kNm", "N.m", 1e3), ("Ws", "J", 1.0),
+        ("ms", "s", 1e-3),  # what can be read plainly is
+        ("mNm", "N.m", None), ("Nmm", "N.m", None), ("degC/W", "K/W", None),  # read in two ways, or in none
+    ],
+)  # fmt: skip
+def test_a_product_without_points_is_read_where_it_can_be_one_thing_only(
+    source: str, target: str, factor: float | None
+) -> None:
+    found = named_conversion(source, target)
+    assert (None if found is None else found[0]) == (None if factor is None else pytest.approx(factor))

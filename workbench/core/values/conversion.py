@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from workbench.core.records.names_in_text import plain_unit
@@ -163,6 +163,7 @@ _PREFIXES = {
     "da": 1e1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12, "P": 1e15,
     "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9, "p": 1e-12, "f": 1e-15,
 }  # fmt: skip
+_PREFIXED = re.compile(f"(?:{'|'.join(_PREFIXES)})(?:{'|'.join(_SI)})")
 _FACTOR = re.compile(r"([A-Za-zΩµμ°%℃]+|1)\^?([+-]?\d+)?")
 
 
@@ -170,7 +171,7 @@ def known_unit(name: str, definitions: Mapping[str, Unit] | None = None) -> Unit
     """Return what `name` stands for: a definition, else a usual symbol or product of such; None: not known.
 
     Understands Modelica's and UCUM's ways to write: "N.m", "kg.m2/s2", "m/s^2", "N.m/(rad.s)", "1/min", "degC", and
-    each of them in brackets, "[m3]".
+    each of them in brackets, "[m3]"; "Nm" where it can only be N.m.
 
     Args:
         name: of the unit.
@@ -182,8 +183,29 @@ def known_unit(name: str, definitions: Mapping[str, Unit] | None = None) -> Unit
     text = name.strip()
     if text in _AFFINE:
         return _AFFINE[text]
-    result = _product(text)
+    result = _product(text) or _product(_dotted(text))
     return None if result is None else Unit(name, result[0], result[1])
+
+
+def _dotted(text: str) -> str:
+    """Return a unit with points in its first factor: "N.m.s/rad" for "Nms/rad"; "" where that can be read in two ways.
+
+    Only the first symbol may have a prefix, so that "ms" inside is no millisecond.
+    """
+    head, slash, rest = text.partition("/")
+    ways = [f"{first}.{more}" for first, more in _splits(head) if first in _SI or _PREFIXED.fullmatch(first)]
+    return f"{ways[0]}{slash}{rest}" if len(ways) == 1 else ""
+
+
+def _splits(text: str) -> Iterator[tuple[str, str]]:
+    """Yield a first symbol and those after it, joined by points; those have no prefix."""
+    for end in range(1, len(text)):
+        first, rest = text[:end], text[end:]
+        if rest in _SI:
+            yield first, rest
+        for second, more in _splits(rest):
+            if second in _SI:
+                yield first, f"{second}.{more}"
 
 
 _Power = tuple[tuple[int, ...], float]
