@@ -134,6 +134,9 @@ def test_the_column_of_an_input_is_found_by_its_name(tmp_path: Path) -> None:
     file.write_text("0,1,2\n1,3,4\n")
     with pytest.raises(InputError, match=r"none of its 3 columns is called u; give it a line of headings"):
         signals_of({"u": str(file)})
+    file.write_text("time,u [m],u\n0,1,2\n1,3,4\n")
+    with pytest.raises(InputError, match=r"2 of its columns are called u; rename or remove the others"):
+        signals_of({"u": str(file)})
     file.write_text("t,x\n0,1\n1,3\n")
     assert signals_of({"u": str(file)}) == {"u": Table([0.0, 1.0], [1.0, 3.0])}
 

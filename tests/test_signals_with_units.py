@@ -119,6 +119,7 @@ def test_without_the_input_values_have_no_units() -> None:
     ("cell", "words"),
     [
         ("0.5rad", r"u\.csv: '0.5rad' has a unit, which belongs to the heading, as in 'u \[rad\]'"),
+        ("1_0", r"u\.csv: needs two columns of numbers"),
         ("0,5", r"u\.csv: '0,5' has a comma for its decimals; write a point, as in 0.5"),
     ],
 )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from workbench.core.machine.files import content_of
 from workbench.core.records.csv_file import is_number
-from workbench.core.records.quantity import DecimalCommaError, quantity
+from workbench.core.records.quantity import DecimalCommaError, number, quantity
 from workbench.core.values.conversion import in_other_unit, named_conversion
 from workbench.errors import InputError, suggest
 from workbench.signals.kinds import Signal, Table
@@ -63,16 +63,16 @@ def _column(
     path: Path,
     headings: Sequence[str],
     rows: Sequence[Sequence[str]],
-    number: int,
+    column: int,
     numbers: Numbers = PLAIN,
 ) -> Table:
-    _, unit = _named(headings[number]) if number < len(headings) else ("", None)
+    _, unit = _named(headings[column]) if column < len(headings) else ("", None)
     second = _seconds(path, headings[0]) if headings else 1.0
     try:
-        times = [in_other_unit(float(r[0]), (second, 0.0)) for r in rows]
-        return Table(times, [_cell(path, r[number], numbers) for r in rows], unit=unit)
+        times = [in_other_unit(number(r[0]), (second, 0.0)) for r in rows]
+        return Table(times, [_cell(path, r[column], numbers) for r in rows], unit=unit)
     except (ValueError, IndexError):
-        what = "two columns of numbers" if number == 1 else f"numbers in its columns 1 and {number + 1}"
+        what = "two columns of numbers" if column == 1 else f"numbers in its columns 1 and {column + 1}"
         raise InputError(f"{path}: needs {what}, time [s] and value") from None
 
 
@@ -112,6 +112,9 @@ def named_columns(name: str, path: Path, numbers: Callable[[str], Numbers]) -> d
         wanted = {name: known[name]}
     elif not (wanted := {one: number for one, number in known.items() if one.startswith(f"{name}[")}) and width <= 2:
         wanted = {name: 1}
+    names = [_named(heading)[0] for heading in headings]
+    if twice := next((one for one in wanted if names.count(one) > 1), None):
+        raise InputError(f"{path}: {names.count(twice)} of its columns are called {twice}; rename or remove the others")
     if wanted:
         return {one: _column(path, headings, rows, number, numbers(one)) for one, number in wanted.items()}
     which = suggest(name, known) if known else "give it a line of headings"

@@ -316,7 +316,7 @@ def setting(text: str) -> float | int | bool | str:
         return text.lower() == "true"
     for kind in (int, float):
         try:
-            return kind(text)
+            return kind(text) if "_" not in text else text  # Python reads 1_0 as 10
         except ValueError:
             continue
     return text
@@ -362,6 +362,8 @@ def _model(value: Any) -> str:  # noqa: ANN401
 
 def _whole_number(text: str) -> int:
     try:
+        if "_" in text:  # see `number`
+            raise ValueError(text)
         return int(text)
     except ValueError:
         raise ValueError(f"'{text}' is not a whole number") from None

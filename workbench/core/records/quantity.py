@@ -17,6 +17,8 @@ def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOM
         ValueError: it is not a number.
     """
     try:
+        if isinstance(value, str) and "_" in value:  # Python's own way to write 10 as 1_0
+            raise ValueError(value)
         return value if isinstance(value, Quantity) else float(value)  # whose unit must not be lost
     except OverflowError:
         raise ValueError("a whole number beyond 1e308 is too large") from None

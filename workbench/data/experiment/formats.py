@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from workbench.core.machine.files import content_of
+from workbench.core.records.csv_file import is_number
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 
@@ -123,10 +124,9 @@ def _is_remark(line: str) -> bool:
 
 def _number(cell: str, separator: str) -> float | None:
     text = cell if separator == "," else cell.replace(",", ".")
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan if not cell else None
+    if not cell:
+        return math.nan
+    return float(text) if is_number(text) else None
 
 
 def _first_numbers(rows: Sequence[tuple[int, list[str]]], separator: str) -> int | None:
