@@ -161,7 +161,10 @@ def test_a_model_without_inputs_has_poles(tmp_path: Path, capsys: pytest.Capture
     assert run(["lin", file, "--plot", str(tmp_path / "lin.png")]) == 2
     assert "the linear model has no input, so it has no response to draw" in capsys.readouterr().err
     assert run(["lin", file, "--interface", "cs"]) == 2
-    assert "a linear model needs an input or states, and this interface shows neither" in capsys.readouterr().err
+    assert (
+        "a linear model needs an input or states, and this interface shows neither; use interface me"
+        in capsys.readouterr().err
+    )
 
 
 IRREGULAR = """

@@ -271,7 +271,7 @@ def test_wrong_directional_derivatives_are_noticed() -> None:
         ({"free": ["nosuch"]}, "free: the model has no state, input or output 'nosuch'"),
         ({"fix": {"z": 1.0}}, "fix: the model has no state, input or output 'z'"),
         ({"floating": ["u"]}, "floating: 'u' of the model is an input; its states are"),
-        ({"x0": {"y": 1.0}}, "start value: 'y'"),
+        ({"x0": {"y": 1.0}}, "x0, u0: 'y'"),
         ({"fix": {"u": 1.0}, "free": ["u"]}, "'u' is in both fix and free"),
         ({"fix": {"x": 1.0}, "bound": {"x": (0.0, 1.0)}}, "'x' is in both fix and bound"),
         ({"bound": {"x": (1.0, 1.0)}}, "LO below HI"),

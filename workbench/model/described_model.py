@@ -39,6 +39,7 @@ from workbench.signals.kinds import Signal
 __all__ = ["DescribedModel", "LoadRecipe"]
 
 _PARAMETERS = ("parameter", STRUCTURAL)
+_SHOWN = 4  # names in a message
 _REST = 1e-12  # relative: what moves less is at rest
 _TIGHTEST = 1e-12  # relative tolerance below which rounding takes over
 _NO_SLOPES = (
@@ -427,7 +428,17 @@ class DescribedModel(Model):
         if self._closed:
             raise InputError(f"{self.source}: the model is closed")
         self._probe_start(setup)
-        session = self._open(setup)
+        try:
+            session = self._open(setup)
+        except SimulationError as error:
+            if setup.start_values:
+                shown = ", ".join(
+                    f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
+                    for name, value in list(setup.start_values.items())[:_SHOWN]
+                )
+                more = ", …" if len(setup.start_values) > _SHOWN else ""
+                error.args = (f"{error}; set were: {shown}{more}",)
+            raise
         self._sessions.add(session)
         return session
 

@@ -264,5 +264,6 @@ def validation(description: ModelDescription) -> Answer:
         text = f"FMI {description.fmi_version}: {len(description.variables)} variables, no rule violated"
         return Answer("good", text, numbers={"problems": []})
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    read = "; ".join(description.notes) or "it is read nevertheless; nothing is lost"
+    notes = [n for n in description.notes if problems[0] not in n]  # it is the evidence already
+    read = "; ".join(notes) or "it is read nevertheless; nothing is lost"
     return Answer("watch", problems[0] + more, read, {"problems": problems[:100]})

@@ -40,7 +40,8 @@ def linearise(model: Model, request: Lin, job: Job) -> LinResult:
     task = replace(make_task(model, request), job=job)
     if not task.inputs and not _shows_states(task):
         raise InputError(
-            f"{task.model.name}: a linear model needs an input or states, and this interface shows neither"
+            f"{task.model.name}: a linear model needs an input or states, and this interface shows neither; "
+            f"{task.model.way_out()}"
         )
     result = replace(run(task, request.method), about_hz=request.about)
     if result.shows_all_poles:

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from workbench.core.values.operating_point import OperatingPoint
-from workbench.errors import InputError, SimulationError, WorkbenchError
-from workbench.model import DescribedModel, Model
+from workbench.errors import InputError, SimulationError, WorkbenchError, article
+from workbench.model import DescribedModel, Model, Variable
 from workbench.model.described_model import LoadRecipe
 from workbench.model.operating_point import named
 from workbench.point.lin.intersample import held, inside, lines
@@ -25,6 +25,7 @@ from workbench.session.settle import STEP
 
 __all__ = ["response"]
 
+_SHOWN = 4  # names in a message
 _MOVING, _STANDS = 1e-3, 1e-6  # of the answers to a pulse, of the outputs: what may drift of its own
 
 
@@ -82,14 +83,21 @@ def _check(task: LinTask) -> None:
     """Refuse what the method cannot do."""
     if task.dx is not None:
         raise InputError("method response: it perturbs only inputs; leave out dx, or use another method")
-    lacking = [kind for kind, names in (("input", task.inputs), ("output", task.outputs)) if not names]
+    sides = (("input", task.inputs, task.model.inputs), ("output", task.outputs, task.model.outputs))
+    lacking = [_lacking(kind, list(there)) for kind, names, there in sides if not names]
     if lacking:
         raise InputError(
-            "method response: it needs an input and an output that are real numbers, and there is no "
-            f"{' and no '.join(lacking)}"
+            "method response: it needs an input and an output that are real numbers, and there is "
+            f"{' and '.join(lacking)}; {task.model.way_out('choose others')}"
         )
     if task.points < 8:
         raise InputError(f"points: {task.points} are too few for a realisation; at least 8 are needed")
+
+
+def _lacking(kind: str, there: list[Variable]) -> str:
+    """Return in words that a model has no input or output that is a real number."""
+    shown = ", ".join(f"{v.name} is {article(v.type)}" for v in there[:_SHOWN])
+    return f"no {kind}" if not there else f"no such {kind} ({shown}{', …' if there[_SHOWN:] else ''})"
 
 
 def _better(first: _Attempt, task: LinTask, recipe: LoadRecipe, runs: RunCosts) -> LinResult | None:

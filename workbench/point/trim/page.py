@@ -21,7 +21,7 @@ def trim_page(result: TrimResult) -> Page:
             "searched for": ", ".join(result.unknowns) or "nothing",
             "effort": f"{counted(result.iterations, 'iteration')}, {counted(result.evaluations, 'evaluation')}",
         },
-        sections=[_point(result), _residuals(result), *_open(result)],
+        sections=[_point(result), *_residuals(result), *_open(result)],
         summary=[Verdict(word, result.message)],
         notes=result.notes,
         kind="trim",
@@ -43,7 +43,7 @@ def _point(result: TrimResult) -> Section:
             f"{told(value):.8g}",
             point.units.get(name) or "",
             number(told(point.dx[name]) if name in point.dx else None, ".4g") if kind == "state" else "",
-            "found" if name in result.unknowns else "",
+            ("found" if result.converged else "not found") if name in result.unknowns else "",
         )
         for kind, values in groups
         for name, value in values.items()
@@ -52,14 +52,15 @@ def _point(result: TrimResult) -> Section:
     return Section("Values", tables=[PageTable(headings, rows, right=(2, 4))])
 
 
-def _residuals(result: TrimResult) -> Section:
+def _residuals(result: TrimResult) -> list[Section]:
+    if not result.residuals:
+        return []
     rows = [
         (r.name, f"{told(r.value):.4g}", r.unit or "", f"{told(r.scaled):.2g}", _remark(r)) for r in result.residuals
     ]
     table = PageTable(("equation", "left over", "unit", "scaled", "remark"), rows, right=(1, 3))
     words = "Residual of each equation, relative to the change made by one nominal change of the unknowns."
-    figures = [(result.plot, words)] if result.residuals else []
-    return Section("Residuals", figures=figures, tables=[table])
+    return [Section("Residuals", figures=[(result.plot, words)], tables=[table])]
 
 
 def _remark(residual: Residual) -> str:

@@ -211,10 +211,12 @@ def _check(balance: Balance, sets: TrimSets) -> None:
         ("fix", sets.fix, ("state", "input", "output")),
         ("bound", sets.bound, ("state", "input", "output")),
         ("floating", sets.floating, ("state",)),
-        ("start value", sets.guess, ("state", "input")),
+        ("x0, u0", sets.guess, ("state", "input")),
     ):
         others = {name: kind for kind, group in slots.items() if kind not in kinds for name in group}
-        check_names(names, [n for kind in kinds for n in slots[kind]], kinds=kinds, what=what, others=others)
+        given = what == "x0, u0"  # co-simulation may show states only
+        accepted = [n for kind in kinds for n in slots[kind] if not given or slots[kind][n].settable]
+        check_names(names, accepted, kinds=kinds, what=what, others=others)
     for one, other, first, second in (
         ("fix", "free", sets.fix, sets.free),
         ("fix", "bound", sets.fix, sets.bound),
@@ -231,7 +233,7 @@ def _check(balance: Balance, sets: TrimSets) -> None:
 
 
 def _check_values(sets: TrimSets) -> None:
-    for what, values in (("fix", sets.fix), ("start value", sets.guess)):
+    for what, values in (("fix", sets.fix), ("x0, u0", sets.guess)):
         for name, value in values.items():
             if not math.isfinite(value):
                 raise InputError(f"{what}: {name} must be a finite number, not {value:g}")

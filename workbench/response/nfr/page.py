@@ -132,7 +132,7 @@ def _peak(peak: ResonancePeak) -> str:
     if peak.between is None:
         return words
     low, high = peak.between
-    return f"{words}; between {low:.5g} and {high:.5g} Hz it may be higher, which a smaller --ratio there shows"
+    return f"{words}; between {low:.5g} and {high:.5g} Hz it may be higher, which more frequencies there show"
 
 
 def _listed(amplitudes: list[float]) -> str:

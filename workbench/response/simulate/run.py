@@ -84,7 +84,10 @@ def run(model: Model, request: Simulate, job: Job) -> SimulationResult:
 
 
 def _left_out(model: Model, inputs: Mapping[str, Signal]) -> Iterator[str]:
-    """Yield a note on each array of which some elements are forced and others are not, as by too short a list."""
+    """Yield notes on inputs that are not forced: that none is, and elements of arrays, as by too short a list."""
+    if model.inputs and not inputs:
+        count = len(model.inputs)
+        yield f"no input is forced: {'it stays' if count == 1 else f'all {count} stay'} as at the start"
     whole: dict[str, list[str]] = {}
     for variable in model.inputs:
         if variable.name.endswith("]"):
