@@ -2,7 +2,7 @@
 
 Every FMU × each of its interfaces × `COMMANDS`. The workbench runs each in a worker process, FMPy in a child, both
 under limits of time and memory. `info` is compared with what FMPy reads in the description; `simulate` with FMPy's run
-under the same inputs, moved from their start values: a value may be off by 1e-3 of the range that its signal has there.
+under the same inputs, moved from their start values and back: a value may be off by 1e-3 of its signal's range there.
 Without a folder: the corpus of the tests (tests/corpus.py), built for this machine.
 """
 
@@ -118,7 +118,8 @@ def _simulate(subject: Subject) -> list[str] | str:
     asked = subject.described.asked
     words = ["--start", repr(asked.start), "--stop", repr(asked.stop), "--step", repr(asked.step)]
     moved = [word for name, move in asked.moved.items() for word in ("--bias", f"{name}={move!r}")]
-    return [*words, "--tolerance", str(oracle.TOLERANCE), *moved]
+    jumps = [w for n in asked.jumps for w in ("--input", f"{n}=step:time={asked.back!r},value={-asked.moved[n]!r}")]
+    return [*words, "--tolerance", str(oracle.TOLERANCE), *moved, *jumps]
 
 
 def _nfr(subject: Subject) -> list[str] | str:

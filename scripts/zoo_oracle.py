@@ -10,7 +10,7 @@ import math
 import multiprocessing
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
@@ -55,13 +55,20 @@ class Asked:
 
     Attributes:
         start, stop, step: of the FMU's default experiment, at most `MOST_STEPS` steps [s].
-        moved: continuous input → by how much it is moved from its start value, for the whole run.
+        moved: continuous input → by how much it is moved from its start value at the begin.
+        jumps: those that jump back to it in the middle; FMPy forces no arrays.
     """
 
     start: float = 0.0
     stop: float = 1.0
     step: float = 0.002
     moved: Mapping[str, float] = field(default_factory=dict)
+    jumps: Sequence[str] = ()
+
+    @property
+    def back(self) -> float:
+        """When they jump: a communication point in the middle of the run [s]."""
+        return self.start + self.step * round(0.5 * (self.stop - self.start) / self.step)
 
 
 @dataclass(frozen=True)
@@ -240,7 +247,8 @@ def _asked(read: Any, given: Mapping[str, float]) -> Asked:
         if _is_forced(variable)
         for name, value in zip(_names_of(variable), _starts(variable), strict=True)
     }
-    return Asked(start, min(stop, start + MOST_STEPS * step), step, moved)
+    scalars = {v.valueReference: v.name for v in reversed(read.modelVariables) if _is_forced(v) and not v.dimensions}
+    return Asked(start, min(stop, start + MOST_STEPS * step), step, moved, list(scalars.values()))  # aliases once
 
 
 def _is_forced(variable: Any) -> bool:
@@ -311,14 +319,16 @@ def _simulate(file: str, interface: str, read: Any, asked: Asked, tolerance: flo
 
 
 def _forced(read: Any, asked: Asked) -> dict[str, Any]:
-    """Return start values and input signals for FMPy: inputs held at values, arrays whole."""
+    """Return start values and input signals for FMPy: arrays are held whole, other inputs jump back to their start."""
     starts: dict[str, Any] = {}
     for variable in filter(_is_forced, read.modelVariables):
         values = [v + asked.moved[n] for n, v in zip(_names_of(variable), _starts(variable), strict=True)]
         starts[variable.name] = values if variable.dimensions else values[0]
-    held = [n for n, v in starts.items() if isinstance(v, float)]
+    held = list(asked.jumps)
     if not held:
         return {"start_values": starts}
-    row = tuple(starts[n] for n in held)
+    first = tuple(starts[n] for n in held)
+    then = tuple(starts[n] - asked.moved[n] for n in held)
+    rows = [(asked.start, *first), (asked.back, *first), (asked.back, *then), (asked.stop, *then)]
     types = [("time", np.float64), *((n, np.float64) for n in held)]
-    return {"start_values": starts, "input": np.array([(asked.start, *row), (asked.stop, *row)], dtype=types)}
+    return {"start_values": starts, "input": np.array(rows, dtype=types)}
