@@ -117,8 +117,12 @@ class Subject:
 def _simulate(subject: Subject) -> list[str] | str:
     asked = subject.described.asked
     words = ["--start", repr(asked.start), "--stop", repr(asked.stop), "--step", repr(asked.step)]
-    moved = [word for name, move in asked.moved.items() for word in ("--bias", f"{name}={move!r}")]
-    jumps = [w for n in asked.jumps for w in ("--input", f"{n}=step:time={asked.back!r},value={-asked.moved[n]!r}")]
+    held = asked.moved.keys() - asked.jumps.keys()
+    moved = [word for name in sorted(held) for word in ("--bias", f"{name}={asked.moved[name]!r}")]
+    signals = {
+        n: f"step:time={asked.back!r},initial={v + asked.moved[n]!r},value={v!r}" for n, v in asked.jumps.items()
+    }
+    jumps = [word for name, signal in signals.items() for word in ("--input", f"{name}={signal}")]
     return [*words, "--tolerance", str(oracle.TOLERANCE), *moved, *jumps]
 
 

@@ -10,7 +10,7 @@ import math
 import multiprocessing
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
@@ -56,14 +56,14 @@ class Asked:
     Attributes:
         start, stop, step: of the FMU's default experiment, at most `MOST_STEPS` steps [s].
         moved: continuous input → by how much it is moved from its start value at the begin.
-        jumps: those that jump back to it in the middle; FMPy forces no arrays.
+        jumps: those that jump back in the middle → their start value; FMPy forces no arrays.
     """
 
     start: float = 0.0
     stop: float = 1.0
     step: float = 0.002
     moved: Mapping[str, float] = field(default_factory=dict)
-    jumps: Sequence[str] = ()
+    jumps: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def back(self) -> float:
@@ -241,18 +241,17 @@ def _asked(read: Any, given: Mapping[str, float]) -> Asked:
     start = given.get("start", 0.0)
     stop = given["stop"] if given.get("stop", start) > start else start + 1.0
     step = given.get("step") or (stop - start) / _STEPS
-    moved = {
-        name: MOVED * (abs(value) or 1.0)
-        for variable in read.modelVariables
-        if _is_forced(variable)
-        for name, value in zip(_names_of(variable), _starts(variable), strict=True)
-    }
-    scalars = {v.valueReference: v.name for v in reversed(read.modelVariables) if _is_forced(v) and not v.dimensions}
-    return Asked(start, min(stop, start + MOST_STEPS * step), step, moved, list(scalars.values()))  # aliases once
+    forced = _forced_variables(read)
+    elements = [dict(zip(_names_of(v), _starts(v), strict=True)) for v in forced]
+    moved = {name: MOVED * (abs(value) or 1.0) for of_variable in elements for name, value in of_variable.items()}
+    jumps = {v.name: of_variable[v.name] for v, of_variable in zip(forced, elements, strict=True) if not v.dimensions}
+    return Asked(start, min(stop, start + MOST_STEPS * step), step, moved, jumps)
 
 
-def _is_forced(variable: Any) -> bool:
-    return variable.causality == "input" and variable.type in _FLOATS
+def _forced_variables(read: Any) -> list[Any]:
+    """Return the inputs that are numbers with a point, those with several names once."""
+    forced = (v for v in reversed(read.modelVariables) if v.causality == "input" and v.type in _FLOATS)
+    return list({v.valueReference: v for v in forced}.values())
 
 
 def _starts(variable: Any) -> list[float]:
@@ -321,14 +320,14 @@ def _simulate(file: str, interface: str, read: Any, asked: Asked, tolerance: flo
 def _forced(read: Any, asked: Asked) -> dict[str, Any]:
     """Return start values and input signals for FMPy: arrays are held whole, other inputs jump back to their start."""
     starts: dict[str, Any] = {}
-    for variable in filter(_is_forced, read.modelVariables):
+    for variable in _forced_variables(read):
         values = [v + asked.moved[n] for n, v in zip(_names_of(variable), _starts(variable), strict=True)]
         starts[variable.name] = values if variable.dimensions else values[0]
     held = list(asked.jumps)
     if not held:
         return {"start_values": starts}
     first = tuple(starts[n] for n in held)
-    then = tuple(starts[n] - asked.moved[n] for n in held)
+    then = tuple(asked.jumps.values())
     rows = [(asked.start, *first), (asked.back, *first), (asked.back, *then), (asked.stop, *then)]
     types = [("time", np.float64), *((n, np.float64) for n in held)]
     return {"start_values": starts, "input": np.array(rows, dtype=types)}
