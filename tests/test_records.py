@@ -53,6 +53,14 @@ class Sweep(Result):
     _WHAT, _COMMAND = "a sweep", "sweep"
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Nodes(Result):
+    nodes: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    values: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0), metadata=entry(dims=("nodes",)))
+
+    _WHAT, _COMMAND = "a list of nodes", "nodes"
+
+
 def sweep(**changed: Any) -> Sweep:
     given: dict[str, Any] = {
         "names": ("a", "b"),
@@ -111,6 +119,12 @@ def test_a_record_reads_its_own_json() -> None:
 def test_a_wrong_key_is_named(changed: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         Sweep.from_dict({**written(sweep()), **changed})
+
+
+def test_an_axis_that_is_left_out_has_its_default_length() -> None:
+    assert len(Nodes.from_dict({"command": "nodes"}).values) == 0
+    with pytest.raises(InputError, match=r"'values' has the shape \(2,\), not \(0,\)"):
+        Nodes.from_dict({"command": "nodes", "values": [1.0, 2.0]})
 
 
 def test_a_missing_key_is_named() -> None:

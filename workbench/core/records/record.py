@@ -418,9 +418,16 @@ def _read(kind: Any, data: Any, lengths: Mapping[str, int], where: str) -> Any: 
             result[declared.name] = _value(hints[declared.name], data[key], lengths, here, said)
         elif declared.default is MISSING and declared.default_factory is MISSING:
             raise _WrongKeyError(f"'{here}' is missing")
-        if isinstance(known := result.get(declared.name), Sized) and (len(known) or not isinstance(known, tuple)):
+        if isinstance(known := result.get(declared.name, _default(declared)), Sized) and (
+            len(known) or not isinstance(known, tuple)
+        ):
             lengths[declared.name] = len(known)  # without names it is not known
     return kind(**result)
+
+
+def _default(declared: Field[Any]) -> object:
+    """Return what an array or the like is that is left out: its length counts, too."""
+    return None if declared.default_factory is MISSING else declared.default_factory()
 
 
 def _path(where: str, key: object) -> str:
