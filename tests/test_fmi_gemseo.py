@@ -56,7 +56,7 @@ def test_mass_damper_by_cosimulation_is_explicit_euler() -> None:
         )
         assert np.max(np.abs(result.signals["y"] - oscillator(result.time, 5.0))) < 0.02
         coarse = simulate(model, stop=0.2, outputs=["y"])
-    assert "changes by" in coarse.notes[0]
+    assert any("changes by" in note for note in coarse.notes)
 
 
 def test_a_diverging_cosimulation_does_not_pass_silently() -> None:

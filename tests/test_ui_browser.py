@@ -401,8 +401,8 @@ def test_a_model_of_many_variables_scrolls(page: Page, ui: Ui) -> None:
             content = rudder.read(name)
             if name == "modelDescription.xml":
                 more = "".join(
-                    f'<ScalarVariable name="extra[{k}]" valueReference="0" causality="parameter" variability="fixed" '
-                    f'initial="exact"><Real start="{k}"/></ScalarVariable>' for k in range(2000)
+                    f'<ScalarVariable name="extra[{k}]" valueReference="{1000 + k}" causality="parameter" '
+                    f'variability="fixed" initial="exact"><Real start="{k}"/></ScalarVariable>' for k in range(2000)
                 )  # fmt: skip
                 content = content.replace(b"</ModelVariables>", more.encode() + b"</ModelVariables>")
             many.writestr(name, content)
