@@ -466,8 +466,8 @@ def told(case: Case, data: Any, truth: Any) -> tuple[str, int, str]:
         *(c["evidence"] for c in data.get("checks", ())),
     ]
     if why := str(case.deed.failed(data) or ""):
-        words = REMARKS.get(case.way)
-        return "told" if words and any(re.search(words, note) for note in (why, *notes)) else _kind_in(why), 1, why
+        words, said = REMARKS.get(case.way), (why, *notes) if case.what == "check" else (why,)
+        return "told" if words and any(re.search(words, line) for line in said) else _kind_in(why), 1, why
     found = case.deed.numbers(data)
     if _same(found, truth, case.deed.tolerance):
         return "ok", 0, ""

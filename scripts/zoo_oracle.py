@@ -126,7 +126,7 @@ def consult(file: Path, limits: Limits) -> tuple[Described, dict[str, Run]]:
 
 
 def finer(file: Path, interface: str, limits: Limits) -> Run:
-    """Return FMPy's run with half the interval and a hundredth of the tolerance: how sure its answer is.
+    """Return FMPy's run again, by model exchange with half the interval and a hundredth of the tolerance.
 
     In a process that shares no memory with those of `consult`, not even the addresses: for an FMU that reads what it
     never set.
@@ -191,7 +191,7 @@ def _be_child(what: str, file: str, megabytes: float, tell: Connection) -> None:
         tell.send(told)
     one, _, better = what.partition(" ")
     asked, tolerance = Asked(**told["asked"]), TOLERANCE
-    if better == _FINER:
+    if better == _FINER and one == "me":  # in co-simulation the solver is the FMU's
         asked, tolerance = replace(asked, step=asked.step / 2.0), TOLERANCE / 100.0
     for interface in told["interfaces"] if what == "describe" else [one]:
         try:

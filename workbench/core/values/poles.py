@@ -29,7 +29,7 @@ __all__ = [
 VANISHED = 1e-6  # size of discrete poles that are over within a sample
 POLE_HEADINGS = ("pole", "natural [Hz]", "damping", "damped [Hz]")  # of the columns of `pole_rows`
 _AT_REST = 1e-9  # of the fastest pole: what rounding makes of an integrator
-ON_BORDER = 1e-8  # of a discrete pole's size: so near 1 it counts as on the border of stability
+ON_BORDER = 1e-8  # of a pole's size (of 1 where sampled): what rounding, √ε, makes of a double pole on the border
 
 _Complex = NDArray[np.complex128]
 _Floats = NDArray[np.float64]

@@ -11,12 +11,11 @@ import numpy as np
 
 from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.linear import LinearPart
-from workbench.core.values.poles import growth_rates, sides
+from workbench.core.values.poles import ON_BORDER, growth_rates, sides
 from workbench.loops.nyquist.crossings import SAME, axis_crossings
 
 __all__ = ["CriticalGain", "Interval", "count_poles", "crossings", "fixed_modes", "intervals", "stable_gains"]
 
-_ON_BORDER = 1e-8  # a pole so near the border, relative to its size (to 1 where sampled), counts as on it
 _WITHIN = (0.03, 0.5, 0.97)  # where in an interval the poles are counted
 _OUTSIDE = (1.05, 2.0, 30.0)  # times the last crossing, where it is open on one side
 
@@ -140,7 +139,7 @@ def count_poles(plant: LinearPart, gain: float) -> tuple[int, int]:
     """
     closed = plant.closed(gain)
     rounding = 10.0 * np.finfo(float).eps * float(np.linalg.norm(closed)) if len(closed) else 0.0
-    beyond, on = sides(np.linalg.eigvals(closed), plant.dt, relative=_ON_BORDER, rounding=rounding)
+    beyond, on = sides(np.linalg.eigvals(closed), plant.dt, relative=ON_BORDER, rounding=rounding)
     return int(np.sum(beyond)), int(np.sum(on))
 
 
@@ -192,7 +191,7 @@ def fixed_modes(plant: LinearPart, gains: Sequence[float]) -> tuple[complex, ...
     """
     open_loop = plant.poles
     size = np.ones(len(open_loop)) if plant.dt > 0.0 else np.maximum(np.abs(open_loop), 1e-6)
-    border = _ON_BORDER / plant.dt if plant.dt > 0.0 else _ON_BORDER * size
+    border = ON_BORDER / plant.dt if plant.dt > 0.0 else ON_BORDER * size
     candidates = [
         (complex(p), float(s))
         for p, s, rate, near in zip(

@@ -275,6 +275,11 @@ def rows_of_step(frequency: float, step: float) -> int:
     return rows
 
 
+def shows(step: float | None, frequency: float) -> bool:
+    """Whether there is a step [s], and enough of them make a period of `frequency` [Hz] to show a sine."""
+    return bool(step) and _rows_in(frequency, step or 0.0) >= _FEWEST_ROWS
+
+
 def other_step(model: Model, step: float | None, frequency: float) -> str:
     """Return in words the step that helps where model exchange is not offered.
 
@@ -284,7 +289,7 @@ def other_step(model: Model, step: float | None, frequency: float) -> str:
         frequency: highest one [Hz].
     """
     declared = model.description.experiment.step if isinstance(model, DescribedModel) else None
-    if step is not None or not declared or _rows_in(frequency, declared) < _FEWEST_ROWS:
+    if step is not None or not shows(declared, frequency):
         return SHORTER
     return f"use --step {declared:.12g}, which the FMU declares: it may be made for that one alone"
 

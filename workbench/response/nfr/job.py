@@ -27,6 +27,7 @@ from workbench.response.nfr.communication_step import (
     checked,
     other_step,
     refine,
+    shows,
     wider,
 )
 from workbench.response.nfr.error import Evidence, of_integration
@@ -116,11 +117,14 @@ class PointsJob(WorkItem):
             return self._verified(model) if self.verify else self._pass(*self._exact_enough(model))
 
         measured = partial(self._finer, model)
-        way = model.way_out(other_step(model, self.step, max(t.frequency for t in self.tasks)))
-        points = [] if self.step is not None else refine(self.tasks, measured, way)
-        step = self.step or (model.grid if all(p.reason is not None for p in points) else None)
-        if step is not None:  # or the FMU goes on with no other step than the one that it declares
-            points = at_step(self.tasks, step, measured, way)
+        highest = max(t.frequency for t in self.tasks)
+        way = model.way_out(other_step(model, self.step, highest))
+        if self.step is not None:
+            points = at_step(self.tasks, self.step, measured, way)
+        else:
+            points = refine(self.tasks, measured, way)
+            if model.grid is not None and shows(model.grid, highest) and all(p.reason is not None for p in points):
+                points = at_step(self.tasks, model.grid, measured, way)  # the FMU may take no other step
         return iter(at_own_step(points, self.tasks, self.tasks[0].own_step, measured))
 
     def _finer(self, model: Model, tasks: Sequence[PointTask], halvings: int) -> list[NfrPoint]:
