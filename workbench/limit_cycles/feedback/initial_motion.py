@@ -121,21 +121,11 @@ def initial_motion(
     if start_after is not None:
         closes, rows = time + start_after, _ROWS
         how = f"after {start_after:g} s under {', '.join(signals) or 'no signal'}"
-    elif two is not None:
-        states, guess = _predicted_cycle(place, two)
+    else:
+        states, guess = _startable_cycle(place, two, time, first)
         first |= states
         closes, rows = time + _PERIODS / guess, _PERIODS * PER_PERIOD
         how = f"starting from the predicted limit cycle, simulated for {_PERIODS} periods"
-        if not _begins_at(model, time, first):
-            raise InputError(
-                f"{model.name}: its sessions cannot start at a given point, so a predicted cycle cannot be started; "
-                "excite a motion (pulse, start_after)"
-            )
-    else:
-        raise InputError(
-            f"{model.name}: no nonlinear block is known, so no limit cycle is predicted; name it (block), or excite a "
-            "motion (pulse, start_after)"
-        )
     points = np.linspace(time, closes, rows + 1)[1:]
     with model.open_at(time=time, values=first, tolerance=TOLERANCE) as session:
         record = session.advance(closes, signals=signals, record=[watch], points=points).right_limits()
@@ -163,6 +153,24 @@ def initial_motion(
         time=at[last],
         motion=moved[last] + centre,
     )
+
+
+def _startable_cycle(
+    place: FeedbackPath, two: TwoPorts | None, time: float, held: Mapping[str, float]
+) -> tuple[dict[str, float], float]:
+    """Return the states on a predicted cycle, where sessions can begin with `held` and these, and its frequency."""
+    if two is None:
+        raise InputError(
+            f"{place.model.name}: no nonlinear block is known, so no limit cycle is predicted; name it (block), or "
+            "excite a motion (pulse, start_after)"
+        )
+    states, frequency = _predicted_cycle(place, two)
+    if not _begins_at(place.model, time, {**held, **states}):
+        raise InputError(
+            f"{place.model.name}: its sessions cannot start at a given point, so a predicted cycle cannot be started; "
+            "excite a motion (pulse, start_after)"
+        )
+    return states, frequency
 
 
 def _begins_at(model: DescribedModel, time: float, values: Mapping[str, float]) -> bool:
