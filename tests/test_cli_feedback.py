@@ -8,10 +8,9 @@ import math
 from pathlib import Path
 
 import pytest
-import typer
 
 from tests.command_lines import LAGS, LOOP
-from workbench.cli.program import function_of
+from workbench.cli.program import command_of
 from workbench.core.records.option import options_of
 from workbench.errors import InputError, WorkbenchError
 from workbench.limit_cycles.feedback.request import Feedback
@@ -20,9 +19,7 @@ ENDS = ("--from", "c.y", "--to", "a.u")
 
 
 def run(*arguments: str) -> object:
-    app = typer.Typer()
-    app.command()(function_of("feedback"))
-    return typer.main.get_command(app).main(list(arguments), "workbench feedback", standalone_mode=False)
+    return command_of("feedback").main(list(arguments), "workbench feedback", standalone_mode=False)
 
 
 @pytest.fixture

@@ -6,17 +6,14 @@ import json
 from pathlib import Path
 
 import pytest
-import typer
 
 from tests.command_lines import LOOP
-from workbench.cli.program import function_of
+from workbench.cli.program import command_of
 from workbench.errors import InputError
 
 
 def run(*arguments: str) -> object:
-    app = typer.Typer()
-    app.command()(function_of("limit-cycle"))
-    return typer.main.get_command(app).main(list(arguments), "workbench limit-cycle", standalone_mode=False)
+    return command_of("limit-cycle").main(list(arguments), "workbench limit-cycle", standalone_mode=False)
 
 
 @pytest.fixture

@@ -177,10 +177,10 @@ def test_names_beside_ticks_are_no_formulas(tmp_path: Path) -> None:
     assert not any("\x9b" in t.get_text() for t in figure.findobj(Text))
 
 
-def test_a_bar_takes_no_markup() -> None:
+def test_a_bar_takes_no_markup(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     with Bar(1.0) as bar:
         bar._begin = -1e9
-        bar._console._force_terminal = True
         bar.update(0.5, "[/]\x1b[31m[red]name")
         assert bar._progress is not None
         assert bar._progress.tasks[0].description == "[/]\\x1b[31m[red]name"

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from html import escape
-from typing import Any
 
-import typer
+import click
 
 from workbench.cli.program import COMMANDS, program
 
@@ -28,7 +27,7 @@ def command_page(name: str) -> str:
         name: of the command.
     """
     command = program(name)
-    context = typer.Context(command, info_name=name)
+    context = click.Context(command, info_name=name)
     usage = " ".join(["workbench", name, *command.collect_usage_pieces(context)])
     head = [f"# {name}", "", *_help(command.help or ""), "```bash", usage, "```", ""]
     return "\n".join([*head, *_tables(command, context)])
@@ -46,9 +45,9 @@ def _help(text: str) -> Iterator[str]:
             yield from (words, "")
 
 
-def _tables(command: Any, context: typer.Context) -> Iterator[str]:  # noqa: ANN401 - typer's own class is private
-    arguments = [p for p in command.params if p.param_type_name == "argument"]
-    options = [p for p in command.params if p.param_type_name == "option" and not p.hidden]
+def _tables(command: click.Command, context: click.Context) -> Iterator[str]:
+    arguments = [p for p in command.params if isinstance(p, click.Argument)]
+    options = [p for p in command.params if isinstance(p, click.Option) and not p.hidden]
     for title, parameters in (("Arguments", arguments), ("Options", options)):
         if not parameters:
             continue
@@ -58,19 +57,19 @@ def _tables(command: Any, context: typer.Context) -> Iterator[str]:  # noqa: ANN
         yield ""
 
 
-def _row(parameter: Any, context: typer.Context) -> str:  # noqa: ANN401
-    names, meaning = parameter.get_help_record(context)
-    if parameter.param_type_name == "argument":
-        names = str(parameter.metavar or names.split()[0])
-    default = "required" if parameter.required else _default(parameter)
+def _row(parameter: click.Parameter, context: click.Context) -> str:
+    names, meaning = parameter.get_help_record(context) or ("", "")
+    if isinstance(parameter, click.Argument):
+        names = parameter.make_metavar(context)
+    default = "required" if parameter.required else _default(parameter, context)
     # In a table a bar ends the cell, even between backticks.
     name = f"<code>{escape(names).replace('|', '&#124;')}</code>"
     return f"| {name} | {_cell(_EXTRA.sub('', meaning))} | {default} |"
 
 
-def _default(parameter: Any) -> str:  # noqa: ANN401
-    value = parameter.default
-    if value is None or value is False or value == []:
+def _default(parameter: click.Parameter, context: click.Context) -> str:
+    value = parameter.get_default(context)
+    if value is False or not isinstance(value, str | int | float):
         return ""
     if value is True and parameter.secondary_opts:
         return f"`{parameter.opts[0]}`"

@@ -6,14 +6,14 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-import typer
+import click
 
 from workbench.cli import command_line as asked
 from workbench.cli import notes
 from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
 from workbench.cli.program import completing, options_of, program, said
 from workbench.commands import COMMANDS, MOVED, requests_of
-from workbench.errors import InputError, WorkbenchError, one_line
+from workbench.errors import InputError, WorkbenchError, one_line, suggest
 from workbench.jobs.end_signals import INTERRUPTED
 from workbench.jobs.options import InWorker
 from workbench.requests.request import Request
@@ -51,14 +51,14 @@ def run(
         asked.keep(words, options_of(command), called)
         alone = command.name == name
         code = command.main(list(words[alone:]), f"{called} {name}" if alone else called, standalone_mode=False)
-    except typer.TyperException as error:
+    except click.ClickException as error:
         return _complain(said(error))
     except WorkbenchError as error:
         return _complain(asked.complaint(str(error)))
     except MemoryError:
         return _complain("out of memory: more was asked for, or a file is larger, than this process may hold")
-    except (KeyboardInterrupt, typer.Abort):
-        code = INTERRUPTED  # the version of typer decides whether it is raised or returned
+    except (KeyboardInterrupt, click.Abort):
+        code = INTERRUPTED
     except Exception:
         if not was_interrupted():  # else what was being imported made an error of its own of it
             raise
@@ -81,16 +81,18 @@ def _expect(name: str | None, words: Sequence[str]) -> None:
     """Start the worker process that a command will need while the command line is read.
 
     Raises:
-        InputError: it was a command once.
+        InputError: there is no such command, or it was one once.
     """
-    if name is None:
+    if name is None or name.startswith("-"):
         return
     if name in MOVED:
         raise InputError(f"{name} is now {MOVED[name]}")
+    if name not in COMMANDS:
+        raise InputError(f"No such command '{name}'; {suggest(name, COMMANDS)}")
     given = {word.partition("=")[0] for word in words}
     if not _NEEDS_NONE.isdisjoint(given):
         return
-    request = next(iter(requests_of(name) if name in COMMANDS else ()), None)
+    request = next(iter(requests_of(name)), None)
     if request is not None and (request.isolated or issubclass(request, InWorker)):
         from workbench.jobs.worker_process import prepare
 

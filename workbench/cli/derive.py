@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
+from workbench.cli.plain import GroupedOption, PlainCommand
 from workbench.core.records.forms import File, written
 from workbench.core.records.option import (
     DeclaredOption,
@@ -46,8 +47,8 @@ class _Json(Options):
     json: File | None = option("Write the result as JSON; - is standard output.", default=None)
 
 
-def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None = None) -> Callable[..., int]:
-    """Return a command as typer takes it.
+def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None = None) -> click.Command:
+    """Return the command of the requests.
 
     Args:
         requests: what it may mean, see `Request.takes`; the first is what it means without more.
@@ -55,7 +56,7 @@ def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None =
     """
     first = requests[0]
 
-    def run(**given: Any) -> int:  # noqa: ANN401 - what typer read
+    def run(**given: Any) -> int:  # noqa: ANN401 - of any option
         from workbench.cli.notes import note
         from workbench.cli.output import Output
 
@@ -76,12 +77,7 @@ def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None =
                     work.record = asked.run(opened, work.job)
                 return _ended(opened, asked, work, out, written)
 
-    signature = _signature(requests)
-    run.__doc__ = _help(requests)
-    run.__name__ = first.command.replace("-", "_")
-    run.__signature__ = signature  # type: ignore[attr-defined]
-    run.__annotations__ = {p.name: p.annotation for p in signature.parameters.values()}
-    return run
+    return PlainCommand(first.command, callback=run, params=_parameters(requests), help=_help(requests))
 
 
 def meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) -> tuple[type[Request[Any, Any]], Any]:
@@ -89,7 +85,7 @@ def meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) ->
 
     Args:
         requests: of a command.
-        given: what typer read; the options of the request are as it reads them afterwards.
+        given: what the command line says; the options of the request are as it reads them afterwards.
 
     Raises:
         InputError: an option of another request is given, one of its own is missing, or it is run on one thing.
@@ -103,7 +99,7 @@ def meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) ->
     own = _options(request)
     for other in requests:
         for name, (declared, _) in _options(other).items():
-            if name not in own and given.get(name) not in (None, _usual(declared), [], ()):
+            if name not in own and given.get(name) not in (None, _usual(declared)):
                 raise InputError(f"{declared.flag} is for {other.case or other.subject.metavar}; leave it out")
     for name, (declared, _) in own.items():
         if given.get(name) is not None:
@@ -219,47 +215,51 @@ def _show(
 # -- options -----------------------------------------------------------------------------------
 
 
-def _signature(requests: Sequence[type[Request[Any, Any]]]) -> inspect.Signature:
+def _parameters(requests: Sequence[type[Request[Any, Any]]]) -> list[click.Parameter]:
     """Return the options of the requests, then those by which models are opened, then the files."""
-    parameters = [_argument(requests)]
-    for request in requests:
-        if request.chosen_by:
-            flag = typer.Option(request.chosen_by, help=_first_sentence(request))
-            parameters.append(_parameter(_named(request.chosen_by), Annotated[bool, flag], default=False))
+    chosen = [(request.chosen_by, _first_sentence(request)) for request in requests if request.chosen_by]
+    result: list[click.Parameter] = [_argument(requests)]
+    result += [click.Option([_named(flag), flag], is_flag=True, help=words) for flag, words in chosen]
     own = [_options(request) for request in requests]
     for name in dict.fromkeys(chain.from_iterable(own)):
         known = [(request, *options[name]) for request, options in zip(requests, own, strict=True) if name in options]
         request, _, group = known[0]
         declared = [d for _, d, _ in known]
-        parameters.append(_merged(name, declared, group or _heading(request), everywhere=len(known) == len(own)))
-    return inspect.Signature(sorted(parameters, key=lambda p: p.default is not inspect.Parameter.empty))
+        result.append(_merged(name, declared, group or _heading(request), everywhere=len(known) == len(own)))
+    return sorted(result, key=lambda p: not p.required)
 
 
-def _argument(requests: Sequence[type[Request[Any, Any]]]) -> inspect.Parameter:
+def _argument(requests: Sequence[type[Request[Any, Any]]]) -> click.Argument:
     subject, several = requests[0].subject, any(r.subject.several for r in requests)
     optional = any(r.subject.optional for r in requests)
-    kind: Any = list[str] if several else str
-    kind = kind | None if optional else kind
     metavar = f"{subject.metavar}.." if several and not subject.several else subject.metavar
-    words = " Or: ".join(dict.fromkeys(request.subject.words for request in requests))
-    annotation = Annotated[kind, typer.Argument(metavar=metavar, help=words)]
-    return _parameter(_SUBJECT, annotation, None if optional else inspect.Parameter.empty)
+    return click.Argument(
+        [_SUBJECT],
+        nargs=-1 if several else 1,
+        required=not optional,
+        metavar=f"[{metavar}]" if optional else metavar,
+        help=" Or: ".join(dict.fromkeys(request.subject.words for request in requests)),
+    )
 
 
-def _merged(name: str, known: Sequence[DeclaredOption], group: str, *, everywhere: bool) -> inspect.Parameter:
-    """Return an option that requests of one command share, as the first declares it: typer reads texts and switches."""
+def _merged(name: str, known: Sequence[DeclaredOption], group: str, *, everywhere: bool) -> click.Option:
+    """Return an option that requests of one command share, as the first declares it: texts and switches are read."""
     first = known[0]
-    needed = everywhere and all(d.required for d in known)
+    switch, flag = first.form is None, first.flag
+    if switch and any(d.default for d in known):
+        flag = f"{flag}/--no-{flag.removeprefix('--')}"
     usual = {repr(d.default) for d in known}
-    default = None if len(usual) > 1 or first.required else _usual(first)
-    kind: Any = bool if first.form is None else list[str] if any(d.repeated for d in known) else str
-    kind = kind if needed or (kind is bool and default is not None) else kind | None
-    annotation = _annotation(first, group, kind, both=first.form is None and any(d.default for d in known))
-    return _parameter(name, annotation, inspect.Parameter.empty if needed else default)
-
-
-def _parameter(name: str, kind: Any, default: Any) -> inspect.Parameter:  # noqa: ANN401
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
+    return GroupedOption(
+        [name, flag, *filter(None, [first.option.also])],
+        group=group,
+        is_flag=switch,
+        multiple=any(d.repeated for d in known),
+        required=everywhere and all(d.required for d in known),
+        default=None if len(usual) > 1 or first.required else _usual(first),
+        help=f"{first.help} Repeatable." if first.repeated else first.help,
+        metavar=first.metavar or None,
+        hidden=first.option.hidden,
+    )
 
 
 def _usual(declared: DeclaredOption) -> Any:  # noqa: ANN401
@@ -267,18 +267,6 @@ def _usual(declared: DeclaredOption) -> Any:  # noqa: ANN401
     if declared.form is None:
         return declared.default
     return written(declared.default) if isinstance(declared.default, str | int | float) else None
-
-
-def _annotation(declared: DeclaredOption, group: str, kind: Any, *, both: bool) -> Any:  # noqa: ANN401 - types for typer
-    option = typer.Option(
-        f"{declared.flag}/--no-{declared.flag.removeprefix('--')}" if both else declared.flag,
-        *filter(None, [declared.option.also]),
-        help=f"{declared.help} Repeatable." if declared.repeated else declared.help,
-        metavar=declared.metavar or None,
-        rich_help_panel=group or None,
-        hidden=declared.option.hidden,
-    )
-    return Annotated[kind, option]
 
 
 # -- values ------------------------------------------------------------------------------------
@@ -290,7 +278,7 @@ def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[DeclaredOption
 
 
 def _as_read(declared: DeclaredOption, given: Any) -> Any:  # noqa: ANN401
-    """Return what typer read as another request's option of that name has it."""
+    """Return what was read as another request's option of that name has it."""
     if declared.repeated:
         return [given] if isinstance(given, str) else given
     return given[-1] if isinstance(given, list) and given else given

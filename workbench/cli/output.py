@@ -23,8 +23,6 @@ from workbench.requests.kept import origin_of
 from workbench.requests.origin import Origin
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from workbench.show.page import Page
 
 __all__ = ["Output", "check_kind"]
@@ -98,18 +96,6 @@ class Output:
         """
         if self.json_path is not None and not self._has_json and not Path(self.json_path).exists():
             self._write_json(self._full(failure_in_json(error)))
-
-    @property
-    def console(self) -> Console:
-        """Where tables go; it swallows them when standard output belongs to JSON or CSV, and shows what is unseen."""
-        from rich.console import Console
-        from rich.text import Text
-
-        class Shown(Console):
-            def render_str(self, text: str, **how: Any) -> Text:  # noqa: ANN401
-                return super().render_str(visible(text), **how)
-
-        return Shown(quiet=self._quiet, width=None if sys.stdout.isatty() else 110, highlight=False)
 
     def say(self, text: Callable[[int | None], str]) -> None:
         """Print a text, unless standard output belongs to JSON or CSV.

@@ -8,150 +8,108 @@ from __future__ import annotations
 import inspect
 import os
 import re
-from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-import typer.core
+import click
 
 from workbench import __version__
+from workbench.cli.plain import unquoted, write_text
 from workbench.commands import COMMANDS, GROUPS, requests_of
 from workbench.core.records.named import named
-from workbench.core.records.option import in_unit
 from workbench.errors import one_line
 from workbench.requests.request import Request
 
-__all__ = ["COMMANDS", "completing", "function_of", "options_of", "program", "said"]
+__all__ = ["COMMANDS", "command_of", "completing", "options_of", "program", "said"]
 
-_FUNCTIONS = {"run": "cli.run:run", "schema": "cli.schema:schema", "ui": "cli.ui:ui"}
+_OWN = {"run": "cli.run:run", "schema": "cli.schema:schema", "ui": "cli.ui:ui"}  # no requests
 
-_WANTED = {"float_parsing": "a number", "int_parsing": "a whole number"}  # what pydantic refuses
-_NO_PARTS = r"No such option: (--scheduler\S*).*"
-_WIDEST = 120  # characters of a line of help
-_COMPLETE = "_WORKBENCH_COMPLETE"  # set by the shell scripts that typer installs
-_IDLE = r" \(Possible options: --help\)|--help, "  # what typer proposes for any word
+_KINDS = {"integer": "a whole number", "float": "a number"}  # click's word → ours
+_NO_PARTS = r"No such option '?(--scheduler[\w-]*).*"
+_COMPLETE = "_WORKBENCH_COMPLETE"  # set by the scripts for shells
+_IDLE = r" \(Possible options: --help\)|--help, | Did you mean '?--help'?\?"  # what click proposes for any word
 
-
-class _Plain:
-    """Help as plain text: what typer draws with rich takes three times as long as all the rest of `--help`."""
-
-    help: str | None
-
-    def format_help_text(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - typer's own class is not public
-        """Write the paragraphs; a line to copy stays one line."""
-        for text in inspect.cleandoc(self.help or "").split("\n\n"):
-            formatter.write_paragraph()
-            with formatter.indentation():
-                if text.startswith("Example"):
-                    formatter.write(f"  {_unquoted(text)}\n")
-                else:
-                    formatter.write_text(_unquoted(text))
+# Of every command: a sentence to read may be wider than click's 80 characters.
+SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 120, "show_default": True}
 
 
-class _PlainCommand(_Plain, typer.core.TyperCommand):
-    """A command whose line of usage has its argument as the texts have it, MODEL, and whose options have headings."""
-
-    def collect_usage_pieces(self, ctx: Any) -> list[str]:  # noqa: ANN401 - as above
-        """Return the words behind the command's name."""
-        return [re.sub(r"^\{(.*)\}(\.\.\.)?$", r"\1", piece) for piece in super().collect_usage_pieces(ctx)]
-
-    def format_options(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
-        """Write the options under the headings of the parts that declare them."""
-        rows: dict[str, list[tuple[str, str]]] = {}
-        for one in self.get_params(ctx):
-            if record := one.get_help_record(ctx):
-                argument = one.param_type_name == "argument"
-                heading = getattr(one, "rich_help_panel", None) or ("Arguments" if argument else "Options")
-                name = str(one.metavar) if argument else record[0]
-                rows.setdefault(heading, []).append((name, _unquoted(record[1])))
-        for heading, records in rows.items():
-            with formatter.section(heading):
-                formatter.write_dl(records)
-
-
-class _Program(_Plain, typer.core.TyperGroup):
+class _Program(click.Group):
     """All commands, each with its first sentence in full."""
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - as above
-        """Write the commands."""
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return their names, in the order of the help."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return one of them, built now."""
+        return command_of(cmd_name) if cmd_name in COMMANDS else None
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write what the program is for."""
+        write_text(self.help or "", formatter)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands in their groups."""
         for group, names in GROUPS.items():
             with formatter.section(group):
-                formatter.write_dl([(name, _unquoted(self.commands[name].help or "")) for name in names])
+                formatter.write_dl([(name, unquoted(_first_words(name))) for name in names])
 
 
-def _unquoted(text: str) -> str:
-    return text.replace("`", "")
+def _first_words(name: str) -> str:
+    """Return the first paragraph of what a command does."""
+    text = named(f"workbench.{_OWN[name]}").help if name in _OWN else requests_of(name)[0].__doc__
+    return inspect.cleandoc(text or "").split("\n\n")[0]
 
 
-def program(name: str | None, own: type[Request[Any, Any]] | None = None) -> Any:  # noqa: ANN401 - as above
+def program(name: str | None, own: type[Request[Any, Any]] | None = None) -> click.Command:
     """Return a command alone, which is quick; if there is none of that name, the program with the help of all of them.
 
     Args:
         name: of the command.
         own: request of a command that is not one of the package's; None: it is.
     """
-    alone = own is not None or (name in COMMANDS and not completing())
-    app = typer.Typer(
-        cls=_Program,
-        name="workbench",
-        add_completion=not alone,
-        rich_markup_mode=None,
-        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": _WIDEST},
-        pretty_exceptions_enable=False,
-    )
-    if not alone:
-        app.callback()(_options)
-    for one in [str(name)] if own is not None or name in COMMANDS else COMMANDS:
-        app.command(one, cls=_PlainCommand)(function_of(one, own) if one == name else _words(one))
-    return typer.main.get_command(app)
+    if name is not None and (own is not None or (name in COMMANDS and not completing())):
+        return command_of(name, own)
+    return _Program("workbench", help=_HELP, params=[_VERSION], context_settings=SETTINGS)
 
 
 def completing() -> list[str]:
     """Return the words of a command line that a shell asks to complete; none: the program was called as usual."""
     if _COMPLETE not in os.environ:
         return []
-    return (os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or "workbench").split()
+    return (os.environ.get("COMP_WORDS") or "workbench").split()
 
 
-def function_of(name: str, own: type[Request[Any, Any]] | None = None) -> Callable[..., int | None]:
-    """Return the command as typer takes it.
+def command_of(name: str, own: type[Request[Any, Any]] | None = None) -> click.Command:
+    """Return a command.
 
     Args:
         name: of the command.
         own: see `program`.
     """
-    if own is None and name in _FUNCTIONS:
-        function: Callable[..., int | None] = named(f"workbench.{_FUNCTIONS[name]}")
-        return function
-    from workbench.cli.derive import command
-    from workbench.cli.questions import before
+    if own is None and name in _OWN:
+        result: click.Command = named(f"workbench.{_OWN[name]}")
+    else:
+        from workbench.cli.derive import command
+        from workbench.cli.questions import before
 
-    return command(requests_of(name) if own is None else [own], before(name))
-
-
-def _words(name: str) -> Callable[[], None]:
-    """Return what has the command's help and no options."""
-
-    def shown() -> None:
-        pass
-
-    declared = function_of(name) if name in _FUNCTIONS else requests_of(name)[0]
-    shown.__doc__ = inspect.cleandoc(declared.__doc__ or "").split("\n\n")[0]
-    return shown
+        result = command(requests_of(name) if own is None else [own], before(name))
+    result.name, result.context_settings = name, SETTINGS
+    return result
 
 
-def _show_version(wanted: bool) -> None:  # noqa: FBT001 - typer calls it so
+def _show_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:  # noqa: FBT001, ARG001 - click calls it so
     if wanted:
-        typer.echo(f"workbench {__version__}")
-        raise typer.Exit
+        click.echo(f"workbench {__version__}")
+        context.exit()
 
 
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and stop.")
-    ] = False,
-) -> None:
-    """Analyse FMUs: time histories, operating points, linear models, frequency responses, identification; build FMUs.
+_VERSION = click.Option(
+    ["--version"], is_flag=True, callback=_show_version, is_eager=True, expose_value=False,
+    help="Show the version and stop.",
+)  # fmt: skip
+
+_HELP = """
+    Analyse FMUs: time histories, operating points, linear models, frequency responses, identification; build FMUs.
 
     MODEL is an `.fmu`, an unpacked FMU folder, or a bundled one: `fmu:Rudder` (FMI 2.0), `fmu:Rudder@3` (FMI 3.0).
 
@@ -159,25 +117,24 @@ def _options(
     """
 
 
-def options_of(command: Any) -> dict[str, str]:  # noqa: ANN401 - see `program`
+def options_of(command: click.Command) -> dict[str, str]:
     """Return what the options of a command are called: name in Python → on the command line.
 
     Args:
         command: as `program` returns it.
     """
-    return {str(p.name): str(p.opts[0]) for p in command.params if p.opts[0].startswith("--")}
+    return {str(p.name): p.opts[0] for p in command.params if p.opts[0].startswith("--")}
 
 
-def said(error: typer.TyperException) -> str:
-    """Return what is wrong with a command line, in one line and without the words of the libraries underneath."""
-    refused: Any = error.__cause__  # pydantic's, where a value is not of its type
-    for first in refused.errors() if hasattr(refused, "errors") else ():
-        if wanted := _WANTED.get(first["type"]):
-            given = getattr(error, "param", None)
-            flag = next(iter(getattr(given, "opts", [])), "")
-            unit = re.search(r"\[([^]]+)\]\.?$", getattr(given, "help", "") or "")
-            return in_unit(f"{flag}: '{first['input']}' is not {wanted}", unit[1] if unit else "")
-    text = re.sub(_IDLE, "", one_line(error.format_message()).replace(": Value error, ", ": "))
+def said(error: click.ClickException) -> str:
+    """Return what is wrong with a command line, in one line.
+
+    Args:
+        error: click's.
+    """
+    text = re.sub(_IDLE, "", one_line(error.format_message()))
+    text = re.sub(r"^Invalid value for '(--[\w-]+)'", r"\1", text)
+    text = re.sub(r"a valid (integer|float)( range)?\.", lambda kind: _KINDS[kind[1]], text)
     where = getattr(error, "ctx", None)
     if text.startswith("Missing ") and where is not None:
         text = f"{text.rstrip('.')}; {where.command_path} --help has an example"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import typer
+import click
 
 from workbench.errors import InputError
 
@@ -21,7 +21,7 @@ Before = Callable[[Any, Mapping[str, Any], "Output"], Any]
 
 
 def before(command: str) -> Before | None:
-    """Return what is called with the request, what typer read and the files, and returns the request that is run.
+    """Return what is called with the request, its options and the files, and returns the request that is run.
 
     Args:
         command: its name.
@@ -44,7 +44,7 @@ def _ask(request: Identify, data: str, out: Output) -> int:
         raise InputError("--order ask: there is no terminal to ask; give a number or auto")
     proposal = replace(request, validation=None, lin=None, nfr=None, amplitude=None).run(data, Job())
     out.say(lambda width: section_text(order_section(proposal), width))
-    answer = str(typer.prompt(f"order (0 … {request.max_order})", default=str(proposal.order))).strip()
+    answer = str(click.prompt(f"order (0 … {request.max_order})", default=str(proposal.order))).strip()
     if answer == "auto":
         return proposal.order
     if not answer.isdecimal():

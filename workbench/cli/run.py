@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import sys
-from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
+import click
 
-from workbench.core.machine.closable import Closable
+from workbench.cli.plain import PlainCommand
 from workbench.errors import InputError, unbroken
 from workbench.jobs.end_signals import INTERRUPTED
 from workbench.jobs.options import DEFAULT_TIMEOUT, Workers
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from workbench.cli.output import Output
-    from workbench.requests.progress_bar import Bar
+    from workbench.show.page import Section
     from workbench.study.result import StudyResult
     from workbench.study.run import StudyRun
 
@@ -26,76 +23,61 @@ __all__ = ["run"]
 
 _NOT_MET = 1
 
-# The options, each with its help.
-_Study = Annotated[
-    str | None, typer.Argument(metavar="STUDY", help="Study file (.toml), or a bundled one: study:NAME.")
-]
-_Store = Annotated[
-    Path | None,
-    typer.Option(
-        "--store",
-        metavar="DIR",
-        help="Folder in which finished analyses are kept; by default .workbench-store beside the study.",
-    ),
-]
-_NoStore = Annotated[bool, typer.Option("--no-store", help="Keep nothing, and reuse nothing.")]
-_Fresh = Annotated[bool, typer.Option("--fresh", help="Measure again what is in the store.")]
-_Jobs = Annotated[
-    int | None, typer.Option("--jobs", metavar="N", help="Number of worker processes; by default one per core.")
-]
-_Timeout = Annotated[
-    float,
-    typer.Option("--timeout", metavar="S", help="Time limit for one result [s]; inf for no limit."),
-]
-_Confine = Annotated[
-    bool,
-    typer.Option("--confine", help="Keep FMUs from networks, and from writing files; see any analysis's --help."),
-]
-_SchedulerAddress = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler",
-        metavar="tcp://..",
-        help="Dask cluster on which the analyses run, as for nfr; the study must lie on a shared file system.",
-    ),
-]
-_SchedulerFiles = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler-tls",
-        metavar="CA,CERT,KEY",
-        help="Files for tls://..: certificate of the authority, own certificate, own key.",
-    ),
-]
-_Example = Annotated[bool, typer.Option("--example", help="Print a small example study, or the one named.")]
-_Json = Annotated[
-    str | None, typer.Option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
-]
-_Csv = Annotated[str | None, typer.Option("--csv", metavar="PATH", help="Write the result as CSV.")]
-_Junit = Annotated[
-    Path | None, typer.Option("--junit", metavar="PATH", help="Write the requirements as JUnit XML, for CI.")
-]
-_Report = Annotated[
-    str | None,
-    typer.Option("--report", metavar="PATH", help="Write one self-contained page, .html: pictures, tables, data."),
-]
+_FILE = click.Path(path_type=Path)
 
 
+@click.command(cls=PlainCommand)
+@click.argument("study", required=False, metavar="[STUDY]", help="Study file (.toml), or a bundled one: study:NAME.")
+@click.option(
+    "--store",
+    metavar="DIR",
+    type=_FILE,
+    help="Folder in which finished analyses are kept; by default .workbench-store beside the study.",
+)
+@click.option("--no-store", is_flag=True, help="Keep nothing, and reuse nothing.")
+@click.option("--fresh", is_flag=True, help="Measure again what is in the store.")
+@click.option("--jobs", metavar="N", type=int, help="Number of worker processes; by default one per core.")
+@click.option(
+    "--timeout",
+    metavar="S",
+    type=float,
+    default=DEFAULT_TIMEOUT,
+    help="Time limit for one result [s]; inf for no limit.",
+)
+@click.option(
+    "--confine", is_flag=True, help="Keep FMUs from networks, and from writing files; see any analysis's --help."
+)
+@click.option(
+    "--scheduler",
+    metavar="tcp://..",
+    help="Dask cluster on which the analyses run, as for nfr; the study must lie on a shared file system.",
+)
+@click.option(
+    "--scheduler-tls",
+    metavar="CA,CERT,KEY",
+    help="Files for tls://..: certificate of the authority, own certificate, own key.",
+)
+@click.option("--example", is_flag=True, help="Print a small example study, or the one named.")
+@click.option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
+@click.option("--csv", metavar="PATH", help="Write the result as CSV.")
+@click.option("--junit", metavar="PATH", type=_FILE, help="Write the requirements as JUnit XML, for CI.")
+@click.option("--report", metavar="PATH", help="Write one self-contained page, .html: pictures, tables, data.")
 def run(
-    study: _Study = None,
-    store: _Store = None,
-    no_store: _NoStore = False,
-    fresh: _Fresh = False,
-    jobs: _Jobs = None,
-    timeout: _Timeout = DEFAULT_TIMEOUT,
-    confine: _Confine = False,
-    scheduler: _SchedulerAddress = None,
-    scheduler_tls: _SchedulerFiles = None,
-    example: _Example = False,
-    json: _Json = None,
-    csv: _Csv = None,
-    junit: _Junit = None,
-    report: _Report = None,
+    *,
+    study: str | None,
+    store: Path | None,
+    no_store: bool,
+    fresh: bool,
+    jobs: int | None,
+    timeout: float,
+    confine: bool,
+    scheduler: str | None,
+    scheduler_tls: str | None,
+    example: bool,
+    json: str | None,
+    csv: str | None,
+    junit: Path | None,
+    report: str | None,
 ) -> int:
     """Run a study: analyses over a grid of parameters, compared with requirements. Exit code 1: one is not met.
 
@@ -126,7 +108,7 @@ def run(
     out.write(result.to_dict, csv=result.to_csv, report=result)
     if junit is not None:
         result.to_junit(junit)
-        out.console.print(f"wrote {junit}", soft_wrap=True, markup=False)
+        out.wrote(junit)
     if result.missing:
         return INTERRUPTED
     return 0 if result.passed else _NOT_MET
@@ -154,8 +136,12 @@ def _run(prepared: StudyRun, workers: Workers, *, kept: bool) -> StudyResult:
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import flush, note
     from workbench.jobs.job import Job
+    from workbench.requests.progress_bar import Bar
 
-    with _ProgressLines() as progress, (job := Job(progress.tell)).ended_by(), OnInterrupt(job.stop):
+    def tell(label: object, done: int, total: int) -> None:
+        bar.update(done / (total or 1), str(label))
+
+    with Bar(1.0) as bar, (job := Job(tell)).ended_by(), OnInterrupt(job.stop):
         result = prepared.run(lambda: workers, job, command=command_line())
     for text in result.notes:
         note(text)
@@ -166,69 +152,44 @@ def _run(prepared: StudyRun, workers: Workers, *, kept: bool) -> StudyResult:
     return result
 
 
-class _ProgressLines(Closable):
-    """A bar that is loaded when there is something to tell: a study in its store is quick."""
-
-    def __init__(self) -> None:
-        self._stack = ExitStack()
-        self._bar: Bar | None = None
-
-    def tell(self, label: object, done: int, total: int) -> None:
-        """Tell what was done; before anything is, with an empty label."""
-        from workbench.requests.progress_bar import Bar
-
-        if self._bar is None:
-            self._bar = self._stack.enter_context(Bar(total))
-        self._bar.update(done, str(label))
-
-    def close(self) -> None:
-        self._stack.close()
-
-
 # -- what is shown -----------------------------------------------------------------------------
 
 
 def _show(result: StudyResult, out: Output) -> None:
-    console = out.console
+    from workbench.show.terminal import section_text
+
     if result.checked:
-        console.print(_table(result))
-        hidden = len(result.checked) - len(result.shown)
-        if hidden:
-            console.print(f"{hidden} more that passed, with larger margins, are not shown")
-    for checked in result.violated:
-        if checked.finding.reason:
-            console.print(unbroken(f"{checked.name}: {checked.finding.reason}"), markup=False, soft_wrap=True)
-    for run, outcome in result.failed:
-        console.print(unbroken(f"analysis {run.label}: {_why(outcome.reason)}"), markup=False, soft_wrap=True)
-    console.print(result.words, markup=False, soft_wrap=True)
+        out.say(lambda width: section_text(_section(result), width).lstrip())
+    hidden = len(result.checked) - len(result.shown)
+    lines = [f"{hidden} more that passed, with larger margins, are not shown"] if hidden else []
+    lines += [f"{c.name}: {c.finding.reason}" for c in result.violated if c.finding.reason]
+    lines += [f"analysis {run.label}: {_why(outcome.reason)}" for run, outcome in result.failed]
+    lines.append(result.words)
+    out.say(lambda _: "".join(f"{unbroken(line)}\n" for line in lines))
 
 
 def _why(reason: str) -> str:
     return f"failed: {reason}" if reason else "ended with exit code 1: points of it failed"
 
 
-def _table(result: StudyResult) -> Table:
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    from workbench.study.requirements.base import PASSED, number
+def _section(result: StudyResult) -> Section:
+    from workbench.show.page import PageTable, Section
+    from workbench.study.requirements.base import number
 
     shown = result.shown
-    table = Table(title=escape(unbroken(result.study.name)), title_justify="left", box=box.SIMPLE_HEAD)
-    table.add_column("requirement", overflow="fold")
-    pointed = any(c.point for c in shown)
-    for heading in ["point"] if pointed else []:
-        table.add_column(heading, overflow="fold")
-    for heading in ("value", "limit", "margin"):
-        table.add_column(heading, justify="right", overflow="fold")
-    table.add_column("verdict")
-    table.add_column("where", overflow="fold")
-    for checked in shown:
-        solution = checked.finding
-        colour = "green" if solution.verdict == PASSED else "bold red"
-        first = [checked.requirement.name, *([checked.point] if pointed else [])]
-        numbers = [number(solution.value), solution.limit_words, solution.margin_words]
-        cells = [escape(unbroken(text)) for text in (*first, *numbers, solution.where)]
-        table.add_row(*cells[:-1], f"[{colour}]{solution.verdict}[/]", cells[-1])
-    return table
+    pointed = ["point"] if any(c.point for c in shown) else []
+    headings = ("requirement", *pointed, "value", "limit", "margin", "verdict", "where")
+    rows = [
+        (
+            c.requirement.name,
+            *([c.point] if pointed else []),
+            number(c.finding.value),
+            c.finding.limit_words,
+            c.finding.margin_words,
+            c.finding.verdict,
+            c.finding.where,
+        )
+        for c in shown
+    ]
+    first = headings.index("value")
+    return Section(result.study.name, tables=[PageTable(headings, rows, right=range(first, first + 3))])

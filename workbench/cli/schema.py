@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import Annotated
 
-import typer
+import click
+
+from workbench.cli.plain import PlainCommand
 
 __all__ = ["schema"]
 
 
-def schema(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="study, system, or a command: the table of its options in a study.")
-    ],
-) -> int:
+@click.command(cls=PlainCommand)
+@click.argument("name", metavar="NAME", help="study, system, or a command: the table of its options in a study.")
+def schema(name: str) -> int:
     """Print the JSON Schema (draft 2020-12) of a study, a system file, or a command's table in a study.
 
     Editors complete and check a file by it while it is written; `> study.schema.json` behind it makes a file of it.

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
+from workbench.cli.plain import PlainCommand
 from workbench.errors import InputError
 from workbench.jobs.store import FILE_NAME
 
 __all__ = ["ui"]
 
 
-def ui(
-    path: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[PATH]",
-            help="Folder to work in, or a model, system, study or store, which is opened; by default this folder. "
-            "Bundled ones by name: fmu:Rudder.",
-        ),
-    ] = None,
-    port: Annotated[int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port; 0 takes a free one.")] = 0,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Only print the address.")] = False,
-) -> int:
+@click.command(cls=PlainCommand)
+@click.argument(
+    "path",
+    required=False,
+    metavar="[PATH]",
+    help="Folder to work in, or a model, system, study or store, which is opened; by default this folder. "
+    "Bundled ones by name: fmu:Rudder.",
+)
+@click.option("--port", metavar="N", type=click.IntRange(0, 65535), default=0, help="Port; 0 takes a free one.")
+@click.option("--no-browser", is_flag=True, help="Only print the address.")
+def ui(*, path: str | None, port: int, no_browser: bool) -> int:
     """Measure, look and ask in the browser: cards, operating points, live frequency responses, loops, studies.
 
     The address is the first line of standard output. The server answers on this machine only, to whoever has that

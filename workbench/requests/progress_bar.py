@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 import time
 from importlib.util import find_spec
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from typing import TYPE_CHECKING
 
 from workbench.core.machine.closable import Closable
 from workbench.errors import one_line, shortened
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 __all__ = ["FIRST_LINE", "Bar", "in_notebook"]
 
@@ -35,9 +36,7 @@ class Bar(Closable):
     def __init__(self, total: float) -> None:
         self._total = total
         self._begin = time.monotonic()
-        self._console = Console(stderr=True)
         self._progress: Progress | None = None
-        self._task = TaskID(0)
         self._line = self._begin + FIRST_LINE
 
     def update(self, done: float, text: str) -> None:
@@ -48,18 +47,28 @@ class Bar(Closable):
             text: what is being worked on.
         """
         now = time.monotonic()
-        if not (self._console.is_terminal or self._console.is_jupyter):
+        if not (sys.stderr.isatty() or in_notebook()):
             if now > self._line and done < self._total:
                 self._line = now + min(now - self._begin, _OFTEN)
                 sys.stderr.write(f"{done / self._total:.0%} {self._words(text)}\n")
             return
         if self._progress is None and now - self._begin > _PATIENCE:
-            columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
-            self._progress = Progress(*columns, console=self._console, transient=True)
-            self._progress.start()
-            self._task = self._progress.add_task(self._words(text), total=self._total)
+            self._progress = self._shown()
+            self._progress.add_task(self._words(text), total=self._total)
         if self._progress is not None:
-            self._progress.update(self._task, completed=done, description=self._words(text))
+            (task,) = self._progress.task_ids
+            self._progress.update(task, completed=done, description=self._words(text))
+
+    @staticmethod
+    def _shown() -> Progress:
+        """Show a bar; what draws it takes longer to load than a small analysis takes."""
+        from rich.console import Console  # noqa: PLC0415
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
+
+        columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
+        progress = Progress(*columns, console=Console(stderr=True), transient=True)
+        progress.start()
+        return progress
 
     @staticmethod
     def _words(text: str) -> str:
