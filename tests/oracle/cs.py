@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from tests.oracle.forcing import discrete_differ, moved_to, next_break, ramp, write_continuous, write_moved
 from tests.oracle.rows import Rows
+from tests.oracle.steps import StepResult, do_step, next_tick
 from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import is_due
 from workbench.errors import SimulationError
-from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
 from workbench.session.base import Recorded
 from workbench.session.cs import MAX_EARLY_RETURNS, CsSession, off_grid
@@ -41,7 +41,7 @@ class OracleCsSession(CsSession):
             while waiting[-1] <= self.time:
                 waiting.pop()
             target = min(waiting[-1], next_break(self.forcing, self.time))
-            tick = self.instance.next_tick  # what is overdue ticks at the next communication point
+            tick = next_tick(self.instance)  # what is overdue ticks at the next communication point
             target = target if is_due(tick, self.time) or is_due(target, tick) else tick
             self._to_target(target, until, longest, rows)
 
@@ -61,7 +61,7 @@ class OracleCsSession(CsSession):
         if self._centres():
             seen = ramp(self.forcing, start, end)[1]
             write_moved(self.forcing, seen)
-        self._event_due = self._event_due or is_due(self.instance.next_tick, self.time)
+        self._event_due = self._event_due or is_due(next_tick(self.instance), self.time)
         self.forcing.written = seen
         rows.add(self.time, inputs=seen)
         if not last:
@@ -117,7 +117,7 @@ class OracleCsSession(CsSession):
         """Step to `end`, going on after early returns and handling events on the way."""
         for _ in range(MAX_EARLY_RETURNS):
             self._write_inside(0.5 * (self.time + end))
-            result = self.instance.do_step(self.time, end - self.time)
+            result = self._stepped(end - self.time)
             early = result.time < end - 1e-12 * max(abs(end), end - self.time)
             self._after(result, early=early)
             if not early:
@@ -126,6 +126,9 @@ class OracleCsSession(CsSession):
         raise SimulationError(
             f"the FMU returned early from doStep {MAX_EARLY_RETURNS} times in one step", time=self.time
         )
+
+    def _stepped(self, step: float) -> StepResult:
+        return do_step(self.instance, self.time, step)
 
     def _after(self, result: StepResult, *, early: bool) -> None:
         """An event inside the step is made at once; one at its end after the left limits there are recorded."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from workbench.errors import FmuError
 from workbench.fmi.access import TypeCalls, decode_flag
 from workbench.fmi.fmpy_access import fmi1
-from workbench.fmi.instance import EventInfo, Instance, StepResult
+from workbench.fmi.instance import EventInfo, Instance
 from workbench.fmi.log import callbacks1
 from workbench.fmi.variable import Variable
 
@@ -99,11 +99,6 @@ class Instance1(Instance):
             nominals_changed=decode_flag(info.stateValueReferencesChanged),
             next_time=float(info.nextEventTime) if timed else math.inf,
         )
-
-    def do_step(self, time: float, step: float) -> StepResult:
-        self.time = time
-        self.call("fmi1DoStep", time + self.clock, step, b"\1")
-        return StepResult(time + step)
 
     def get_state(self) -> Any:
         raise FmuError(f"{self.source}: FMI 1.0 cannot save an FMU's state")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from workbench.fmi.access import TypeCalls, VariableAccess, decode_flag, is_good
 from workbench.fmi.fmpy_access import fmi2
-from workbench.fmi.instance import DISCARD, EventInfo, Instance, StepResult
+from workbench.fmi.instance import EventInfo, Instance
 from workbench.fmi.log import callbacks2
 from workbench.fmi.variable import Variable
 
@@ -95,17 +95,6 @@ class Instance2(Instance):
             nominals_changed=bool(info.nominalsOfContinuousStatesChanged),
             next_time=float(info.nextEventTime) if info.nextEventTimeDefined else math.inf,
         )
-
-    def do_step(self, time: float, step: float) -> StepResult:
-        self.time = time
-        step_to = self.library[self.CALLS["do_step"]]
-        status = step_to(self.component, time + self.clock, step, int(self.never_back))
-        end = self.ended_at() if status == DISCARD else None
-        if end is not None:
-            return StepResult(end, terminate=True)
-        if not is_good(status):
-            self.fail(self.CALLS["do_step"], status)
-        return StepResult(time + step)
 
     def ended_at(self) -> float | None:
         if not self.library.has("fmi2GetBooleanStatus"):

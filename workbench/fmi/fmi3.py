@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.fmi.access import TypeCalls, decode_flag, laid_out
 from workbench.fmi.fmpy_access import fmi3
-from workbench.fmi.instance import EventInfo, Instance, StepResult
+from workbench.fmi.instance import EventInfo, Instance
 from workbench.fmi.intermediate import Intermediate
 from workbench.fmi.log import log_callback3
 from workbench.fmi.ticking import Ticking
@@ -58,6 +58,7 @@ class Instance3(Instance):
         "get_states": "fmi3GetContinuousStates",
         "get_derivatives": "fmi3GetContinuousStateDerivatives",
         "get_indicators": "fmi3GetEventIndicators",
+        "do_step": "fmi3DoStep",
         "get_nominals": "fmi3GetNominalsOfContinuousStates",
         "get_fmu_state": "fmi3GetFMUState",
         "set_fmu_state": "fmi3SetFMUState",
@@ -108,10 +109,6 @@ class Instance3(Instance):
     @property
     def ticks_so_far(self) -> tuple[Any, Mapping[str, int]] | None:
         return None if self._ticking is None else (self._ticking.counts, self._ticking.places)
-
-    @property
-    def next_tick(self) -> float:
-        return math.inf if self._ticking is None else self._ticking.next_tick
 
     def enter_initialisation(self, start_time: float, tolerance: float | None) -> None:
         self.time = start_time
@@ -175,17 +172,6 @@ class Instance3(Instance):
         super().set_state(state)
         if self._ticking is not None:
             self._ticking.restore(state.ticks)
-
-    def do_step(self, time: float, step: float) -> StepResult:
-        self.time = time
-        event, terminate, early = (ctypes.c_bool() for _ in range(3))
-        own = time + self.clock
-        reached = ctypes.c_double(own + step)
-        self.call(
-            "fmi3DoStep", own, step, self.never_back, byref(event), byref(terminate), byref(early), byref(reached)
-        )
-        end = float(reached.value) - self.clock if early.value else time + step
-        return StepResult(end, bool(event.value), bool(terminate.value))
 
     def directional_derivative(
         self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Sequence[float]

@@ -33,7 +33,6 @@ __all__ = [
     "DiscardError",
     "EventInfo",
     "Instance",
-    "StepResult",
     "loaded",
     "no_event_time",
 ]
@@ -72,21 +71,6 @@ MOST_VALUES = 10_000_000  # of states, or of event indicators: more is a mistake
 NO_EVENT = EventInfo(terminate=False, states_changed=False, nominals_changed=False, next_time=math.inf)
 
 
-@dataclass(frozen=True)
-class StepResult:
-    """What a co-simulation step ended with.
-
-    Attributes:
-        time: how far the FMU got [s].
-        event: it wants an event iteration.
-        terminate: it wants the simulation to end.
-    """
-
-    time: float
-    event: bool = False
-    terminate: bool = False
-
-
 class Instance(ABC):
     """One instance.
 
@@ -98,14 +82,14 @@ class Instance(ABC):
       3. Model exchange: `iterate_events`, `enter_continuous_mode`; then `set_time`,
          `set_states`, continuous inputs, `get_…` in any number; the FMU's own function for a completed
          step after each accepted step (the kernel calls it); `enter_event_mode` before an event iteration.
-         Co-simulation: with `event_mode`, `iterate_events`, `enter_step_mode`; then `do_step`.
+         Co-simulation: with `event_mode`, `iterate_events`, `enter_step_mode`; then its steps (the kernel makes them).
       4. `close`, in any situation, any number of times; nothing may be called after it.
     `clock` may be set before initialisation, in co-simulation: the FMU's own time is that much later than what is said
     here [s]. So may `stop`, the stop time that it is told, in its own time [s]; None: none.
     Guarantees:
       1. Nothing is printed; log lines are in `log` and the last ones in every error's message.
       2. A status worse than "warning" is a SimulationError (DiscardError for "discard") with the
-         time of the last `set_time` or `do_step`.
+         time of the last `set_time` or step.
       3. `x`, `dx`, `z` are views of buffers the FMU writes to; they change with the next call.
       4. `close` frees the instance except after a fatal error, when FMI forbids it.
 
@@ -150,10 +134,7 @@ class Instance(ABC):
         if not self.component:
             # Many FMUs say why only if logging is on; only then is the noise wanted.
             self.component = self._made(logging=True)
-        if not self.component:
-            self._closed = True
-            self.library.close()
-            raise FmuError(f"{source}: the FMU cannot be instantiated{self.log.tail()}")
+        self._require_component()
         if not self._log_trouble():
             # Files name categories that the binary refuses, some going to an error state for it.
             self.library[self.CALLS["free"]](self.component)
@@ -162,6 +143,13 @@ class Instance(ABC):
                 self.library.close()
                 self.library = loaded(description, folder, interface, source)
             self.component = self._made(logging=False)
+            self._require_component()
+
+    def _require_component(self) -> None:
+        if not self.component:
+            self._closed = True
+            self.library.close()
+            raise FmuError(f"{self.source}: the FMU cannot be instantiated{self.log.tail()}")
 
     def _made(self, *, logging: bool) -> Any:
         component = self._instantiate(logging=logging)
@@ -253,11 +241,6 @@ class Instance(ABC):
     def has_history(self) -> bool:
         """Whether it shows what its inputs were some time before, which its states do not tell; a saved state does."""
         return self.description.has_history or any(part.has_history for part in self.parts if part is not self)
-
-    @property
-    def next_tick(self) -> float:
-        """When the next of these clocks ticks [s]; infinite: none does, or it is not known yet."""
-        return math.inf
 
     @property
     def healthy(self) -> bool:
@@ -392,10 +375,6 @@ class Instance(ABC):
 
     # -- co-simulation --------------------------------------------------------------------
 
-    @abstractmethod
-    def do_step(self, time: float, step: float) -> StepResult:
-        """Advance a co-simulation FMU from `time` by `step` [s]."""
-
     def ended_at(self) -> float | None:
         """Return when the FMU ended its run inside the step that it has just discarded [s]; None: it did not."""
         return None
@@ -414,17 +393,10 @@ class Instance(ABC):
 
     # -- FMU state ------------------------------------------------------------------------
 
-    @property
-    def never_back(self) -> bool:
-        """The promise noSetFMUStatePriorToCurrentPoint (FMI 2.0.4, 4.2.2), as FMPy and OMSimulator give it.
-
-        Some FMUs take a step without it for one that is to be repeated: it is withheld from those only of which a state
-        is kept.
-        """
-        return self.saved.value == 0
-
     @cached_property
     def saved(self) -> ctypes.c_int32:
+        # Without any, each step is made with noSetFMUStatePriorToCurrentPoint (FMI 2.0.4, 4.2.2), as by FMPy and
+        # OMSimulator: some FMUs take a step without that promise for one that is to be repeated.
         return ctypes.c_int32(0)
 
     def get_state(self) -> Any:

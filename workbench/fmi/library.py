@@ -185,13 +185,16 @@ def load_alone(path: Path, *, version: int, interface: str, identifier: str) -> 
     Raises:
         FmuError: see `load_library`.
     """
-    copied = None
-    if _is_loaded(path):
-        copied = scratch_folder("alone")
+    if not _is_loaded(path):
+        return load_library(path, version=version, interface=interface, identifier=identifier)
+    copied = scratch_folder("alone")
+    try:
         path = shutil.copytree(path.parent, copied / path.parent.name) / path.name
-    library = load_library(path, version=version, interface=interface, identifier=identifier)
-    if copied is not None:
-        library.removes(copied)
+        library = load_library(path, version=version, interface=interface, identifier=identifier)
+    except BaseException:
+        remove(copied)
+        raise
+    library.removes(copied)
     return library
 
 

@@ -15,7 +15,7 @@ from workbench.core.machine.scratch import scratch
 from workbench.core.records.option import values_of, with_options
 from workbench.errors import FmuError, InputError, suggest
 from workbench.fmi.archive import Unpacked, unpack
-from workbench.fmi.binding import instantiate
+from workbench.fmi.binding import VERSIONS
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import Instance, loaded
 from workbench.fmi.library import Library
@@ -83,14 +83,12 @@ class FmuModel(DescribedModel):
         self._binary: Library | None = None
 
     def new_instance(self) -> Instance:
-        folder, source = self._folder, self.source
-        held = None if self._binary is None else self._binary.held()
-        instance = instantiate(
+        instance = VERSIONS[self.description.major](
             self.description,
-            folder,
+            self._folder,
             interface=self.interface,
-            source=source,
-            library=held,
+            source=self.source,
+            library=None if self._binary is None else self._binary.held(),
             event_mode=not self._setup.manners.other_order,
             update=intermediate_update() if self.interface == "cs" else None,
         )

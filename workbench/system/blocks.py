@@ -21,7 +21,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.fmi.access import TypeCalls
 from workbench.fmi.description import Capabilities, DefaultExperiment, ModelDescription
 from workbench.fmi.fmi2 import Instance2
-from workbench.fmi.instance import EventInfo, Instance, StepResult
+from workbench.fmi.instance import EventInfo, Instance
 from workbench.fmi.instants import Instants
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
@@ -211,9 +211,6 @@ class BlockInstance(Instance):
         ticks = self.native.ticking and self._due()  # not where it begins between two ticks
         following = self._tick(after=int(ticks)) if self._sampled else math.inf
         return False, EventInfo(terminate=False, states_changed=False, nominals_changed=False, next_time=following)
-
-    def do_step(self, time: float, step: float) -> StepResult:
-        raise NotImplementedError  # blocks are model exchange only
 
     # -- saved states -----------------------------------------------------------------------
 

@@ -18,7 +18,7 @@ from workbench.errors import SimulationError, WorkbenchError
 from workbench.fmi.access import TypeCalls, VariableAccess
 from workbench.fmi.binding import VERSIONS
 from workbench.fmi.description import ModelDescription
-from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult, no_event_time
+from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, no_event_time
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wiring
@@ -303,9 +303,6 @@ class CompositeInstance(Instance):
             f"{self.description.model_name}: event iteration does not settle after {MAX_EVENT_ITERATIONS} rounds",
             time=self.time,
         )
-
-    def do_step(self, time: float, step: float) -> StepResult:
-        raise NotImplementedError  # a composite has the interface "me" only
 
     # -- saved states -----------------------------------------------------------------------
 

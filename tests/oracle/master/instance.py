@@ -14,10 +14,10 @@ from tests.oracle.group import OracleGroupSession
 from tests.oracle.master.course import Course, Reached
 from tests.oracle.master.cs_unit import CsUnit
 from tests.oracle.master.group_unit import GroupStepper
+from tests.oracle.steps import StepResult
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.fmi.access import VariableAccess
-from workbench.fmi.instance import StepResult
 from workbench.fmi.variable import Variable
 from workbench.session.forcing import convert
 from workbench.system.master.group_unit import GroupSession, GroupUnit

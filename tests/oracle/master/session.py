@@ -9,6 +9,7 @@ from tests.oracle.cs import OracleCsSession
 from tests.oracle.master.control import StepControl
 from tests.oracle.master.instance import OracleMasterInstance
 from tests.oracle.rows import Rows
+from tests.oracle.steps import StepResult
 from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import is_due
 from workbench.errors import InputError
@@ -97,6 +98,9 @@ class OracleMasterSession(RehearsingSession, OracleCsSession):
             return target
         stop = self.master.next_stop(self.time)
         return target if is_due(target, stop) else stop
+
+    def _stepped(self, step: float) -> StepResult:
+        return self.master.do_step(self.time, step)
 
     # -- controlled steps ---------------------------------------------------------------------
 

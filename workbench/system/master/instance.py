@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import Sampler, gathered, is_due, rounding
 from workbench.errors import SimulationError
 from workbench.fmi.description import ModelDescription
-from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance, StepResult
+from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance
 from workbench.fmi.library import Library
 from workbench.fmi.variable import Variable
 from workbench.system.composite import CompositeInstance, Ports, next_event
@@ -230,9 +230,6 @@ class MasterInstance(CompositeInstance):
         self._stale = False  # what is read now are left limits
         for group in self.groups.values():
             group.stands(time)
-
-    def do_step(self, time: float, step: float) -> StepResult:
-        raise NotImplementedError  # the kernel makes the steps
 
     # -- saved states -----------------------------------------------------------------------
 
