@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -149,6 +150,15 @@ def test_an_interval_that_is_none_is_an_error(interface: str, tmp_path: Path) ->
         pytest.raises(SimulationError, match=r"an interval to the next tick that is negative or not finite"),
     ):
         session.advance(1.0, signals={}, record=NAMES)
+
+
+def test_a_failed_step_leads_to_model_exchange_where_that_is_offered(tmp_path: Path) -> None:
+    with (
+        wb.load(build_ticking(tmp_path), "cs") as model,
+        closing(model.new_instance()) as instance,
+        pytest.raises(SimulationError, match=r"fmi3DoStep returned error \(with interface me the workbench"),
+    ):
+        instance.fail("fmi3DoStep", 3)
 
 
 def test_scheduled_execution_is_named_and_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

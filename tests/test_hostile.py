@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.drivers import DRIVERS
 from tests.hostile_fmus import BROKEN_FILES, HOSTILE, NEEDS_WORKER, build_broken, build_hostile
+from tests.hybrid_fmus import ERROR, Hybrid, describe
 from tests.mimic_fmus import build_mimic
+from workbench.core.machine.scratch import scratch_folder
 from workbench.errors import FmuError, SimulationError
+from workbench.fmi import library
+from workbench.fmi.fmi2 import Instance2
+from workbench.fmi.library import Library
 from workbench.model.load import load
 from workbench.response.simulate.request import simulate
 from workbench.signals.kinds import Constant
@@ -74,6 +81,31 @@ def test_a_lying_saved_state_is_found_out_and_replayed(tmp_path: Path, name: str
 def test_an_honest_saved_state_is_used(tmp_path: Path) -> None:
     with load(build_hostile(tmp_path, "nothing")) as model:
         assert model.snapshot_method() == "state"
+
+
+def test_an_fmu_that_is_not_made_again_after_its_log_categories_is_refused(tmp_path: Path) -> None:
+    """It refuses the categories that its description names, and then a second instance: NULL."""
+    components = [1]
+    functions: dict[str, Any] = {
+        "fmi2Instantiate": lambda *_: components.pop() if components else None,
+        "fmi2SetDebugLogging": lambda *_: ERROR,
+        "fmi2FreeInstance": lambda *_: None,
+    }
+    description = dataclasses.replace(describe(Hybrid()), log_categories=("logStatusError",))
+    with pytest.raises(FmuError, match=r"^made\.fmu: the FMU cannot be instantiated"):
+        Instance2(description, tmp_path, interface="me", source="made.fmu", library=Library(functions))
+    assert not components
+
+
+def test_a_copy_that_cannot_be_loaded_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(library, "_is_loaded", lambda _path: True)
+    file = tmp_path / "binaries" / "broken.so"
+    file.parent.mkdir()
+    file.write_bytes(b"not a library")
+    holder = scratch_folder("beside").parent
+    with pytest.raises(FmuError, match="cannot load this FMU's binary"):
+        library.load_alone(file, version=2, interface="me", identifier="broken")
+    assert not list(holder.glob("alone-*"))
 
 
 KEYS = """
