@@ -34,6 +34,7 @@ sys.path.insert(0, str(ROOT))
 from scripts import zoo_oracle as oracle  # noqa: E402
 from workbench.cli.app import run as workbench  # noqa: E402
 from workbench.core.records.names_in_text import plain_unit  # noqa: E402
+from workbench.fmi.archive import HARMLESS, MAX_RATIO  # noqa: E402
 from workbench.show.page import Page, PageTable, Section, write_page  # noqa: E402
 from workbench.show.verdicts import Verdict  # noqa: E402
 
@@ -205,10 +206,14 @@ def _names_in(file: Path) -> list[zipfile.ZipInfo]:
         return archive.infolist()
 
 
+def _size(file: Path) -> int:
+    return sum(i.file_size for i in _names_in(file))
+
+
 # What a refusal of a file says → whether the file is so; FMPy opens such files.
 OF_FILES: tuple[tuple[str, Callable[[Path], bool]], ...] = (
     (r"would leave the target folder", lambda f: any(".." in i.filename.split("/") for i in _names_in(f))),
-    (r"as zip bombs do", lambda f: any(i.file_size > 100 * max(i.compress_size, 1) for i in _names_in(f))),
+    (r"as zip bombs do", lambda f: _size(f) > max(HARMLESS, MAX_RATIO * sum(i.compress_size for i in _names_in(f)))),
 )
 
 

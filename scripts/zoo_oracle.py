@@ -81,7 +81,6 @@ class Described:
         interfaces: "me" and "cs", as offered; with "needs_tool" and "event_mode".
         variables: name → [type, causality, unit]; elements of arrays by their own names.
         states: how many continuous states.
-        experiment: "start", "stop" and "step" of its default experiment, those that it has [s].
         asked: what is simulated.
         fails: why FMPy does not read it; "": it does.
     """
@@ -91,7 +90,6 @@ class Described:
     interfaces: Mapping[str, Mapping[str, bool]] = field(default_factory=dict)
     variables: Mapping[str, tuple[str, str, str | None]] = field(default_factory=dict)
     states: int = 0
-    experiment: Mapping[str, float] = field(default_factory=dict)
     asked: Asked = Asked()
     fails: str = ""
 
@@ -232,7 +230,6 @@ def _describe(file: str) -> tuple[Any, dict[str, Any]]:
         "interfaces": dict(_interfaces(read)),
         "variables": {name: said for v in read.modelVariables if v.alias is None for name, said in _variable(v)},
         "states": int(read.numberOfContinuousStates),
-        "experiment": given,
         "asked": asdict(_asked(read, given)),
     }
 

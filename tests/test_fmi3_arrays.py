@@ -18,6 +18,7 @@ import workbench as wb
 from tests.fmi3_fmus import TERMINALS, build_sized
 from workbench.cli.app import run as command
 from workbench.errors import InputError
+from workbench.fmi.terminals import terminals_in
 from workbench.signals.kinds import Constant, Table
 from workbench.signals.text import signals_of
 
@@ -240,6 +241,20 @@ REFUSED = {
         r"'second' names the variable 'z'",
     ),
 }
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_terminals_behind_a_document_type_are_left_out(tmp_path: Path, encoding: str) -> None:
+    """Entities are expanded in the values of attributes, whatever the parser is told."""
+    text = (
+        f'<?xml version="1.0" encoding="{encoding}"?><!DOCTYPE f [<!ENTITY e "bomb">]>'
+        '<f><Terminals><Terminal name="&e;"/></Terminals></f>'
+    )
+    (tmp_path / "terminalsAndIcons").mkdir()
+    (tmp_path / "terminalsAndIcons/terminalsAndIcons.xml").write_bytes(text.encode(encoding))
+    found, (remark,) = terminals_in(tmp_path)
+    assert not found
+    assert "declares a document type" in remark
 
 
 @pytest.mark.parametrize("name", REFUSED)

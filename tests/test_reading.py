@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import math
 import pickle
 import struct
@@ -205,6 +206,12 @@ def test_rules_that_many_exporters_bend_are_told_by_check_only(read: Read, rule:
         ('line 12: valueReference="x" is not a whole number', TWO, 'valueReference="0"', 'valueReference="x"'),
         ("line 12: variable x has no valueReference", TWO, 'valueReference="0"', ""),
         ("names a variable with index 9", TWO, '<Derivatives><Unknown index="2"', '<Derivatives><Unknown index="9"'),
+        (
+            "has an entry whose index is missing",
+            TWO,
+            '<InitialUnknowns><Unknown index="2"',
+            "<InitialUnknowns><Unknown",
+        ),
         ("array u does not say how large it is", THREE, 'fixed" start="2"/>', 'fixed"/>'),
         ("array s has 3000000 elements", THREE, '<Dimension start="2"/>', '<Dimension start="3000000"/>'),
         ("not well-formed", TWO, "<ModelVariables>", "<Unheard/><ModelVariables><"),
@@ -408,6 +415,31 @@ def test_nothing_that_is_kept_can_call_a_function(large: Path) -> None:
     file.write_bytes(_as_kept(file, pickle.dumps(Call())))
     assert kept.kept(digest) is None
     assert not (large / "called").exists()
+
+
+def test_a_change_of_whatever_reads_a_description_makes_another_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    place, read_bytes = kept._of_readers.__wrapped__(), Path.read_bytes
+    readers = _with_all_imports("declared_xml", "description_maker", "structure")
+    assert len(readers) > 8
+    for reader in readers:
+        monkeypatch.setattr(Path, "read_bytes", lambda p, of=reader: read_bytes(p) + b"#" * (p == of))
+        assert kept._of_readers.__wrapped__() != place, reader
+
+
+def _with_all_imports(*names: str) -> set[Path]:
+    """Return files of workbench/fmi and all that they import of the workbench."""
+    found: set[Path] = set()
+    root = Path(kept.__file__).parents[2]
+    waiting = [root / f"workbench/fmi/{name}.py" for name in names]
+    while waiting:
+        file = waiting.pop()
+        if file.is_file() and file not in found:
+            found.add(file)
+            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("workbench."):
+                    modules = [f"{node.module}", *(f"{node.module}.{a.name}" for a in node.names)]
+                    waiting += [root / f"{module.replace('.', '/')}.py" for module in modules]
+    return found
 
 
 def test_old_ones_are_removed_and_a_folder_that_cannot_be_made_is_no_error(

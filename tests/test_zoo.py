@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -73,6 +74,17 @@ def test_an_oracle_that_crashes_is_no_oracle(tmp_path: Path) -> None:
     described, runs = oracle.consult(build_hostile(tmp_path, "segfault"), LIMITS)
     assert set(described.interfaces) == set(runs) == {"me", "cs"}
     assert all(run.fails.startswith("its process ended with exit code") for run in runs.values())
+
+
+def test_a_refused_bomb_must_be_one(tmp_path: Path) -> None:
+    (true,) = (true for said, true in zoo_script.OF_FILES if "bombs" in said)
+    answers = []
+    for megabytes in (60, 70):  # either shrinks a thousand times
+        file = tmp_path / f"{megabytes}.fmu"
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("zeros", bytes(megabytes << 20))
+        answers.append(true(file))
+    assert answers == [False, True]
 
 
 def test_names_are_unique_and_told() -> None:

@@ -18,7 +18,7 @@ from workbench.core.machine.files import named_path
 from workbench.core.machine.scratch import remove, scratch_folder
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, what_is_meant
-from workbench.fmi.platforms import is_foreign, note_foreign, note_sources
+from workbench.fmi.platforms import is_foreign, note_left
 
 __all__ = ["DAMAGED", "Unpacked", "damaged", "extract", "locate", "unpack"]
 
@@ -30,8 +30,8 @@ _MODELS = "an .fmu, an unpacked FMU, fmu:NAME, or a system: .toml, .ssp, .ssd, s
 
 MAX_BYTES = 4 << 30  # unpacked, all files together
 MAX_FILES = 100_000
-MAX_RATIO = 500  # above 64 MiB, an archive that shrinks better than this is a bomb
-_SMALL = 64 << 20
+MAX_RATIO = 500  # an archive that shrinks better than this is a bomb
+HARMLESS = 64 << 20  # unpacked, all files together: no bomb, however well it shrinks
 _SHOWN = 80  # characters of an entry's name in a message
 _IN_A_FILE = (errno.EEXIST, errno.ENOTDIR, errno.EISDIR)
 _SKIPPED = ("sources", "documentation")  # never needed to run the FMU
@@ -49,13 +49,11 @@ class Unpacked(Closable):
     Attributes:
         source: what the user named.
         folder: where the files are.
-        owned: whether `folder` was made here.
     """
 
     def __init__(self, source: Path, folder: Path, *, owned: bool) -> None:
         self.source = source
         self.folder = folder
-        self.owned = owned
         self._remove = weakref.finalize(self, remove, folder) if owned else None
 
     def close(self) -> None:
@@ -99,9 +97,7 @@ def unpack(model: str | Path, called: str = "") -> Unpacked:
     folder = scratch_folder("fmu")
     unpacked = Unpacked(source, folder, owned=True)
     try:
-        left = extract(path, folder, wanted=_is_needed, called=called)
-        note_foreign(folder, [file for file in left if is_foreign(file)])
-        note_sources(folder, left)
+        note_left(folder, extract(path, folder, wanted=_is_needed, called=called))
         return _checked(unpacked)
     except BaseException:
         unpacked.close()
@@ -118,10 +114,6 @@ def _is_needed(file: PurePosixPath) -> bool:
     return file.parts[0] not in _SKIPPED and not is_foreign(file)
 
 
-def _any(_file: PurePosixPath) -> bool:
-    return True
-
-
 def damaged(source: str) -> FmuError:
     """Return the error for a file that is no archive, though its name says so, or that was not meant to be one.
 
@@ -134,7 +126,7 @@ def damaged(source: str) -> FmuError:
 
 
 def extract(
-    path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool] = _any, called: str = ""
+    path: Path, folder: Path, *, wanted: Callable[[PurePosixPath], bool] = lambda _: True, called: str = ""
 ) -> list[PurePosixPath]:
     """Extract a zip archive into an empty folder.
 
@@ -191,7 +183,7 @@ def _check_sizes(source: str, entries: list[zipfile.ZipInfo]) -> None:
     packed = max(1, sum(e.compress_size for e in entries))
     if total > MAX_BYTES or len(entries) > MAX_FILES:
         raise FmuError(f"{source}: would unpack to {total >> 20} MiB in {len(entries)} files; refused")
-    if total > _SMALL and total > MAX_RATIO * packed:
+    if total > HARMLESS and total > MAX_RATIO * packed:
         raise FmuError(f"{source}: unpacks {total // packed} times larger, as zip bombs do; refused")
 
 

@@ -72,7 +72,6 @@ class Interface:
     )
     provides_adjoint_derivatives: bool = False
     provides_intermediate_update: bool = False
-    provides_per_element_dependencies: bool = False
     completed_integrator_step_not_needed: bool = False
     needs_completed_integrator_step: bool = False
     can_handle_variable_communication_step_size: bool | None = None
@@ -254,7 +253,6 @@ class Declared:
         structure: "Outputs", "Derivatives", "ClockedStates", "InitialUnknowns", "EventIndicators" → entries; FMI 3.0's
             elements are called so here, too.
         problems: where the file leaves the schema that the standard publishes.
-        notes: what could not be taken as it stands.
     """
 
     root: Root = field(default_factory=Root)
@@ -266,7 +264,6 @@ class Declared:
     variables: list[DeclaredVariable] = field(default_factory=list)
     structure: dict[str, list[Unknown]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
     @property
     def major(self) -> int:
@@ -295,7 +292,7 @@ def _number(text: str) -> float | None:
 
 
 def _whole(text: str) -> int:
-    if len(text) > _LONGEST:
+    if len(text) > LONGEST:
         raise ValueError
     return int(text)
 
@@ -304,7 +301,7 @@ def _list(text: str) -> tuple[int, ...]:
     return tuple(_whole(word) for word in text.split())
 
 
-_LONGEST = 20  # digits of any number that FMI counts with
+LONGEST = 20  # digits of any number that FMI counts with
 
 # How the text of an attribute is read, by the type of its field.
 _READERS: Mapping[str, Callable[[str], Any]] = {

@@ -247,6 +247,8 @@ class _Variables:
             found = self._by_reference[which] if self._major == 3 else self._declared[which - 1]
             return self._same.get(id(found), found)
         what = "value reference" if self._major == 3 else "index"
+        if which is None:
+            raise FmuError(f"the model structure has an entry whose {what} is missing")
         raise FmuError(f"the model structure names a variable with {what} {which}, which is not there")
 
     def _knows(self, which: int) -> bool:
@@ -319,7 +321,7 @@ class _Variables:
         if dimension.start is not None:
             return dimension.start
         holder = self._by_reference.get(dimension.value_reference)
-        if holder is None or not (holder.start or "").isdecimal() or len(holder.start or "") > _DIGITS:
+        if holder is None or not (holder.start or "").isdecimal() or len(holder.start or "") > said.LONGEST:
             raise FmuError(f"line {v.line}: array {v.name} does not say how large it is")
         return int(holder.start or "")
 
@@ -440,7 +442,6 @@ class _Variables:
 
 _NO_TYPE = said.DeclaredType()
 _INFINITE = (math.inf, -math.inf)  # which may be written, as INF; with digits it is a number that no computer has
-_DIGITS = 20  # of any number that FMI counts with
 
 
 def _words(v: said.DeclaredVariable) -> list[str] | None:

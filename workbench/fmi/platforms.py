@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import platform
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 
 from workbench.errors import FmuError
 
-__all__ = ["TUPLES", "binary_path", "folders_of", "host", "is_foreign", "note_foreign", "note_sources", "platforms_in"]
+__all__ = ["TUPLES", "binary_path", "folders_of", "host", "is_foreign", "note_left", "platforms_in"]
 
 # FMI 1/2 folder name → FMI 3 platform tuple. macOS "darwin64" holds Intel or universal binaries.
 TUPLES: Mapping[str, str] = {
@@ -69,15 +69,12 @@ def is_foreign(file: PurePosixPath) -> bool:
     return known and name not in folders_of(host())
 
 
-def note_foreign(folder: Path, files: Iterable[PurePosixPath]) -> None:
-    """Tell `platforms_in` which files of other platforms were not unpacked into `folder`."""
-    names = {f.parts[1] for f in files if f.parent.name == f.parts[1] and f.suffix == _suffix(f.parts[1])}
+def note_left(folder: Path, files: Sequence[PurePosixPath]) -> None:
+    """Tell `platforms_in` and `binary_path` which files of an FMU were not unpacked into `folder`."""
+    foreign = [f for f in files if is_foreign(f)]
+    names = {f.parts[1] for f in foreign if f.parent.name == f.parts[1] and f.suffix == _suffix(f.parts[1])}
     if names:
         (folder / _FOREIGN).write_text("\n".join(sorted(names)), encoding="utf-8")
-
-
-def note_sources(folder: Path, files: Iterable[PurePosixPath]) -> None:
-    """Tell `binary_path` which files of an FMU were not unpacked into `folder`, where they are sources."""
     if any(_is_source(f) for f in files):
         (folder / _SOURCES).touch()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from workbench.fmi.declared import Declared, DeclaredUnit, DeclaredVariable, Unknown
+from workbench.fmi.declared import Declared, DeclaredUnit, DeclaredVariable
 from workbench.fmi.variable import FLOAT_TYPES
 
 __all__ = ["broken_rules", "complete", "less_kept_rules", "structured_name"]
@@ -23,6 +23,8 @@ _INITIAL: Mapping[tuple[str, str], tuple[str | None, ...]] = {
     ("independent", "continuous"): (None,),
 }
 _SHOWN = 5  # names in a message
+
+Find = Callable[[int | None], DeclaredVariable]
 
 
 def complete(declared: Declared) -> None:
@@ -172,7 +174,7 @@ def _of_units(declared: Declared) -> _Rule:
 # -- model structure and names -----------------------------------------------------------------
 
 
-def less_kept_rules(declared: Declared, find: Callable[[int], DeclaredVariable]) -> Iterator[str]:
+def less_kept_rules(declared: Declared, find: Find) -> Iterator[str]:
     """Yield what is wrong with the model structure and with names: many exporters bend these rules, few importers ask.
 
     Args:
@@ -201,26 +203,22 @@ def _of_dependencies(declared: Declared) -> Iterator[str]:
                 yield f"line {unknown.line}: {section}: {len(kinds)} kinds for {number} dependencies"
 
 
-def _of_outputs(declared: Declared, find: Callable[[int], DeclaredVariable]) -> Iterator[str]:
+def _of_outputs(declared: Declared, find: Find) -> Iterator[str]:
     wanted = [v for v in declared.variables if v.causality == "output"]
     yield from _differ("Outputs", wanted, _meant(declared, "Outputs", find))
 
 
-def _meant(declared: Declared, section: str, find: Callable[[int], DeclaredVariable]) -> list[DeclaredVariable]:
-    return [find(_index(u)) for u in declared.structure.get(section, ())]
+def _meant(declared: Declared, section: str, find: Find) -> list[DeclaredVariable]:
+    return [find(u.variable) for u in declared.structure.get(section, ())]
 
 
-def _index(unknown: Unknown) -> int:
-    return -1 if unknown.variable is None else unknown.variable
-
-
-def _of_derivatives(declared: Declared, find: Callable[[int], DeclaredVariable]) -> Iterator[str]:
+def _of_derivatives(declared: Declared, find: Find) -> Iterator[str]:
     for derivative in _meant(declared, "Derivatives", find):
         if derivative.derivative is None:
             yield f"line {derivative.line}: {derivative.name} is listed as a derivative, and does not say of what"
 
 
-def _of_initial_unknowns(declared: Declared, find: Callable[[int], DeclaredVariable]) -> Iterator[str]:
+def _of_initial_unknowns(declared: Declared, find: Find) -> Iterator[str]:
     guessed = ("approx", "calculated")
     wanted = [
         v
