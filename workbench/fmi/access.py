@@ -43,7 +43,7 @@ class TypeCalls:
     """How one FMI type is read and written.
 
     Attributes:
-        getter, setter: function names; an empty setter means read only.
+        getter, setter: function names.
         ctype: C type of one value.
         decode, encode: C value → Python value and back.
     """
@@ -102,7 +102,7 @@ class VariableBlock:
         self.partial = len(self.slots) < total
         library = instance.library
         self.get = library[calls.getter]
-        self.set = library[calls.setter] if calls.setter else None
+        self.set = library[calls.setter]
 
     def read(self) -> list[Any]:
         status = self.get(self.instance.component, *self.arguments)
@@ -120,8 +120,6 @@ class VariableBlock:
         else:
             for slot, value in zip(self.slots, values, strict=True):
                 self.buffer[slot] = self.calls.encode(value)
-        if self.set is None:
-            raise InputError(f"variables of this type cannot be set ({self.calls.getter})")
         status = self.set(self.instance.component, *self.arguments)
         if not is_good(status):
             self.instance.fail(self.calls.setter, status)

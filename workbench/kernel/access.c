@@ -117,9 +117,6 @@ static bool complete(Block *block, const Component *component, Failure *failure)
 
 bool block_write(Block *block, Component *components, const double *values, Failure *failure) {
     const Component *component = &components[block->component];
-    if (!block->set_name) {
-        return fail_at(failure, FAILED_READ_ONLY, component->time);
-    }
     if (block->plain) {
         double *own = (double *)values + block->columns[0];
         return block_call(block, component, block->set, block->set_name, own, failure);

@@ -27,7 +27,6 @@ typedef enum {
     FAILED_EVENT_MODE,  /* the FMU requests event mode, which it does not offer */
     FAILED_GRID,        /* point `value` lies off the grid of the constant step */
     FAILED_MEMORY,      /* no memory */
-    FAILED_READ_ONLY,   /* variables of this type cannot be set */
     FAILED_LOOP,        /* an algebraic loop has no solution: `value` is left at connection `index`, see `message` */
     FAILED_WIRE,        /* connection `index` passes `value`, which is not finite */
     FAILED_EVENT_TIME,  /* an FMI function gave a next event time that is not a number */

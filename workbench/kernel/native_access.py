@@ -64,9 +64,9 @@ def _block(block: Variables, columns: Sequence[int], component: int) -> tuple[Bl
     contiguous = list(columns) == list(range(columns[0], columns[0] + len(columns)))
     native = BlockStruct(
         get=library.address(calls.getter),
-        set=library.address(calls.setter) if calls.setter else None,
+        set=library.address(calls.setter),
         get_name=calls.getter.encode(),
-        set_name=calls.setter.encode() if calls.setter else None,
+        set_name=calls.setter.encode(),
         references=ctypes.addressof(block.references),
         n_references=len(block.references),
         buffer=ctypes.addressof(block.buffer),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from workbench.errors import EndedError, InputError, SimulationError
+from workbench.errors import EndedError, SimulationError
 from workbench.fmi.instance import DISCARD, MAX_EVENT_ITERATIONS, Instance, no_event_time
 from workbench.fmi.ticking import no_interval
 from workbench.fmi.variable import Variable
@@ -152,10 +152,6 @@ def _memory(now: Situation) -> Exception:
     return now.error("out of memory for the solver or the recorded points; record fewer points")
 
 
-def _read_only(_now: Situation) -> Exception:
-    return InputError("inputs of this type cannot be set")
-
-
 def _label(now: Situation, index: int) -> str:
     wiring = now.whole.wiring
     return wiring.connections[index].label if wiring is not None else f"connection {index}"
@@ -193,7 +189,7 @@ def _order(now: Situation) -> Exception:
 # By FailureCode in failure.h, from 1 on; behind the last comes PAUSED.
 FAILURES: tuple[Callable[[Situation], Exception], ...] = (
     _status, _missing, _ended, _iteration, _value, _state, _bound, _solver, _steps, _zeno, _chatter, _through,
-    _early, _event_mode, _grid, _memory, _read_only, _loop, _wire, _event_time, _unit, _interval, _order,
+    _early, _event_mode, _grid, _memory, _loop, _wire, _event_time, _unit, _interval, _order,
 )  # fmt: skip
 PAUSED = len(FAILURES) + 1
 
