@@ -72,24 +72,14 @@ static bool write_wanted(Cs *cs, int32_t who, bool events) {
     return true;
 }
 
-/* Whether an input of the component differs from what it should be: any, or only discrete ones. */
-static bool differs(const Forcing *forcing, int32_t who, bool any) {
-    for (size_t i = 0; i < forcing->n; i++) {
-        const bool asked = forcing->owners[i] == who && (any || forcing->discrete[i]);
-        if (asked && !(forcing->wanted[i] == forcing->written[i])) {
-            return true;
-        }
-    }
-    return false;
-}
-
 /* An event at the end of the last step is made with the inputs of this point: a sampled input is the one set here. */
 static bool set_component_inputs(Cs *cs, int32_t who, bool jump) {
     Component *component = &cs->system->components[who];
     if (!component->event_mode) {
         return write_wanted(cs, who, true);
     }
-    if (component->event_due || differs(cs->system->forcing, who, jump)) {
+    if (component->event_due ||
+        forcing_differs(cs->system->forcing, jump ? ALL_INPUTS : DISCRETE_INPUTS, who)) {
         component->event_due = 0;
         return enter_event_mode(cs, who) && write_wanted(cs, who, true) && leave_event_mode(cs, who);
     }
@@ -103,12 +93,7 @@ static bool is_centred(const Component *component) {
 
 /* Write the continuous inputs of `wanted`, where they are not what the FMU sees. */
 static bool write_moved(Cs *cs, int32_t who) {
-    Forcing *forcing = cs->system->forcing;
-    bool moved = false;
-    for (size_t i = 0; i < forcing->n && !moved; i++) {
-        moved = forcing->owners[i] == who && !forcing->discrete[i] && !(forcing->wanted[i] == forcing->written[i]);
-    }
-    return !moved || write_wanted(cs, who, false);
+    return !forcing_differs(cs->system->forcing, CONTINUOUS_INPUTS, who) || write_wanted(cs, who, false);
 }
 
 /* Inputs inside a step as they are at `t`. */
@@ -206,7 +191,7 @@ static bool handle(Cs *cs, int32_t who, const Answer *answer, bool early) {
 
 /* Whether the FMU stopped before the end by more than rounding. */
 static bool is_early(double reached, double start, double end) {
-    return reached < end && end - reached > 1e-12 * fmax(fabs(end), end - start);
+    return reached < end && end - reached > ROUNDING * fmax(fabs(end), end - start);
 }
 
 static bool step_component(Cs *cs, int32_t who, double start, double end) {

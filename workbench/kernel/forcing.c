@@ -31,18 +31,11 @@ void forcing_evaluate(Forcing *forcing, double t) {
     }
 }
 
-bool forcing_differs(const Forcing *forcing) {
+bool forcing_differs(const Forcing *forcing, Inputs which, int32_t who) {
     for (size_t i = 0; i < forcing->n; i++) {
-        if (!(forcing->wanted[i] == forcing->written[i])) {
-            return true;
-        }
-    }
-    return false;
-}
-
-bool forcing_discrete_differs(const Forcing *forcing) {
-    for (size_t i = 0; i < forcing->n; i++) {
-        if (forcing->discrete[i] && !(forcing->wanted[i] == forcing->written[i])) {
+        const Inputs kind = forcing->discrete[i] ? DISCRETE_INPUTS : CONTINUOUS_INPUTS;
+        const bool meant = (which & kind) != 0 && (who == ANYONE || forcing->owners[i] == who);
+        if (meant && !(forcing->wanted[i] == forcing->written[i])) {
             return true;
         }
     }

@@ -8,6 +8,9 @@
 #include "access.h"
 #include "signals.h"
 
+typedef enum { CONTINUOUS_INPUTS = 1, DISCRETE_INPUTS = 2, ALL_INPUTS = 3 } Inputs;
+enum { ANYONE = -1 };
+
 typedef struct {
     const Signal *signals;   /* [n] */
     const double *bias;      /* [n] */
@@ -33,8 +36,8 @@ double forcing_value(const Forcing *forcing, size_t i, double t);
 double forcing_next_break(Forcing *forcing, double t);
 /* All values at t, biased, as the FMUs would see them, to `wanted`. */
 void forcing_evaluate(Forcing *forcing, double t);
-bool forcing_differs(const Forcing *forcing);
-bool forcing_discrete_differs(const Forcing *forcing);
+/* Whether an input of these, of one component or of any, is not `wanted`; NaN differs from everything. */
+bool forcing_differs(const Forcing *forcing, Inputs which, int32_t who);
 /* Write the inputs that may change in continuous time. */
 bool forcing_write_continuous(Forcing *forcing, Component *components, double t, Failure *failure);
 /* Write `wanted`; allowed in event mode and between co-simulation steps. */

@@ -167,7 +167,7 @@ bool master_set_inputs(Cs *cs, bool jump) {
         return true;
     }
     forcing_evaluate(forcing, cs->time);
-    if (master->event_due || (jump && forcing_differs(forcing)) || forcing_discrete_differs(forcing)) {
+    if (master->event_due || forcing_differs(forcing, jump ? ALL_INPUTS : DISCRETE_INPUTS, ANYONE)) {
         master->event_due = 0;
         return enter_events(cs) && forcing_write_wanted(forcing, cs->system->components, failure_of(cs)) &&
                iterate(cs);

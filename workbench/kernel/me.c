@@ -275,7 +275,7 @@ static bool at_stop(Me *me, double end) {
     const bool due = me->time == end || me->time == me->next_time;
     forcing_evaluate(forcing, me->time);
     bool done = true;
-    if (due || forcing_discrete_differs(forcing)) {
+    if (due || forcing_differs(forcing, DISCRETE_INPUTS, ANYONE)) {
         done = event_rows(me, false);
     } else if (waiting(me) == me->time) {
         done = add_row(me, me->time, ROW_POINT);
@@ -288,7 +288,7 @@ static bool at_stop(Me *me, double end) {
 static bool enter(Me *me, bool fresh) {
     Forcing *forcing = me->system->forcing;
     forcing_evaluate(forcing, me->time);
-    if (forcing_differs(forcing) || me->next_time <= me->time) {
+    if (forcing_differs(forcing, ALL_INPUTS, ANYONE) || me->next_time <= me->time) {
         return me_event(me, false);
     }
     if (fresh) {
