@@ -88,7 +88,7 @@ def _shy_description(name: str) -> str:
 
 
 def build_shy(folder: Path, name: str) -> Path:
-    """Write ``folder/NAME.fmu`` of FMI 3.0: "works", "instantiate", "update" or "ends" (see tests/c/shy/shy.c)."""
+    """Write ``folder/NAME.fmu`` of FMI 3.0: "works", "instantiate", "update", "ends" or "lost" (tests/c/shy/shy.c)."""
     (host,) = host_only()
     file = folder / f"{name}.fmu"
     binary = f"binaries/{host.name}/shy{host.suffix}"

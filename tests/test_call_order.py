@@ -188,6 +188,14 @@ def test_event_mode_that_works_is_used(tmp_path: Path) -> None:
     np.testing.assert_allclose(result.signals["y"][later], [level(t, jump=True) for t in result.time[later]], rtol=1e-9)
 
 
+@pytest.mark.parametrize("step", [0.01, 0.03], ids=["its event at the end of a step", "inside one"])
+def test_a_next_event_time_that_is_not_a_number_is_refused(tmp_path: Path, step: float) -> None:
+    words = r"the next event time that fmi3UpdateDiscreteStates gave is not a number"
+    with load(build_shy(tmp_path, "lost"), step=step) as model, pytest.raises(SimulationError, match=words) as caught:
+        simulate(model, stop=1.5, points=np.linspace(0.03, 1.5, 50), in_process=True)
+    assert caught.value.time == pytest.approx(1.0, abs=step)  # inside a step the oracle says when that began
+
+
 def test_a_sweep_tells_the_order_too(tmp_path: Path) -> None:
     with load(build_shy(tmp_path, "instantiate")) as model:
         response = nfr(model, "u", "y", [0.5], 1.0, workers=Workers(in_process=True))

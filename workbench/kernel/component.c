@@ -144,11 +144,7 @@ static bool ask(const Component *component, int32_t who, Failure *failure) {
     if (!component_checked(component, GET_INTERVAL, status, who, failure)) {
         return false;
     }
-    if (!clocks_answered(clocks, component->time)) {
-        failure->component = who;
-        return fail_at(failure, FAILED_INTERVAL, component->time);
-    }
-    return true;
+    return clocks_answered(clocks, component->time) || fail_of(failure, FAILED_INTERVAL, component->time, who);
 }
 
 bool component_enter(const Component *component, FunctionIndex mode, int32_t who, Failure *failure) {
@@ -170,8 +166,25 @@ bool component_update(Component *component, Answer *answer, int32_t who, Failure
         (component->clocks && !ask(component, who, failure))) {
         return false;
     }
-    if (!isnan(answer->time)) { /* who asks for it refuses it */
-        answer->time = fmin(answer->time, clocks_next(component->clocks));
+    if (isnan(answer->time)) {
+        return fail_of(failure, FAILED_EVENT_TIME, component->time, who);
     }
+    answer->time = fmin(answer->time, clocks_next(component->clocks));
     return true;
+}
+
+bool component_settle(Component *component, int32_t who, Failure *failure) {
+    for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
+        Answer answer = {0};
+        if (!component_update(component, &answer, who, failure)) {
+            return false;
+        }
+        if (answer.terminate) {
+            return fail_of(failure, FAILED_ENDED, component->time, who);
+        }
+        if (!answer.again) {
+            return component_enter(component, ENTER_STEP_MODE, who, failure);
+        }
+    }
+    return fail_of(failure, FAILED_ITERATION, component->time, who);
 }

@@ -41,6 +41,8 @@ typedef enum {
 /* NOT_EXPORTED stands for the status of a function that is not there; an FMU may return the same number. */
 enum { FMI_WARNING = 1, FMI_DISCARD = 2, FMI_ERROR = 3, FMI_FATAL = 4, NOT_EXPORTED = -1 };
 
+enum { MAX_EVENT_ITERATIONS = 1000 }; /* as in workbench/fmi/instance.py */
+
 struct ComponentCalls;
 struct Intermediate;
 
@@ -105,8 +107,10 @@ bool component_states(const Component *component, FunctionIndex function, double
 bool component_never_back(const Component *component);
 /* GET_FMU_STATE, SET_FMU_STATE or FREE_FMU_STATE; a state that is not there is not freed. */
 bool component_saved(const Component *component, FunctionIndex function, void **state, int32_t who, Failure *failure);
-/* Evaluate the event once. */
+/* Evaluate the event once; a next event time that is not a number is refused. */
 bool component_update(Component *component, Answer *answer, int32_t who, Failure *failure);
+/* Evaluate the event until nothing changes, then go to step mode. */
+bool component_settle(Component *component, int32_t who, Failure *failure);
 /* Into event mode: clocks that are due tick. */
 bool component_enter(const Component *component, FunctionIndex mode, int32_t who, Failure *failure);
 

@@ -5,7 +5,7 @@
 #include "intermediate.h"
 #include "master.h"
 
-enum { MAX_EARLY_RETURNS = 10000, MAX_EVENT_ITERATIONS = 1000 };
+enum { MAX_EARLY_RETURNS = 10000 };
 
 static const double ROUNDING = 1e-12; /* relative */
 
@@ -14,30 +14,6 @@ static Failure *failure_of(Cs *cs) {
 }
 
 /* ---- event mode ---- */
-
-static bool ended(Cs *cs, int32_t who) {
-    failure_of(cs)->component = who;
-    return fail_at(failure_of(cs), FAILED_ENDED, cs->time);
-}
-
-/* Iterate until nothing changes, then go to step mode. */
-static bool leave_event_mode(Cs *cs, int32_t who) {
-    Component *component = &cs->system->components[who];
-    for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
-        Answer answer = {0};
-        if (!component_update(component, &answer, who, failure_of(cs))) {
-            return false;
-        }
-        if (answer.terminate) {
-            return ended(cs, who);
-        }
-        if (!answer.again) {
-            return component_enter(component, ENTER_STEP_MODE, who, failure_of(cs));
-        }
-    }
-    failure_of(cs)->component = who;
-    return fail_at(failure_of(cs), FAILED_ITERATION, component->time);
-}
 
 static bool enter_event_mode(Cs *cs, int32_t who) {
     Component *component = &cs->system->components[who];
@@ -81,7 +57,8 @@ static bool set_component_inputs(Cs *cs, int32_t who, bool jump) {
     if (component->event_due ||
         forcing_differs(cs->system->forcing, jump ? ALL_INPUTS : DISCRETE_INPUTS, who)) {
         component->event_due = 0;
-        return enter_event_mode(cs, who) && write_wanted(cs, who, true) && leave_event_mode(cs, who);
+        return enter_event_mode(cs, who) && write_wanted(cs, who, true) &&
+               component_settle(component, who, failure_of(cs));
     }
     return write_wanted(cs, who, false);
 }
@@ -175,18 +152,19 @@ bool cs_announce(Cs *cs) {
 
 /* An event inside the step is made at once; one at its end after the left limits there are recorded. */
 static bool handle(Cs *cs, int32_t who, const Answer *answer, bool early) {
+    Component *component = &cs->system->components[who];
     if (answer->terminate) {
-        return ended(cs, who);
+        return fail_of(failure_of(cs), FAILED_ENDED, cs->time, who);
     }
     if (!answer->event) {
         return true;
     }
-    if (!cs->system->components[who].event_mode) {
-        failure_of(cs)->component = who;
-        return fail_at(failure_of(cs), FAILED_EVENT_MODE, answer->time);
+    if (!component->event_mode) {
+        return fail_of(failure_of(cs), FAILED_EVENT_MODE, answer->time, who);
     }
-    cs->system->components[who].event_due = !early;
-    return !early || (write_inside(cs, who, cs->time) && enter_event_mode(cs, who) && leave_event_mode(cs, who));
+    component->event_due = !early;
+    return !early || (write_inside(cs, who, cs->time) && enter_event_mode(cs, who) &&
+                      component_settle(component, who, failure_of(cs)));
 }
 
 /* Whether the FMU stopped before the end by more than rounding. */
@@ -220,8 +198,7 @@ static bool step_component(Cs *cs, int32_t who, double start, double end) {
             return arrive(cs, who, start, end);
         }
     }
-    failure_of(cs)->component = who;
-    return fail_at(failure_of(cs), FAILED_EARLY, cs->time);
+    return fail_of(failure_of(cs), FAILED_EARLY, cs->time, who);
 }
 
 void cs_gather(const Cs *cs, Gathered *next, double due) {

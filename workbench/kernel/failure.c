@@ -8,6 +8,13 @@ bool fail_at(Failure *failure, FailureCode code, double time) {
     return false;
 }
 
+bool fail_of(Failure *failure, FailureCode code, double time, int32_t component) {
+    if (failure->code == NO_FAILURE) {
+        failure->component = component;
+    }
+    return fail_at(failure, code, time);
+}
+
 bool fail_value(Failure *failure, FailureCode code, double time, size_t index, double value) {
     if (failure->code == NO_FAILURE) {
         failure->index = (int64_t)index;

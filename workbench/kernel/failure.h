@@ -51,6 +51,7 @@ typedef struct {
 
 /* Note the failure unless one is noted already; always false, so that callers can return it. */
 bool fail_at(Failure *failure, FailureCode code, double time);
+bool fail_of(Failure *failure, FailureCode code, double time, int32_t component);
 bool fail_value(Failure *failure, FailureCode code, double time, size_t index, double value);
 void failure_clear(Failure *failure);
 

@@ -5,19 +5,12 @@
 #include "control.h"
 #include "cs_step.h"
 
-enum { MAX_EARLY_RETURNS = 10000, MAX_EVENT_ITERATIONS = 1000, WHOLE = -1 };
+enum { MAX_EARLY_RETURNS = 10000, WHOLE = -1 };
 
 static const double ARRIVED = 1e-12; /* relative: an FMU that comes as near to the end of its step is there */
 
 static Failure *failure_of(Cs *cs) {
     return &cs->system->failure;
-}
-
-static bool fail_of(Cs *cs, FailureCode code, int32_t who, double time) {
-    if (failure_of(cs)->code == NO_FAILURE) {
-        failure_of(cs)->component = who;
-    }
-    return fail_at(failure_of(cs), code, time);
 }
 
 /* A group's failure is noted in its own system. */
@@ -146,13 +139,13 @@ static bool rounds(Cs *cs) {
             return false;
         }
         if (round.ended != NOBODY) {
-            return fail_of(cs, FAILED_ENDED, WHOLE, cs->time);
+            return fail_of(failure_of(cs), FAILED_ENDED, cs->time, WHOLE);
         }
         if (!round.again && !round.moved) {
             return true;
         }
     }
-    return fail_of(cs, FAILED_ITERATION, WHOLE, cs->time);
+    return fail_of(failure_of(cs), FAILED_ITERATION, cs->time, WHOLE);
 }
 
 static bool iterate(Cs *cs) {
@@ -357,29 +350,12 @@ static bool local_event(Cs *cs, Unit *unit, double part, double time) {
     Component *component = &cs->system->components[unit->component];
     component->time = time;
     if (!component->event_mode) {
-        return fail_of(cs, FAILED_EVENT_MODE, unit->component, time);
+        return fail_of(failure_of(cs), FAILED_EVENT_MODE, time, unit->component);
     }
     evaluate(unit, part);
-    if (!component_enter(component, ENTER_EVENT_MODE, unit->component, failure_of(cs)) ||
-        !access_write(&unit->inlet, cs->system->components, unit->values, failure_of(cs))) {
-        return false;
-    }
-    for (int round = 0; round < MAX_EVENT_ITERATIONS; round++) {
-        Answer answer = {0};
-        if (!component_update(component, &answer, unit->component, failure_of(cs))) {
-            return false;
-        }
-        if (isnan(answer.time)) {
-            return fail_of(cs, FAILED_EVENT_TIME, unit->component, time);
-        }
-        if (answer.terminate) {
-            return fail_of(cs, FAILED_ENDED, unit->component, time);
-        }
-        if (!answer.again) {
-            return component_enter(component, ENTER_STEP_MODE, unit->component, failure_of(cs));
-        }
-    }
-    return fail_of(cs, FAILED_ITERATION, unit->component, time);
+    return component_enter(component, ENTER_EVENT_MODE, unit->component, failure_of(cs)) &&
+           access_write(&unit->inlet, cs->system->components, unit->values, failure_of(cs)) &&
+           component_settle(component, unit->component, failure_of(cs));
 }
 
 /* Step to *end, or to an event of the FMU's own if it `may_stop` there. */
@@ -398,7 +374,7 @@ static bool step_component(Cs *cs, Unit *unit, double *end, bool may_stop) {
             return false;
         }
         if (answer.terminate) {
-            return fail_of(cs, FAILED_ENDED, unit->component, answer.time);
+            return fail_of(failure_of(cs), FAILED_ENDED, answer.time, unit->component);
         }
         if (answer.time >= *end - ARRIVED * fmax(fabs(*end), span)) {
             component->time = *end;
@@ -413,7 +389,7 @@ static bool step_component(Cs *cs, Unit *unit, double *end, bool may_stop) {
             return false;
         }
     }
-    return fail_of(cs, FAILED_EARLY, unit->component, time);
+    return fail_of(failure_of(cs), FAILED_EARLY, time, unit->component);
 }
 
 /* ---- one group ---- */
@@ -578,5 +554,5 @@ bool master_step_to(Cs *cs, double end) {
             return false;
         }
     }
-    return fail_of(cs, FAILED_EARLY, WHOLE, cs->time);
+    return fail_of(failure_of(cs), FAILED_EARLY, cs->time, WHOLE);
 }

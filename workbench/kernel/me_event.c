@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { MAX_EVENT_ITERATIONS = 1000 };
 static const double SHRINKING = 0.99; /* two gaps of less than this part of the two before are told from equal ones */
 static const double STILL = 1e5; /* longer gaps are close where nothing moves: at most so many fit into a run */
 static const double HYSTERESIS = 1e-9; /* of a state's size: exporters give 1e-10 or less */
@@ -26,8 +25,7 @@ bool me_completed(Me *me, bool *event) {
             return false;
         }
         if (answer.terminate) {
-            system->failure.component = (int32_t)i;
-            return fail_at(&system->failure, FAILED_ENDED, me->time);
+            return fail_of(&system->failure, FAILED_ENDED, me->time, (int32_t)i);
         }
         *event = *event || answer.event;
     }
@@ -100,8 +98,7 @@ static bool rounds(Me *me, bool *states_changed) {
         }
         *states_changed = *states_changed || round.states_changed;
         if (round.ended != NOBODY) {
-            system->failure.component = round.ended;
-            return fail_at(&system->failure, FAILED_ENDED, me->time);
+            return fail_of(&system->failure, FAILED_ENDED, me->time, round.ended);
         }
         if (!round.again && !round.moved) {
             me->next_time = system_next_event(system, me->time);

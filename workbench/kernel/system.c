@@ -173,10 +173,6 @@ static bool update_one(System *system, size_t i, double time, Round *round, bool
         !component_update(component, &answer, (int32_t)i, &system->failure)) {
         return false;
     }
-    if (isnan(answer.time)) {
-        system->failure.component = (int32_t)i;
-        return fail_at(&system->failure, FAILED_EVENT_TIME, time);
-    }
     /* Where it is not known when its event was due, it was due now if there is a next one. */
     const bool due = component->due <= time && (isfinite(component->due) || isfinite(answer.time));
     *acted = anew || answer.again || answer.states_changed || due;

@@ -1,8 +1,9 @@
 /* shy.c: co-simulation of FMI 3.0, dx/dt = u - x and y = x, that declares event mode and has its own mind about it.
  *
  * How is chosen by the token it is instantiated with: "{shy-works}" keeps its promise and wants an event at t = 1,
- * where x jumps to 0 (without event mode nothing jumps); "{shy-instantiate}" refuses to be instantiated with event mode; "{shy-update}" refuses the first
- * event iteration; "{shy-ends}" ends its run at t = 0.5. A step is exact for a held input.
+ * where x jumps to 0 (without event mode nothing jumps); "{shy-instantiate}" refuses to be instantiated with event
+ * mode; "{shy-update}" refuses the first event iteration; "{shy-ends}" ends its run at t = 0.5; "{shy-lost}" says at
+ * its event that the next one is at NaN. A step is exact for a held input.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -122,6 +123,8 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, f
     *next = 0.0;
     if (fabs(model->time - JUMP) < 1e-9) {
         model->x = 0.0;
+        *timed = is(model, "{shy-lost}");
+        *next = NAN;
     }
     return fmi3OK;
 }
