@@ -5,8 +5,7 @@ from __future__ import annotations
 import zipfile
 from pathlib import Path
 
-from tests.stub_fmus import stub_library
-from workbench.build.toolchain import host_only
+from tests.stub_fmus import write_stub
 from workbench.core.machine.files import pack
 from workbench.fmi.bundled import bundled_path
 
@@ -106,13 +105,6 @@ TERMINALS = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-def _write(file: Path, library: str, description: str, **more: bytes) -> Path:
-    (host,) = host_only()
-    binary = f"binaries/{host.name}/{library}{host.suffix}"
-    pack(file, {"modelDescription.xml": description.encode(), binary: stub_library(library), **more})
-    return file
-
-
 def build_ticking(folder: Path, *, state: bool = True, behaviour: str = "ticking", scheduled: bool = False) -> Path:
     """Write ``folder/ticking.fmu`` (see tests/c/ticking/ticking.c).
 
@@ -124,7 +116,8 @@ def build_ticking(folder: Path, *, state: bool = True, behaviour: str = "ticking
     """
     offered = _EXCHANGE.format(state=str(state).lower())
     interfaces = '<ScheduledExecution modelIdentifier="ticking" />' if scheduled else offered
-    return _write(folder / "ticking.fmu", "ticking", _TICKING.format(token=behaviour, interfaces=interfaces))
+    description = _TICKING.format(token=behaviour, interfaces=interfaces)
+    return write_stub(folder / "ticking.fmu", "ticking", description, fmi=3)
 
 
 def build_sized(
@@ -158,9 +151,8 @@ def build_sized(
         listed='<Output valueReference="9" />' if shown else "",
         initial='<InitialUnknown valueReference="9" />' if shown else "",
     )
-    return _write(
-        folder / "sized.fmu", "sized", description, **{"terminalsAndIcons/terminalsAndIcons.xml": terminals.encode()}
-    )
+    more = {"terminalsAndIcons/terminalsAndIcons.xml": terminals.encode()}
+    return write_stub(folder / "sized.fmu", "sized", description, fmi=3, more=more)
 
 
 def build_aliased(folder: Path) -> Path:

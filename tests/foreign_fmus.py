@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.stub_fmus import stub_library
-from workbench.build.toolchain import host_only
-from workbench.core.machine.files import pack
+from tests.stub_fmus import write_stub
 
 __all__ = ["build_foreign", "build_shy"]
 
@@ -60,12 +58,8 @@ def build_foreign(
         unit: of u and y.
         y: name of y.
     """
-    (host,) = host_only()
-    file = folder / f"{name}.fmu"
     xml = _foreign_description(name, experiment=experiment, outputs=outputs, states=states, unit=unit, y=y)
-    binary = f"binaries/{host.name_2}/foreign{host.suffix}"
-    pack(file, {"modelDescription.xml": xml.encode(), binary: stub_library("foreign")})
-    return file
+    return write_stub(folder / f"{name}.fmu", "foreign", xml)
 
 
 def _shy_description(name: str) -> str:
@@ -89,8 +83,4 @@ def _shy_description(name: str) -> str:
 
 def build_shy(folder: Path, name: str) -> Path:
     """Write ``folder/NAME.fmu`` of FMI 3.0: "works", "instantiate", "update", "ends" or "lost" (tests/c/shy/shy.c)."""
-    (host,) = host_only()
-    file = folder / f"{name}.fmu"
-    binary = f"binaries/{host.name}/shy{host.suffix}"
-    pack(file, {"modelDescription.xml": _shy_description(name).encode(), binary: stub_library("shy")})
-    return file
+    return write_stub(folder / f"{name}.fmu", "shy", _shy_description(name), fmi=3)

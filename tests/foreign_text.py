@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from tests.stub_fmus import stub_library
-from workbench.build.toolchain import host_only
-from workbench.core.machine.files import pack
+from tests.stub_fmus import write_stub
 
 __all__ = ["NAMES", "SYSTEM", "build_commanding"]
 
@@ -34,7 +32,6 @@ def build_commanding(
     folder: Path, names: Mapping[str, str] = NAMES, unit_name: str = UNIT, description: str = DESCRIPTION
 ) -> Path:
     """Write ``folder/commanding.fmu``: dx/dt = u − x, y = x, clock = time."""
-    (host,) = host_only()
     name = {key: _quoted(text) for key, text in names.items()}
     unit, says = _quoted(unit_name), _quoted(description)
     flags = 'modelIdentifier="foreign"'
@@ -61,7 +58,4 @@ def build_commanding(
   </ModelStructure>
 </fmiModelDescription>
 """
-    file = folder / "commanding.fmu"
-    library = stub_library("foreign")
-    pack(file, {"modelDescription.xml": xml.encode(), f"binaries/{host.name_2}/foreign{host.suffix}": library})
-    return file
+    return write_stub(folder / "commanding.fmu", "foreign", xml)

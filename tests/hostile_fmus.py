@@ -14,8 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.stub_fmus import stub_library
-from workbench.build.toolchain import host_only
+from tests.stub_fmus import stub_fmu, write_stub
 from workbench.core.machine.files import pack
 from workbench.jobs.worker_process import WorkerProcess
 
@@ -115,25 +114,14 @@ def description(guid: str, *, once: bool = False) -> str:
 
 def build_hostile(folder: Path, name: str) -> Path:
     """Write ``folder/NAME.fmu`` for a name in HOSTILE."""
-    return _write(folder / f"{name}.fmu", description(f"{{hostile-{name}}}", once=name == "once"))
-
-
-def _binary_name() -> str:
-    (host,) = host_only()
-    return f"binaries/{host.name_2}/hostile{host.suffix}"
-
-
-def _write(file: Path, xml: str, *, binary: bytes | None = None) -> Path:
-    library = stub_library("hostile") if binary is None else binary
-    pack(file, {"modelDescription.xml": xml.encode(), _binary_name(): library})
-    return file
+    return write_stub(folder / f"{name}.fmu", "hostile", description(f"{{hostile-{name}}}", once=name == "once"))
 
 
 # Files that are wrong before anything runs: name → (how it is made, what the message must contain).
 
 
 def _wrong_guid(file: Path) -> None:
-    _write(file, description("{of-another-model}"))
+    write_stub(file, "hostile", description("{of-another-model}"))
 
 
 def _missing_binary(file: Path) -> None:
@@ -141,11 +129,12 @@ def _missing_binary(file: Path) -> None:
 
 
 def _broken_binary(file: Path) -> None:
-    _write(file, description("{hostile-nothing}"), binary=b"this is no library")
+    (binary,) = stub_fmu("hostile", 2)
+    write_stub(file, "hostile", description("{hostile-nothing}"), more={binary: b"this is no library"})
 
 
 def _zip_slip(file: Path) -> None:
-    _write(file, description("{hostile-nothing}"))
+    write_stub(file, "hostile", description("{hostile-nothing}"))
     with zipfile.ZipFile(file, "a") as archive:
         archive.writestr("resources/../../../../escaped.txt", "out")
 
@@ -154,23 +143,23 @@ def _xml_bomb(file: Path) -> None:
     levels = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 10))
     bomb = f'<!DOCTYPE bomb [<!ENTITY e0 "boom">{levels}]>\n<fmiModelDescription'
     text = description("{hostile-nothing}").replace("<fmiModelDescription", bomb)
-    _write(file, text.replace('modelName="Hostile"', 'modelName="&e9;"'))
+    write_stub(file, "hostile", text.replace('modelName="Hostile"', 'modelName="&e9;"'))
 
 
 def _external_entity(file: Path) -> None:
     entity = '<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/hostname">]>\n<fmiModelDescription'
     text = description("{hostile-nothing}").replace("<fmiModelDescription", entity)
-    _write(file, text.replace("</fmiModelDescription>", "&e;</fmiModelDescription>"))
+    write_stub(file, "hostile", text.replace("</fmiModelDescription>", "&e;</fmiModelDescription>"))
 
 
 def _zip_bomb(file: Path) -> None:
-    _write(file, description("{hostile-nothing}"))
+    write_stub(file, "hostile", description("{hostile-nothing}"))
     with zipfile.ZipFile(file, "a", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("resources/zeros.bin", bytes(100 << 20))
 
 
 def _truncated(file: Path) -> None:
-    _write(file, description("{hostile-nothing}"))
+    write_stub(file, "hostile", description("{hostile-nothing}"))
     file.write_bytes(file.read_bytes()[:-200])
 
 

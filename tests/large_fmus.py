@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from tests.stub_fmus import stub_library
-from workbench.build.toolchain import host_only
-from workbench.core.machine.files import pack
+from tests.stub_fmus import write_stub
 
 __all__ = ["GAIN", "INTEGRAL", "build_large", "build_loop", "depends_of"]
 
@@ -42,8 +40,6 @@ def build_large(folder: Path, kind: str, n: int, *, dependencies: bool = True, d
         dependencies: whether the description says what the derivatives depend on.
         directional: whether it says that there are directional derivatives.
     """
-    (host,) = host_only()
-    file = folder / f"{kind}-{n}.fmu"
     names = [f"T[{i + 1}]" for i in range(n)]
     if kind not in ("rod", "lying"):
         names = [f"{letter}[{i + 1}]" for letter in "qv" for i in range(n // 2)]
@@ -72,9 +68,7 @@ def build_large(folder: Path, kind: str, n: int, *, dependencies: bool = True, d
 <Derivatives>{derivatives}</Derivatives><InitialUnknowns>{_unknown(2, None)}{unknown}</InitialUnknowns></ModelStructure>
 </fmiModelDescription>
 """
-    binary = f"binaries/{host.name_2}/large{host.suffix}"
-    pack(file, {"modelDescription.xml": xml.encode(), binary: stub_library("large")})
-    return file
+    return write_stub(folder / f"{kind}-{n}.fmu", "large", xml)
 
 
 def build_loop(rod: Path, actuator: str = "fmu:FirstOrderLag") -> Path:

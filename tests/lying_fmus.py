@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.stub_fmus import stub_library
-from workbench.build.toolchain import host_only
-from workbench.core.machine.files import pack
+from tests.stub_fmus import write_stub
 
 
 @dataclass(frozen=True)
@@ -120,8 +118,4 @@ def description(name: str) -> str:
 
 def build_lying(folder: Path, name: str) -> Path:
     """Write ``folder/NAME.fmu`` for a name in LIES, or "honest", "unstable"."""
-    (host,) = host_only()
-    binary = f"binaries/{host.name_2}/lying{host.suffix}"
-    file = folder / f"{name}.fmu"
-    pack(file, {"modelDescription.xml": description(name).encode(), binary: stub_library("lying")})
-    return file
+    return write_stub(folder / f"{name}.fmu", "lying", description(name))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.stub_fmus import stub_library
-from workbench.build.toolchain import host_only
-from workbench.core.machine.files import pack
+from tests.stub_fmus import write_stub
 
 __all__ = ["CALLS", "OUTSIDE", "WAYS", "build_misbehaving"]
 
@@ -52,9 +50,4 @@ _XML = """<?xml version="1.0" encoding="UTF-8"?>
 
 def build_misbehaving(folder: Path, way: str, call: str) -> Path:
     """Write ``folder/WAY-CALL.fmu``."""
-    (host,) = host_only()
-    file = folder / f"{way}-{call}.fmu"
-    xml = _XML.format(guid=f"{{{way}@{call}}}")
-    library = stub_library("misbehaving")
-    pack(file, {"modelDescription.xml": xml.encode(), f"binaries/{host.name_2}/misbehaving{host.suffix}": library})
-    return file
+    return write_stub(folder / f"{way}-{call}.fmu", "misbehaving", _XML.format(guid=f"{{{way}@{call}}}"))

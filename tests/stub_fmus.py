@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,8 +11,9 @@ from tempfile import TemporaryDirectory
 import fmpy
 
 from workbench.build.toolchain import compile_library, host_only
+from workbench.core.machine.files import pack
 
-__all__ = ["stub_fmu", "stub_library"]
+__all__ = ["stub_fmu", "stub_library", "write_stub"]
 
 _C = Path(__file__).parent / "c"
 _RUNTIME = Path(__file__).parent.parent / "workbench" / "build" / "runtime"
@@ -68,3 +70,17 @@ def stub_fmu(library: str, fmi: int, interface: str = "") -> dict[str, bytes]:
     (host,) = host_only()
     folder = host.name if fmi == 3 else host.name_2
     return {f"binaries/{folder}/{library}{host.suffix}": stub_library(library, interface if fmi == 1 else "")}
+
+
+def write_stub(file: Path, library: str, description: str, *, fmi: int = 2, more: Mapping[str, bytes] = {}) -> Path:
+    """Write an FMU around a library of `stub_library`; return the file.
+
+    Args:
+        file: to be written.
+        library: its name, which is the model identifier, too.
+        description: what becomes modelDescription.xml.
+        fmi: version of FMI, 2 or 3.
+        more: name in the archive → contents.
+    """
+    pack(file, {"modelDescription.xml": description.encode(), **stub_fmu(library, fmi), **more})
+    return file
