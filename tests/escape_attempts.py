@@ -191,7 +191,7 @@ def _queue(ground: Ground) -> None:
 
 @attempt("a call of another numbering, x32")
 def _x32(_: Ground) -> None:
-    raw_call(_X32 | 41, socket.AF_INET, socket.SOCK_STREAM, 0)
+    raw_call("socket", _X32 | 41, socket.AF_INET, socket.SOCK_STREAM, 0)
 
 
 @attempt("a call of another processor, int 0x80")

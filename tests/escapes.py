@@ -87,11 +87,11 @@ def call(name: str, *arguments: object) -> int:
     number = CALL_NUMBERS[name][_COLUMN]
     if number is None:
         raise OSError(errno.ENOSYS, "not on this processor")
-    return raw_call(number, *arguments)
+    return raw_call(name, number, *arguments)
 
 
-def raw_call(number: int, *arguments: object) -> int:
-    """Make the system call of that number.
+def raw_call(name: str, number: int, *arguments: object) -> int:
+    """Make the system call of that number; `name` is for the error.
 
     Raises:
         OSError: it failed.
@@ -103,13 +103,8 @@ def raw_call(number: int, *arguments: object) -> int:
     )
     result = int(libc.syscall(ctypes.c_long(number), *given))
     if result < 0:
-        raise OSError(ctypes.get_errno(), name_of(number))
+        raise OSError(ctypes.get_errno(), name)
     return result
-
-
-def name_of(number: int) -> str:
-    """Return the name of a call."""
-    return next((name for name, both in CALL_NUMBERS.items() if both[_COLUMN] == number), str(number))
 
 
 # -- how they are made ---------------------------------------------------------------------------
