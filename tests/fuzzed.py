@@ -13,7 +13,8 @@ import json
 import re
 import warnings
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -46,8 +47,6 @@ from workbench.system.files.read import read_system
 from workbench.system.files.toml_write import write_toml
 
 __all__ = ["READERS", "Reader", "finding"]
-
-ROOT = Path(__file__).resolve().parent.parent
 
 Names = Sequence[bytes]
 
@@ -292,64 +291,57 @@ def _record(path: Path) -> object:
 _SETTINGS: dict[str, object] = {"u": "y"}
 
 
+@contextmanager
+def _kept(folder: Path | str) -> Iterator[NfrStore]:
+    """Yield the measurements of a folder, whose store is open."""
+    with wb.load("fmu:FirstOrderLag") as model:
+        kept = NfrStore.open(folder, model, settings=_SETTINGS, effort={}, limits=Limits())
+        with kept.store:
+            yield kept
+
+
 @cache
-def _stored() -> tuple[tuple[object, ...], ...]:
-    """Return the rows of a store with one measurement."""
-    with TemporaryDirectory() as name, wb.load("fmu:FirstOrderLag") as model:
-        point = Maker(empty=False).record(NfrPoint)
-        with NfrStore.open(name, model, settings=_SETTINGS, effort={}, limits=Limits()).store as store:
-            value = {"point": point.to_dict(), "lost_under": None}
-            store.save(repr((1.0, 1.0)), value)
-            return tuple(store._database.execute("SELECT point, value FROM measurements"))
+def _stored() -> tuple[str, str, bytes]:
+    """Return point and value of the one measurement in a store, and the store's file."""
+    point = Maker(empty=False).record(NfrPoint)
+    with TemporaryDirectory() as name:
+        with _kept(name) as kept:
+            kept.store.save(repr((1.0, 1.0)), {"point": point.to_dict(), "lost_under": None})
+            ((place, value),) = kept.store._database.execute("SELECT point, value FROM measurements")
+        return str(place), str(value), (Path(name) / "measurements.sqlite").read_bytes()
 
 
 def _rows() -> Names:
-    value = str(_stored()[0][1]).encode()
+    value = _stored()[1].encode()
     rows = [column + b":" + value for column in (b"value", b"blob", b"point")]
     return (*rows, b'text:{"subject": {"u": "y"}, "effort": {"errcrit": 0.01}}')
 
 
 def _store(folder: Path, data: bytes) -> object:
     """Read a store whose row holds the bytes, as text or as they are, and whose settings hold them next."""
-    from workbench.model import Model
-
-    point = str(_stored()[0][0])
+    point, whole, _ = _stored()
     column, _, content = data.partition(b":")
     value: object = content if column == b"blob" else content.decode("utf-8", "replace")
-    model: Model
-    with wb.load("fmu:FirstOrderLag") as model:
-        kept = NfrStore.open(folder, model, settings=_SETTINGS, effort={}, limits=Limits())
-        with kept.store as store:
-            given = {"point": point, "value": str(_stored()[0][1])} | ({"point": value} if column == b"point" else {})
-            given |= {"value": value} if column in (b"value", b"blob") else {}
-            text = value if column == b"text" else store._text
-            texts = [store._settings, given["point"], given["value"], ""]
-            sound = _check_sum(*(str(t) for t in (text, *texts[1:])))  # as who changes it on purpose may, too
-            row = "INSERT INTO measurements (settings, point, value, made, sha256) VALUES (?, ?, ?, ?, ?)"
-            store._database.execute(row, (*texts, sound))
-            if column == b"text":
-                store._database.execute("UPDATE settings SET text = ?", (value,))
-            return kept.finished(()), kept.finished(("failed",))
+    with _kept(folder) as kept:
+        store = kept.store
+        given = {"point": point, "value": whole} | ({"point": value} if column == b"point" else {})
+        given |= {"value": value} if column in (b"value", b"blob") else {}
+        text = value if column == b"text" else store._text
+        texts = [store._settings, given["point"], given["value"], ""]
+        sound = _check_sum(*(str(t) for t in (text, *texts[1:])))  # as who changes it on purpose may, too
+        row = "INSERT INTO measurements (settings, point, value, made, sha256) VALUES (?, ?, ?, ?, ?)"
+        store._database.execute(row, (*texts, sound))
+        if column == b"text":
+            store._database.execute("UPDATE settings SET text = ?", (value,))
+        return kept.finished(()), kept.finished(("failed",))
 
 
 def _store_file(path: Path) -> object:
     folder = path.parent / "store"
     folder.mkdir()
     path.rename(folder / "measurements.sqlite")
-    with wb.load("fmu:FirstOrderLag") as model:
-        kept = NfrStore.open(folder, model, settings=_SETTINGS, effort={}, limits=Limits())
-        with kept.store:
-            return kept.finished(())
-
-
-@cache
-def _database() -> bytes:
-    with TemporaryDirectory() as name, wb.load("fmu:FirstOrderLag") as model:
-        kept = NfrStore.open(name, model, settings=_SETTINGS, effort={}, limits=Limits())
-        with kept.store as store:
-            store.save(str(_stored()[0][0]), json.loads(str(_stored()[0][1])))
-        path = Path(name) / "measurements.sqlite"
-        return path.read_bytes()
+    with _kept(folder) as kept:
+        return kept.finished(())
 
 
 def _write_record(folder: Path, read: Result) -> Path:
@@ -422,7 +414,7 @@ READERS: Mapping[str, Reader] = {
     "study": Reader(_file(".toml", read_study), lambda: (_STUDY,)),
     "record": Reader(_file(".json", _record), _records, (), _write_record, _record, _same_record),
     "store": Reader(_store, _rows),
-    "store file": Reader(_file(".sqlite", _store_file), lambda: (_database(),)),
+    "store file": Reader(_file(".sqlite", _store_file), lambda: (_stored()[2],)),
     "csv": Reader(_file(".csv", read_table), lambda: _CSV, (), _write_csv, read_table, _same_csv),
     "signal": Reader(
         _file(".csv", read_signal), lambda: (b"t,u\n0,1\n1,2\n", b"0;1.5\n1;2.5\n"), (),
