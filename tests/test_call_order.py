@@ -24,6 +24,7 @@ from workbench.response.nfr.request import nfr
 from workbench.response.simulate.request import simulate
 from workbench.session.fmu import FmuSession
 from workbench.signals.kinds import Constant
+from workbench.system.connect import connect
 
 __all__ = ["each_driver"]
 
@@ -194,6 +195,18 @@ def test_a_next_event_time_that_is_not_a_number_is_refused(tmp_path: Path, step:
     with load(build_shy(tmp_path, "lost"), step=step) as model, pytest.raises(SimulationError, match=words) as caught:
         simulate(model, stop=1.5, points=np.linspace(0.03, 1.5, 50), in_process=True)
     assert caught.value.time == pytest.approx(1.0, abs=step)  # inside a step the oracle says when that began
+
+
+def test_a_master_refuses_it_too_where_others_step_over_the_event(tmp_path: Path) -> None:
+    parts = {"lag": load("fmu:FirstOrderLag", "cs"), "lost": load(build_shy(tmp_path, "lost"))}
+    wires = [("lag.y", "lost.u")]
+    words = r"lost \(Shy\): the next event time that fmi3UpdateDiscreteStates gave is not a number"
+    with (
+        connect(parts, wires, inputs={"u": "lag.u"}, outputs={"y": "lost.y"}, step=0.03) as system,
+        pytest.raises(SimulationError, match=words) as caught,
+    ):
+        simulate(system, stop=1.5, points=np.linspace(0.03, 1.5, 50), in_process=True)
+    assert caught.value.time == pytest.approx(1.0, abs=0.03)
 
 
 def test_a_sweep_tells_the_order_too(tmp_path: Path) -> None:
