@@ -25,9 +25,10 @@ LIMITS = oracle.Limits(seconds=120.0)
 # Those that misbehave, or break a promise, have tests of their own, and take their time.
 QUICK = [e for e in CORPUS if not e.name.startswith(("hostile-", "lying-"))]
 
-# Others' co-simulation that has no equilibrium: a trim is 15,000 of its runs or 400,000 of its steps. The same verdicts
-# are those of Hybrid_cs here and of tests/test_trim_verdicts.py; `scripts/zoo.py` asks these for it, too.
-LONG_TRIMS = {"CoupledClutches_CS_linux64", "FMU3Model"}
+# Others' co-simulation that has no equilibrium: a trim is 15,000 of its runs or 400,000 of its steps; "slow" ends at the
+# time limit. The same verdicts are those of Hybrid_cs here, of tests/test_trim_verdicts.py and of
+# tests/test_jobs_everywhere.py; `scripts/zoo.py` asks these for it, too.
+LONG_TRIMS = {"CoupledClutches_CS_linux64", "FMU3Model", "slow"}
 
 # A folder of further FMUs, where the environment names one.
 ELSEWHERE = os.environ.get("WORKBENCH_ZOO", "")
