@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from tests.trim_cases import Case, cases, judged
 from tests.trim_models import Equations, Function, Plant, Values
 from workbench.core.values.arrays import Floats
+from workbench.point.trim import convergence, null_space
 from workbench.point.trim.balance import ContinuousBalance
 from workbench.point.trim.convergence import EquilibriumTest
 from workbench.point.trim.problem import TrimSets, pose
@@ -23,9 +25,38 @@ def scalar(f: Function, start: float, *, interface: str = "me") -> TrimResult:
     return trim(Plant(Equations(x={"x": start}, f=f), interface=interface, step=0.02))
 
 
+@pytest.mark.parametrize("large", [null_space.LARGE, 1], ids=["as they are", "as large ones"])
 @pytest.mark.parametrize("case", cases(45, 1), ids=lambda c: c.name)
-def test_random_trims_with_a_known_answer(case: Case) -> None:
+def test_random_trims_with_a_known_answer(case: Case, large: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Large ones are judged by the factors of a regular Jacobian, small ones by its singular values."""
+    monkeypatch.setattr(null_space, "LARGE", large)
     assert not judged(case)
+
+
+@pytest.mark.parametrize(
+    ("f", "n", "rests"),
+    [
+        (lambda d: d + 0.1 * d**3, 150, True),
+        (lambda d: d - 0.3 * np.sin(d), 150, True),
+        (lambda d: np.tanh(d) + 2.0, 40, False),  # d = arctanh(−2) is none
+        (lambda d: np.minimum(d * d, 1e99) + 1e-3, 40, False),
+    ],
+    ids=["bent", "wavy", "saturated", "above zero"],
+)
+def test_a_rod_with_a_bent_law_rests_where_its_law_does(f: Callable[[Floats], Floats], n: int, rests: bool) -> None:
+    """x' = A f(x − r) with the second difference A: regular, so that f(x − r) = 0 for all or for none."""
+    rest = np.linspace(0.5, 1.0, n)
+    a = np.diag(-2.0 * np.ones(n)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)
+    names = [f"x{i}" for i in range(n)]
+
+    def rates(v: Values) -> list[float]:
+        return list(a @ f(np.array([v[name] for name in names]) - rest))
+
+    start = dict.fromkeys(names, 0.7)
+    result = trim(Plant(Equations(x=start, f=rates, nominal=dict.fromkeys(names, 1.0))))
+    assert result.converged == rests
+    if rests:
+        assert list(result.point.x.values()) == pytest.approx(rest.tolist(), abs=1e-7)
 
 
 @pytest.mark.parametrize("interface", ["me", "cs"])
@@ -200,7 +231,7 @@ def test_a_residual_ends_at_the_edge_of_a_dead_zone_on_the_way_and_not_where_it_
         with Plant(Equations(x={"x": begin}, f=f, nominal={"x": 1.0})).open_point() as point:
             scaled = ScaledEquations(pose(ContinuousBalance(point), TrimSets()), exact=False)
             judge = EquilibriumTest(scaled, np.array([begin]), 1e-9)
-            return judge._edge(np.array([begin]), np.array([end]), np.ones(1), 1e-15)
+            return judge._edge(np.array([begin]), np.array([end]), convergence._Combinations(1), 1e-15)
 
     assert ends_at_an_edge(lambda v: [-max(v["x"] - 3.0, 0.0)], 3.2, 2.8)
     assert not ends_at_an_edge(lambda v: [1.0 - math.tanh(v["x"])], 0.5, 25.0)

@@ -25,8 +25,8 @@ LIMITS = oracle.Limits(seconds=120.0)
 # Those that misbehave, or break a promise, have tests of their own, and take their time.
 QUICK = [e for e in CORPUS if not e.name.startswith(("hostile-", "lying-"))]
 
-# Others' co-simulation that has no equilibrium: a trim is 15,000 of its runs or 400,000 of its steps; "slow" ends at the
-# time limit. The same verdicts are those of Hybrid_cs here, of tests/test_trim_verdicts.py and of
+# Others' co-simulation that has no equilibrium: a trim is 15,000 of its runs or 400,000 of its steps; "slow" ends at
+# the time limit. The same verdicts are those of Hybrid_cs here, of tests/test_trim_verdicts.py and of
 # tests/test_jobs_everywhere.py; `scripts/zoo.py` asks these for it, too.
 LONG_TRIMS = {"CoupledClutches_CS_linux64", "FMU3Model", "slow"}
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.point.trim.null_space import RANK, null_space, readable
+from workbench.point.trim.null_space import RANK, Solver, least_norm, readable, regular
 from workbench.point.trim.scaled import ScaledEquations
 
 __all__ = ["EquilibriumTest", "SearchResult"]
@@ -31,6 +31,7 @@ _ON_FAMILY = 1e-12  # scaled residual: thousands of rounding errors, far below x
 _FURTHER = 3  # steps of Newton's method from a root without slope
 _CLOSER = 0.8  # the last of these over the first; 0.9³ = 0.73 towards a tenfold root, 0.96 for e^-x² from 6, 1 for e^-x
 _REGULAR = 0.1  # largest singular value, at least, where slopes do not vanish; 1 for a straight line
+_STRAIGHT = 0.5  # part by which differences may differ from slopes where those speak for all combinations
 _LARGE = 1e300  # stands for what cannot be evaluated
 _VERY_FAR = 1e6  # reaches: rounding is 1e-10 of a reach there, and may hide what was seen at the start
 
@@ -53,6 +54,31 @@ class SearchResult:
     scales: Floats
     ran_away: bool = False
     faded: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Combinations:
+    """Sums of equations: r of them, or each of the first r by itself.
+
+    Attributes:
+        count: r.
+        weights: shape (r, e); None: single equations.
+    """
+
+    count: int
+    weights: Floats | None = None
+
+    def of(self, values: Floats) -> Floats:
+        """Return the sums of values, shape (…, e) → (…, r)."""
+        return values[..., : self.count] if self.weights is None else values @ self.weights.T
+
+    def of_sizes(self, values: Floats) -> Floats:
+        """Return the sums by the sizes of the weights, shape (…, e) → (…, r)."""
+        return values[..., : self.count] if self.weights is None else values @ np.abs(self.weights).T
+
+    def one(self, i: int, equations: int) -> _Combinations:
+        """Return one of them."""
+        return _Combinations(1, np.eye(1, equations, i) if self.weights is None else self.weights[[i]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,24 +105,23 @@ class _Neighbourhood:
     rounding: Floats
     mixing: float
 
-    def change(self, weights: Floats) -> Floats:
-        """Return the change of combinations of equations, (r, e), when each unknown moves by its reach, shape (r,)."""
-        result = np.zeros(len(weights))
-        for j in np.unique(self.column):
-            rows = self.column == j
-            result += (np.abs(self.moved[rows] @ weights.T) / self.part[rows, None]).max(axis=0)
-        return result
+    def change(self, sums: _Combinations) -> Floats:
+        """Return the change of combinations of equations when each unknown moves by its reach, shape (r,)."""
+        if not len(self.column):
+            return np.zeros(sums.count)
+        first = np.flatnonzero(np.diff(self.column, prepend=-1))
+        return np.asarray(np.maximum.reduceat(np.abs(sums.of(self.moved)) / self.part[:, None], first).sum(axis=0))
 
-    def noise(self, weights: Floats) -> Floats:
+    def noise(self, sums: _Combinations) -> Floats:
         """Return what cannot be told from zero in combinations of equations, shape (r,)."""
-        seen = np.abs(self.scatter @ weights.T).max(axis=0, initial=0.0)
-        return np.asarray(_NOISE * np.maximum(seen, np.abs(weights) @ self.rounding))
+        seen = np.abs(sums.of(self.scatter)).max(axis=0, initial=0.0)
+        return np.asarray(_NOISE * np.maximum(seen, sums.of_sizes(self.rounding)))
 
-    def flat(self, weights: Floats) -> NDArray[np.bool_]:
+    def flat(self, sums: _Combinations) -> NDArray[np.bool_]:
         """Return which combinations do not change around the point, shape (r,)."""
-        largest = np.abs(self.moved @ weights.T).max(axis=0, initial=0.0)
-        mixed = self.mixing * (np.abs(weights) @ np.abs(self.moved).max(axis=0, initial=0.0))
-        return np.asarray(largest <= self.noise(weights) + mixed)
+        largest = np.abs(sums.of(self.moved)).max(axis=0, initial=0.0)
+        mixed = self.mixing * sums.of_sizes(np.abs(self.moved).max(axis=0, initial=0.0))
+        return np.asarray(largest <= self.noise(sums) + mixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,16 +171,16 @@ class EquilibriumTest:
             bad = ~np.isfinite(here[: self._hard])
             return SearchResult(at_rest=False, bad=bad, scales=self._scaled.nominals)
         around = self._around(w)
-        every = np.eye(len(here))
+        every = _Combinations(len(here))
         change = around.change(every)
         scales = np.where(around.flat(every) | (change == 0.0), self._scaled.nominals, change)
-        looks = [self._look(w, around, every[: self._hard], self._begin)]
+        looks = [self._look(w, around, _Combinations(self._hard), self._begin)]
         bad = ~looks[0].holds
         if not bad.any() and not self._contracts(w, scales[: self._hard], around):
             bad[:] = True
-        if not bad.any():
+        if not bad.any() and not self._certain(w, scales[: self._hard], around):
             for combined, come_from in self._combined(w, scales):
-                looks.append(self._look(w, around, combined, come_from))
+                looks.append(self._look(w, around, _Combinations(len(combined), combined), come_from))
                 share = np.abs(combined[:, : self._hard]) * scales[: self._hard]
                 most = share.max(axis=1, initial=0.0, keepdims=True)
                 bad |= (share >= 0.5 * most)[~looks[-1].holds].any(axis=0)
@@ -168,25 +193,26 @@ class EquilibriumTest:
         )
 
     def _look(
-        self, w: Floats, around: _Neighbourhood, weights: Floats, come_from: Callable[[], _Neighbourhood]
+        self, w: Floats, around: _Neighbourhood, sums: _Combinations, come_from: Callable[[], _Neighbourhood]
     ) -> _Look:
         """Return what is to be said of combinations of equations; `come_from`: where they are looked at from."""
-        left = np.abs(weights @ around.here)
-        noise, flat, change = around.noise(weights), around.flat(weights), around.change(weights)
+        left = np.abs(sums.of(around.here))
+        noise, flat, change = around.noise(sums), around.flat(sums), around.change(sums)
         clearly = left <= self._tolerance * change
         if (clearly & ~flat).all() and self._way(w, self._home) < _VERY_FAR:
-            none = np.zeros(len(weights), dtype=bool)
+            none = np.zeros(sums.count, dtype=bool)
             return _Look(~none, none, none)
         begin = come_from()
         holds = clearly | (left <= noise)
-        before, clear = np.abs(weights @ begin.here), begin.noise(weights)
+        before, clear = np.abs(sums.of(begin.here)), begin.noise(sums)
         for i in np.flatnonzero(flat).tolist():
-            idle = bool(begin.flat(weights[[i]])[0]) and abs(before[i] - left[i]) <= max(noise[i], clear[i])
+            one = sums.one(i, len(around.here))
+            idle = bool(begin.flat(one)[0]) and abs(before[i] - left[i]) <= max(noise[i], clear[i])
             if idle:
-                holds[i] = left[i] <= noise[i] or self._idle(weights[i], float(left[i]))
+                holds[i] = left[i] <= noise[i] or self._idle(one, float(left[i]))
             else:
                 holds[i] = left[i] <= noise[i] and (
-                    before[i] <= noise[i] or self._edge(begin.at, w, weights[i], float(noise[i]))
+                    before[i] <= noise[i] or self._edge(begin.at, w, one, float(noise[i]))
                 )
         # What was seen clearly at the start cannot be seen here: large numbers, not an equilibrium.
         lost = (before > clear) & (before <= noise)
@@ -207,14 +233,14 @@ class EquilibriumTest:
         It does not where there is none, but almost (x² + 1e-9), nor where the root is as far as before (e^-x).
         """
         reach = np.maximum(1.0, np.abs(w))
-        noise = around.noise(np.eye(len(around.here)))[: self._hard]
+        noise = around.noise(_Combinations(self._hard))
         at, left = w, around.here[: self._hard]
         steps: list[float] = []
         for _ in range(_FURTHER + 1):
             if not w.size or (np.abs(left) <= noise).all():
                 return True
             jacobian = self._scaled.jacobian(at)[: self._hard] * reach / scales[:, None]
-            step = np.linalg.pinv(jacobian, rcond=RANK) @ (-left / scales)
+            step = least_norm(jacobian)[0](-left / scales)
             steps.append(float(np.abs(step).max()))
             if steps[0] <= self._tolerance:
                 return True
@@ -224,22 +250,52 @@ class EquilibriumTest:
                 return False
         return steps[-1] <= _CLOSER * steps[0]
 
+    def _certain(self, w: Floats, scales: Floats, around: _Neighbourhood) -> bool:
+        """Whether the combinations of all singular values hold, so that none has to be looked at by itself.
+
+        With a regular J, the differences D around the point and M = J⁻¹D − I, the combination of a singular value,
+        y·J = σv, is y·r = σv·s, s = J⁻¹r, and changes by ‖yD‖₁ ≥ σ‖v‖₁ (1 − ‖M‖∞): it is small against that where s
+        is small. It is no rounding error e of the equations where ‖e‖₂ is small against that, ‖v‖₁ ≥ 1, as far as
+        the unknowns also change it when they are moved together.
+
+        Source: Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1 (affine covariant conditions).
+        """
+        reach, n, own = np.maximum(1.0, np.abs(w)), len(w), slice(0, self._hard)
+        factors = regular(self._scaled.jacobian(w)[own] * reach / scales[:, None])
+        sides = (np.diff(around.column, prepend=-1) > 0, np.diff(around.column, append=n) > 0)
+        if factors is None or self._way(w, self._home) >= _VERY_FAR or len(np.unique(around.column)) < n:
+            return False
+        for side in sides:
+            off = factors.solve((around.moved[side, own] / around.part[side, None] / scales).T)
+            if np.abs(off * np.sign(np.diag(off)) - np.eye(n)).sum(axis=1).max() > _STRAIGHT:
+                return False
+        width = float(around.part.min())
+        moved = self._scaled.inside(w + width * reach * np.random.default_rng(4).choice([-1.0, 1.0], size=n))
+        together = factors.solve((self._scaled.residuals(moved)[own] - around.here[own]) / scales)
+        if not np.abs(together - (moved - w) / reach).max() <= _STRAIGHT * width:
+            return False
+        largest = np.abs(around.moved[:, own]).max(axis=0)
+        noise = (around.noise(_Combinations(self._hard)) + around.mixing * largest) / scales
+        step = np.abs(factors.solve(around.here[own] / scales)).max()
+        changes = 1.0 - _STRAIGHT
+        return bool(step <= changes * self._tolerance and np.linalg.norm(noise) <= changes * factors.least * width)
+
     # -- where nothing changes an equation ------------------------------------------------------
 
-    def _idle(self, weights: Floats, left: float) -> bool:
+    def _idle(self, one: _Combinations, left: float) -> bool:
         """Whether a combination is zero to rounding that no unknown changes, neither here nor at the start.
 
         Its terms are as large as what is held makes them, and of the nominal value.
         """
         terms = np.abs(self._scaled.held_change()).sum(axis=1) + self._scaled.nominals
-        return bool(left <= _ROUNDING * float(np.abs(weights) @ terms))
+        return bool(left <= _ROUNDING * float(one.of_sizes(terms)[0]))
 
-    def _edge(self, begin: Floats, w: Floats, weights: Floats, level: float) -> bool:
+    def _edge(self, begin: Floats, w: Floats, one: _Combinations, level: float) -> bool:
         """Whether a combination becomes zero at an edge on the way from `begin`; False: it fades away."""
         way = w - begin
 
         def size(part: float) -> float:
-            result = float(np.abs(weights @ self._scaled.residuals(begin + part * way)))
+            result = float(np.abs(one.of(self._scaled.residuals(begin + part * way)))[0])
             return result if np.isfinite(result) else np.inf
 
         low, high = 0.0, 1.0
@@ -320,18 +376,17 @@ class EquilibriumTest:
             jacobian: of all residuals there, shape (e, k).
         """
         scales, reach = self(w).scales[: self._hard], np.maximum(1.0, np.abs(w))
-        hard = jacobian[: self._hard] * reach / scales[:, None]
-        basis = readable(null_space(hard, size=_REGULAR)) * reach[:, None]
-        u, sigma, vt = np.linalg.svd(hard, full_matrices=False)
-        keep = sigma > RANK * np.maximum(sigma.max(initial=0.0), _REGULAR)
-        inverse = reach[:, None] * ((vt[keep].T / sigma[keep]) @ u[:, keep].T)
+        solve, closed = least_norm(jacobian[: self._hard] * reach / scales[:, None], size=_REGULAR)
+        if not closed.shape[1]:
+            return closed, closed
+        basis = readable(closed) * reach[:, None]
         around = self._around(w)
-        level = np.maximum(around.noise(np.eye(len(around.here)))[: self._hard] / scales, _ON_FAMILY)
-        open_ = np.array([self._open(w, v, inverse, scales, level) for v in basis.T], dtype=bool)
+        level = np.maximum(around.noise(_Combinations(self._hard)) / scales, _ON_FAMILY)
+        open_ = np.array([self._open(w, v, lambda r: reach * solve(r), scales, level) for v in basis.T], dtype=bool)
         basis = basis / np.abs(basis).max(axis=0, initial=1e-300)
         return basis[:, open_], basis[:, ~open_]
 
-    def _open(self, w: Floats, v: Floats, inverse: Floats, scales: Floats, level: Floats) -> bool:
+    def _open(self, w: Floats, v: Floats, back: Solver, scales: Floats, level: Floats) -> bool:
         for side in (1.0, -1.0):
             at = self._scaled.inside(w + side * _ALONG * v)
             if (at == w).all():
@@ -343,5 +398,5 @@ class EquilibriumTest:
                     break
                 if (np.abs(left) <= level).all():
                     return True
-                at = self._scaled.inside(at - inverse @ left)
+                at = self._scaled.inside(at - back(left))
         return False

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.core.records.names_in_text import check_names
 from workbench.core.values.arrays import Floats
@@ -99,10 +101,14 @@ class TrimProblem:
     floating: tuple[Equation, ...]
     base: Floats
 
+    @cached_property
+    def _columns(self) -> NDArray[np.intp]:
+        return np.array([k.column for k in self.unknowns], dtype=np.intp)
+
     def at(self, values: Floats) -> tuple[Floats, Floats]:
         """Return all states and inputs with the unknowns at `values`, shape (len(unknowns),)."""
         whole = self.base.copy()
-        whole[[k.column for k in self.unknowns]] = values
+        whole[self._columns] = values
         n = len(self.balance.states)
         return whole[:n], whole[n:]
 

@@ -39,14 +39,16 @@ class ScaledEquations:
         self.hard = len(problem.equations)
         self._equations = (*problem.equations, *problem.floating)
         self.nominals = np.array([e.nominal for e in self._equations])
-        self._rows = [e.row for e in self._equations]
+        self._rows = np.array([e.row for e in self._equations], dtype=np.intp)
+        self._wanted = np.array([e.low for e in self._equations]), np.array([e.high for e in self._equations])
+        self._columns = np.array([k.column for k in problem.unknowns], dtype=np.intp)
         self._exact = exact
         self._jacobians: dict[bytes, Floats] = {}  # of the points that were asked for last
 
     def residuals(self, w: Floats) -> Floats:
         """Return all residuals in their units, shape (e,); NaN where the model cannot be evaluated."""
-        values = self.problem.evaluate(w * self.nominal)
-        return np.array([e.residual(values[e.row]) for e in self._equations])
+        values = self.problem.evaluate(w * self.nominal)[self._rows]
+        return np.asarray(values - np.clip(values, *self._wanted))
 
     def jacobian(self, w: Floats) -> Floats:
         """Return ∂residuals/∂w, shape (e, k); zero for an interval that is kept."""
@@ -103,7 +105,7 @@ class ScaledEquations:
 
     def _given(self, w: Floats) -> Floats | None:
         full = self.problem.balance.jacobian(*self.problem.at(w * self.nominal))
-        return None if full is None else full[:, [k.column for k in self.problem.unknowns]] * self.nominal
+        return None if full is None else full[:, self._columns] * self.nominal
 
     def _differences(self, w: Floats) -> Floats:
         """Return differences of all rates and outputs, central; one-sided at a bound or where the model fails."""

@@ -49,15 +49,18 @@ def search(
 
 def _closer(problem: TrimProblem, solution: Solution, *, tolerance: float, slowest: bool, exact: bool) -> Solution:
     """Return the solution with the unknowns that came out far below their assumed sizes measured by what they are."""
-    clear = clear_of_zero(
-        solution.jacobian[: len(problem.equations)], solution.values / solution.nominal, problem.balance.precision
-    )
     sizes = {
         i: abs(x)
         for i, (k, x) in enumerate(zip(problem.unknowns, solution.values.tolist(), strict=True))
-        if not k.slot.declared and clear[i] and abs(x) < SMALL * k.slot.nominal
+        if not k.slot.declared and abs(x) < SMALL * k.slot.nominal
     }
     if not sizes or solution.open.shape[1] or solution.flat.shape[1]:
+        return solution
+    clear = clear_of_zero(
+        solution.jacobian[: len(problem.equations)], solution.values / solution.nominal, problem.balance.precision
+    )
+    sizes = {i: size for i, size in sizes.items() if clear[i]}
+    if not sizes:
         return solution
     again = solve(resized(problem, sizes), solution.values, tolerance=tolerance, slowest=slowest, exact=exact)
     return again if again.converged else solution
