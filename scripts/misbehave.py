@@ -4,8 +4,8 @@ The ways are crashes and the like, changes of the process (arithmetic, locale, l
 not all, and numbers that depend on the process. Each case is run in Python, in one process that must survive all of
 them, or on the command line. What is right is written down for each case (`expected`): the kinds of error that may be
 told, and whether there may be a result. Where there is one, its numbers must be those of the same FMU that behaves,
-done in the same way; what differs in silence is a defect. Commands that only read descriptions, or data (build,
-identify, reproduce), have no row here.
+done in the same way; what differs in silence is a defect. Commands that run none of the
+user's FMUs (build of a model, identify, reproduce) have no row here.
 
     scripts/misbehave.py [--ways segfault,hang] [--calls doStep] [--what trim] [--interface cs] [--program] [--out x.md]
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import workbench as wb
 from tests.fakes import DeadTimeSession, FakeModel, LinearSession, Rows, SampledSession, StaticSession, lag, linear
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
+from workbench.jobs.runner import InProcess
 from workbench.response.nfr.request import nfr
 from workbench.response.nfr.run import NfrSweep
 from workbench.response.nfr.settling import Settling, SettlingOutcome
@@ -298,3 +300,12 @@ def test_a_sweep_that_is_stopped_keeps_what_it_measured() -> None:
     result = sweep.result()
     assert np.isfinite(result.gain[0]).tolist() == [True, True, False]
     assert "interrupted" in result.failed[0].reason
+
+
+def test_what_its_fmu_printed_is_told_of_a_sweep_that_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(InProcess, "remarks", lambda _: ["the FMU printed: low"])
+    sweep = NfrSweep(lag(0.1), "u", "y", [1.0, 2.0, 4.0], 1.0)
+    with suppress(KeyboardInterrupt), sweep.under_way() as points:
+        next(points)
+        raise KeyboardInterrupt
+    assert sweep.result().warnings.count("the FMU printed: low") == 1

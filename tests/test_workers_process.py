@@ -22,7 +22,7 @@ from tests.worker_tasks import obey
 from workbench.cli.app import run
 from workbench.core.machine.scratch import scratch_folder
 from workbench.jobs import worker_process as process
-from workbench.jobs.limits import memory_limit_works
+from workbench.jobs.limits import Room, memory_limit_works
 from workbench.jobs.options import Limits
 from workbench.jobs.pool import Pool
 from workbench.jobs.runner import Lost, Reply
@@ -265,6 +265,17 @@ def test_a_fork_in_the_middle_of_a_run_disturbs_neither() -> None:
     process = start(["-W", "ignore::DeprecationWarning", "-c", FORKED])  # why they hold locks
     out, err = process.communicate(timeout=60)
     assert (out.split(), err) == (["1", "7", "2", "3", "4"], "")
+
+
+@pytest.mark.skipif(not memory_limit_works(), reason="the system says nothing of a process")
+def test_what_the_system_says_is_read_though_the_process_has_a_name_of_several_lines() -> None:
+    name = Path("/proc/self/comm")
+    before = name.read_text()
+    try:
+        name.write_text("an\vFMU")
+        assert Room()()
+    finally:
+        name.write_text(before.strip())
 
 
 # -- no more of them than are needed ------------------------------------------------------------

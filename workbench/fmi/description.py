@@ -40,7 +40,7 @@ class Capabilities:
         state: get, set and free the FMU state.
         directional_derivatives: exact derivatives on request.
         variable_step: co-simulation steps may differ (true for model exchange).
-        interpolates_inputs: co-simulation takes input derivatives (FMI 1.0 and 2.0).
+        interpolates_inputs: co-simulation takes input derivatives (FMI 2.0).
         event_mode: co-simulation has an event mode (FMI 3.0).
         completed_step: wants to be told about every accepted step (model exchange).
         once_per_process: only one instance may live in a process.

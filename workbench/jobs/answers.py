@@ -61,7 +61,7 @@ def in_records(item: object) -> bytes:
         TypeError: something else is in it.
         LostError: it is too large.
     """
-    writer = _ResultPickler()
+    writer = _AnswerWriter()
     text = json.dumps(writer.tree(item), separators=(",", ":")).encode("ascii")
     if _OF_TEXT * len(text) + writer.size > MOST:
         raise LostError(
@@ -98,7 +98,7 @@ class Records:
         (length,) = _TEXT.unpack_from(packed)
         self._spend(_OF_TEXT * length)
         text, content = packed[_TEXT.size : _TEXT.size + length], memoryview(packed)[_TEXT.size + length :]
-        return json.loads(text.decode("ascii"), object_pairs_hook=_RestrictedUnpickler(content, self._spend).made)
+        return json.loads(text.decode("ascii"), object_pairs_hook=_AnswerMaker(content, self._spend).made)
 
     def _spend(self, size: int) -> None:
         self._left -= size
@@ -106,7 +106,7 @@ class Records:
             raise pickle.UnpicklingError(f"a confined worker sent more than {MOST >> 30} GiB")
 
 
-class _ResultPickler:
+class _AnswerWriter:
     """What is being packed.
 
     Attributes:
@@ -163,7 +163,7 @@ class _ResultPickler:
         return [self.size - len(piece), len(piece)]
 
 
-class _RestrictedUnpickler:
+class _AnswerMaker:
     """What is being made.
 
     Args:
@@ -231,9 +231,7 @@ class _RestrictedUnpickler:
 
 
 def _record(module: str, name: str, names: list[str], values: list[object]) -> object:
-    kind = _class(module, name)
-    if not _is_record(kind):
-        raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not a record")
+    kind = _class(module, name, _is_record, "is not a record")
     made = object.__new__(kind)  # what its own way of making does was done in the worker
     _fill(made, names, values)
     if wrong := fields_fit(made):
@@ -242,18 +240,16 @@ def _record(module: str, name: str, names: list[str], values: list[object]) -> o
 
 
 def _error(module: str, name: str, texts: list[str], names: list[str], values: list[object]) -> WorkbenchError:
-    kind = _class(module, name)
-    if not issubclass(kind, WorkbenchError):
-        raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not an error of the workbench")
+    kind: type[WorkbenchError] = _class(
+        module, name, lambda kind: issubclass(kind, WorkbenchError), "is not an error of the workbench"
+    )
     made = kind.__new__(kind, *map(one_line, texts))
     _fill(made, names, values)
     return made
 
 
 def _member(module: str, name: str, member: str) -> Enum:
-    kind = _class(module, name)
-    if not issubclass(kind, Enum):
-        raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which has no members")
+    kind: type[Enum] = _class(module, name, lambda kind: issubclass(kind, Enum), "has no members")
     return kind[member]
 
 
@@ -263,13 +259,16 @@ def _lists(given: object, count: int) -> list[list[object]]:
     return given
 
 
-def _class(module: str, name: str) -> type[Any]:
+def _class(module: str, name: str, fits: Callable[[type[Any]], bool], otherwise: str) -> type[Any]:
     """Return a class of the workbench; a module that is not there yet is loaded by an answer only if it is its own."""
+    wrong = "is not part of a result"
     if module.startswith("workbench.") and not module.endswith("__main__") and name.isidentifier():
         result = getattr(import_module(module), name, None)
         if isinstance(result, type) and result.__module__ == module:
-            return result
-    raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which is not part of a result")
+            if fits(result):
+                return result
+            wrong = otherwise
+    raise pickle.UnpicklingError(f"a worker sent {module}.{name}, which {wrong}")
 
 
 def _is_record(kind: type[Any]) -> bool:

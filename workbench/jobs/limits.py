@@ -7,7 +7,7 @@ import os
 from importlib.util import find_spec
 from pathlib import Path
 
-__all__ = ["MemoryWatch", "Room", "cores", "memory_limit_works", "went_beyond"]
+__all__ = ["MemoryWatch", "Room", "cores", "memory_limit_works", "status", "went_beyond"]
 
 _MB = 1_000_000
 
@@ -81,14 +81,15 @@ class Room:
 
 def _used() -> dict[str, int]:
     """Return what this process has of what may become scarce; empty where the system does not tell (not Linux)."""
+    now = status()
+    if not now:
+        return {}
     try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
         files = sum(1 for _ in Path("/proc/self/fd").iterdir())
     except OSError:
         return {}
-    notes = dict(line.split(":", 1) for line in lines)
-    sizes = {name: int(notes[name].split()[0]) * 1024 for name in ("VmSize", "VmRSS")}
-    return {**sizes, "Threads": int(notes["Threads"]), "files": files}
+    sizes = {name: int(now[name].split()[0]) * 1024 for name in ("VmSize", "VmRSS")}
+    return {**sizes, "Threads": int(now["Threads"]), "files": files}
 
 
 def went_beyond(most: float | None, process: int) -> bool:
@@ -100,11 +101,24 @@ def went_beyond(most: float | None, process: int) -> bool:
     """
     try:
         return most is not None and _address_space("VmPeak", str(process)) > most
-    except (OSError, StopIteration):  # it is gone, or going
+    except KeyError:  # it is gone, or going
         return False
 
 
 def _address_space(which: str, process: str = "self") -> int:
     """Size of a process's address space, now ("VmSize") or at most so far ("VmPeak") [bytes]; Linux."""
-    lines = Path(f"/proc/{process}/status").read_text(encoding="ascii", errors="replace").splitlines()
-    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{which}:"))
+    return int(status(process)[which].split()[0]) * 1024
+
+
+def status(process: str = "self") -> dict[str, str]:
+    """Return what the system says of a process, by name; empty where it does not (not Linux), or the process is gone.
+
+    Args:
+        process: its number.
+    """
+    try:
+        text = Path(f"/proc/{process}/status").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return {}
+    # An FMU names its process as it likes: a name may have line feeds of other kinds, but none of this.
+    return dict(line.partition(":")[::2] for line in text.split("\n"))

@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar
 
+from workbench.jobs.limits import status
 from workbench.kernel.library import kernel, why_kernel_missing
 
 __all__ = ["arithmetic", "limits", "only_handlers", "state"]
@@ -95,13 +96,11 @@ def _many_files(most: int) -> bool:
 
 def _signals() -> dict[str, object]:
     """Return the permissions that new files lack, what is done about signals, and whether mappings are used up."""
-    try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
-    except OSError:  # not Linux
+    now = status()
+    if not now:  # not Linux
         os.umask(mask := os.umask(0o077))
         return {"Umask": mask, "SigBlk": signal.pthread_sigmask(signal.SIG_BLOCK, ())}
-    notes = dict(line.split(":", 1) for line in lines)
-    return {**{name: notes.get(name) for name in _TOLD}, "mappings": _many_mappings(int(notes["VmSize"].split()[0]))}
+    return {**{name: now.get(name) for name in _TOLD}, "mappings": _many_mappings(int(now["VmSize"].split()[0]))}
 
 
 def _many_mappings(size: int) -> bool:

@@ -22,7 +22,7 @@ from workbench.core.machine.closable import Closable
 from workbench.core.records.parsing import from_json
 from workbench.errors import InputError, WorkbenchError
 
-__all__ = ["FILE_NAME", "Store", "StoredMeasurement", "StoredSet", "contents"]
+__all__ = ["FILE_NAME", "Store", "StoredSet", "contents"]
 
 FILE_NAME = "measurements.sqlite"
 
@@ -69,21 +69,6 @@ _INSERT = "INSERT OR REPLACE INTO measurements (settings, point, value, made, sh
 _Row = tuple[int, Any, Any, Any, Any, Any]  # as the columns
 
 
-@dataclass(frozen=True)
-class StoredMeasurement:
-    """One finished point.
-
-    Attributes:
-        point: what was measured, as the analysis names it.
-        value: the result, as it went in.
-        effort: how hard was tried, as it went in.
-    """
-
-    point: str
-    value: Any
-    effort: dict[str, Any]
-
-
 class Store(Closable):
     """The finished measurements of one subject, in a folder that many subjects and processes share.
 
@@ -114,10 +99,10 @@ class Store(Closable):
             Path(folder).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"store {folder}: cannot be made: {error.strerror or error}") from None
-        with self.told_in_one_line():
+        with _told_in_one_line(self.path):
             self._database = _connected(self.path)
         try:
-            with self.told_in_one_line():
+            with _told_in_one_line(self.path):
                 self._prepare()
         except BaseException:
             self._database.close()
@@ -153,9 +138,8 @@ class Store(Closable):
 
     def _astray(self) -> list[str]:
         """Return the points to which nothing leads any more: the key of their settings has changed, or its number."""
-        rows = self._database.execute("SELECT id, subject, effort, text FROM settings ORDER BY id DESC").fetchall()
-        keys = {number: key for number, *key, text in rows if key == _keys(text)}
-        sound = {number for number, key in keys.items() if key not in [keys[n] for n in keys if n > number]}
+        rows = self._database.execute("SELECT id, subject, effort, text FROM settings ORDER BY id").fetchall()
+        sound = {tuple(key): number for number, *key, text in rows if key == _keys(text)}.values()  # of each the last
         result: list[str] = []
         number = -math.inf
         while (number := self._database.execute(_NEXT, (number,)).fetchone()[0]) is not None:
@@ -175,48 +159,30 @@ class Store(Closable):
         """
         text, made = json.dumps(value), datetime.now(UTC).isoformat(timespec="milliseconds")
         row = (self._settings, point, text, made, _check_sum(self._text, point, text, made))
-        with self.told_in_one_line(WorkbenchError):
+        with _told_in_one_line(self.path, WorkbenchError):
             self._database.execute(_INSERT, row)
 
     def load(self) -> dict[str, Any]:
         """Return the values measured under exactly these settings, by point."""
-        return {m.point: m.value for m in self._select(_SAME_SETTINGS, self._settings)}
+        return self._values(_SAME_SETTINGS, self._settings)
 
     def get(self, point: str) -> Any:  # noqa: ANN401 - as it went in
         """Return the value of one point, measured under exactly these settings; None: there is none."""
-        return next((m.value for m in self._select(_ONE, self._settings, point)), None)
+        return self._values(_ONE, self._settings, point).get(point)
 
-    def latest(self) -> dict[str, StoredMeasurement]:
-        """Return the newest measurement of each point of the subject, whatever the effort."""
-        return {m.point: m for m in self._select(_SAME_SUBJECT, _hash(self._subject))}
+    def latest(self) -> dict[str, Any]:
+        """Return the newest value of each point of the subject, whatever the effort."""
+        return self._values(_SAME_SUBJECT, _hash(self._subject))
 
-    def _select(self, query: str, *keys: int | str) -> list[StoredMeasurement]:
-        with self.told_in_one_line():
-            rows: list[_Row] = self._database.execute(query, keys).fetchall()
-            self.damaged += [repr(row[2]) for row in rows if not _is_sound(row) and repr(row[2]) not in self.damaged]
-            sound = filter(_is_sound, rows)
-            return [StoredMeasurement(row[2], from_json(row[3]), from_json(row[1])["effort"]) for row in sound]
+    def _values(self, query: str, *keys: int | str) -> dict[str, Any]:
+        with _told_in_one_line(self.path):
+            sound, damaged = _parted(self._database.execute(query, keys).fetchall())
+            self.damaged += [point for point in damaged if point not in self.damaged]
+            return {point: from_json(value) for _, _, point, value, *_ in sound}
 
     def remarks(self) -> list[str]:
         """Return what was found damaged, in a line."""
         return _remarks(self.path, self.damaged)
-
-    @contextmanager
-    def told_in_one_line(self, kind: type[WorkbenchError] = InputError) -> Iterator[None]:
-        """Turn what SQLite raises into one line, and what is raised by whoever takes apart what somebody changed there.
-
-        Args:
-            kind: of the error that tells it.
-
-        Raises:
-            WorkbenchError: of that kind.
-        """
-        try:
-            yield
-        except sqlite3.OperationalError as error:
-            raise kind(f"{self.path}: {_why_unusable(error)}") from None
-        except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
-            raise kind(f"{self.path}: {self._damaged(error)}") from None
 
     @contextmanager
     def taken_apart(self) -> Iterator[None]:
@@ -228,19 +194,35 @@ class Store(Closable):
         try:
             yield
         except (WorkbenchError, AttributeError, KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{self.path}: {self._damaged(error)}") from None
-
-    @staticmethod
-    def _damaged(error: Exception) -> str:
-        return f"is damaged or no store of the workbench ({_first_line(error)}); move it away or name another folder"
+            raise InputError(_damaged(self.path, error)) from None
 
     def close(self) -> None:
         """Close the file. Any number of times."""
         self._database.close()
 
 
-def _first_line(error: Exception) -> str:
-    return next(iter(str(error).splitlines()), type(error).__name__)
+@contextmanager
+def _told_in_one_line(path: Path, kind: type[WorkbenchError] = InputError) -> Iterator[None]:
+    """Turn what SQLite raises into one line, and what is raised by whoever takes apart what somebody changed there.
+
+    Args:
+        path: of the store.
+        kind: of the error that tells it.
+
+    Raises:
+        WorkbenchError: of that kind.
+    """
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        raise kind(f"{path}: {_why_unusable(error)}") from None
+    except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise kind(_damaged(path, error)) from None
+
+
+def _damaged(path: Path, error: Exception) -> str:
+    line = next(iter(str(error).splitlines()), type(error).__name__)
+    return f"{path}: is damaged or no store of the workbench ({line}); move it away or name another folder"
 
 
 def _canonical(value: Mapping[str, Any]) -> str:
@@ -274,19 +256,17 @@ def contents(folder: str | Path) -> tuple[list[StoredSet], list[str]]:
     """
     path = Path(folder) / FILE_NAME
     result: dict[int, StoredSet] = {}
-    try:
-        with closing(_connected(f"{path.absolute().as_uri()}?mode=rw", uri=True)) as database:
-            rows: list[_Row] = database.execute(_EVERYTHING).fetchall()
-            for number, text, point, value, *_ in filter(_is_sound, rows):
-                if number not in result:
-                    settings = from_json(text)
-                    result[number] = StoredSet(dict(settings["subject"]), dict(settings["effort"]), {})
-                result[number].values[point] = from_json(value)
-    except sqlite3.OperationalError as error:
-        raise InputError(f"{path}: {_why_unusable(error)}") from None
-    except (sqlite3.DatabaseError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: is damaged or no store of the workbench ({_first_line(error)})") from None
-    return list(result.values()), _remarks(path, [repr(row[2]) for row in rows if not _is_sound(row)])
+    with (
+        _told_in_one_line(path),
+        closing(_connected(f"{path.absolute().as_uri()}?mode=rw", uri=True)) as database,
+    ):
+        sound, damaged = _parted(database.execute(_EVERYTHING).fetchall())
+        for number, text, point, value, *_ in sound:
+            if number not in result:
+                settings = from_json(text)
+                result[number] = StoredSet(dict(settings["subject"]), dict(settings["effort"]), {})
+            result[number].values[point] = from_json(value)
+    return list(result.values()), _remarks(path, damaged)
 
 
 def _remarks(path: Path, damaged: list[str]) -> list[str]:
@@ -301,6 +281,18 @@ def _connected(name: str | Path, *, uri: bool = False) -> sqlite3.Connection:
     result = sqlite3.connect(name, uri=uri, timeout=_PATIENCE, isolation_level=None)
     result.text_factory = lambda text: text.decode("utf-8", "replace")  # damaged text is for the check sum to notice
     return result
+
+
+def _parted(rows: list[_Row]) -> tuple[list[_Row], list[str]]:
+    """Return the rows that are what was saved, and the points of the others."""
+    sound: list[_Row] = []
+    damaged: list[str] = []
+    for row in rows:
+        if _is_sound(row):
+            sound.append(row)
+        else:
+            damaged.append(repr(row[2]))
+    return sound, damaged
 
 
 def _is_sound(row: _Row) -> bool:

@@ -249,7 +249,7 @@ def _started(theirs: socket.socket, rest: tuple[int, str, str], log: int, first:
 
     Args:
         theirs: its end of the channel.
-        rest: further arguments of `child.main`.
+        rest: further arguments of `worker_main.main`.
         log: descriptor of the file that takes what is printed.
         first: code that runs before all else.
     """

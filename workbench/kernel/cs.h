@@ -1,6 +1,6 @@
 /* cs.h: co-simulation: the FMUs integrate, the kernel steps them from one communication point to the next.
  *
- * The twin of workbench/session/cs.py. How several FMUs make a communication step is the master's affair.
+ * The twin of tests/oracle/cs.py. How several FMUs make a communication step is the master's affair.
  */
 #ifndef WORKBENCH_KERNEL_CS_H
 #define WORKBENCH_KERNEL_CS_H

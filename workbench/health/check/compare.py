@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.values.arrays import Floats
+from workbench.health.check.result import Answer
 from workbench.health.check.subject import Trajectory
 
-__all__ = ["Gap", "largest_gap", "relative_gaps", "usual_gap"]
+__all__ = ["Gap", "largest_gap", "relative_gaps", "unlike", "usual_gap"]
 
 _TINY = 1e-300
+_ROUNDING = 1e-12  # relative: what sums whose order changes leave, as with threads
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,22 @@ def largest_gap(a: Trajectory, b: Trajectory, names: Sequence[str]) -> Gap:
     row, column = (int(i) for i in np.unravel_index(int(gaps.argmax()), gaps.shape))
     values = float(a.values[row, column]), float(b.values[row, column])
     return Gap(names[column], float(a.time[row]), values, float(gaps[row, column]))
+
+
+def unlike(a: Trajectory, b: Trajectory, names: Sequence[str], where: str, consequence: str, **numbers: int) -> Answer:
+    """Return the answer on two runs that should be the same to the last bit and are not; watch: by rounding alone.
+
+    Args:
+        a: one run.
+        b: the other, at as many points.
+        names: of their columns.
+        where: the other differs, in words.
+        consequence: see `Answer`.
+        numbers: see `Answer`.
+    """
+    gap = largest_gap(a, b, names)
+    verdict = "watch" if gap.relative <= _ROUNDING else "broken"
+    return Answer(verdict, f"{where} {gap.words}", consequence, {**numbers, "relative": gap.relative})
 
 
 def usual_gap(a: Trajectory, b: Trajectory, share: float) -> Floats:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from workbench.errors import FmuError, SimulationError, WorkbenchError
-from workbench.health.check.compare import largest_gap
+from workbench.health.check.compare import unlike
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu, Trajectory, same_bits
 from workbench.jobs.job import Job
@@ -20,7 +20,6 @@ from workbench.model.described_model import DescribedModel
 
 __all__ = ["processes"]
 
-_ROUNDING = 1e-12  # relative
 _MIXED = "results of several workers, or of another day, do not belong to one model; nothing is repeatable"
 
 
@@ -98,11 +97,8 @@ def _in_a_new_process(subject: CheckedFmu, interface: str, where: Workers, job: 
 
 
 def _judged(a: _Seen, b: _Seen) -> Answer:
-    count = {"values": int(a.first.values.size)}
-    for where, one, other in (("process", a.first, b.first), ("instance", a.first, a.again)):
-        if not same_bits(one, other):
-            gap = largest_gap(one, other, a.names)
-            verdict = "watch" if gap.relative <= _ROUNDING else "broken"
-            place = "in a second process" if where == "process" else "in the second instance of a process"
-            return Answer(verdict, f"{place} {gap.words}", _MIXED, {**count, "relative": gap.relative})
-    return Answer("good", f"2 processes, {a.first.values.size} values each: equal to the last bit", numbers=count)
+    count = int(a.first.values.size)
+    for where, other in (("in a second process", b.first), ("in the second instance of a process", a.again)):
+        if not same_bits(a.first, other):
+            return unlike(a.first, other, a.names, where, _MIXED, values=count)
+    return Answer("good", f"2 processes, {count} values each: equal to the last bit", numbers={"values": count})

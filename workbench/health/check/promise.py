@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from workbench.errors import FmuError, SimulationError
-from workbench.health.check.compare import largest_gap
+from workbench.health.check.compare import unlike
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu, Trajectory, same_bits
 
 __all__ = ["promise"]
 
-_ROUNDING = 1e-12  # relative
 _NOT_TAKEN_BACK = (
     "its saved states are not used: restores repeat the run, and the FMU is always promised that none will come"
 )
@@ -34,10 +33,8 @@ def promise(subject: CheckedFmu) -> Answer:
         return Answer("good", f"{given.values.size} values are the same to the last bit")
     if not same_bits(given, subject.run(subject.sines())):
         return Answer("not applicable", "even the same run does not repeat itself (see determinism)")
-    gap = largest_gap(given, withheld, subject.names)
-    verdict = "watch" if gap.relative <= _ROUNDING else "broken"
-    evidence = f"where it may still be taken back (noSetFMUStatePriorToCurrentPoint is false) {gap.words}"
-    return Answer(verdict, evidence, _NOT_TAKEN_BACK, {"relative": gap.relative})
+    where = "where it may still be taken back (noSetFMUStatePriorToCurrentPoint is false)"
+    return unlike(given, withheld, subject.names, where, _NOT_TAKEN_BACK)
 
 
 def _without(subject: CheckedFmu) -> Trajectory:

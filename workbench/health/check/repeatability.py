@@ -10,15 +10,13 @@ import numpy as np
 from workbench.errors import FmuError, SimulationError
 from workbench.fmi.access import is_good
 from workbench.fmi.instance import Instance
-from workbench.health.check.compare import largest_gap
+from workbench.health.check.compare import largest_gap, unlike
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu, Trajectory, same_bits
 from workbench.session.base import Session
 from workbench.signals.kinds import Signal
 
 __all__ = ["determinism", "instances", "reset", "snapshots"]
-
-_ROUNDING = 1e-12  # relative
 
 _TURNS = 8
 _COPIES = "none: each instance gets a copy of its code, with memory of its own"
@@ -88,17 +86,11 @@ def determinism(subject: CheckedFmu) -> Answer:
     first = subject.run(subject.sines())
     subject.run(subject.sines(-1.0))
     second = subject.run(subject.sines())
-    count = {"values": int(first.values.size)}
+    count = int(first.values.size)
     if same_bits(first, second):
-        return Answer("good", f"2 runs, {first.values.size} values each: equal to the last bit", numbers=count)
-    gap = largest_gap(first, second, subject.names)
-    verdict = "watch" if gap.relative <= _ROUNDING else "broken"
-    return Answer(
-        verdict,
-        f"in a second run {gap.words}",
-        "no result is repeatable; snapshots by replay go wrong, and periods may never settle",
-        {**count, "relative": gap.relative},
-    )
+        return Answer("good", f"2 runs, {count} values each: equal to the last bit", numbers={"values": count})
+    wrong = "no result is repeatable; snapshots by replay go wrong, and periods may never settle"
+    return unlike(first, second, subject.names, "in a second run", wrong, values=count)
 
 
 # -- does a reset bring the FMU back to where it began ---------------------------------------------
@@ -149,9 +141,7 @@ def _run(subject: CheckedFmu, instance: Instance, stack: ExitStack) -> Trajector
 def _judge(subject: CheckedFmu, first: Trajectory, second: Trajectory) -> Answer:
     if same_bits(first, second):
         return Answer("good", f"{first.values.size} values are the same to the last bit after a reset")
-    gap = largest_gap(first, second, subject.names)
-    verdict = "watch" if gap.relative <= _ROUNDING else "broken"
-    return Answer(verdict, f"after a reset {gap.words}", _ELSEWHERE, {"relative": gap.relative})
+    return unlike(first, second, subject.names, "after a reset", _ELSEWHERE)
 
 
 # -- from a saved state ---------------------------------------------------------------------------

@@ -189,6 +189,7 @@ class Sweep:
                 yield iter(())
                 return
             runner, notes = choose(self._model, self._workers)
+            stack.callback(lambda: self._told_of.extend(runner.remarks()))  # also of what was interrupted
             self._runner = stack.enter_context(runner)
             runner.numbers = _responses
             self.notes += notes
@@ -200,7 +201,6 @@ class Sweep:
                 jobs = deque(map(self._stoppable, jobs))
             points = chain.from_iterable(map(partial(self._take, jobs), runner.run(perform, jobs)))
             yield chain(points, self._afterwards(runner))
-            self._told_of += runner.remarks()
 
     def _afterwards(self, runner: Runner) -> Iterator[NfrPoint]:
         """Look for second responses where there may be some, and follow the branches if they are asked for."""

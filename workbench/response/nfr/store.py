@@ -89,7 +89,7 @@ class NfrStore:
             redo: statuses that are measured again. With one, the newest measurement of each point
                 counts, whatever its effort was; without, only those made with the present effort.
         """
-        result = self.store.load() if not redo else {k: m.value for k, m in self.store.latest().items()}
+        result = self.store.latest() if redo else self.store.load()
         with self.store.taken_apart():
             values = [v for k, v in result.items() if _is_point(k) and self._counts(v)]
             points = [_whole(NfrPoint.from_dict(v["point"])) for v in values]
@@ -100,7 +100,7 @@ class NfrStore:
 
     def zero_input(self) -> ZeroInput | None:
         """Return how the model moves by itself, if that was watched already."""
-        result = self.store.load().get(_ZERO_INPUT)
+        result = self.store.get(_ZERO_INPUT)
         with self.store.taken_apart():
             return None if result is None else ZeroInput.from_dict(result)
 
@@ -120,7 +120,7 @@ class NfrStore:
 
     def standing(self) -> OperatingPoint | None:
         """Return where the model stood, if that was looked at already."""
-        result = self.store.load().get(_STANDING)
+        result = self.store.get(_STANDING)
         with self.store.taken_apart():
             return None if result is None else OperatingPoint.from_dict(result)
 
