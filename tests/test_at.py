@@ -213,7 +213,7 @@ def test_the_first_sample_is_the_point_where_initial_equations_are(interface: st
     with wb.load("fmu:SmallNonlinear", interface) as model:
         assert_first_sample(model, OperatingPoint(x={"x[1]": 0.3, "x[2]": -0.2}, u={"u": 0.05}))
     with wb.load("fmu:ElevatorLaw", interface) as law:
-        point = wb.trim(law, u0={"side_stick": -0.3}).point
+        point = wb.trim(law, u0={"side_stick": -0.3}).operating_point
         assert_first_sample(law, point)
 
 
@@ -222,7 +222,7 @@ def test_the_first_sample_is_the_point_where_initial_equations_are(interface: st
 def test_the_response_about_the_rest_of_a_mass_with_initial_equations(interface: str) -> None:
     """m·s'' + d·s' + c·s = f with m = 1, d = 10, c = 10⁴: 1/(c − ω² + j d ω), about y = f/c − 0.5."""
     with wb.load(gemseo_fmu("Mass_Damper")) as model:
-        point = wb.trim(model, u0={"f": 10.0}).point
+        point = wb.trim(model, u0={"f": 10.0}).operating_point
     with wb.load(gemseo_fmu("Mass_Damper"), interface) as model:
         found = wb.nfr(model, "f", "y", [10.0], 1.0, at=point, drift_check=False, workers=wb.Workers(in_process=True))
         omega = 20.0 * np.pi
@@ -235,7 +235,7 @@ def test_the_response_about_the_rest_of_a_mass_with_initial_equations(interface:
 
 def test_an_input_that_leaves_the_point_at_once_is_told() -> None:
     with wb.load("fmu:FirstOrderLag") as model:
-        point = wb.trim(model, u0={"u": 3.0}).point
+        point = wb.trim(model, u0={"u": 3.0}).operating_point
         found = wb.simulate(model, stop=1.0, at=point, inputs={"u": wb.Constant(4.0)})
         assert found.notes == ("u is 3 at the operating point, but its signal begins at 4",)
         assert found.signals["y"][0] == pytest.approx(3.0)

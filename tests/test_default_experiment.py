@@ -59,7 +59,7 @@ def test_what_is_asked_for_comes_first(full: Path, interface: str) -> None:
 
 def test_every_analysis_begins_there(full: Path) -> None:
     with load(full, "me", tolerance=1e-9) as model:
-        assert trim(model, u0={"u": 2.0}).point.time == 3.0
+        assert trim(model, u0={"u": 2.0}).operating_point.time == 3.0
 
         response = nfr(model, "u", "y[1,2]", [0.5], 1.0, workers=Workers(in_process=True))
     assert response.gain[0][0] == pytest.approx(1.0 / math.hypot(1.0, math.pi), rel=1e-4)

@@ -232,5 +232,5 @@ def test_a_linearised_fmu_is_exported_and_linearised_again(
         again = lin(model).result
     for name in "ABCD":
         np.testing.assert_array_equal(getattr(again, name), getattr(first, name))
-    assert again.point.u == first.point.u
-    assert again.point.y == first.point.y
+    assert again.operating_point.u == first.operating_point.u
+    assert again.operating_point.y == first.operating_point.y

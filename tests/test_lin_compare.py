@@ -101,8 +101,8 @@ def test_along_a_simulation() -> None:
             there = session.values(["spool", "p1"])
     last = found.points[1].result
     assert last is not None
-    assert {n: last.point.x[n] for n in there} == pytest.approx(there, rel=1e-6)
-    assert last.point.time == 0.15
+    assert {n: last.operating_point.x[n] for n in there} == pytest.approx(there, rel=1e-6)
+    assert last.operating_point.time == 0.15
 
 
 def test_a_step_beside_the_model() -> None:

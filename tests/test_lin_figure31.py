@@ -31,14 +31,14 @@ def test_there_are_infinitely_many_equilibria(done: WidthComparison) -> None:
     assert {n for d in done.trim.null_directions for n in d.components} == {"positiveGain", "negativeGain", "normalFor"}
     assert TARGETS["law-equilibria"].accepts(len(done.trim.null_directions))
     assert "family of equilibria" in done.trim.message
-    assert done.trim.point.discrete["deflection"] == pytest.approx(2.0)  # the one state that is not free
+    assert done.trim.operating_point.discrete["deflection"] == pytest.approx(2.0)  # the one state that is not free
 
 
 @pytest.mark.parametrize(
     "moved", [{"positiveGain": 11.0}, {"negativeGain": 3.0, "normalFor": 25.0}, {"normalFor": 400.0}]
 )
 def test_other_members_of_the_family_stay_where_they_are(done: WidthComparison, moved: dict[str, float]) -> None:
-    start = {**done.trim.point.discrete, **moved}
+    start = {**done.trim.operating_point.discrete, **moved}
     with wb.load(LAW, "me", start_values=start) as law:
         result = wb.simulate(law, stop=2.0, outputs=[*start])
     for name, value in start.items():

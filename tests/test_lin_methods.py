@@ -60,7 +60,7 @@ def test_fmi_1_does_not_name_its_states(tmp_path: Path) -> None:
     with load(build_fmi1(tmp_path, "FirstOrderLag", "me"), "me") as model:
         result = lin(model, x0={"state[1]": 0.5}, u0={"u": 2.0}).result
     assert result.state_names == ("state[1]",)
-    assert result.point.x == {"state[1]": 0.5}
+    assert result.operating_point.x == {"state[1]": 0.5}
     found = [m[0, 0] for m in (result.A, result.B, result.C, result.D)]
     assert found == pytest.approx([-1.0, 1.0, 1.0, 0.0], abs=1e-9)
 
@@ -201,7 +201,7 @@ def test_a_linear_model_is_a_state_space_with_names(tmp_path: object) -> None:
     assert (system.noutputs, system.ninputs, system.nstates) == (2, 1, 8)
     back = LinResult.from_dict(system.to_dict())
     assert np.array_equal(back.A, system.A)
-    assert back.point == system.result.point
+    assert back.operating_point == system.result.operating_point
     at = np.array([0.1, 5.0])
     assert np.allclose(system.result.response(at)[:, 0, 0], system(2j * np.pi * at)[0, 0])
     assert len(system.plot().axes) == 3
@@ -212,8 +212,8 @@ def test_inputs_of_the_call_are_left_alone() -> None:
     with load("fmu:Rudder", "me") as model:
         result = lin(model, x0=x0, u0=u0, dx=dx, inputs=["delC"]).result
     assert (x0, u0, dx) == ({"p1": 1e7}, {"delC": 1.0}, {"p1": 1e3})
-    assert result.point.x["p1"] == 1e7
-    assert result.point.u["delC"] == 1.0
+    assert result.operating_point.x["p1"] == 1e7
+    assert result.operating_point.u["delC"] == 1.0
     assert result.why == "auto: widths are given"
 
 
@@ -252,7 +252,7 @@ def test_rudder_agrees_with_the_published_bounds() -> None:
 
     frequencies = np.array([0.5, 2.0, 3.7, 5.6, 8.5, 13.0, 20.0])
     with load(fmu("Rudder"), "me") as model:
-        point = trim(model, u0={"delC": 2.0}, floating=["p1", "p2"]).point
+        point = trim(model, u0={"delC": 2.0}, floating=["p1", "p2"]).operating_point
         usual = lin(model, at=point, inputs=["delC"]).result
         published = lin(model, at=point, inputs=["delC"], dx=[3e7, 3e7, 1e-4, *[0.01] * 5], du=1.0).result
         recipe = replace(model.recipe, start_values=dict(point.x), bias={"delC": 2.0}, tolerance=1e-8)

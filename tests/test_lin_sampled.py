@@ -107,7 +107,7 @@ def test_a_hybrid_loop_in_closed_form() -> None:
     # the eigenvalues of G·e^(FT)
     G, flow = np.array([[1, 0], [-0.7, 0.5]]), np.array([[e, 3 * g], [0, 1]])
     assert sorted(result.poles.real) == pytest.approx(sorted(np.linalg.eigvals(G @ flow).real), abs=1e-6)
-    assert pytest.approx(result.point.period or 0.0) == T
+    assert pytest.approx(result.operating_point.period or 0.0) == T
     assert not result.doubts
     assert any("copy" in note for note in result.notes)
 

@@ -219,7 +219,7 @@ def test_gains_offsets_and_units_stay_behind_the_place() -> None:
         [("p.y", "f.u", {"gain": 2.0, "offset": 0.5}), ("f.y", "p.u", {"gain": -2.0})],
         outputs=["p.y"],
     ) as model:
-        point = trim(model).point
+        point = trim(model).operating_point
         result = loop(model, "p.y", point=point)
     assert result.value == pytest.approx(-0.2)  # y = −4 y − 1
     assert result.margins.gain_margin == pytest.approx(2.0)

@@ -26,7 +26,7 @@ def rudder() -> Iterator[wb.DescribedModel]:
 
 @pytest.fixture(scope="module")
 def trimmed(rudder: wb.DescribedModel) -> OperatingPoint:
-    return wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"]).point
+    return wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"]).operating_point
 
 
 def test_a_point_names_its_model(rudder: wb.DescribedModel, trimmed: OperatingPoint) -> None:
@@ -150,7 +150,7 @@ def test_a_file_without_a_model_is_taken_with_a_note(
 
 def test_other_parameters_are_told() -> None:
     with wb.load("fmu:FirstOrderLag", start_values={"tau": 2.0}) as slow, wb.load("fmu:FirstOrderLag") as lag:
-        point = wb.trim(slow, u0={"u": 1.0}).point
+        point = wb.trim(slow, u0={"u": 1.0}).operating_point
         assert point.parameters == {"tau": 2.0}
         assert find_point(slow, point)[1] == ()
         tau = next(p.start for p in lag.parameters if p.name == "tau")

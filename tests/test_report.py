@@ -255,7 +255,7 @@ def test_the_call_can_be_made_again(step: wb.SimulationResult, tmp_path: Path) -
 
 def test_what_cannot_be_written_is_named() -> None:
     with wb.load("fmu:FirstOrderLag") as model:
-        point = wb.trim(model).point
+        point = wb.trim(model).operating_point
         linear = wb.lin(model, at=point, outputs=["y"])
         response = wb.nfr(model, "u", "y", amplitudes=1.0, band=(0.5, 1.0), workers=wb.Workers(in_process=True))
     origins = [origin_of(x) for x in (linear, linear.result, response)]

@@ -122,7 +122,7 @@ def test_states_without_names_are_set_too(fmi1: Path) -> None:
 
 def test_a_linear_model_at_a_point_is_that_of_the_model_there() -> None:
     with overridden("me") as model:
-        point = trim(model, u0={"f": 30.0}).point
+        point = trim(model, u0={"f": 30.0}).operating_point
         assert point.x["s"] == pytest.approx(30.0 / K)
         linear = lin(model, at=point, inputs=["f"], outputs=["y"])
         check = step_check(model, linear.result, input="f", output="y", height=5.0, stop=2.0)
@@ -271,7 +271,7 @@ def test_a_point_that_is_none_is_refused(values: dict[str, float], words: str) -
 def test_mass_damper_stays_at_its_trim(interface: str) -> None:
     fmu = gemseo_fmu("Mass_Damper")  # s_rel = 1 − f/c − … at rest; y = 0.5 − s_rel
     with load(fmu, "me") as model:
-        point = trim(model, u0={"f": 10.0}).point
+        point = trim(model, u0={"f": 10.0}).operating_point
         assert point.y["y"] == pytest.approx(-0.5 + 10.0 / 1e4)
         if interface == "me":
             linear = lin(model, at=point)
@@ -295,7 +295,7 @@ def test_a_step_in_co_simulation_is_that_of_its_own_linear_model() -> None:
     """
     h, fmu = 1e-3, gemseo_fmu("Mass_Damper")
     with load(fmu, "me") as model:
-        point = trim(model, u0={"f": 10.0}).point
+        point = trim(model, u0={"f": 10.0}).operating_point
     a, b = np.array([[0.0, 1.0], [-1e4, -10.0]]), np.array([0.0, 1.0])
     motion = [np.zeros(2)]
     for _ in range(500):

@@ -85,7 +85,7 @@ def test_fmus_of_both_versions_are_trimmed_linearised_and_measured(driver: str) 
         outputs={"y": "b.y"},
         start_values={"b.tau": 2.0},
     ) as model:
-        point = trim(model, fix={"u": 2.0}).point
+        point = trim(model, fix={"u": 2.0}).operating_point
         assert point.x == pytest.approx({"a.x": 2.0, "b.x": -1.0})
         assert pytest.approx(np.array([[-1.0, 0.0], [-0.25, -0.5]])) == lin(model).A
         measured = nfr(model, "u", "y", [0.1], [1.0], workers=Workers(in_process=True))
@@ -412,7 +412,7 @@ def test_a_sampled_law_around_the_rudder_is_linearised_as_it_is_measured() -> No
         outputs={"del": "r.del"},
         tolerance=1e-8,
     ) as model:
-        point = trim(model, fix={"cmd": 0.0}).point
+        point = trim(model, fix={"cmd": 0.0}).operating_point
         found = lin(model, at=point)
         frequencies = [0.5, 2.0]
         measured = nfr(model, "cmd", "del", frequencies, [1e-3], workers=Workers(in_process=True))

@@ -51,9 +51,9 @@ def test_each_state_at_rest_under_the_start_inputs() -> None:
     result = trim(lag(), u0={"u": 2.5})
     assert result.converged
     assert result.method == "equations"
-    assert result.point.x == pytest.approx({"x": 2.5}, abs=1e-12)
-    assert result.point.y == pytest.approx({"y": 2.5}, abs=1e-12)
-    assert result.point.dx["x"] == pytest.approx(0.0, abs=1e-12)
+    assert result.operating_point.x == pytest.approx({"x": 2.5}, abs=1e-12)
+    assert result.operating_point.y == pytest.approx({"y": 2.5}, abs=1e-12)
+    assert result.operating_point.dx["x"] == pytest.approx(0.0, abs=1e-12)
     assert not result.null_directions
     assert not told(result)
 
@@ -61,38 +61,38 @@ def test_each_state_at_rest_under_the_start_inputs() -> None:
 def test_scaling_takes_states_of_very_different_size() -> None:
     result = trim(stiff())
     assert result.converged
-    assert result.point.x["p"] == pytest.approx(2e7, rel=1e-12)
-    assert result.point.x["q"] == pytest.approx(3e-4, rel=1e-9)
+    assert result.operating_point.x["p"] == pytest.approx(2e7, rel=1e-12)
+    assert result.operating_point.x["q"] == pytest.approx(3e-4, rel=1e-9)
 
 
 def test_a_free_input_meets_a_fixed_output() -> None:
     result = trim(lag(), free=["u"], fix={"y": 3.0})
     assert result.converged
-    assert result.point.u["u"] == pytest.approx(3.0)
+    assert result.operating_point.u["u"] == pytest.approx(3.0)
     assert result.unknowns == ("x", "u")
 
 
 def test_a_fixed_state_needs_a_free_input() -> None:
     result = trim(lag(), free=["u"], fix={"x": -1.5})
     assert result.converged
-    assert result.point.u["u"] == pytest.approx(-1.5)
-    assert result.point.x["x"] == -1.5
+    assert result.operating_point.u["u"] == pytest.approx(-1.5)
+    assert result.operating_point.x["x"] == -1.5
 
 
 def test_bounds_choose_between_two_equilibria_and_are_kept() -> None:
     square = Plant(Equations(x={"x": 1.0}, f=lambda v: [v["x"] ** 2 - 4.0]))
-    assert trim(square).point.x["x"] == pytest.approx(2.0)
-    assert trim(square, x0={"x": -1.0}).point.x["x"] == pytest.approx(-2.0)
-    assert trim(square, bound={"x": (-5.0, -0.1)}).point.x["x"] == pytest.approx(-2.0)
+    assert trim(square).operating_point.x["x"] == pytest.approx(2.0)
+    assert trim(square, x0={"x": -1.0}).operating_point.x["x"] == pytest.approx(-2.0)
+    assert trim(square, bound={"x": (-5.0, -0.1)}).operating_point.x["x"] == pytest.approx(-2.0)
     refused = trim(square, bound={"x": (3.0, 5.0)})
     assert not refused.converged
-    assert 3.0 <= refused.point.x["x"] <= 5.0
+    assert 3.0 <= refused.operating_point.x["x"] <= 5.0
 
 
 def test_an_output_within_bounds_is_no_equation_but_is_kept() -> None:
     result = trim(lag(), free=["u"], bound={"y": (2.0, math.inf)})
     assert result.converged
-    assert result.point.y["y"] >= 2.0 - 1e-7
+    assert result.operating_point.y["y"] >= 2.0 - 1e-7
     assert "1 equation (der(x))" in told(result)[0]
 
 
@@ -102,7 +102,7 @@ def test_an_output_within_bounds_is_no_equation_but_is_kept() -> None:
 def test_an_integrator_at_rest_is_a_family_and_the_start_is_kept() -> None:
     result = trim(integrator())
     assert result.converged
-    assert result.point.x == pytest.approx({"x": 1.5, "v": 1.5})  # nearest to (3, 0) on x = v
+    assert result.operating_point.x == pytest.approx({"x": 1.5, "v": 1.5})  # nearest to (3, 0) on x = v
     assert [d.components for d in result.null_directions] == [pytest.approx({"x": 1.0, "v": 1.0})]
     assert "1 direction is left open (x, v)" in result.message
 
@@ -113,7 +113,7 @@ def test_separate_families_are_told_apart_by_name() -> None:
     )
     result = trim(plant)
     assert result.converged
-    assert result.point.x == pytest.approx({"a": 1.0, "b": 2.0, "c": 4.0})
+    assert result.operating_point.x == pytest.approx({"a": 1.0, "b": 2.0, "c": 4.0})
     assert sorted((d.components for d in result.null_directions), key=list) == [{"a": 5.0}, {"b": 7.0}]
 
 
@@ -122,7 +122,7 @@ def test_a_curved_family_ends_at_the_point_nearest_to_the_start() -> None:
     circle.equations.nominal.update({"x": 1.0, "y": 1.0})
     result = trim(Plant(circle.equations))
     assert result.converged
-    assert result.point.x == pytest.approx({"x": 0.6, "y": 0.8}, abs=1e-5)
+    assert result.operating_point.x == pytest.approx({"x": 0.6, "y": 0.8}, abs=1e-5)
 
 
 def test_floating_states_are_made_slow_or_kept_near_the_start() -> None:
@@ -130,11 +130,11 @@ def test_floating_states_are_made_slow_or_kept_near_the_start() -> None:
     plant = Plant(Equations(x={"a": 0.0, "b": 5.0}, f=lambda v: [v["b"] - 1.0, 0.0]))
     slowest = trim(plant, floating=["a"])
     assert slowest.converged
-    assert slowest.point.x == pytest.approx({"a": 0.0, "b": 1.0})
+    assert slowest.operating_point.x == pytest.approx({"a": 0.0, "b": 1.0})
     nearest = trim(plant, floating=["a"], family="nearest")
     assert nearest.converged
-    assert nearest.point.x == pytest.approx({"a": 0.0, "b": 5.0})
-    assert nearest.point.dx["a"] == pytest.approx(4.0)
+    assert nearest.operating_point.x == pytest.approx({"a": 0.0, "b": 5.0})
+    assert nearest.operating_point.dx["a"] == pytest.approx(4.0)
     assert [r.required for r in nearest.residuals] == [True, False]
 
 
@@ -156,7 +156,7 @@ def motor(interface: str = "me", *, shown: bool = False, spring: float = 0.0) ->
 def test_a_state_that_nothing_depends_on_may_move_and_is_told(interface: str) -> None:
     result = trim(motor(interface))
     assert result.converged
-    assert result.point.x["w"] == pytest.approx(3.0, rel=1e-6)
+    assert result.operating_point.x["w"] == pytest.approx(3.0, rel=1e-6)
     assert "angle moves, since nothing depends on it, as --float angle asks for" in told(result)
     assert [r.required for r in result.residuals] == [True, False]
 
@@ -165,7 +165,7 @@ def test_a_state_that_is_shown_moves_where_it_is_asked_for() -> None:
     result = trim(motor(shown=True))
     assert not result.converged
     assert "only outputs depend on angle: --float angle lets it move" in told(result)
-    assert trim(motor(shown=True), floating=["angle"]).point.x["w"] == pytest.approx(3.0)
+    assert trim(motor(shown=True), floating=["angle"]).operating_point.x["w"] == pytest.approx(3.0)
 
 
 def test_a_state_that_something_depends_on_does_not_move() -> None:
@@ -208,7 +208,7 @@ def test_too_many_equations_are_explained_by_name() -> None:
 def test_too_many_equations_that_agree_are_solved() -> None:
     result = trim(lag(), fix={"y": 3.0}, u0={"u": 3.0})
     assert result.converged
-    assert result.point.x["x"] == pytest.approx(3.0)
+    assert result.operating_point.x["x"] == pytest.approx(3.0)
     (note,) = told(result)
     assert note.endswith("over-determined by 1; they hold together nevertheless")
 
@@ -223,7 +223,7 @@ def test_points_that_cannot_be_evaluated_are_stepped_around() -> None:
     root = Plant(Equations(x={"x": 4.0}, f=lambda v: [math.sqrt(v["x"]) - 0.1], domain=lambda v: v["x"] >= 0.0))
     result = trim(root)
     assert result.converged
-    assert result.point.x["x"] == pytest.approx(0.01)
+    assert result.operating_point.x["x"] == pytest.approx(0.01)
 
 
 def test_a_start_where_nothing_can_be_evaluated() -> None:
@@ -238,7 +238,7 @@ def test_a_flat_start_is_left_by_running_the_model() -> None:
     plant = Plant(Equations(x={"x": 0.0}, f=lambda v: [min(max(5.0 - v["x"], -1.0), 1.0)]))
     result = trim(plant)
     assert result.converged
-    assert result.point.x["x"] == pytest.approx(5.0)
+    assert result.operating_point.x["x"] == pytest.approx(5.0)
     assert "running for 10 s" in told(result)[-1]
 
 
@@ -287,7 +287,7 @@ def test_bad_input_is_named(call: dict[str, object], words: str) -> None:
 
 def test_an_integer_input_can_be_held_but_not_found() -> None:
     plant = Plant(Equations(x={"x": 0.0}, u={"n": 2.0}, whole=("n",), f=lambda v: [v["n"] - v["x"]]))
-    assert trim(plant).point.x["x"] == pytest.approx(2.0)
+    assert trim(plant).operating_point.x["x"] == pytest.approx(2.0)
     with pytest.raises(wb.InputError, match="whole numbers"):
         trim(plant, free=["n"])
 
@@ -296,8 +296,8 @@ def test_without_states_the_point_is_what_the_inputs_make_it() -> None:
     plant = Plant(Equations(u={"u": 2.0}, outputs=("y",), g=lambda v: [v["u"] ** 2]))
     result = trim(plant)
     assert result.converged
-    assert result.point.y == {"y": 4.0}
-    assert trim(plant, free=["u"], fix={"y": 9.0}).point.u["u"] == pytest.approx(3.0)
+    assert result.operating_point.y == {"y": 4.0}
+    assert trim(plant, free=["u"], fix={"y": 9.0}).operating_point.u["u"] == pytest.approx(3.0)
 
 
 def search_of(equations: Equations, **sets: Any) -> _FamilySearch:  # noqa: ANN401

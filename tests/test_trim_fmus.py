@@ -33,8 +33,8 @@ def test_rudder_at_rest_is_unique(rudder: wb.DescribedModel) -> None:
     result = wb.trim(rudder, u0={"delC": 2.0})
     assert result.converged
     assert not result.null_directions
-    assert result.point.y["del"] == pytest.approx(DEL, abs=1e-6)
-    assert statics(result.point.x) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert result.operating_point.y["del"] == pytest.approx(DEL, abs=1e-6)
+    assert statics(result.operating_point.x) == pytest.approx((0.0, 0.0), abs=1e-6)
     assert result.evaluations < 60
 
 
@@ -48,7 +48,7 @@ def test_rudder_with_floating_pressures_is_a_family(name: str) -> None:
     named = [set(d.components) for d in result.null_directions]
     assert {"p1", "p2"} in named
     assert any({"piston", "current", "spool", "surface"} <= n for n in named)
-    assert result.point.y["del"] == pytest.approx(DEL, abs=1e-6)  # the slowest of all is the true equilibrium
+    assert result.operating_point.y["del"] == pytest.approx(DEL, abs=1e-6)  # the slowest of all is the true equilibrium
     assert "8 unknowns" in result.notes[0]
     assert "6 equations" in result.notes[0]
 
@@ -56,18 +56,18 @@ def test_rudder_with_floating_pressures_is_a_family(name: str) -> None:
 def test_the_member_nearest_to_the_start_lets_the_pressures_move(rudder: wb.DescribedModel) -> None:
     result = wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"], family="nearest")
     assert result.converged
-    assert statics(result.point.x) == pytest.approx((0.0, 0.0), abs=1e-4)
-    assert 0.0 < result.point.y["del"] < DEL
-    assert abs(result.point.dx["p1"]) > 1e6
+    assert statics(result.operating_point.x) == pytest.approx((0.0, 0.0), abs=1e-4)
+    assert 0.0 < result.operating_point.y["del"] < DEL
+    assert abs(result.operating_point.dx["p1"]) > 1e6
     assert any("carry others along" in note for note in result.notes)
 
 
 def test_pressures_that_must_move_let_nothing_rest(rudder: wb.DescribedModel) -> None:
     """Beyond the stop (piston at 78.7 mm) p1 − p2 must be 217 MPa; at rest it is at most the supply less the return."""
     result = wb.trim(rudder, free=["delC"], fix={"del": 30.0}, floating=["p1", "p2"])
-    p1, p2 = (result.point.x[n] for n in ("p1", "p2"))
+    p1, p2 = (result.operating_point.x[n] for n in ("p1", "p2"))
     assert p1 - p2 > 1e8
-    assert max(abs(result.point.dx[n]) for n in ("p1", "p2")) > 1e9
+    assert max(abs(result.operating_point.dx[n]) for n in ("p1", "p2")) > 1e9
     assert not result.converged
     assert any("carry others along" in note for note in result.notes)
 
@@ -77,14 +77,14 @@ def test_the_family_is_pinned_by_an_output(rudder: wb.DescribedModel) -> None:
     result = wb.trim(rudder, u0={"delC": 2.0}, floating=["p1", "p2"], fix={"del": 1.0})
     assert max(abs(r.scaled) for r in result.residuals if r.required) < 1e-8
     assert not result.converged
-    assert result.point.y["del"] == pytest.approx(1.0)
+    assert result.operating_point.y["del"] == pytest.approx(1.0)
     assert len(result.null_directions) == 1
 
 
 def test_input_for_a_deflection_and_one_beyond_the_stops(rudder: wb.DescribedModel) -> None:
     found = wb.trim(rudder, free=["delC"], fix={"del": 5.0})
     assert found.converged
-    assert found.point.u["delC"] == pytest.approx(5.0 * 2.0 / DEL, rel=1e-4)
+    assert found.operating_point.u["delC"] == pytest.approx(5.0 * 2.0 / DEL, rel=1e-4)
     beyond = wb.trim(rudder, free=["delC"], fix={"del": 40.0})
     assert not beyond.converged
     assert len(beyond.residuals) == 9
@@ -95,7 +95,7 @@ def test_co_simulation_comes_to_the_same_rest() -> None:
         result = wb.trim(model, u0={"delC": 2.0})
     assert result.converged
     assert result.method == "step map"
-    assert result.point.y["del"] == pytest.approx(DEL, abs=1e-5)
+    assert result.operating_point.y["del"] == pytest.approx(DEL, abs=1e-5)
 
 
 @pytest.mark.parametrize("interface", ["cs", "me"])
@@ -109,7 +109,7 @@ def test_where_co_simulation_finds_no_rest_model_exchange_is_proposed(interface:
 def test_bias_counts_as_input() -> None:
     with wb.load("fmu:FirstOrderLag", bias={"u": 1.5}) as model:
         result = wb.trim(model)
-    assert result.point.y["y"] == pytest.approx(1.5)
+    assert result.operating_point.y["y"] == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize("name", ["fmu:TwoRateQuantizer", "fmu:TwoRateQuantizer@3"])
@@ -118,9 +118,9 @@ def test_two_rates_and_their_common_period(name: str) -> None:
         result = wb.trim(model, u0={"u": 0.333})
     assert result.converged
     assert result.method == "period map"
-    assert result.point.period == pytest.approx(1.0, abs=1e-6)
-    assert result.point.discrete == pytest.approx({"yFast": 0.35, "ySlow": 0.33})
-    assert result.point.y["y"] == pytest.approx(0.68)
+    assert result.operating_point.period == pytest.approx(1.0, abs=1e-6)
+    assert result.operating_point.discrete == pytest.approx({"yFast": 0.35, "ySlow": 0.33})
+    assert result.operating_point.y["y"] == pytest.approx(0.68)
 
 
 def elevator() -> wb.DescribedModel:
@@ -131,8 +131,8 @@ def test_elevator_law_has_infinitely_many_equilibria() -> None:
     with elevator() as model:
         result = wb.trim(model)
     assert result.converged
-    assert result.point.period == pytest.approx(0.022)
-    assert len(result.point.discrete) == 4
+    assert result.operating_point.period == pytest.approx(0.022)
+    assert len(result.operating_point.discrete) == 4
     # All states but the rate limiter's are free, as the source report found (chapter 6.2).
     assert len(result.null_directions) == 3
     assert all(len(d.components) == 1 for d in result.null_directions)
@@ -144,7 +144,7 @@ def test_elevator_law_finds_the_stick_for_a_deflection() -> None:
         result = wb.trim(model, free=["side_stick"], fix={"elevator": 5.0})
         limited = wb.trim(model, free=["side_stick"], fix={"elevator": 80.0})
     assert result.converged
-    assert result.point.y["elevator"] == pytest.approx(5.0)
+    assert result.operating_point.y["elevator"] == pytest.approx(5.0)
     assert not limited.converged
 
 
@@ -155,9 +155,9 @@ def test_mass_and_damper_of_openmodelica(interface: str) -> None:
         result = wb.trim(model, u0={"f": 100.0})
     assert result.converged
     # Spring 1e4 N/m between the wall and the mass: it gives way by f/c.
-    assert result.point.x["damper.s_rel"] == pytest.approx(1.0 - 100.0 / 1e4, abs=1e-6)
-    assert result.point.x["damper.v_rel"] == pytest.approx(0.0, abs=1e-6)
-    assert result.point.y["y"] == pytest.approx(-0.5 + 0.01, abs=1e-6)
+    assert result.operating_point.x["damper.s_rel"] == pytest.approx(1.0 - 100.0 / 1e4, abs=1e-6)
+    assert result.operating_point.x["damper.v_rel"] == pytest.approx(0.0, abs=1e-6)
+    assert result.operating_point.y["y"] == pytest.approx(-0.5 + 0.01, abs=1e-6)
     assert result.method == ("equations" if interface == "me" else "running")
 
 
@@ -168,9 +168,9 @@ def test_undamped_masses_of_openmodelica(interface: str) -> None:
         result = wb.trim(model, u0={"x2": 3.0})
         wanted = wb.trim(model, free=["x2"], fix={"x1": 0.25})
     assert result.converged
-    assert result.point.y == pytest.approx({"x1": 1.5, "v1": 0.0}, abs=1e-6)
+    assert result.operating_point.y == pytest.approx({"x1": 1.5, "v1": 0.0}, abs=1e-6)
     assert wanted.converged
-    assert wanted.point.u["x2"] == pytest.approx(0.5)
+    assert wanted.operating_point.u["x2"] == pytest.approx(0.5)
     assert result.method == ("equations" if interface == "me" else "step map")
 
 

@@ -52,24 +52,24 @@ def test_fixed_point_of_a_sampled_model_and_its_family() -> None:
     result = trim(sampled())
     assert result.converged
     assert result.method == "period map"
-    assert result.point.discrete == pytest.approx({"d": 2.0, "c": 7.0})
-    assert result.point.y == pytest.approx({"y": 6.0})
-    assert result.point.period == pytest.approx(0.25)
+    assert result.operating_point.discrete == pytest.approx({"d": 2.0, "c": 7.0})
+    assert result.operating_point.y == pytest.approx({"y": 6.0})
+    assert result.operating_point.period == pytest.approx(0.25)
     assert [d.components for d in result.null_directions] == [{"c": 7.0}]
 
 
 def test_input_for_an_output_of_a_sampled_model() -> None:
     result = trim(sampled(), free=["u"], fix={"y": 3.0})
     assert result.converged
-    assert result.point.u["u"] == pytest.approx(1.0)
+    assert result.operating_point.u["u"] == pytest.approx(1.0)
 
 
 def test_hybrid_model_brings_both_kinds_of_states_to_rest() -> None:
     result = trim(hybrid())
     assert result.converged
-    assert result.point.x["x"] == pytest.approx(1.5, abs=1e-6)
-    assert result.point.discrete["k"] == pytest.approx(1.5, abs=1e-6)
-    assert result.point.dx["x"] == pytest.approx(0.0, abs=1e-6)
+    assert result.operating_point.x["x"] == pytest.approx(1.5, abs=1e-6)
+    assert result.operating_point.discrete["k"] == pytest.approx(1.5, abs=1e-6)
+    assert result.operating_point.dx["x"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_sampled_integrator_with_an_input_never_rests() -> None:
@@ -103,7 +103,7 @@ def test_a_rate_limiter_far_from_rest_is_run_there() -> None:
     )
     result = trim(plant)
     assert result.converged
-    assert result.point.discrete["d"] == pytest.approx(3.0)
+    assert result.operating_point.discrete["d"] == pytest.approx(3.0)
     assert "running for 8 periods" in " ".join(result.notes)
 
 
@@ -128,22 +128,22 @@ def test_step_map_finds_the_rest_of_an_undamped_model() -> None:
     result = trim(oscillator(0.0))
     assert result.converged
     assert result.method == "step map"
-    assert result.point.x == pytest.approx({"s": 0.01, "v": 0.0}, abs=1e-10)
-    assert result.point.y == pytest.approx({"y": 0.02}, abs=1e-10)
+    assert result.operating_point.x == pytest.approx({"s": 0.01, "v": 0.0}, abs=1e-10)
+    assert result.operating_point.y == pytest.approx({"y": 0.02}, abs=1e-10)
 
 
 def test_running_finds_the_rest_of_a_damped_black_box_at_a_step_that_is_stable() -> None:
     result = trim(oscillator(10.0, settable=False), step=None)
     assert result.converged
     assert result.method == "running"
-    assert result.point.x == pytest.approx({"s": 0.01, "v": 0.0}, abs=1e-6)
+    assert result.operating_point.x == pytest.approx({"s": 0.01, "v": 0.0}, abs=1e-6)
     assert "communication step 0.000125 s" in " ".join(result.notes)  # explicit Euler is unstable at 1 ms
 
 
 def test_without_states_and_outputs_there_is_nothing_to_bring_to_rest() -> None:
     result = trim(Plant(Equations(u={"u": 2.0}), interface="cs"))
     assert result.converged
-    assert result.point.u == {"u": 2.0}
+    assert result.operating_point.u == {"u": 2.0}
     assert any("nothing to bring to rest" in note for note in result.notes)
 
 
@@ -161,8 +161,8 @@ def test_running_adjusts_a_free_input() -> None:
     )  # fmt: skip
     result = trim(plant, free=["u"], fix={"y": 3.0}, step=0.05)
     assert result.converged
-    assert result.point.u["u"] == pytest.approx(3.0, rel=1e-5)
-    assert result.point.y["y"] == pytest.approx(3.0, rel=1e-5)
+    assert result.operating_point.u["u"] == pytest.approx(3.0, rel=1e-5)
+    assert result.operating_point.y["y"] == pytest.approx(3.0, rel=1e-5)
     assert not result.notes[-2:][0].startswith("2 unknowns")
 
 
@@ -199,7 +199,7 @@ def test_a_slow_sampler_is_not_at_rest_between_its_samples() -> None:
     result = trim(plant)
     assert result.converged
     assert result.method == "running"
-    assert result.point.y["y"] == pytest.approx(2.0, rel=1e-5)
+    assert result.operating_point.y["y"] == pytest.approx(2.0, rel=1e-5)
 
 
 # -- models that end their run, or put themselves elsewhere ----------------------------------
@@ -230,7 +230,7 @@ def test_a_fixed_point_whose_run_the_model_ends_is_not_said_to_move() -> None:
 def test_a_model_at_rest_is_seen_at_rest_before_it_ends_its_run() -> None:
     result = trim(ending(), step=0.02, longest=8.0)
     assert result.converged
-    assert result.point.y == {"y": 1.0}
+    assert result.operating_point.y == {"y": 1.0}
 
 
 def test_no_run_to_its_end_leaves_no_point() -> None:
@@ -252,7 +252,7 @@ def test_a_point_that_the_model_does_not_take_is_no_error_of_the_user() -> None:
     """Newton's method goes from 5 to 5 − 5 ln 5 = −3."""
     result = trim(logarithm(1.0), step=0.02)
     assert result.converged
-    assert result.point.x["x"] == pytest.approx(1.0, abs=1e-6)
+    assert result.operating_point.x["x"] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_start_that_the_model_does_not_take_is_the_users() -> None:
@@ -280,6 +280,6 @@ def test_what_moves_by_more_than_1e_5_of_its_size_in_the_periods_after_the_first
 @pytest.mark.parametrize(("time", "moved"), [(0.5, False), (0.3, True)])
 def test_a_point_that_is_moved_to_the_next_basic_period_is_told(time: float, moved: bool) -> None:
     result = trim(sampled(), time=time)
-    assert result.point.time == pytest.approx(0.5)
+    assert result.operating_point.time == pytest.approx(0.5)
     note = "the point is at 0.5 s, where a basic period of 0.25 s begins, not at 0.3 s"
     assert (note in result.notes) == moved

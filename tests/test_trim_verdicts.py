@@ -79,7 +79,7 @@ def test_a_run_away_is_not_an_equilibrium(f: Function, interface: str) -> None:
 def test_a_cubic_rests_at_its_flat_root(start: float) -> None:
     result = scalar(lambda v: [-(v["x"] ** 3)], start)
     assert result.converged
-    assert abs(result.point.x["x"]) < 1e-6 * start
+    assert abs(result.operating_point.x["x"]) < 1e-6 * start
     assert not result.null_directions
 
 
@@ -88,7 +88,7 @@ def test_a_cubic_rests_at_its_flat_root(start: float) -> None:
 def test_a_flat_root_is_reached_from_within_the_width_of_the_differences(power: int, away: float) -> None:
     result = scalar(lambda v: [-((v["x"] - 0.3) ** power)], 0.3 + away)
     assert result.converged
-    assert result.point.x["x"] == pytest.approx(0.3, abs=1e-2 * away)
+    assert result.operating_point.x["x"] == pytest.approx(0.3, abs=1e-2 * away)
 
 
 @pytest.mark.parametrize("gap", [1e-12, 1e-24])
@@ -99,7 +99,7 @@ def test_a_flat_bottom_that_just_misses_zero_has_no_root(gap: float) -> None:
 def test_a_flat_root_is_called_degenerate() -> None:
     result = trim(Plant(Equations(x={"x": 1.0, "v": 0.5}, f=lambda v: [v["v"], -(v["x"] ** 3) - v["v"]])))
     assert result.converged
-    assert abs(result.point.x["x"]) < 1e-3
+    assert abs(result.operating_point.x["x"]) < 1e-3
     assert any("degenerate" in note for note in result.notes)
     assert not result.null_directions
 
@@ -119,7 +119,7 @@ def test_sizes_come_from_the_model_where_nothing_declares_them() -> None:
     """q' = 1e-9 − 1e-9 sinh(q / 1e-9) overflows at a nominal value of 1; at rest sinh(q / 1e-9) = 1."""
     result = scalar(lambda v: [1e-9 - 1e-9 * math.sinh(v["x"] / 1e-9)], 0.0)
     assert result.converged
-    assert result.point.x["x"] == pytest.approx(1e-9 * math.asinh(1.0), rel=1e-9)
+    assert result.operating_point.x["x"] == pytest.approx(1e-9 * math.asinh(1.0), rel=1e-9)
 
 
 def test_running_waits_for_small_states_that_declare_no_size() -> None:
@@ -129,7 +129,7 @@ def test_running_waits_for_small_states_that_declare_no_size() -> None:
     result = trim(plant, step=0.05)
     assert result.method == "running"
     assert result.converged
-    assert result.point.x["q"] == pytest.approx(3e-9, rel=1e-4)
+    assert result.operating_point.x["q"] == pytest.approx(3e-9, rel=1e-4)
 
 
 @pytest.mark.parametrize("f", [lambda v: [math.exp(-v["x"])], lambda v: [1e-9]], ids=["e^-x", "drift"])
@@ -182,7 +182,7 @@ def test_the_least_floating_derivatives_are_measured_alike_everywhere() -> None:
     )
     result = trim(Plant(equations), floating=["a", "b"], fix={"x": 0.0})
     # With b = a − 3: d/da [(a³/75)² + (a − 2)²] = 6 a⁵/75² + 2 (a − 2) = 0.
-    a = result.point.x["a"]
+    a = result.operating_point.x["a"]
     assert 6.0 * a**5 / 75.0**2 + 2.0 * (a - 2.0) == pytest.approx(0.0, abs=1e-4)
 
 
@@ -199,7 +199,7 @@ def test_two_masses_between_springs_rest_in_the_middle_alone(start: tuple[float,
     )
     result = trim(Plant(equations))
     assert result.message == "equilibrium found"
-    assert result.point.x == pytest.approx(dict.fromkeys(names, 0.0), abs=1e-12)
+    assert result.operating_point.x == pytest.approx(dict.fromkeys(names, 0.0), abs=1e-12)
 
 
 def test_a_root_at_zero_is_not_measured_by_its_rounding() -> None:
@@ -212,7 +212,7 @@ def test_a_root_at_zero_is_not_measured_by_its_rounding() -> None:
         start = np.where(rng.random(n) < 0.6, 0.0, rng.integers(-2, 3, n) / 4.0)
         result = linear(a, rest, start)
         assert result.message == "equilibrium found"
-        assert list(result.point.x.values()) == pytest.approx(rest.tolist(), abs=1e-9)
+        assert list(result.operating_point.x.values()) == pytest.approx(rest.tolist(), abs=1e-9)
 
 
 def linear(a: Floats, rest: Floats, start: Floats) -> TrimResult:

@@ -172,7 +172,7 @@ def test_what_is_to_run_in_this_process_begins_no_other(monkeypatch: pytest.Monk
     with wb.load("fmu:FirstOrderLag") as model:
         monkeypatch.setattr("workbench.jobs.worker_process.WorkerProcess.__init__", refuse)
         monkeypatch.setattr("workbench.jobs.worker_process._idle", [])
-        assert wb.trim(model, u0={"u": 2.0}, in_process=True).point.x["x"] == pytest.approx(2.0)
+        assert wb.trim(model, u0={"u": 2.0}, in_process=True).operating_point.x["x"] == pytest.approx(2.0)
         assert wb.simulate(model, stop=1.0, in_process=True).signals["y"][-1] == pytest.approx(0.0)
         with pytest.raises(AssertionError, match="is begun"):
             wb.trim(model, u0={"u": 2.0})

@@ -50,7 +50,7 @@ def cases(count: int, seed: int) -> list[Case]:
 def judged(case: Case) -> str:
     """Return what is wrong with the verdict of a trim; "" if nothing is."""
     result = trim(case.plant, **case.options)
-    x = {**result.point.x, **result.point.discrete}
+    x = {**result.operating_point.x, **result.operating_point.discrete}
     if result.converged:
         right = case.truth is not None and case.truth(x) and (bool(result.null_directions) or not case.family)
     else:

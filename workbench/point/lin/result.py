@@ -200,11 +200,6 @@ class LinResult(Linear, Result):
         return {n: i for i, n in enumerate(self.state_names) if n in self.operating_point.x}
 
     @property
-    def point(self) -> OperatingPoint:
-        """The operating point, as it was called before."""
-        return self.operating_point
-
-    @property
     def shows_all_poles(self) -> bool:
         """Whether `shown_poles` are all: not of a sparse model of more than 1,000 states, where that takes too long."""
         return not is_large(self.A, self.dt)

@@ -47,8 +47,6 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
         """Where the model was linearised."""
         return self.result.operating_point
 
-    point = operating_point  # as it was called
-
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return a picture: Bode and step response, one column per input.
 

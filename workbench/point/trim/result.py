@@ -90,11 +90,6 @@ class TrimResult(Result):
 
     _WHAT, _COMMAND = "a trim", "trim"
 
-    @property
-    def point(self) -> OperatingPoint:
-        """The operating point, as it was called before."""
-        return self.operating_point
-
     def derived(self) -> dict[str, Any]:
         """Return the point's own keys, by which `OperatingPoint.from_dict` reads it, too.
 
