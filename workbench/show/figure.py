@@ -34,7 +34,6 @@ __all__ = [
     "UNSTABLE",
     "caption",
     "frame",
-    "label",
     "literal",
     "panels",
     "rows",
@@ -191,11 +190,6 @@ def written(ax: Axes, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> No
     table.scale(1.0, 1.15)
     for cell in table.get_celld().values():
         cell.set_edgecolor("#bbbbbb")
-
-
-def label(name: str, unit: str | None) -> str:
-    """Return "name [unit]", or the name alone where there is no unit."""
-    return f"{name} [{unit}]" if unit and unit != "1" else name
 
 
 def literal(figure: Any) -> Any:  # noqa: ANN401 - a figure, or what was drawn as text already

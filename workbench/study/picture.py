@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from workbench.show.bode import Degrees, plain_decades
-from workbench.show.figure import COLOURS, label, rows
+from workbench.show.figure import COLOURS, rows
+from workbench.show.tables import bracketed
 
 __all__ = ["LIMIT", "plot_between_masks", "plot_step"]
 
@@ -62,7 +63,7 @@ def plot_between_masks(
             label="least margin",
         )
     ax.set_xlabel("frequency [Hz]")
-    ax.set_ylabel(label(quantity, unit))
+    ax.set_ylabel(bracketed(quantity, unit))
     if unit == "deg":
         ax.yaxis.set_major_locator(Degrees())
     ax.xaxis.set_minor_formatter(FuncFormatter(_minor))
@@ -128,7 +129,7 @@ def plot_step(
         style = "--" if limit else ":"
         ax.axvline(instant, color=_FORBIDDEN if limit else "#444444", linewidth=1.2, linestyle=style, label=text)
     ax.set_xlabel("time [s]")
-    ax.set_ylabel(label(name, unit))
+    ax.set_ylabel(bracketed(name, unit))
     _legend(figure, ax)
     return figure
 

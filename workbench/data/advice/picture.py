@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.errors import InputError
-from workbench.show.figure import COLOURS, label
+from workbench.show.figure import COLOURS
 from workbench.show.figure import panels as panels_of
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.data.advice.result import Advice
@@ -49,7 +50,7 @@ def _record(axes: list[Axes], advice: Advice) -> None:
             data.time, values[:, i], color=COLOURS[0 if held else 1], linewidth=0.7,
             drawstyle="steps-post" if held else "default",
         )  # fmt: skip
-        ax.set_ylabel(label(names[i], data.units[names[i]]), fontsize=8.5)
+        ax.set_ylabel(bracketed(names[i], data.units[names[i]]), fontsize=8.5)
         for result in advice.findings:
             at = list(result.marks.get(names[i], ()))
             if at:

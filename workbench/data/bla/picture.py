@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from workbench.show.bode import Degrees, gain_label, log_axis
-from workbench.show.figure import COLOURS, LEGEND, SMALL, label, rows
+from workbench.show.figure import COLOURS, LEGEND, SMALL, rows
+from workbench.show.tables import behind
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +32,7 @@ def plot_bla(result: BlaResult) -> Figure:
     figure, (gain, phase, levels) = rows(3, title=title)
     f = result.frequency_hz
     top = float(_db(np.maximum(result.distortion, result.noise)).max())
-    unit = f" {result.input_unit}" if label("", result.input_unit) else ""
+    unit = behind(result.input_unit)
     for a, rms in enumerate(result.rms):
         colour = COLOURS[a % len(COLOURS)]
         size = np.maximum(np.abs(result.response[a]), 1e-300)

@@ -12,7 +12,8 @@ from scipy import signal
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.show.figure import COLOURS, frame, label, rows
+from workbench.show.figure import COLOURS, frame, rows
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.data.excite.result import ExciteResult, SignalFacts
@@ -78,7 +79,7 @@ def _input(ax: Axes, result: ExciteResult, i: int) -> None:
         ax.axhline(value, color="#444444", linewidth=0.8, linestyle=":", label=words)
     middle = result.u0[data.input_names[i]]
     ax.axhline(middle, color="#444444", linewidth=0.8, linestyle="--")
-    ax.set_ylabel(label(data.input_names[i], data.input_units[i]))
+    ax.set_ylabel(bracketed(data.input_names[i], data.input_units[i]))
     crest = result.design.crest_factor[i]
     text = f"range {low:.4g} … {high:.4g}, middle {middle:.4g}, crest factor {crest:.3g}; first {end} samples"
     _say(ax, text)
@@ -145,5 +146,5 @@ def _output(ax: Axes, result: ExciteResult, i: int) -> None:
         ax.legend(fontsize=8.5, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, borderpad=0.0)
     rest = result.y0[data.output_names[i]]
     ax.axhline(rest, color="#444444", linewidth=0.8, linestyle="--")
-    ax.set_ylabel(label(data.output_names[i], data.output_units[i]))
+    ax.set_ylabel(bracketed(data.output_names[i], data.output_units[i]))
     _say(ax, f"range {data.y[:, i].min():.4g} … {data.y[:, i].max():.4g}, before it began {rest:.4g}")

@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.identification.validate.picture import SHOWN
-from workbench.show.figure import ABOVE, COLOURS, label, panels
+from workbench.show.figure import ABOVE, COLOURS, panels
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.identification.structures.result import StructureResult
@@ -36,12 +37,12 @@ def plot_structure(result: StructureResult) -> Figure:
     figure, grid = panels(len(blocks) + 1, 1, title=title)
     axes = [row[0] for row in grid]
     for ax, (table, name, unit) in zip(axes, blocks, strict=False):
-        _block(ax, table, label(name, unit))
+        _block(ax, table, bracketed(name, unit))
     judged, ax = result.judged, axes[-1]
     part = slice(0, min(SHOWN, judged.n_samples))
     ax.plot(judged.time[part], judged.y[part, 0], ".", color="#333333", markersize=3.0, label="measured")
     ax.plot(judged.time[part], result.simulated[part], color=COLOURS[0], linewidth=1.0, label="simulated")
-    ax.set_ylabel(label(data.output_names[0], data.output_units[0]))
+    ax.set_ylabel(bracketed(data.output_names[0], data.output_units[0]))
     ax.set_xlabel(
         "time [s]" + ("" if part.stop == judged.n_samples else f", {part.stop} of {judged.n_samples} samples")
     )

@@ -18,6 +18,7 @@ from workbench.point.lin.result import LinResult
 from workbench.requests.decorator import with_origin
 from workbench.response.nfr.result import NfrResult
 from workbench.show.result import Result
+from workbench.show.tables import behind
 
 if TYPE_CHECKING:
     from workbench.point.lin.state_space import LinearModel
@@ -207,7 +208,7 @@ def overlay(
         shapes[LINEAR], told = _times(_linear(linear, i, j), factor), (*told, *more)
     grid = _grid(model, nfr, frequencies)
     level = float("nan") if nfr is None else _amplitude(nfr, amplitude)
-    reference = LINEAR if nfr is None else f"the response measured at amplitude {level:g}{_of(nfr.input_unit)}"
+    reference = LINEAR if nfr is None else f"the response measured at amplitude {level:g}{behind(nfr.input_unit)}"
     return Overlay(
         name=model.name, input=source, output=target, frequency_hz=grid,
         curves={name: shape(grid) for name, shape in shapes.items()}, measured=nfr, amplitude=level,
@@ -256,10 +257,6 @@ def _scale(curve: str, side: str, own: str | None, wanted: str | None) -> tuple[
 
 def _times(shape: Callable[[Floats], Complex], factor: float) -> Callable[[Floats], Complex]:
     return shape if factor == 1.0 else lambda frequency: np.asarray(factor * shape(frequency))
-
-
-def _of(unit: str | None) -> str:
-    return f" {unit}" if unit and unit != "1" else ""
 
 
 def _differences(

@@ -19,7 +19,8 @@ from workbench.core.values.response import Response
 from workbench.errors import InputError
 from workbench.identification.validate.pole_zero import in_words
 from workbench.show.bode import Degrees, bode_axes, draw_response, log_axis
-from workbench.show.figure import ABOVE, COLOURS, LEGEND, LINE, label, panels
+from workbench.show.figure import ABOVE, COLOURS, LEGEND, LINE, panels
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.identification.identified.model import IdentifiedModel
@@ -61,8 +62,8 @@ def plot_fit(result: Validation, *, seconds: float | None = None) -> Figure:
         unit = data.output_units[k]
         _outputs(grid[2 * k][0], result, k, shown)
         _errors(grid[2 * k + 1][0], result, k, shown)
-        grid[2 * k][0].set_ylabel(label(name, unit))
-        grid[2 * k + 1][0].set_ylabel(label("error", unit))
+        grid[2 * k][0].set_ylabel(bracketed(name, unit))
+        grid[2 * k + 1][0].set_ylabel(bracketed("error", unit))
     part = "" if shown.stop >= data.n_samples else f", {shown.stop} of {data.n_samples} samples"
     grid[-1][0].set_xlabel(f"time [s]{part}")
     figure.align_ylabels([row[0] for row in grid])
@@ -125,7 +126,7 @@ def plot_residuals(result: Validation, residuals: Residuals) -> Figure:
 def _residual(ax: Axes, result: Validation, residuals: Residuals, k: int) -> None:
     data = result.data
     ax.plot(data.time, residuals.residual[:, k], color=COLOURS[0], linewidth=0.6)
-    ax.set_ylabel(label(f"residual of {data.output_names[k]}", data.output_units[k]))
+    ax.set_ylabel(bracketed(f"residual of {data.output_names[k]}", data.output_units[k]))
     ax.set_xlabel("time [s]")
     ax.margins(x=0.01)
 

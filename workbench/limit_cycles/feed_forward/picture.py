@@ -13,7 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from workbench.core.values.decibels import decibels, degrees, unwrapped
 from workbench.errors import InputError, suggest
 from workbench.show.bode import Degrees, plain_decades
-from workbench.show.figure import ABOVE, COLOURS, LEGEND, label, panels
+from workbench.show.figure import ABOVE, COLOURS, LEGEND, SHADE, panels
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.core.values.arrays import Complex, Floats
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FIGURES", "plot_feed_forward"]
 
-_SHADE = "#f1f1f1"
 _FLOOR_DB = 120.0  # below the highest value a curve is cut off: the dip at an exact zero has no bottom
 _AFTER = 45.0  # seconds after closing that are drawn
 
@@ -190,7 +190,7 @@ def _line(number: int, dash: str) -> dict[str, Any]:
 
 def _shade(ax: Axes, result: FeedForwardResult) -> None:
     """Grey out what lies outside the band."""
-    ax.axvspan(result.band[1], float(result.frequency_hz[-1]) * 1.1, color=_SHADE, zorder=0)
+    ax.axvspan(result.band[1], float(result.frequency_hz[-1]) * 1.1, color=SHADE, zorder=0)
 
 
 def _frequency(ax: Axes, result: FeedForwardResult) -> None:
@@ -218,7 +218,7 @@ def _plane(ax: Axes, result: FeedForwardResult) -> None:
     if any(abs(p) * scale <= high for p in made.mirrored.tolist()):
         ax.plot([], [], "+", color=COLOURS[3], markersize=9.0, markeredgewidth=1.6, label="pole before it was mirrored")
     ax.axvline(0.0, color="#666666", linewidth=0.9)
-    ax.axhspan(result.band[1], high, color=_SHADE, zorder=0)
+    ax.axhspan(result.band[1], high, color=SHADE, zorder=0)
     ax.set_ylim(-0.02 * high, high)
     ax.set_xscale("symlog", linthresh=0.1)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -239,7 +239,7 @@ def _histories(ax: Axes, result: FeedForwardResult, trials: list[Trial], *, zoom
     if first > 0.0:  # nothing moves before a filter that closes at once
         ax.set_ylim(1e-4 * first, 5.0 * first)
     unit = trials[0].units.get(result.input) if trials else None
-    ax.set(xlabel="time after closing [s]", ylabel=label(f"envelope of {result.input}", unit))
+    ax.set(xlabel="time after closing [s]", ylabel=bracketed(f"envelope of {result.input}", unit))
     ax.legend(**ABOVE, ncols=3)
 
 
@@ -251,7 +251,7 @@ def _target(ax: Axes, result: FeedForwardResult) -> None:
         ax.plot(time[keep], trial.signals[result.target][keep], color=COLOURS[number % len(COLOURS)], linewidth=1.1,
                 label=trial.name)  # fmt: skip
     unit = result.trials[0].units.get(result.target)
-    ax.set(xlabel="time after closing [s]", ylabel=label(result.target, unit))
+    ax.set(xlabel="time after closing [s]", ylabel=bracketed(result.target, unit))
 
 
 def _envelope(time: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -274,7 +274,7 @@ def _history(ax: Axes, result: FeedForwardResult, trial: Trial, colour: str, *, 
         ax.set_xlim(0.0, max(float(t.time[-1]) for t in result.trials))
     ax.plot(time, values, color=colour, linewidth=0.7 if whole else 0.9)
     ax.axvline(trial.closes_at, color="#666666", linewidth=0.9)
-    ax.set_ylabel(label(result.input, trial.units.get(result.input)))
+    ax.set_ylabel(bracketed(result.input, trial.units.get(result.input)))
     limit = _height(result)
     if trial.divergence is not None:
         ax.set_ylim(-2.0 * limit, 2.0 * limit)

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from workbench.limit_cycles.limit_cycle.branch import goes_on
 from workbench.limit_cycles.limit_cycle.picture_free_run import draw_amplitude, draw_frequency, draw_signal
 from workbench.loops.nyquist.picture import draw_absolute, draw_plane
-from workbench.show.figure import COLOURS, LEGEND, label, panels
+from workbench.show.figure import COLOURS, LEGEND, panels
 from workbench.show.labels import name_points
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from workbench.show.figure import rows
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.limit_cycles.limit_cycle.branch import Branch, BranchPoint
@@ -83,13 +84,13 @@ def _branches(row: list[Axes], result: LimitCycleResult, parameter: str) -> None
     for ax, of, words in zip(
         row,
         (amplitude, frequency),
-        (label(f"amplitude of {result.input}", result.input_unit), "frequency [Hz]"),
+        (bracketed(f"amplitude of {result.input}", result.input_unit), "frequency [Hz]"),
         strict=True,
     ):
         for branch in result.branches:
             if branch.parameter == parameter and branch.points:
                 draw_branch(ax, branch, of)
-        ax.set(xlabel=label(parameter, result.units.get(parameter)), ylabel=words)
+        ax.set(xlabel=bracketed(parameter, result.units.get(parameter)), ylabel=words)
         low, high = ax.get_ylim()
         if high - low < _CONSTANT * abs(high):  # rounding is not a motion to look at
             ax.set_ylim(0.99 * low, 1.01 * high)
@@ -141,7 +142,7 @@ def _methods(ax: Axes, result: LimitCycleResult) -> None:
     name_points(ax, [(c.frequency_hz, c.fundamental) for c in predicted], names)
     for name in [m for m in _MARKS if m in seen]:
         ax.plot([], [], _MARKS[name], color="#444444", markerfacecolor="none", linestyle="", markersize=6.0, label=name)
-    ax.set(xlabel="frequency [Hz]", ylabel=label(f"fundamental of {result.input}", result.input_unit))
+    ax.set(xlabel="frequency [Hz]", ylabel=bracketed(f"fundamental of {result.input}", result.input_unit))
     ax.margins(0.3)
     low, high = ax.get_ylim()
     ax.set_ylim(max(low, -0.04 * high), high)  # no amplitude is negative
@@ -161,7 +162,7 @@ def _motion(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
     shown = cycle.time >= cycle.time[-1] - _SHOWN / cycle.frequency_hz
     for number, name in enumerate(names):
         ax.plot(cycle.time[shown], cycle.values[name][shown], color=COLOURS[number % len(COLOURS)], linewidth=1.3)
-    ax.set(xlabel="time [s]", ylabel=label(names[0], cycle.units.get(names[0])))
+    ax.set(xlabel="time [s]", ylabel=bracketed(names[0], cycle.units.get(names[0])))
     begun = "a free run" if cycle.crossing is None else "the predicted state"
     ax.set_title(f"simulated from {begun}: {cycle.frequency_hz:.5g} Hz", loc="left", fontsize=9.5)
 

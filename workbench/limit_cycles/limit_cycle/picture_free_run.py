@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.core.values.arrays import Floats
-from workbench.show.figure import COLOURS, label, panels
+from workbench.show.figure import COLOURS, panels
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.limit_cycles.limit_cycle.free_run import FreeRun
@@ -45,7 +46,7 @@ def draw_signal(ax: Axes, run: FreeRun) -> None:
         run: with its record.
     """
     ax.plot(run.time, run.value, color=COLOURS[0], linewidth=0.5)
-    ax.set(xlabel="time [s]", ylabel=label(run.signal, run.unit), xlim=(float(run.time[0]), float(run.time[-1])))
+    ax.set(xlabel="time [s]", ylabel=bracketed(run.signal, run.unit), xlim=(float(run.time[0]), float(run.time[-1])))
 
 
 def draw_frequency(ax: Axes, run: FreeRun, marks: Mapping[float, str]) -> None:
@@ -83,7 +84,7 @@ def draw_amplitude(ax: Axes, run: FreeRun, marks: Mapping[float, str]) -> None:
     if known and max(known) < _LEAST * min(known):
         ax.set_ylim(min(known) / _LEAST, max(known) * _LEAST)
     _across(ax, run, marks)
-    ax.set(xlabel="time [s]", ylabel=label("amplitude", run.unit))
+    ax.set(xlabel="time [s]", ylabel=bracketed("amplitude", run.unit))
 
 
 def _across(ax: Axes, run: FreeRun, marks: Mapping[float, str]) -> None:

@@ -15,7 +15,8 @@ from workbench.core.values.poles import continuous, vanished
 from workbench.errors import InputError
 from workbench.point.lin.step_check import POINTS, step_response
 from workbench.show.bode import bode_axes, draw_response
-from workbench.show.figure import COLOURS, LEGEND, frame, label, rows
+from workbench.show.figure import COLOURS, LEGEND, frame, rows
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.point.lin.result import LinResult
@@ -147,7 +148,7 @@ def plot_step_check(check: StepCheck) -> Figure:
     figure, axes = rows(1, title=f"{check.input} → {check.output}, step of {check.height:g}")
     axes[0].plot(check.time, check.nonlinear, color=COLOURS[0], linewidth=1.8, label="nonlinear model")
     axes[0].plot(check.time, check.linear, "--", color=COLOURS[1], linewidth=1.5, label="linear model")
-    axes[0].set_ylabel(label(check.output, check.unit))
+    axes[0].set_ylabel(bracketed(check.output, check.unit))
     axes[0].set_xlabel("time [s]")
     axes[0].legend(**LEGEND)
     return figure

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from workbench.core.values.arrays import Floats
-from workbench.show.figure import COLOURS, UNSTABLE, label, panels
+from workbench.show.figure import COLOURS, UNSTABLE, panels
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.point.modes.result import Critical, Mode, ModeSet, ModesResult
@@ -51,7 +52,7 @@ def plot_modes(result: ModesResult) -> Figure:
     handles += [_mark(fill, f"becomes {word}") for word, fill in _FILLS.items() if word in became]
     _limits(damping, frequency, result, chosen)
     damping.set_ylabel("damping ratio [%]")
-    frequency.set(ylabel="natural frequency [Hz]", xlabel=label(result.parameter, result.unit))
+    frequency.set(ylabel="natural frequency [Hz]", xlabel=bracketed(result.parameter, result.unit))
     figure.legend(handles=handles, loc="outside right upper", fontsize=8.0, frameon=False, handlelength=2.4)
     return figure
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from workbench.core.values.decibels import decibels
 from workbench.show.bode import Degrees, gain_label, log_axis
-from workbench.show.figure import COLOURS, LEGEND, label, rows
+from workbench.show.figure import COLOURS, LEGEND, rows
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.response.branches.result import BranchesResult, Fold, ResponseBranch
@@ -34,7 +35,7 @@ def plot_branches(result: BranchesResult) -> Figure:
     axes[0].set_ylabel(gain_label(result.input_unit, result.output_unit))
     axes[1].set_ylabel("phase [deg]")
     axes[1].yaxis.set_major_locator(Degrees())
-    axes[1].set_xlabel(label(result.vary, result.vary_unit))
+    axes[1].set_xlabel(bracketed(result.vary, result.vary_unit))
     for f in result.asked_hz:
         axes[0].axvline(f, **_ASKED)
     if result.vary in {"frequency", "amplitude"}:

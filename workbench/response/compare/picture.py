@@ -11,7 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from workbench.core.values.arrays import Floats
-from workbench.show.figure import COLOURS, label, panels
+from workbench.show.figure import COLOURS, panels
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.response.compare.result import MotionComparison
@@ -69,7 +70,7 @@ def _bars(ax: Axes, result: MotionComparison, signal: str) -> None:
     ax.set_xticks(range(len(result.windows)), [f"{a:g} … {b:g} s" for a, b in result.windows])
     ax.tick_params(axis="x", length=0)
     ax.margins(y=0.12)
-    ax.set_ylabel(label("peak", result.shown[signal].unit))
+    ax.set_ylabel(bracketed("peak", result.shown[signal].unit))
     ax.set_title(signal, loc="left", fontsize=9.0)
 
 
@@ -90,7 +91,7 @@ def _record(ax: Axes, result: MotionComparison, signal: str) -> None:
             ax.plot(at, size, color=_colour(number), linewidth=1.3)
         else:
             ax.plot(time, value, color=_colour(number), linewidth=1.0)
-    ax.set_ylabel(label("largest size" if long else "value", result.shown[signal].unit))
+    ax.set_ylabel(bracketed("largest size" if long else "value", result.shown[signal].unit))
     ax.set_xlim(begin_shown, result.stop)
     for failure in result.failed:
         if failure.time is not None:

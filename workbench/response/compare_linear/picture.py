@@ -11,6 +11,7 @@ from workbench.core.values.response import Response
 from workbench.point.lin.picture import frequency_band
 from workbench.show.bode import bode_axes, draw_response
 from workbench.show.figure import COLOURS, LEGEND, rows
+from workbench.show.tables import behind
 
 if TYPE_CHECKING:
     from workbench.response.compare_linear.result import LinComparison
@@ -42,7 +43,7 @@ def plot_comparison(comparison: LinComparison) -> Figure:
         }
         draw_response(axes[0], axes[1], Response(shown, response), label=name, **style)
     if measured is not None:
-        settled = f"measured, amplitude {measured.amplitude[0]:g}{_behind(measured.input_unit)}"
+        settled = f"measured, amplitude {measured.amplitude[0]:g}{behind(measured.input_unit)}"
         for marker, chosen in (("o", ~measured.averaged[0]), ("^", measured.averaged[0])):
             style = {"color": "#222222", "markerfacecolor": "white"}
             at = measured.frequency_hz[chosen]
@@ -53,10 +54,6 @@ def plot_comparison(comparison: LinComparison) -> Figure:
     bode_axes(axes)
     axes[0].legend(**LEGEND)
     return figure
-
-
-def _behind(unit: str | None) -> str:
-    return f" {unit}" if unit and unit != "1" else ""
 
 
 def _title(comparison: LinComparison) -> str:

@@ -13,7 +13,8 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
 from workbench.response.branches.picture import branch_handles, draw_branches
 from workbench.show.bode import Degrees, gain_label, log_axis
-from workbench.show.figure import COLOURS, LEGEND, label, rows
+from workbench.show.figure import COLOURS, LEGEND, rows
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.response.nfr.result import NfrResult
@@ -47,7 +48,7 @@ def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
     figure, axes = rows(3 if offset else 2, title=title)
     pictures = [(result.gain_db, gain_label(result.input_unit, result.output_unit)), (result.phase_deg, "phase [deg]")]
     if offset:
-        pictures.append((result.offset, label(f"offset of {result.output}", result.output_unit)))
+        pictures.append((result.offset, bracketed(f"offset of {result.output}", result.output_unit)))
     for ax, (values, name) in zip(axes, pictures, strict=False):
         _curves(ax, result, values)
         ax.set_ylabel(name)

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from workbench.show.figure import COLOURS, label, rows
+from workbench.show.figure import COLOURS, rows
+from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
     from workbench.response.simulate.result import SimulationResult
@@ -24,7 +25,7 @@ def time_history(result: SimulationResult) -> Figure:
     figure, axes = rows(max(1, len(names)), title=f"{result.model} ({result.interface}, {result.solver})", height=1.9)
     for ax, name in zip(axes, names, strict=False):
         ax.plot(result.time, result.signals[name], color=COLOURS[0], linewidth=1.3)
-        ax.set_ylabel(label(name, result.units.get(name)))
+        ax.set_ylabel(bracketed(name, result.units.get(name)))
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels(axes)
     return figure

@@ -13,7 +13,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.show.figure import COLOURS, LEGEND, QUIET, caption, label, panels
+from workbench.show.figure import COLOURS, LEGEND, QUIET, caption, panels
+from workbench.show.tables import bracketed
 
 __all__ = ["EnvelopePanel", "plot_maps"]
 
@@ -87,7 +88,7 @@ def plot_maps(
             drawn = drawn if result is None else result
             ax.set(xlabel=axes[0][0], ylabel=axes[1][0], xlim=axes[0][1:], ylim=axes[1][1:])
         else:
-            _curve(ax, panel, label(f"margin of {quantity}", unit), axes[0])
+            _curve(ax, panel, bracketed(f"margin of {quantity}", unit), axes[0])
         ax.set_title(panel.title, loc="left")
         handles, texts = ax.get_legend_handles_labels()
         once = dict(zip(texts, handles, strict=True))
@@ -99,7 +100,7 @@ def plot_maps(
                 ncols=3,
             )
     if drawn is not None:
-        bar = figure.colorbar(drawn, ax=cells[: len(shown)], label=label(f"margin of {quantity}", unit))
+        bar = figure.colorbar(drawn, ax=cells[: len(shown)], label=bracketed(f"margin of {quantity}", unit))
         bar.set_ticks(_round_ticks(norm))
     if remark:
         caption(figure, remark)
