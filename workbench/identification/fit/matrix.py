@@ -22,7 +22,7 @@ import scipy.linalg
 import scipy.optimize
 from numpy.typing import NDArray
 
-from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.arrays import Complex, Floats, as_reals
 from workbench.identification.fit.rational import ResponseChannel, common_poles, paired, pole_spread
 
 __all__ = ["Points", "StateSpaceFit", "fitted_matrix"]
@@ -196,7 +196,7 @@ class _StateSpaceSides:
         # C (s I − A)⁻¹ B at each point, by its row of C and (s I − A)⁻¹ B.
         _, _, C, _ = _matrices(theta, self.wish.order, self.points.shape, full=self.wish.full)
         model = np.einsum("ki,ki->k", C[self.points.row], right) + D[self.points.row, self.points.column]
-        return _apart((model - self.points.value) * self.weight)
+        return as_reals((model - self.points.value) * self.weight)
 
     def slopes(self, theta: Floats) -> Floats:
         left, right, _ = self._parts(theta)
@@ -272,10 +272,6 @@ def _freed(points: Points, theta: Floats, wish: _Wish) -> Floats | None:
     C, D = _side(points, A, B, direct=wish.direct)
     a = [A[row, column] for row, column, _ in _places(wish.order, full=True)]
     return np.concatenate([a, B.ravel(), C.ravel(), D.ravel() if wish.direct else np.zeros(0)])
-
-
-def _apart(values: Complex) -> Floats:
-    return np.concatenate([values.real, values.imag])
 
 
 # -- the start -------------------------------------------------------------------------------------
@@ -375,7 +371,7 @@ def _side(points: Points, A: Floats, B: Floats, *, direct: bool) -> tuple[Floats
         weighted = np.hstack([right[at], through]) / points.sigma[at, None]
         matrix = np.vstack([weighted.real, weighted.imag])
         size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-        target = _apart(points.value[at] / points.sigma[at])
+        target = as_reals(points.value[at] / points.sigma[at])
         numbers = np.linalg.lstsq(matrix / size, target, rcond=1e-12)[0] / size
         C[i], D[i] = numbers[:n], numbers[n:] if direct else 0.0
     return C, D

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 import scipy.optimize
-from numpy.typing import NDArray
 
-from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.arrays import Complex, Floats, as_reals
 
 __all__ = ["Rational", "ResponseChannel", "common_poles", "fitted", "paired", "pole_spread"]
 
@@ -121,10 +119,10 @@ def fitted(
         theta[places] = np.maximum(theta[places], 2.0 * _LEAST)
 
     def misfit(theta: Floats) -> Floats:
-        return _apart((_value(theta, order, z, direct=direct) - value) * weight)
+        return as_reals((_value(theta, order, z, direct=direct) - value) * weight)
 
     def slopes(theta: Floats) -> Floats:
-        return np.asarray(np.array([_apart(c * weight) for c in _slopes(theta, order, z, direct=direct)]).T)
+        return np.asarray(np.array([as_reals(c * weight) for c in _slopes(theta, order, z, direct=direct)]).T)
 
     if not len(theta):
         return Rational(theta, 0, direct, scale, float(np.sum(misfit(theta) ** 2)), np.zeros((0, 0)))
@@ -137,10 +135,6 @@ def fitted(
     return Rational(
         result.x, order, direct, scale, float(2.0 * result.cost), np.linalg.pinv(information, hermitian=True)
     )
-
-
-def _apart(values: NDArray[np.complexfloating[Any, Any]]) -> Floats:
-    return np.concatenate([values.real, values.imag])
 
 
 def _sections(theta: Floats, order: int) -> tuple[Floats, Floats]:
@@ -191,9 +185,9 @@ def _from_poles(z: Complex, value: Complex, weight: Floats, poles: Complex, *, d
     columns += [np.ones(len(z), dtype=np.complex128)] if direct else []
     if not columns:
         return np.zeros(0)
-    matrix = np.array([_apart(c * weight) for c in columns]).T
+    matrix = np.array([as_reals(c * weight) for c in columns]).T
     size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-    numbers = np.linalg.lstsq(matrix / size, _apart(value * weight), rcond=1e-12)[0] / size
+    numbers = np.linalg.lstsq(matrix / size, as_reals(value * weight), rcond=1e-12)[0] / size
     theta = [x for j, (a1, a0) in enumerate(pairs) for x in (a1, a0, numbers[2 * j], numbers[2 * j + 1])]
     theta += [] if single is None else [single, numbers[2 * len(pairs)]]
     return np.array([*theta, *(numbers[-1:] if direct else ())])
@@ -237,9 +231,9 @@ class ResponseChannel:
         columns = [*basis, *([np.ones(len(self.s))] if direct else [])]
         if not basis:
             return np.zeros(0, dtype=np.complex128)
-        matrix = np.array([_apart(c * self.weight) for c in columns]).T
+        matrix = np.array([as_reals(c * self.weight) for c in columns]).T
         size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-        c = (np.linalg.lstsq(matrix / size, _apart(self.value * self.weight), rcond=1e-12)[0] / size)[: len(poles)]
+        c = (np.linalg.lstsq(matrix / size, as_reals(self.value * self.weight), rcond=1e-12)[0] / size)[: len(poles)]
         result = np.zeros(len(poles), dtype=np.complex128)
         k = 0
         for j, pole in enumerate(poles):
@@ -259,7 +253,7 @@ class ResponseChannel:
             direct: a constant is fitted.
         """
         own = [*basis, *([np.ones(len(self.s))] if direct else [])]
-        matrix = np.array([_apart(c * self.weight) for c in [*own, *(-self.value * c for c in basis), self.value]]).T
+        matrix = np.array([as_reals(c * self.weight) for c in [*own, *(-self.value * c for c in basis), self.value]]).T
         size = np.maximum(np.linalg.norm(matrix[:, : len(own)], axis=0), 1e-300)
         matrix[:, : len(own)] /= size
         R = np.asarray(np.linalg.qr(matrix, mode="r"))[len(own) :, len(own) :]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.records.record import RecordPart
-from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.arrays import Complex, Floats, as_reals
 from workbench.errors import InputError
 
 __all__ = ["WEIGHTINGS", "Weighting", "weighted"]
@@ -53,8 +53,8 @@ def weighted(first: Complex, second: Complex, h: Complex, *, method: str = "abso
     if method not in WEIGHTINGS:
         raise InputError(f"weighting '{method}' is unknown; known: {', '.join(WEIGHTINGS)}")
     size = np.ones_like(np.abs(h)) if method == "absolute" else 1.0 / np.abs(h)
-    columns = np.stack([_real(first * size), _real(second * size)], axis=1)
-    wanted = _real(h * size)
+    columns = np.stack([as_reals(first * size), as_reals(second * size)], axis=1)
+    wanted = as_reals(h * size)
     result, _, rank, _ = np.linalg.lstsq(columns / np.linalg.norm(columns, axis=0), wanted, rcond=1e-9)
     if rank < 2:
         raise InputError("the two control inputs act alike in the band: any weights do; leave the second out")
@@ -69,10 +69,6 @@ def weighted(first: Complex, second: Complex, h: Complex, *, method: str = "abso
         left=_relative(columns @ gains - wanted, wanted),
         left_alone=_relative(alone - wanted, wanted),
     )
-
-
-def _real(values: Complex) -> Floats:
-    return np.concatenate([values.real, values.imag])
 
 
 def _relative(error: Floats, wanted: Floats) -> float:
