@@ -16,6 +16,11 @@ __all__ = ["Forcing", "convert"]
 _JUMPS = 100  # of a signal that are looked at before the run
 
 
+def fitting(variable: Variable, value: Value) -> Value:
+    """Return a value as `convert` does; texts, and what is for a variable without numbers, as they are."""
+    return value if isinstance(value, str) or not variable.is_number else convert(variable, value)
+
+
 def convert(variable: Variable, value: float) -> Value:
     """Return `value` as the variable's type: numbers with a point are rounded for integers, Booleans are value ≥ 0.5.
 

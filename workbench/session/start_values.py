@@ -14,7 +14,7 @@ from workbench.errors import InputError
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value, Variable
 from workbench.session.evaluated_point import named_states
-from workbench.session.forcing import convert
+from workbench.session.forcing import convert, fitting
 
 __all__ = [
     "COMPUTED",
@@ -89,14 +89,10 @@ def misses(
         return []
     result = instance.access(variables).read()
     return [
-        Miss(v.name, _in_type(v, request[v.name]), value)
+        Miss(v.name, fitting(v, request[v.name]), value)
         for v, value in zip(variables, result, strict=True)
         if not _took(v, request[v.name], value, near * (known.get(v.name) or v.nominal or 1.0))
     ]
-
-
-def _in_type(variable: Variable, wanted: Value) -> Value:
-    return wanted if isinstance(wanted, str) or not variable.is_number else convert(variable, wanted)
 
 
 def _took(variable: Variable, wanted: Value, result: Value, near: float) -> bool:

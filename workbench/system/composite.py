@@ -23,7 +23,7 @@ from workbench.fmi.library import Library
 from workbench.fmi.variable import Value, Variable
 from workbench.fmi.wiring import Wiring
 from workbench.session.evaluated_point import named_states
-from workbench.session.forcing import convert
+from workbench.session.forcing import convert, fitting
 from workbench.system.propagation import Propagation
 from workbench.system.tangent import SystemJacobian
 
@@ -374,10 +374,5 @@ class CompositeAccess(VariableAccess):
 
     def write(self, values: Sequence[Value]) -> None:
         for access, indices in self._writers:
-            access.write([_fitting(v, values[i]) for v, i in zip(access.variables, indices, strict=True)])
+            access.write([fitting(v, values[i]) for v, i in zip(access.variables, indices, strict=True)])
         self._instance.touch()
-
-
-def _fitting(variable: Variable, value: Value) -> Value:
-    """Return `value` as the part's variable takes it."""
-    return value if isinstance(value, str) or not variable.is_number else convert(variable, value)

@@ -63,7 +63,7 @@ class _Resolver:
     """One pass over a description; `drivers` remembers what drives each input."""
 
     def __init__(self, description: SystemDescription, variables: Sequence[Sequence[Variable]]) -> None:
-        self.description = description
+        self.description, self._full = description, description.full_name
         self.variables = variables
         names = [c.name for c in description.components]
         _check_unique(names)
@@ -195,9 +195,6 @@ class _Resolver:
         if free:
             shown = ", ".join(free[:12]) + (f", … ({len(free)} in all)" if len(free) > 12 else "")
             yield f"not connected, these inputs keep their start values: {shown}"
-
-    def _full(self, port: Port) -> str:
-        return f"{self.description.components[port.component].name}.{port.variable.name}"
 
 
 def _start(component: Component, variable: Variable) -> str:

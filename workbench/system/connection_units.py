@@ -53,7 +53,7 @@ class UnitCheck:
     """Turns the units of connections into factors and offsets."""
 
     def __init__(self, description: SystemDescription) -> None:
-        self.description = description
+        self.description, self._name = description, description.full_name
         self._converted: list[str] = []
         self._one_sided: list[str] = []
 
@@ -161,9 +161,6 @@ class UnitCheck:
         if (given or taken or _NONE) != _NONE:
             ends = (f"{self._name(p)} ({unit or 'none'})" for p, unit in ((source, given), (target, taken)))
             self._one_sided.append(" → ".join(ends))
-
-    def _name(self, port: Port) -> str:
-        return f"{self.description.components[port.component].name}.{port.variable.name}"
 
     # -- lookup -----------------------------------------------------------------------------------------
 

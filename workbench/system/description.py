@@ -22,7 +22,6 @@ __all__ = [
     "BlockComponent",
     "Component",
     "Connection",
-    "Floats",
     "FmuComponent",
     "FunctionComponent",
     "GainComponent",
@@ -224,7 +223,7 @@ class MasterOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class SystemDescription:
-    """A system as it is written down; nothing is opened or checked against FMUs yet (`health.resolve` does that).
+    """A system as it is written down; nothing is opened or checked against FMUs yet (`connection_checks.resolve` does).
 
     Attributes:
         name: name of the system.
@@ -252,6 +251,10 @@ class SystemDescription:
     units: Mapping[str, Unit] = field(default_factory=dict)
     source: str = ""
     folder: Unpacked | None = field(default=None, repr=False, compare=False)
+
+    def full_name(self, port: Port) -> str:
+        """Return "component.variable"."""
+        return f"{self.components[port.component].name}.{port.variable.name}"
 
 
 @dataclass(frozen=True)
