@@ -16,6 +16,7 @@ from fmpy.model_description import CoSimulation, DefaultExperiment, ModelDescrip
 
 from workbench.build.container_parts import ContainerPart, container_part, container_wires, word
 from workbench.build.container_variables import ContainerVariable, shown_units, shown_variables
+from workbench.build.fmu import FMI_VERSIONS
 from workbench.core.machine.files import file_to_write, pack
 from workbench.core.machine.scratch import scratch
 from workbench.errors import InputError
@@ -30,8 +31,6 @@ from workbench.system.files.read import read_system
 from workbench.system.recipe import SystemRecipe
 
 __all__ = ["ContainerResult", "export_container"]
-
-FMI_VERSIONS = (2, 3)
 
 
 @dataclass(frozen=True)

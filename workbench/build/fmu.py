@@ -31,10 +31,10 @@ from workbench.core.records.names_in_text import OUR_TOOL
 from workbench.core.records.record import entry
 from workbench.errors import BuildError, suggest
 from workbench.jobs.job import Job
+from workbench.model.loading import DEFAULT_TOLERANCE
 from workbench.requests.decorator import with_origin
 from workbench.show.result import Result
 
-DEFAULT_TOLERANCE = 1.0e-6
 FMI_VERSIONS = (2, 3)
 _MODEL = "model.c"  # the one C file that is the model's own
 

@@ -85,7 +85,7 @@ def matrices_of(model: object) -> StateSpaceFile:
     data = _mapping(model)
     missing = [key for key in _REQUIRED if key not in data]
     if missing:
-        raise InputError(f"this is not a linear model: {_list(missing)} missing{_hint(data)}")
+        raise InputError(f"this is not a linear model: {', '.join(missing)} missing{_hint(data)}")
     return _checked(data)
 
 
@@ -113,11 +113,7 @@ def _of_control(model: object) -> Mapping[str, Any]:
 def _hint(data: Mapping[str, Any]) -> str:
     if "points" in data:
         return " (it holds several models, one for each point: export one of them)"
-    return f" (it has {_list(sorted(map(str, data))[:12])})" if data else ""
-
-
-def _list(names: Sequence[str]) -> str:
-    return ", ".join(names)
+    return f" (it has {', '.join(sorted(map(str, data))[:12])})" if data else ""
 
 
 # -- checks ------------------------------------------------------------------------------------
@@ -226,7 +222,8 @@ def _vector(data: Mapping[str, Any], name: str, names: Sequence[str]) -> Floats:
         value = [value.get(n, 0.0) for n in names]
     result = _array(value, name)
     if result.shape != (len(names),):
-        raise InputError(f"{name} has the shape {_shape(result)}, but needs {len(names)} numbers: {_list(names)[:80]}")
+        wanted = ", ".join(names)[:80]
+        raise InputError(f"{name} has the shape {_shape(result)}, but needs {len(names)} numbers: {wanted}")
     bad = np.flatnonzero(~np.isfinite(result))
     if len(bad):
         raise InputError(f"{name}: the value of '{names[bad[0]]}' is not a finite number")

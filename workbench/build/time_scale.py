@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.build.describe import BuiltExperiment
-from workbench.build.fmu import DEFAULT_TOLERANCE
 from workbench.build.matrices import StateSpaceFile
 from workbench.core.values.arrays import Floats
 from workbench.core.values.matrices import resolvent
+from workbench.model.loading import DEFAULT_TOLERANCE
 
 __all__ = ["default_experiment", "nominals"]
 

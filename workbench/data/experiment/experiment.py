@@ -94,10 +94,11 @@ class Experiment(RecordPart):
     @property
     def units(self) -> dict[str, str | None]:
         """Name of a column → unit."""
-        return dict(zip(self._names, (*self.input_units, *self.output_units), strict=True))
+        return dict(zip(self.names, (*self.input_units, *self.output_units), strict=True))
 
     @property
-    def _names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
+        """Names of all columns, inputs first."""
         return (*self.input_names, *self.output_names)
 
     def part(self, first: int, last: int | None = None) -> Experiment:
@@ -130,8 +131,8 @@ class Experiment(RecordPart):
         Raises:
             InputError: no such column, none at all, a column both input and output.
         """
-        check_choice(self.name, inputs, outputs, self._names)
-        every = dict(zip(self._names, np.hstack([self.u, self.y]).T, strict=True))
+        check_choice(self.name, inputs, outputs, self.names)
+        every = dict(zip(self.names, np.hstack([self.u, self.y]).T, strict=True))
         units = self.units
         return replace(
             self,

@@ -29,11 +29,6 @@ class PreprocessingStep:
     what: str
 
 
-def all_columns(experiment: Experiment) -> tuple[str, ...]:
-    """Return the names of all columns, inputs first."""
-    return (*experiment.input_names, *experiment.output_names)
-
-
 def check_columns(experiment: Experiment, columns: Sequence[str] | None, known: Sequence[str]) -> tuple[str, ...]:
     """Return the columns asked for, all known ones where none are.
 
@@ -97,7 +92,7 @@ def detrend(experiment: Experiment, *, kind: str = "constant", columns: Sequence
     """
     if kind not in KINDS:
         raise InputError(f"detrend kind '{kind}' is unknown; {suggest(kind, KINDS)}")
-    names = all_columns(experiment)
+    names = experiment.names
     chosen = check_columns(experiment, columns, names)
     clock = experiment.time - experiment.time.mean()
     values = np.hstack([experiment.u, experiment.y])
@@ -123,7 +118,7 @@ def remove_offset(experiment: Experiment, values: Mapping[str, float]) -> Detren
         >>> print(wb.remove_offset(data, {"y": 2.0}).experiment.y[:, 0])
         [0. 1. 2. 3.]
     """
-    names = all_columns(experiment)
+    names = experiment.names
     chosen = check_columns(experiment, list(values), names)
     for name, value in values.items():
         if not np.isfinite(value):
@@ -133,7 +128,7 @@ def remove_offset(experiment: Experiment, values: Mapping[str, float]) -> Detren
 
 
 def _without(experiment: Experiment, offset: Floats, slope: Floats, what: str) -> Detrended:
-    names, m = all_columns(experiment), experiment.n_inputs
+    names, m = experiment.names, experiment.n_inputs
     trend = offset + np.outer(experiment.time - experiment.time.mean(), slope)
     new = experiment.with_data(u=experiment.u - trend[:, :m], y=experiment.y - trend[:, m:], note=what)
     offsets, slopes = (dict(zip(names, v.tolist(), strict=True)) for v in (offset, slope))
@@ -186,7 +181,7 @@ def scale(experiment: Experiment, *, by: str | Mapping[str, float] = "deviation"
         >>> print(wb.scale(data, by="peak").experiment.u[:, 0])
         [ 0.  1. -1.  0.]
     """
-    names, m = all_columns(experiment), experiment.n_inputs
+    names, m = experiment.names, experiment.n_inputs
     values = np.hstack([experiment.u, experiment.y])
     if isinstance(by, str):
         if by not in MEASURES:

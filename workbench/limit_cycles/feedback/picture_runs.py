@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.polynomial import Polynomial
 
+from workbench.limit_cycles.feedback.run import HANDED
 from workbench.show.figure import COLOURS, LEGEND, panels
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from workbench.limit_cycles.feedback.settling import SettlingStudy
 
 __all__ = ["draw_settling", "plot_feedback_run", "plot_settling"]
-
-_HANDED = "handed to the target"
 
 
 def plot_feedback_run(run: FeedbackRun) -> Figure:
@@ -57,17 +56,17 @@ _Curves = list[tuple[str, "Floats"]]
 def _rows(run: FeedbackRun) -> list[tuple[str | None, _Curves, float | None]]:
     """Return unit, curves and limit of each row of panels."""
     motion = list(dict.fromkeys([run.source, run.watch]))
-    unit = run.units.get(_HANDED)
+    unit = run.units.get(HANDED)
     rate_unit = f"{unit}/s" if unit else None
-    rest = [n for n in run.signals if n not in motion and n != _HANDED]
+    rest = [n for n in run.signals if n not in motion and n != HANDED]
     like = [n for n in rest if unit and run.units.get(n) == unit]
     fast = [n for n in rest if rate_unit and run.units.get(n) == rate_unit]
     rows: list[tuple[str | None, _Curves, float | None]] = [
         (run.units.get(n), [(n, run.signals[n])], None) for n in motion
     ]
-    handed: _Curves = [(f"feedback to {run.target}", run.signals[_HANDED])]
+    handed: _Curves = [(f"feedback to {run.target}", run.signals[HANDED])]
     rows.append((unit, handed + [(n, run.signals[n]) for n in like], run.limit))
-    speed: _Curves = [("its rate", np.gradient(run.signals[_HANDED], run.time))]
+    speed: _Curves = [("its rate", np.gradient(run.signals[HANDED], run.time))]
     rows.append((rate_unit, speed + [(n, run.signals[n]) for n in fast], run.rate_limit))
     rows += [(run.units.get(n), [(n, run.signals[n])], None) for n in rest if n not in (*like, *fast)]
     return rows

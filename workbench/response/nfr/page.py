@@ -12,13 +12,13 @@ from workbench.core.records.names_in_text import unit_of_ratio
 from workbench.response.branches.page import branches_table, folds_table, jumping
 from workbench.response.nfr.curve import DROP_DB, ResonancePeak, fall_of, peak_of
 from workbench.response.nfr.result import MISSING, NfrResult, percent
+from workbench.response.nfr.settling import NO_EFFECT
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number, sentence
 from workbench.show.verdicts import Verdict
 
 __all__ = ["nfr_page"]
 
-_NO_EFFECT = "no effect"
 _SMALL = 0.01  # errors that say that amplitudes agree
 _NOTHING = 1e-6  # of the output's amplitude: a mean below it is rounding
 _UNKNOWN = "averaged, error unknown"
@@ -26,7 +26,7 @@ _MEANING = {
     _UNKNOWN: "not settled, error unknown: the value may be far off",
     "averaged": "not settled: the value is only as accurate as its error",
     "settled": "the response no longer changed from period to period",
-    _NO_EFFECT: "the input does not move the output, or only by rounding errors",
+    NO_EFFECT: "the input does not move the output, or only by rounding errors",
 }
 
 
@@ -148,7 +148,7 @@ def _spread(result: NfrResult) -> float:
 
 def _verdicts(result: NfrResult) -> list[Verdict]:
     idle = result.gain == 0.0
-    words = np.where(idle, _NO_EFFECT, np.array(result.status, dtype=object))
+    words = np.where(idle, NO_EFFECT, np.array(result.status, dtype=object))
     words[(words == "averaged") & np.isnan(result.error)] = _UNKNOWN
     counts = Counter(words.ravel().tolist())
     solution = [
@@ -188,7 +188,7 @@ def _values(result: NfrResult, i: int) -> Section:
             _offset(result, i, j),
             _thd(float(result.thd[i, j]), float(result.error[i, j])),
             str(result.periods[i, j]),
-            _NO_EFFECT if result.gain[i, j] == 0.0 else result.status[i][j],
+            NO_EFFECT if result.gain[i, j] == 0.0 else result.status[i][j],
         )
         for j, f in enumerate(result.frequency_hz.tolist())
         if not _is_missing(result, i, j)

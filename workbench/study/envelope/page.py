@@ -11,6 +11,7 @@ from workbench.errors import InputError
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, sentence
 from workbench.show.verdicts import Verdict
+from workbench.study.envelope.result import margin_of
 from workbench.study.envelope.surface import Surface
 from workbench.study.requirements.base import Scalar, number
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from workbench.study.envelope.picture import EnvelopePanel
     from workbench.study.envelope.probability import Probability
-    from workbench.study.envelope.result import EnvelopePoint, EnvelopeResult
+    from workbench.study.envelope.result import EnvelopeResult
 
 __all__ = ["envelope_page", "plot_envelope"]
 
@@ -179,15 +180,11 @@ def _points(result: EnvelopeResult) -> Iterator[Section]:
         words = [f"{more} more are in the JSON and the CSV."] if more else []
         table = PageTable(("failure", "point", "reason"), without)
         yield Section("Points without a value", paragraphs=words, tables=[table])
-    ordered = sorted((p for p in result.points if p.margin is not None), key=_margin)[:_MOST]
+    ordered = sorted((p for p in result.points if p.margin is not None), key=margin_of)[:_MOST]
     if ordered:
         rows = [(p.failure or "–", _values(p.values), number(p.value), f"{p.margin:+.4g}", p.where) for p in ordered]
         title = f"The {len(ordered)} points with the smallest margins"
         yield Section(title, tables=[PageTable(("failure", "point", "value", "margin", "where"), rows)])
-
-
-def _margin(point: EnvelopePoint) -> float:
-    return np.inf if point.margin is None else point.margin
 
 
 # -- the picture -------------------------------------------------------------------------------

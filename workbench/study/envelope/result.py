@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,7 @@ from workbench.show.result import Result
 from workbench.study.envelope.probability import Probability
 from workbench.study.requirements.base import Scalar
 
-__all__ = ["Border", "EnvelopeParameter", "EnvelopePoint", "EnvelopeResult", "WorstCase"]
+__all__ = ["Border", "EnvelopeParameter", "EnvelopePoint", "EnvelopeResult", "WorstCase", "margin_of"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +56,11 @@ class EnvelopePoint(RecordPart):
     passed: bool | None
     where: str = ""
     reason: str = ""
+
+
+def margin_of(point: EnvelopePoint) -> float:
+    """Return the margin of a point, by which points are put in order; infinite where it has none."""
+    return math.inf if point.margin is None else point.margin
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,14 @@ from workbench.study.envelope.borders import border_points, borders_in
 from workbench.study.envelope.evaluate import Evaluator
 from workbench.study.envelope.probability import Probability, probability, together
 from workbench.study.envelope.request import EnvelopeOf
-from workbench.study.envelope.result import Border, EnvelopeParameter, EnvelopePoint, EnvelopeResult, WorstCase
+from workbench.study.envelope.result import (
+    Border,
+    EnvelopeParameter,
+    EnvelopePoint,
+    EnvelopeResult,
+    WorstCase,
+    margin_of,
+)
 from workbench.study.envelope.sampling import COUNTS, planned, point_of
 from workbench.study.envelope.search import search
 from workbench.study.envelope.worst import system_at
@@ -138,7 +145,7 @@ class _EnvelopeRun:
 
     def _find_worst(self) -> None:
         spent, failed, result = 0, 0, "plan"
-        worst = min((p for p in self._points if p.margin is not None), key=_margin, default=None)
+        worst = min((p for p in self._points if p.margin is not None), key=margin_of, default=None)
         if self._envelope.search and worst is None:
             self._notes.append("no search for the worst case: no point of the plan has a margin")
         elif self._envelope.search:
@@ -148,7 +155,7 @@ class _EnvelopeRun:
                     break
                 point, evaluations, without = self._search(failure)
                 spent, failed = spent + evaluations, failed + without
-                if point is not None and worst is not None and _margin(point) < _margin(worst):
+                if point is not None and worst is not None and margin_of(point) < margin_of(worst):
                     worst, result = point, "search"
         if worst is not None:
             self._worst = self._as_worst(worst, result, spent, failed)
@@ -173,12 +180,12 @@ class _EnvelopeRun:
         own = [p for p in self._points if p.failure == failure and p.margin is not None]
         own = [p for p in own if all(_inside(s, p.values[s.name]) for s in spreads)]
         places = np.array([[s.place(p.values[s.name]) for s in spreads] for p in own]).reshape(-1, len(spreads))
-        known = (places, np.array([_margin(p) for p in own]))
+        known = (places, np.array([margin_of(p) for p in own]))
         envelope = self._envelope
         try:
             result = search(margins, len(spreads), known=known, evaluations=envelope.search, seed=envelope.seed)
         except KeyboardInterrupt:
-            best = min((p for p in looked_at.values() if p.margin is not None), key=_margin, default=None)
+            best = min((p for p in looked_at.values() if p.margin is not None), key=margin_of, default=None)
             return best, len(looked_at), sum(p.margin is None for p in looked_at.values())
         return looked_at.get(result.place.tobytes()), result.evaluations, result.failed
 
@@ -278,10 +285,6 @@ def _point(point: GridPoint, result: Compliance) -> EnvelopePoint:
         where=result.where,
         reason=result.reason,
     )
-
-
-def _margin(point: EnvelopePoint) -> float:
-    return np.inf if point.margin is None else point.margin
 
 
 def _inside(spread: Any, value: Any) -> bool:  # noqa: ANN401
