@@ -10,17 +10,19 @@ from scripts.reproduce.chapter3 import linearised as linearised_as_published
 from scripts.reproduce.measurement import Reproduction
 from scripts.reproduce.targets import read_targets
 from tests.lin_fmus import fmu
+from workbench.core.records.forms import Widths
 from workbench.model.load import load
 from workbench.point.lin.request import lin
 from workbench.point.lin.result import LinResult
-from workbench.point.lin.task import Width
 
 EXAMPLES = examples()
 TARGETS = read_targets()
 C, D = np.array([0.6407, 0.6794]), 0.43  # in front of the blocks
 
 
-def linearised(name: str, x0: list[float], u0: float, dx: Width, du: Width, method: str = "difference") -> LinResult:
+def linearised(
+    name: str, x0: list[float], u0: float, dx: Widths | None, du: Widths | None, method: str = "difference"
+) -> LinResult:
     with load(fmu(name), "me") as model:
         states = dict(zip([v.name for v in model.states], x0, strict=True))
         return lin(model, x0=states, u0={"u": u0}, dx=dx, du=du, method=method).result

@@ -33,9 +33,9 @@ def is_bundled_system(name: str) -> bool:
     return name.startswith(_SYSTEM)
 
 
-def bundled_names(version: str = "2") -> tuple[str, ...]:
-    """Return the names of the bundled FMUs of one FMI version, sorted."""
-    return tuple(bundled_files(_FOLDERS[version], ".fmu"))
+def bundled_names() -> tuple[str, ...]:
+    """Return the names of the bundled FMUs, sorted; each is there in FMI 2.0 and 3.0."""
+    return tuple(bundled_files(_FOLDERS["2"], ".fmu"))
 
 
 def bundled_systems() -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from workbench.core.machine.closable import Closable
 from workbench.core.values.arrays import Floats
 from workbench.signals.kinds import Signal
 
-__all__ = ["Floats", "Recorded", "Session", "Snapshot"]
+__all__ = ["Recorded", "Session", "Snapshot"]
 
 
 @dataclass(frozen=True)

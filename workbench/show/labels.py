@@ -22,6 +22,7 @@ __all__ = ["Names", "name_lines", "name_points"]
 
 # Distances between a mark and its name [points], and how many directions are tried at each.
 _DISTANCES, _DIRECTIONS = (5.0, 12.0, 22.0, 34.0, 48.0, 64.0, 84.0, 108.0), 16
+_COLOUR = "#333333"  # of names beside points
 _LEADER = 11.0  # from this distance on a line leads from the mark to its name [points]
 _ROOM = 2.0  # around a name [points]
 _STEP, _MOST = 3.0, 20_000  # distance of the points of a curve that are looked at [points], and their number
@@ -29,19 +30,16 @@ _STEP, _MOST = 3.0, 20_000  # distance of the points of a curve that are looked 
 _OVER_NAME, _OUTSIDE, _OVER_MARK, _OVER_CURVE = 1e6, 1e5, 2e3, 20.0
 
 
-def name_points(
-    ax: Axes, points: Sequence[tuple[float, float]], texts: Sequence[str], *, colour: str = "#333333"
-) -> None:
+def name_points(ax: Axes, points: Sequence[tuple[float, float]], texts: Sequence[str]) -> None:
     """Write names beside points of axes; those outside what is shown are left out.
 
     Args:
         ax: where.
         points: x and y of each, in the coordinates of the data.
         texts: a name for each; the first ones are placed first.
-        colour: of the names.
     """
     if points:
-        ax.add_artist(Names(points, texts, colour))
+        ax.add_artist(Names(points, texts, _COLOUR))
 
 
 @dataclass(eq=False)
@@ -63,10 +61,7 @@ class _LabelBox:
     frame: Bbox
 
 
-def name_lines(
-    ax: Axes, begin: tuple[float, float], ends: Sequence[tuple[float, float]], texts: Sequence[str], *,
-    colour: str = QUIET,
-) -> None:  # fmt: skip
+def name_lines(ax: Axes, begin: tuple[float, float], ends: Sequence[tuple[float, float]], texts: Sequence[str]) -> None:
     """Write names on straight lines that begin at one point.
 
     Args:
@@ -74,9 +69,8 @@ def name_lines(
         begin: x and y where they begin, in the coordinates of the data.
         ends: x and y where each ends.
         texts: a name for each.
-        colour: of the names.
     """
-    ax.add_artist(Names(ends, texts, colour, begin))
+    ax.add_artist(Names(ends, texts, QUIET, begin))
 
 
 class Names(Artist):

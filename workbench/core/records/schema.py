@@ -5,7 +5,7 @@ Source: JSON Schema, draft 2020-12.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from workbench.core.records.forms import Layout
@@ -47,18 +47,16 @@ def option_schema(declared: DeclaredOption) -> dict[str, Any]:
     return {**said, "anyOf": given}
 
 
-def table_schema(options: Mapping[str, DeclaredOption], needed: Iterable[str] = ()) -> dict[str, Any]:
+def table_schema(options: Mapping[str, DeclaredOption]) -> dict[str, Any]:
     """Return the schema of a table of options.
 
     Args:
         options: key → option.
-        needed: keys that have to be there, besides those of options without a default.
     """
-    required = [key for key, declared in options.items() if declared.required]
     return {
         "type": "object",
         "properties": {key: option_schema(declared) for key, declared in options.items()},
-        "required": [*required, *(key for key in needed if key not in required)],
+        "required": [key for key, declared in options.items() if declared.required],
         "additionalProperties": False,
     }
 

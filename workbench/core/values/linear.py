@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     import control
 
-__all__ = ["NO_INPUT", "Complex", "Floats", "Linear", "LinearPart"]
+__all__ = ["NO_INPUT", "Linear", "LinearPart"]
 
 NO_INPUT = "no_input"  # of models without inputs, in python-control
 _EPS = float(np.finfo(np.float64).eps)

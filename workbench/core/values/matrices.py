@@ -13,8 +13,6 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError
 
 __all__ = [
-    "Complex",
-    "Floats",
     "as_sparse",
     "balance",
     "exponentials",

@@ -17,7 +17,7 @@ from workbench.core.values.matrices import as_sparse, balance, is_sparse
 from workbench.core.values.poles import VANISHED, continuous
 from workbench.errors import SimulationError
 
-__all__ = ["Complex", "Poles", "poles_near", "poles_of"]
+__all__ = ["Poles", "poles_near", "poles_of"]
 
 _ROUNDING = 20.0
 _LARGE = 300  # states; of fewer all poles are found as fast

@@ -13,7 +13,7 @@ from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, suggest
 
-__all__ = ["Complex", "WindowSettings", "choose_window", "cross_spectra"]
+__all__ = ["WindowSettings", "choose_window", "cross_spectra"]
 
 WINDOWS = ("hann", "hamming", "blackman", "bartlett", "flattop", "boxcar")
 

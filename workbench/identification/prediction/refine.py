@@ -198,14 +198,13 @@ class _Equations:
         return float(np.sum(self.whitened[1] ** 2))
 
 
-def instrumented(start: Innovations, record: Record, driven: Floats, *, most: int = _MOST_NEWTON) -> Refined | None:
+def instrumented(start: Innovations, record: Record, driven: Floats) -> Refined | None:
     """Return the model whose errors know nothing of the reference, by damped Newton steps from near it.
 
     Args:
         start: with a stable plant and a disturbance of its own.
         record: u (N, m) and y (N, p), of size one.
         driven: shape (N, m), that part of u which the reference makes.
-        most: steps.
 
     Returns:
         The model with the inverse of its covariance as information; None where the equations have no solution near, or
@@ -214,7 +213,7 @@ def instrumented(start: Innovations, record: Record, driven: Floats, *, most: in
     entries, damping = start.free(), _FIRST
     try:
         now = _equations(start.held().balanced(), record, driven, entries)
-        for steps in range(most + 1):
+        for steps in range(_MOST_NEWTON + 1):
             if now.distance < _MET:
                 left = now.whitened[0]
                 return Refined(

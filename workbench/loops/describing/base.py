@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
 
-__all__ = ["HARMONICS", "Complex", "DescribedBlock", "Floats"]
+__all__ = ["HARMONICS", "DescribedBlock"]
 
 
 HARMONICS = 7

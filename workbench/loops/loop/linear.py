@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.core.records.forms import Widths
 from workbench.core.records.option import values_of
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.margins import Margins
@@ -20,14 +21,14 @@ from workbench.model.sample_rates import sampled
 from workbench.point.lin.linearise import run
 from workbench.point.lin.request import Lin, lin_result
 from workbench.point.lin.result import LinResult
-from workbench.point.lin.task import Width, make_task
+from workbench.point.lin.task import make_task
 
 __all__ = ["linear_loop"]
 
 _REST = 1e-6  # a derivative above this part of (value + 1) is motion
 
 
-def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Width = None, du: float | None = None) -> LinearLoop:
+def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Widths | None = None, du: float | None = None) -> LinearLoop:
     """Linearise the opened system and close the loop again on paper.
 
     With all else as it is, a signal z passed on behind the cut comes back as y = R z; R is the return ratio and

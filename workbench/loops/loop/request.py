@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from workbench.core.records.forms import FILE, ONE, Amounts, Band, Form, Numbers, several
+from workbench.core.records.forms import FILE, ONE, Amounts, Band, Form, Numbers, Widths, several
 from workbench.core.records.named import named
 from workbench.core.records.option import DeclaredOption, option
 from workbench.core.values.operating_point import At
@@ -20,7 +20,6 @@ from workbench.response.nfr.frequency_grid import frequency_grid, positive_value
 if TYPE_CHECKING:
     from workbench.loops.loop.result import LoopResult
     from workbench.model import Model
-    from workbench.point.lin.task import Width
 
 __all__ = ["Loop", "Open", "loop"]
 
@@ -140,7 +139,7 @@ class Loop(InWorkers, ModelRequest["LoopResult"]):
     )
     trim: bool = option("Trim the closed loop first, and open it at that point.", default=False)
     method: str = option("Method of linearisation; auto chooses.", choices=METHOD_NAMES, default="auto")
-    dx: Width = option("Total width of the perturbation of the states, as in `lin`.", python=True, default=None)
+    dx: Widths | None = option("Total width of the perturbation of the states, as in `lin`.", python=True, default=None)
     du: float | None = option(
         "Total width of the perturbation of the signal at the opened connection, as in `lin`.",
         python=True,

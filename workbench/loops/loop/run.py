@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.core.records.forms import several
+from workbench.core.records.forms import Widths, several
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
@@ -14,7 +14,6 @@ from workbench.loops.loop.request import Loop
 from workbench.loops.loop.result import LinearLoop, LoopResult
 from workbench.model import Model
 from workbench.model.operating_point import find_point, named, standing
-from workbench.point.lin.task import Width
 from workbench.point.trim.request import trim
 from workbench.response.nfr.frequency_grid import frequency_grid
 
@@ -75,7 +74,7 @@ def _measured(
 
 
 def _linear(
-    cut: CutLoop, method: str, dx: Width, du: float | None, *, needed: bool
+    cut: CutLoop, method: str, dx: Widths | None, du: float | None, *, needed: bool
 ) -> tuple[LinearLoop | None, list[str]]:
     try:
         result = linear_loop(cut, method=method, dx=dx, du=du)

@@ -32,7 +32,7 @@ from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import make_task, point_in_full
 from workbench.point.trim.request import trim
 
-__all__ = ["along", "linearise_one", "over", "with_parameters"]
+__all__ = ["along", "linearise_one", "over"]
 
 # To be raised whenever a change of the code changes a result: stored results of both are not mixed.
 _ALGORITHM = 1

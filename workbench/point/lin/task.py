@@ -26,7 +26,6 @@ __all__ = [
     "HELD",
     "NOT_AT_REST",
     "LinTask",
-    "Width",
     "columns_of",
     "moving_note",
     "no_equations",
@@ -35,8 +34,6 @@ __all__ = [
     "sampled_note",
     "width_for",
 ]
-
-Width = Widths | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,8 +61,8 @@ class LinTask:
     outputs: tuple[str, ...]
     values: Mapping[str, float] = field(default_factory=dict)
     time: float = 0.0
-    dx: Width = None
-    du: Width = None
+    dx: Widths | None = None
+    du: Widths | None = None
     btptol: float = TOGETHER
     period: float | None = None
     points: int = 400
@@ -212,7 +209,7 @@ def columns_of(task: LinTask, point: ModelPoint) -> list[int]:
     return [names.index(n) for n in task.inputs]
 
 
-def width_for(widths: Width, names: Sequence[str], *, what: str) -> Floats:
+def width_for(widths: Widths | None, names: Sequence[str], *, what: str) -> Floats:
     """Return a total width for each name, NaN where one is to be chosen, shape (len(names),).
 
     Raises:

@@ -11,7 +11,7 @@ from workbench.core.records.option import Options, options_of, values_of
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 
-__all__ = ["Block", "BlockStateSpace", "Described", "Floats", "Matrix", "Values"]
+__all__ = ["Block", "BlockStateSpace", "Described", "Matrix", "Values"]
 
 
 def _rows(value: Any) -> tuple[tuple[float, ...], ...]:  # noqa: ANN401 - what Python or a TOML file holds
