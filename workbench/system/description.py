@@ -253,7 +253,11 @@ class SystemDescription:
     folder: Unpacked | None = field(default=None, repr=False, compare=False)
 
     def full_name(self, port: Port) -> str:
-        """Return "component.variable"."""
+        """Return "component.variable".
+
+        Args:
+            port: variable of a component of this system.
+        """
         return f"{self.components[port.component].name}.{port.variable.name}"
 
 
