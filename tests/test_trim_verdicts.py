@@ -56,7 +56,7 @@ def test_a_rod_with_a_bent_law_rests_where_its_law_does(f: Callable[[Floats], Fl
     result = trim(Plant(Equations(x=start, f=rates, nominal=dict.fromkeys(names, 1.0))))
     assert result.converged == rests
     if rests:
-        assert list(result.point.x.values()) == pytest.approx(rest.tolist(), abs=1e-7)
+        assert list(result.operating_point.x.values()) == pytest.approx(rest.tolist(), abs=1e-7)
 
 
 @pytest.mark.parametrize("interface", ["me", "cs"])
