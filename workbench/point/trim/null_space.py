@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.values.arrays import Floats
+from workbench.core.values.matrices import as_sparse, is_sparse
 
 __all__ = ["RANK", "Factors", "Solver", "least_norm", "null_space", "readable", "regular", "staged_step"]
 
@@ -16,7 +17,6 @@ Solver = Callable[[Floats], Floats]
 
 RANK = 1e-7  # singular values below this part of the largest count as zero
 LARGE = 32  # unknowns: singular values of fewer take less than a millisecond
-_SPARSE = 0.1  # part of the entries that are not zero: below, sparse factors are cheaper
 _ITERATIONS = 30  # of the smallest singular value, which falls with each …
 _SETTLED = 0.99  # … until it falls by less than this
 _CLEARLY = 1.25  # times RANK: what it may still fall by
@@ -91,12 +91,11 @@ def regular(jacobian: Floats, *, size: float = 0.0) -> Factors | None:
 
 def _factored(matrix: Floats) -> tuple[Solver, Solver] | None:
     """Return what solves A x = b and Aᵀ x = b; None: A is singular to rounding."""
-    if np.count_nonzero(matrix) < _SPARSE * matrix.size:
-        from scipy.sparse import csc_array  # noqa: PLC0415 - slow to import, and seldom needed
-        from scipy.sparse.linalg import splu  # noqa: PLC0415
+    if is_sparse(matrix):
+        from scipy.sparse.linalg import splu  # noqa: PLC0415 - slow to import, and seldom needed
 
         try:
-            lu = splu(csc_array(matrix))
+            lu = splu(as_sparse(matrix, "csc"))
         except RuntimeError:  # a pivot is zero
             return None
         return lu.solve, lambda b: lu.solve(b, trans="T")
