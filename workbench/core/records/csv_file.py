@@ -43,14 +43,22 @@ def write_csv(
 
 
 def _write(file: TextIO, rows: Iterable[Sequence[Any]], units: Mapping[str, str | None]) -> None:
-    writer = csv.writer(file, lineterminator="\n")
-    heading = True
-    for row in rows:
-        if len(row) == 1 and str(row[0]).startswith("#"):
-            file.write(f"{row[0]}\n")  # quotes around it would make it a cell
-        else:
-            writer.writerow([_cell(_headed(cell, units) if heading else cell) for cell in row])
-            heading = False
+    writer, left = csv.writer(file, lineterminator="\n"), iter(rows)
+    for row in left:
+        if not _remarked(file, row):
+            writer.writerow([_cell(_headed(cell, units)) for cell in row])
+            break
+    writer.writerows(
+        [cell if type(cell) is float else _cell(cell) for cell in row] for row in left if not _remarked(file, row)
+    )
+
+
+def _remarked(file: TextIO, row: Sequence[Any]) -> bool:
+    """Write a remark, and return whether it was one; quotes around it would make it a cell."""
+    if len(row) != 1 or not str(row[0]).startswith("#"):
+        return False
+    file.write(f"{row[0]}\n")
+    return True
 
 
 def _headed(name: Any, units: Mapping[str, str | None]) -> Any:  # noqa: ANN401 - anything that a cell can be

@@ -172,7 +172,8 @@ class Record(RecordPart):
         axes, columns = self._table()
         yield [*axes, *columns]
         values = [_flat(column) for column in columns.values()]
-        yield from ([*at, *row] for at, *row in zip(product(*map(_flat, axes.values())), *values, strict=True))
+        steps = [_flat(*axes.values())] if len(axes) == 1 else zip(*product(*map(_flat, axes.values())), strict=True)
+        yield from zip(*steps, *values, strict=True)
 
     def column_units(self) -> Mapping[str, str | None]:
         """Return the units of the table's columns, as far as they have one, by their name in the heading."""
@@ -187,7 +188,7 @@ class Record(RecordPart):
         Raises:
             InputError: the file cannot be written, or there is no table.
         """
-        write_csv(path, map(plain, self.rows()), units=self.column_units())
+        write_csv(path, map(_plain_row, self.rows()), units=self.column_units())
 
     def to_dataframe(self) -> DataFrame:
         """Return the table of the result for pandas.
@@ -195,7 +196,7 @@ class Record(RecordPart):
         Raises:
             InputError: pandas is not installed, or there is no table.
         """
-        heading, *rows = (row for row in map(plain, self.rows()) if not _is_remark(row))
+        heading, *rows = (row for row in map(_plain_row, self.rows()) if not _is_remark(row))
         frame: DataFrame = _library("pandas").DataFrame(rows, columns=heading)
         return frame
 
@@ -380,6 +381,11 @@ def _name(key: object) -> str:
 
 def _flat(array: Any) -> list[Any]:  # noqa: ANN401 - an array or a sequence
     return list(array.ravel().tolist() if hasattr(array, "ravel") else array)
+
+
+def _plain_row(row: Sequence[Any]) -> list[Any]:
+    """Return cells as `plain` has them; most are finite numbers, which are so (x − x is not 0 for others)."""
+    return [cell if type(cell) is float and cell - cell == 0.0 else plain(cell) for cell in row]
 
 
 def _is_remark(row: Sequence[Any]) -> bool:
