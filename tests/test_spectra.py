@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import make_experiment
 from workbench.data.spectra.coherence import Coherence, coherence
 from workbench.data.spectra.density import SpectralDensity, sdf
+from workbench.data.spectra.window import WINDOWS, choose_window, cross_spectra, shape_of
 from workbench.errors import InputError
 
 
@@ -224,3 +227,31 @@ def test_overlapping_hann_segments_are_worth_what_welch_says() -> None:
     n = settings.averages
     assert n == 39
     assert settings.effective_averages == pytest.approx(n / (1.0 + 2.0 * (1.0 - 1.0 / n) / 36.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("window", [*WINDOWS, "blackmanharris"])
+@pytest.mark.parametrize("length", [64, 65])
+def test_windows_and_averaged_spectra_are_those_of_scipy(window: str, length: int) -> None:
+    """Its package is not imported by the workbench itself: that takes longer than a small identification."""
+    assert shape_of(window, length) == pytest.approx(signal.get_window(window, length), abs=1e-15)
+    channels = np.column_stack([white(1000, seed) for seed in (1, 2, 3)])
+    settings = replace(choose_window(1000, DT, segments=None, length=length, overlap=0.5, window="hann"), window=window)
+    frequency, density = cross_spectra(channels, settings)
+    wanted = signal.csd(
+        channels.T[:, None],
+        channels.T[None],
+        fs=1.0 / DT,
+        window=window,
+        nperseg=length,
+        noverlap=settings.overlapping,
+        detrend="constant",
+    )
+    assert frequency == pytest.approx(wanted[0])
+    assert np.abs(density - np.moveaxis(wanted[1], -1, 0)).max() < 1e-12 * np.abs(density).max()
+
+
+def test_an_identification_brings_no_statistics_package() -> None:
+    words = "import sys, numpy as np, workbench as wb; u = np.random.default_rng(1).standard_normal(500); "
+    words += "wb.identify(wb.make_experiment(0.1, u, np.convolve(u, [0.0, 1.0, 0.5])[:500])); "
+    words += "sys.exit(any(name in sys.modules for name in ('scipy.stats', 'scipy.signal', 'control', 'matplotlib')))"
+    subprocess.run([sys.executable, "-c", words], check=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
@@ -20,7 +20,7 @@ from workbench.data.long_arx import lagged
 
 __all__ = ["delays", "judge_delay"]
 
-_SIGNIFICANT = float(stats.norm.isf(0.5 * CHANCE))  # standard deviations
+_SIGNIFICANT = float(-special.ndtri(0.5 * CHANCE))  # standard deviations
 _EXACT_SHARE = 3e-6  # of the output's size, where there is no noise
 _MOST = 60  # samples
 _FINE = 0.03  # of the impulse response's peak: coarser coefficients cannot show where it begins
@@ -117,8 +117,8 @@ def _test(shares: Floats, new: Floats, noise: float, peak: float) -> _Test:
     largest = float(np.max(new, initial=0.0))
     shares = np.where(new > _ROUNDING * largest, shares, 0.0)
     noise = max(noise, 1e-12 * float(np.max(shares, initial=0.0)), 1e-300)
-    chance = stats.chi2.logsf(float(np.sum((shares / noise) ** 2)), len(shares))
-    if np.max(shares) <= 1e-9 or chance > np.log(CHANCE):
+    chance = special.chdtrc(len(shares), float(np.sum((shares / noise) ** 2)))
+    if np.max(shares) <= 1e-9 or chance > CHANCE:
         return _Test(answers=False, delay=None)
     floor = _EXACT_SHARE * float(np.sqrt(np.sum(shares**2)))
     out = np.flatnonzero(shares > max(_SIGNIFICANT * noise, floor))

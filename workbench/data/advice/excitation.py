@@ -14,12 +14,13 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy import linalg, ndimage, signal
+from scipy import linalg, ndimage
 
 from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
 from workbench.data.advice.shared_estimates import DataStudy
 from workbench.data.long_arx import lagged
+from workbench.data.spectra.window import shape_of
 
 __all__ = ["excited_orders", "is_single_sine", "judge_excitation"]
 
@@ -103,7 +104,7 @@ def _tapered(u: Floats) -> Floats:
 
     The straight line is weighed by the window: without, a sine of a few periods would leave one of its own.
     """
-    window = signal.get_window("blackmanharris", len(u))
+    window = shape_of("blackmanharris", len(u))
     line = np.stack([np.ones(len(u)), np.linspace(-1.0, 1.0, len(u))])
     tapered: Floats = window * (u - np.linalg.solve(line * window @ line.T, line * window @ u) @ line)
     return tapered

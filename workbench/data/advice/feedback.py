@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy import linalg, stats
+from scipy import linalg, special
 
 from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
@@ -116,7 +116,7 @@ def _within_sample(study: DataStudy) -> tuple[float, float]:
     normal = np.where(alive, left / np.where(alive, spread, 1.0), 0.0)
     together = float(np.max((normal[:, : y.shape[1]].T @ normal[:, y.shape[1] :] / len(normal)) ** 2))
     pairs = y.shape[1] * u.shape[1]
-    return min(1.0, pairs * float(stats.chi2.sf(together * (len(normal) - past.shape[1]), 1))), together
+    return min(1.0, pairs * float(special.chdtrc(1, together * (len(normal) - past.shape[1])))), together
 
 
 def _unforeseen(u: Floats, column: int) -> Floats | None:
@@ -141,7 +141,7 @@ def _react(v: Floats, past: Floats) -> tuple[Floats, float, float]:
     own = np.array([v[lag:] @ v[: len(v) - lag] for lag in range(len(r))]) / (v @ v)
     covariance = linalg.toeplitz(own) / len(v)
     statistic = float(r @ linalg.solve(covariance + 1e-9 * np.eye(len(r)) / len(v), r, assume_a="pos"))
-    return r, float(stats.chi2.sf(statistic, len(r))), float(statistic / len(v))
+    return r, float(special.chdtrc(len(r), statistic)), float(statistic / len(v))
 
 
 def _react_slowly(v: Floats, before: Floats) -> tuple[float, float]:
@@ -157,7 +157,7 @@ def _react_slowly(v: Floats, before: Floats) -> tuple[float, float]:
     lags = range(1, min(_SPAN, len(v) // 4))
     both = [(v[k:] @ v[:-k]) * (w[k:] @ w[:-k]) / size**2 for k in lags]
     variance = max(1.0 + 2.0 * sum(both), 0.3) / len(v)
-    return float(stats.chi2.sf(r**2 / variance, 1)), r**2
+    return float(special.chdtrc(1, r**2 / variance)), r**2
 
 
 # -- is a two-level signal the sequence of a shift register ---------------------------------------

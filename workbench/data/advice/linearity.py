@@ -8,7 +8,7 @@ J. Royal Stat. Soc. B 31 (1969) 350–371, applied to dynamic models). An F test
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
@@ -124,4 +124,4 @@ def _f_test(residual: Floats, linear: Floats, nonlinear: Floats) -> tuple[float,
     if freedom < 10 or total <= 0.0:
         return 1.0, 0.0
     f = (explained / basis.shape[1]) / max((total - explained) / freedom, 1e-300 * total + 1e-300)
-    return float(stats.f.sf(f, basis.shape[1], freedom)), explained / total
+    return float(special.fdtrc(basis.shape[1], freedom, f)), explained / total

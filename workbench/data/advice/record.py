@@ -7,7 +7,7 @@ and what lies above the Nyquist frequency is folded down (L. Ljung, System Ident
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from workbench.core.values.arrays import Floats
 from workbench.data.advice.result import Finding
@@ -185,7 +185,7 @@ def judge_trend(study: DataStudy) -> Finding:
     """Judge offsets and drifts of the outputs."""
     data = study.experiment
     size, error = drifts(study)
-    significant = float(stats.t.isf(0.5 * CHANCE, _BLOCKS - 1))
+    significant = float(-special.stdtrit(_BLOCKS - 1, 0.5 * CHANCE))
     relative = np.abs(size) / study.spread
     real = [i for i in study.varying_outputs if relative[i] > _LARGE and abs(size[i]) > significant * error[i]]
     means = np.hstack([data.u.mean(axis=0), data.y.mean(axis=0)])

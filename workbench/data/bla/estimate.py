@@ -38,7 +38,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
@@ -141,7 +141,7 @@ def _without(periods: Floats, course: Floats, modes: int) -> tuple[Steady, float
     size = float(np.max(np.abs(periods)))
     left = max(float(np.sum(about**2) - np.sum(parts**2)), count * (_SETTLED_ROUNDING * size) ** 2)
     noise = left / max(count - modes * M, 1)
-    clear = (np.sum(parts**2, axis=1) > noise * stats.chi2.ppf(_CLEAR, M)) & (s > _SETTLED_ROUNDING)
+    clear = (np.sum(parts**2, axis=1) > noise * special.chdtri(M, 1.0 - _CLEAR)) & (s > _SETTLED_ROUNDING)
     turned = whole @ v[clear].T / s[clear]
     transient = (turned @ parts[clear]).T.reshape(periods.shape)
     spectrum = np.fft.rfft(turned.reshape(P, N, -1).mean(axis=0), axis=0) / N
@@ -184,7 +184,7 @@ def _unsettled(periods: Floats) -> float:
     slope = float(height.sum(axis=0) @ time / (M * time @ time))
     free = M * (_SEGMENTS - 1) - 1
     error = float(np.sqrt(np.sum((height - slope * time) ** 2) / free / (M * time @ time)))
-    if slope >= -error * stats.t.ppf(_CLEAR, free):
+    if slope >= -error * special.stdtrit(free, _CLEAR):
         return 0.0
     # The amplitude falls by this factor in a period; changes that go on so add up to the rest of the way.
     return size / (1.0 - float(np.exp(0.5 * slope)))
@@ -271,7 +271,7 @@ def approximate(u: Floats, y: Floats, lines: Lines, *, rest: float = 0.0) -> App
         total, freedom = _left_out(Y[0].mean(axis=0), lines) / np.abs(forced[0]) ** 2, min(_NEAR, len(lines.odd))
     distortion = np.maximum(M * (total - noise), 0.0)
     exact = _ROUNDING * np.max(np.abs(y)) / np.min(np.abs(forced), axis=0)
-    size = np.sqrt(total * stats.f.ppf(_CONFIDENCE, 2, 2 * freedom)) + exact
+    size = np.sqrt(total * special.fdtri(2, 2 * freedom, _CONFIDENCE)) + exact
     spread = np.var(Y, axis=1, ddof=1)  # of one period, (M, N/2 + 1)
     power = np.mean(np.abs(forced) ** 2, axis=0)
     mean = Y.mean(axis=1)

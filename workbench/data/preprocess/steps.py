@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from scipy import signal
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
@@ -258,6 +257,8 @@ def resample(experiment: Experiment, *, dt: float, antialias: bool = True) -> Re
         raise InputError(f"{experiment.name}: fewer than {_FEWEST} samples would be left at {dt:g} s")
     u, y = experiment.u[:: ratio.numerator].copy(), experiment.y[:: ratio.numerator].copy()
     if antialias:  # padded with the mean: a jump from the first sample to 0 would ring into the record
+        from scipy import signal  # noqa: PLC0415 - slow to import
+
         up, down = ratio.denominator, ratio.numerator
         u, y = (signal.resample_poly(x, up, down, axis=0, padtype="mean") for x in (experiment.u, experiment.y))
     time = experiment.time[0] + dt * np.arange(len(u))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
@@ -23,7 +23,7 @@ __all__ = ["Coherence", "coherence"]
 _NO_POWER = 1e-12
 # Inputs whose normalised spectral matrix is closer to singular than this cannot be told apart.
 _DEPENDENT = 1e-9
-_NORMAL_95 = float(stats.norm.ppf(0.975))  # of a normal variable, in standard deviations
+_NORMAL_95 = float(special.ndtri(0.975))  # of a normal variable, in standard deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class Coherence(Result):
     def significance_95(self) -> float:
         """Multiple coherence that unrelated data exceed in 5 % of cases, at one frequency."""
         inputs, averages = len(self.input_names), self.settings.effective_averages
-        return float(stats.beta.ppf(0.95, inputs, max(averages - inputs, 1e-3)))
+        return float(special.betaincinv(inputs, max(averages - inputs, 1e-3), 0.95))
 
     @property
     def bias(self) -> Floats:
@@ -98,7 +98,7 @@ class Coherence(Result):
         with np.errstate(divide="ignore"):  # a coherence of 1 stays 1
             z = np.arctanh(np.sqrt(own)) - 1.0 / freedom
         low, high = (np.tanh(np.maximum(z + k * deviation, 0.0)) ** 2 for k in (-_NORMAL_95, _NORMAL_95))
-        by_chance = self.multiple <= stats.beta.ppf(0.975, m, n - m)
+        by_chance = self.multiple <= special.betaincinv(m, n - m, 0.975)
         return np.where(by_chance, 0.0, low), high
 
     def derived(self) -> dict[str, Any]:

@@ -7,16 +7,24 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import signal, stats
+from scipy import special
 
 from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, suggest
 
-__all__ = ["WindowSettings", "choose_window", "cross_spectra"]
+__all__ = ["WindowSettings", "choose_window", "cross_spectra", "shape_of"]
 
 WINDOWS = ("hann", "hamming", "blackman", "bartlett", "flattop", "boxcar")
 
+_COSINES = {
+    "boxcar": (1.0,),
+    "hann": (0.5, -0.5),
+    "hamming": (0.54, -0.46),
+    "blackman": (0.42, -0.5, 0.08),
+    "blackmanharris": (0.35875, -0.48829, 0.14128, -0.01168),
+    "flattop": (0.21557895, -0.41663158, 0.277263158, -0.083578947, 0.006947368),
+}
 _DEFAULT_SEGMENTS = 20
 _SHORTEST = 8
 
@@ -66,7 +74,7 @@ class WindowSettings(RecordPart):
     @property
     def resolution_hz(self) -> float:
         """Equivalent noise bandwidth of the window [Hz]: finer detail is smeared, which is the bias."""
-        w = _shape(self.window, self.length)
+        w = shape_of(self.window, self.length)
         return float(np.sum(w**2) / np.sum(w) ** 2 / self.dt)
 
     @property
@@ -78,7 +86,7 @@ class WindowSettings(RecordPart):
     def interval_95(self) -> tuple[float, float]:
         """Factors on an estimated density between which the true one lies in 95 % of cases (χ²)."""
         freedom = 2.0 * self.effective_averages
-        low, high = stats.chi2.ppf([0.975, 0.025], freedom)
+        low, high = special.chdtri(freedom, [0.025, 0.975])
         return float(freedom / low), float(freedom / high)
 
     def derived(self) -> dict[str, Any]:
@@ -124,7 +132,7 @@ def choose_window(
         length=length,
         overlap=overlap,
         averages=averages,
-        effective_averages=_effective(_shape(window, length), step, averages),
+        effective_averages=_effective(shape_of(window, length), step, averages),
         dt=dt,
         used=length + (averages - 1) * step,
     )
@@ -148,8 +156,20 @@ def _overlapping(length: int, overlap: float) -> int:
     return min(round(overlap * length), length - 1)
 
 
-def _shape(window: str, length: int) -> Floats:
-    return np.asarray(signal.get_window(window, length), dtype=np.float64)
+def shape_of(window: str, length: int) -> Floats:
+    """Return a window, shape (length,), periodic, as spectra need it.
+
+    Args:
+        window: one of `WINDOWS`, or "blackmanharris".
+        length: [samples].
+
+    Source: F. J. Harris, Proc. IEEE 66 (1978) 51-83.
+    """
+    turn = np.arange(length) / length
+    if window == "bartlett":
+        return np.asarray(1.0 - np.abs(2.0 * turn - 1.0))
+    terms = [c * np.cos(2.0 * np.pi * k * turn) for k, c in enumerate(_COSINES[window])]
+    return np.asarray(sum(terms))
 
 
 def _effective(w: Floats, step: int, averages: int) -> float:
@@ -171,15 +191,10 @@ def cross_spectra(channels: Floats, settings: WindowSettings) -> tuple[Floats, C
         channels: shape (n, c).
         settings: segments and window.
     """
-    every = channels.T
-    frequency, density = signal.csd(
-        every[:, None, :],
-        every[None, :, :],
-        fs=1.0 / settings.dt,
-        window=settings.window,
-        nperseg=settings.length,
-        noverlap=settings.overlapping,
-        detrend="constant",
-        scaling="density",
-    )
-    return np.asarray(frequency, dtype=np.float64), np.moveaxis(np.asarray(density, dtype=np.complex128), -1, 0)
+    segments = np.lib.stride_tricks.sliding_window_view(channels, settings.length, axis=0)[:: settings.step]
+    w = shape_of(settings.window, settings.length)
+    X = np.fft.rfft((segments - segments.mean(axis=-1, keepdims=True)) * w)
+    density = np.einsum("sik,sjk->kij", X.conj(), X) * settings.dt / (len(X) * np.sum(w**2))
+    density[1 : (settings.length + 1) // 2] *= 2.0  # both sides; mean and Nyquist frequency stand once
+    frequency = np.arange(len(density)) / (settings.length * settings.dt)
+    return frequency, np.asarray(density, dtype=np.complex128)

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-import scipy.signal
 
-from workbench.core.values.arrays import Floats
+from workbench.core.values.arrays import Floats, filtered
 from workbench.data.long_arx import LongArx, fit_long_arx
 from workbench.identification.prediction.innovations import Innovations, errors_of
 from workbench.identification.subspace.matrices import fit_inputs, radius, residual, stabilise
@@ -47,8 +46,8 @@ def whitened(u: Floats, y: Floats) -> tuple[Floats, Floats, LongArx]:
     own = np.array([np.sum(left[k:] * left[: len(left) - k]) for k in range(_COLOUR + 1)])
     own[0] *= 1.0 + 1e-9
     taps = np.append(1.0, -scipy.linalg.solve_toeplitz(own[:-1], own[1:]))
-    through = [np.asarray(scipy.signal.lfilter(taps, 1.0, s, axis=0))[_COLOUR:] for s in (u, y)]
-    return through[0], through[1], arx
+    u, y = (filtered(s, taps) for s in (u, y))
+    return u, y, arx
 
 
 def _companion(arx: LongArx) -> Floats:

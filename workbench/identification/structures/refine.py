@@ -18,9 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-import scipy.signal
 
-from workbench.core.values.arrays import Floats
+from workbench.core.values.arrays import Floats, filtered
 from workbench.identification.prediction.innovations import Entries, Innovations, errors_of, jacobian
 from workbench.identification.prediction.refine import STEADY
 from workbench.identification.structures.table import places, weights
@@ -166,9 +165,9 @@ def fitted(start: WienerHammersteinModel, u: Floats, y: Floats, *, stable: bool 
         chain, settled = result
         if k + 1 < _ROUNDS:
             colour = _coloured(y - chain.output(u))
-    e = _white(y - chain.output(u), colour)
+    e = filtered(y - chain.output(u), np.append(1.0, colour))
     J, coordinates = _slopes(chain, u)
-    J = _white(J, colour)
+    J = filtered(J, np.append(1.0, colour))
     left = max(len(e) - J.shape[1] - len(colour), 1)
     variance = float(e @ e) / left
     values, vectors = np.linalg.eigh(J.T @ J)
@@ -181,20 +180,24 @@ def _steps(
     chain: WienerHammersteinModel, u: Floats, y: Floats, colour: Floats, *, stable: bool
 ) -> tuple[WienerHammersteinModel, bool] | None:
     """Return a chain from which no step leads further, and whether that was reached."""
-    damping, e = 1e-3, _white(y - chain.output(u), colour)
+    damping, e = 1e-3, filtered(y - chain.output(u), np.append(1.0, colour))
     cost = float(e @ e)
     if not math.isfinite(cost):
         return None
     for _ in range(_MOST):
         J, coordinates = _slopes(chain, u)
-        J = _white(J, colour)
+        J = filtered(J, np.append(1.0, colour))
         H, right = J.T @ J, J.T @ e
         size = np.sqrt(np.maximum(np.diag(H), 1e-12 * max(float(np.diag(H).max()), 1e-300)))
         even, rhs = H / np.outer(size, size), right / size
         for _ in range(_TRIES):
             step = scipy.linalg.solve(even + damping * np.eye(len(even)), rhs, assume_a="pos") / size
             tried = _moved(chain, coordinates, step)
-            new = _white(y - tried.output(u), colour) if _fine(tried, stable=stable) else np.array([np.inf])
+            new = (
+                filtered(y - tried.output(u), np.append(1.0, colour))
+                if _fine(tried, stable=stable)
+                else np.array([np.inf])
+            )
             value = float(new @ new)
             if value < cost:
                 break
@@ -241,13 +244,6 @@ def _slopes(chain: WienerHammersteinModel, u: Floats) -> tuple[Floats, Floats]:
         slope = chain.behind.slope(w)[:, None]
         columns = [slope * part for part in columns] + [weights(w, chain.behind.knots) @ chain.behind.free]
     return np.hstack(columns), coordinates
-
-
-def _white(signals: Floats, colour: Floats) -> Floats:
-    """Return signals through the noise's equation, their first samples left out."""
-    if not len(colour):
-        return signals
-    return np.asarray(scipy.signal.lfilter(np.append(1.0, colour), 1.0, signals, axis=0))[len(colour) :]
 
 
 def _coloured(noise: Floats) -> Floats:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
@@ -149,7 +149,7 @@ class _Allowed:
     def __init__(self, A: Floats, SA: Floats, confidence: float) -> None:
         self._A, self._eye = A, np.eye(len(A))
         self._moves = np.swapaxes(SA, 0, 1).reshape(A.size, -1)
-        self._real, self._pair = (float(stats.chi2.ppf(confidence, k)) for k in (1, 2))
+        self._real, self._pair = (float(special.chdtri(k, 1.0 - confidence)) for k in (1, 2))
 
     def spread(self, region: PoleRegion) -> float:
         """Return the root mean square distance whose region is so large."""
@@ -308,4 +308,4 @@ def _is_seen(model: Parameters, poles: Complex, region: PoleRegion) -> bool:
     size = np.linalg.norm(S, axis=1) + 1e-9 * float(np.max(np.abs(x))) + 1e-300
     x, S = x / size, S / size[:, None]
     wald = x @ np.linalg.solve(S @ S.T + 1e-9 * np.eye(len(x)), x)
-    return bool(stats.chi2.sf(wald, len(x)) < _LEFT_OUT)
+    return bool(special.chdtrc(len(x), wald) < _LEFT_OUT)

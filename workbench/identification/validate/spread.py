@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from workbench.core.records.record import entry
 from workbench.core.values.arrays import Complex, Floats
@@ -156,7 +156,7 @@ def model_spread(
     at = model.at_frequency(f)
     late = at[:, None] ** -np.array(model.delay or (0,) * len(model.input_names))  # shape (k, m)
     response, covariance = _in_parts(parameters, at, late)
-    shape = float(stats.chi2.ppf(confidence, 2)) * covariance
+    shape = float(special.chdtri(2, 1.0 - confidence)) * covariance
     if rival is not None and rival.spread is not None:
         other = model_spread(rival, frequencies=f, confidence=confidence)
         shape = around_both(shape, enclosing(other.response - response, other.shape))
