@@ -16,6 +16,7 @@ from tests.oracle.master.cs_unit import CsUnit
 from tests.oracle.master.group_unit import GroupStepper
 from tests.oracle.steps import StepResult
 from workbench.core.values.arrays import Floats
+from workbench.core.values.calendar import gathered, is_due, rounding
 from workbench.errors import SimulationError
 from workbench.fmi.access import VariableAccess
 from workbench.fmi.variable import Variable
@@ -84,6 +85,13 @@ class OracleMasterInstance(MasterInstance):
             part = self.parts[number]
             self._inlets[number, name] = part.access([v for v in part.description.variables if v.name == name])
         return self._inlets[number, name]
+
+    def next_stop(self, time: float) -> float:
+        """Return the next instant after `time` [s] at which something is known to happen: a communication point."""
+        later = [*self._wiring.switches_after(time), *self.next_events.values()]
+        later += [group.due() for group in self.groups.values()]
+        later += [s.after(time + rounding(time)) for samplers in self.ticks.values() for s in samplers]
+        return gathered((t for t in later if not is_due(t, time)), time)
 
     def takes(self, number: int) -> str:
         """Return how a unit takes its inputs over a step."""

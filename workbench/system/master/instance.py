@@ -3,6 +3,7 @@
 # ruff: noqa: ANN401 - saved states have no type
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.core.values.arrays import Floats
-from workbench.core.values.calendar import Sampler, gathered, is_due, rounding
+from workbench.core.values.calendar import Sampler, is_due
 from workbench.errors import SimulationError
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.instance import MAX_EVENT_ITERATIONS, EventInfo, Instance
@@ -190,7 +191,7 @@ class MasterInstance(CompositeInstance):
                 nominals_changed=False,
                 next_time=next_event((last[n].next_time for n in members), wiring, self.time),
             )
-        return EventInfo(terminate, changed, nominals_changed=False, next_time=self.next_stop(self.time))
+        return EventInfo(terminate, changed, nominals_changed=False, next_time=math.inf)  # the kernel finds it
 
     def enter_step_mode(self) -> None:
         for number in self._with_events():
@@ -199,13 +200,6 @@ class MasterInstance(CompositeInstance):
         for group in self.groups.values():
             group.settle(self.time)
         self._events = False
-
-    def next_stop(self, time: float) -> float:
-        """Return the next instant after `time` [s] at which something is known to happen: a communication point."""
-        later = [*self._wiring.switches_after(time), *self.next_events.values()]
-        later += [group.due() for group in self.groups.values()]
-        later += [s.after(time + rounding(time)) for result in self.ticks.values() for s in result]
-        return gathered((t for t in later if not is_due(t, time)), time)
 
     def watched(self) -> list[Variable]:
         """Return the outputs by which the step is controlled; what a component sees depends on it by nature."""
