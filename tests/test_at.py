@@ -13,9 +13,12 @@ import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from tests.three_lags import three_lags
 from workbench.cli.app import run
+from workbench.core.records.option import options_of
 from workbench.core.values.operating_point import OperatingPoint
+from workbench.loops.loop.request import Loop
 from workbench.system.master.model import MasterModel
 
+OPEN = next(declared.option.help for declared in options_of(Loop) if declared.name == "open")
 MASTER = """
 name = "two in step"
 [components]
@@ -138,24 +141,15 @@ def test_the_loop_is_opened_where_the_point_has_its_signal(lags: Path, held: Pat
     assert run(["loop", str(lags), "--open", "k.y", "--at", str(held), "--json", str(out)]) == 0
     assert written(out)["value"] == pytest.approx(0.02 * 20.0 / 21.0)
     with wb.load(lags) as model:
-        for found in (wb.loop(model, "k.y", at=held), wb.loop(model, "k.y", point=OperatingPoint.read(held))):
+        for found in (wb.loop(model, "k.y", at=held), wb.loop(model, "k.y", at=OperatingPoint.read(held))):
             assert found.value == pytest.approx(0.02 * 20.0 / 21.0)
-
-
-def test_at_as_it_was_still_names_the_connection(lags: Path, held: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["loop", str(lags), "--at", "k.y", "--point", str(held)]) == 0
-    note = "note: --at k.y is taken as the connection: that is --open k.y now, and --at the operating point"
-    assert note in capsys.readouterr().err
-    with wb.load(lags) as model:
-        assert wb.loop(model, at="k.y").value == 0.0
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--at", "{held}"], "--open: at which connection? Name its source, as in --open plant.y"),
-        ([], "--open: at which connection? Name its source, as in --open plant.y"),
-        (["--open", "k.y", "--at", "{held}", "--point", "{held}"], "--at and --point: only one of them"),
+        (["--at", "{held}"], f"--open is missing: {OPEN}"),
+        ([], f"--open is missing: {OPEN}"),
         (["--open", "k.y", "--at", "{held}", "--trim"], "--at and --trim: only one of them"),
         (
             ["--open", "k.y", "--at", "none.json"],

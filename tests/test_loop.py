@@ -220,7 +220,7 @@ def test_gains_offsets_and_units_stay_behind_the_place() -> None:
         outputs=["p.y"],
     ) as model:
         point = trim(model).operating_point
-        result = loop(model, "p.y", point=point)
+        result = loop(model, "p.y", at=point)
     assert result.value == pytest.approx(-0.2)  # y = −4 y − 1
     assert result.margins.gain_margin == pytest.approx(2.0)
     assert result.notes == ()

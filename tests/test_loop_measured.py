@@ -104,8 +104,8 @@ def test_the_operating_point_counts() -> None:
     """At rest at 0.64 of a limit of 1: linear up to an amplitude of 0.36, unsymmetric beyond."""
     with unity({"s": "fmu:Saturation", **LAGS}, 4.0, start_values=SATURATION) as model:
         point = trim(model, u0={"r": 0.8}).operating_point
-        result = loop(model, "k.y", [0.3, 1.0], [0.15, 0.22, 0.3], point=point, how="both", workers=HERE)
-        beyond = loop(model, "k.y", point=trim(model, u0={"r": 5.0}).operating_point)
+        result = loop(model, "k.y", [0.3, 1.0], [0.15, 0.22, 0.3], at=point, how="both", workers=HERE)
+        beyond = loop(model, "k.y", at=trim(model, u0={"r": 5.0}).operating_point)
     assert result.value == pytest.approx(0.64)
     for how in ("break", "inject"):
         assert result.curve(0.3, how).margins.gain_margin == pytest.approx(2.0, rel=1e-3)

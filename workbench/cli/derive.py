@@ -258,7 +258,6 @@ def _merged(name: str, known: Sequence[DeclaredOption], group: str, *, everywher
         default=None if len(usual) > 1 or first.required else _usual(first),
         help=f"{first.help} Repeatable." if first.repeated else first.help,
         metavar=first.metavar or None,
-        hidden=first.option.hidden,
     )
 
 

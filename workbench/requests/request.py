@@ -130,7 +130,7 @@ class Request(Options, Generic[_Subject, _Record]):
         subject: what it is run on.
         usual_tolerance: relative tolerance of the integration on the command line and in studies where none is given;
             set it where 1e-6 is too coarse for the analysis; None: the model's own.
-        needs: options that have to be given although they have a default, as an older way of asking does without.
+        needs: options that a form asks for although the command does not, as its other subject has no use for them.
         counts: what the job counts, in the plural.
         parts: attributes of the record that are results themselves.
         withheld: its options that have the name of one of `Loading`, and that the model is not opened with.

@@ -64,9 +64,7 @@ def form_of(command: str) -> dict[str, Any]:
 
 def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[DeclaredOption, str]]:
     return {
-        name: (declared, group)
-        for name, (declared, group) in asked_options(request).items()
-        if name not in _WITHOUT and not declared.option.hidden
+        name: (declared, group) for name, (declared, group) in asked_options(request).items() if name not in _WITHOUT
     }
 
 

@@ -75,7 +75,6 @@ class Option:
         metavar: what `--help` shows in place of the value; empty: that of its form.
         group: heading under which `--help` shows it; empty: that of the class it is declared in.
         python: whether only Python has it.
-        hidden: whether `--help` leaves it out.
         least: smallest value; None: any.
         positive: whether it must be above 0.
         below: what it must be less than; None: anything.
@@ -95,7 +94,6 @@ class Option:
     metavar: str = ""
     group: str = ""
     python: bool = False
-    hidden: bool = False
     least: float | None = None
     positive: bool = False
     below: float | None = None
@@ -267,7 +265,6 @@ def option(
     metavar: str = "",
     group: str = "",
     python: bool = False,
-    hidden: bool = False,
     least: float | None = None,
     positive: bool = False,
     below: float | None = None,
@@ -280,9 +277,8 @@ def option(
     """Declare an option of a request: a field of the dataclass. See `Option` for the arguments."""
     declared = Option(
         help=help, unit=unit, of=of, change=change, flag=flag, also=also, metavar=metavar, group=group,
-        python=python, hidden=hidden,
-        least=least, positive=positive, below=below, finite=finite, choices=choices, needed=needed, form=form,
-        part=part,
+        python=python, least=least, positive=positive, below=below, finite=finite, choices=choices, needed=needed,
+        form=form, part=part,
     )  # fmt: skip
     made: Any = field(
         metadata={_DECLARED: declared},

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from workbench.core.records.forms import FILE, ONE, Amounts, Band, Form, Numbers, Widths, several
+from workbench.core.records.forms import ONE, Amounts, Band, Form, Numbers, Widths, several
 from workbench.core.records.named import named
 from workbench.core.records.option import DeclaredOption, option
-from workbench.core.values.operating_point import At
+from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
 from workbench.jobs.options import InWorkers
 from workbench.point.lin.request import METHOD_NAMES
@@ -32,7 +31,7 @@ _CONNECTION = Form(
 Open = str | tuple[str, str]
 
 
-class Loop(InWorkers, ModelRequest["LoopResult"]):
+class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
     """Open a system's loop at a connection: gain, phase, delay and disk margins, stability, crossovers.
 
     Convention: negative feedback. The connection is cut; z is passed on instead of the source, y returns at the
@@ -85,15 +84,13 @@ class Loop(InWorkers, ModelRequest["LoopResult"]):
     subject = replace(
         ModelRequest.subject, name="system", argument="model", help="What `connect` or `load` gave; it stays open."
     )
-    needs = ("open",)
     # Tighter than for a time history, as for a frequency response.
     usual_tolerance = 1e-8
 
-    open: Open | None = option(
+    open: Open = option(
         "Connection at which the loop is opened: a source 'plant.y' (all its connections), an input 'controller.u' "
         "(the connection to it), one connection 'plant.y -> controller.u', or an output of the system.",
         form=_CONNECTION,
-        default=None,
     )
     amplitudes: Amounts | None = option(
         "Also measure the loop at these amplitudes of the signal at the opened connection, in the unit of its source "
@@ -108,14 +105,6 @@ class Loop(InWorkers, ModelRequest["LoopResult"]):
         "Frequencies to measure at.", unit="Hz", flag="--freq", metavar="F,..", group=_MEASURING, default=None
     )
     _: KW_ONLY
-    at: At | Open | None = option(
-        "Operating point of the closed loop: what trim --json wrote, or the JSON of any other result; by default the "
-        "system's start.",
-        metavar="POINT.JSON",
-        form=FILE,
-        group="Model",
-        default=None,
-    )
     band: Band | None = option(
         "Lowest and highest frequency to measure, instead of a list; by default around the linear crossovers.",
         unit="Hz",
@@ -128,14 +117,6 @@ class Loop(InWorkers, ModelRequest["LoopResult"]):
         choices=("auto", "break", "inject", "both"),
         group=_MEASURING,
         default="auto",
-    )
-    point: At | None = option(
-        "Operating point of the closed loop; use at.",
-        metavar="POINT.JSON",
-        form=FILE,
-        group="Model",
-        hidden=True,
-        default=None,
     )
     trim: bool = option("Trim the closed loop first, and open it at that point.", default=False)
     method: str = option("Method of linearisation; auto chooses.", choices=METHOD_NAMES, default="auto")
@@ -173,8 +154,7 @@ class Loop(InWorkers, ModelRequest["LoopResult"]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _, at, _ = self.place_and_point()
-        if self.trim and at is not None:
+        if self.trim and self.at is not None:
             raise InputError("--at and --trim: only one of them")
         if self.amplitudes is None and (self.frequencies is not None or self.band is not None):
             name = "band" if self.frequencies is None else "frequencies"
@@ -186,24 +166,6 @@ class Loop(InWorkers, ModelRequest["LoopResult"]):
         if self.frequencies is not None or self.band is not None:
             frequency_grid(self.frequencies, self.band, self.ratio, falling=False)
 
-    def place_and_point(self) -> tuple[Open, At | None, tuple[str, ...]]:
-        """Return where to open the loop, the operating point, and a note where `at` names the former, as it once did.
-
-        Raises:
-            InputError: no connection is named, or two points are.
-        """
-        opened, at, notes = self.open, self.at, list[str]()
-        if opened is None:
-            if not (isinstance(at, tuple) or (isinstance(at, str | Path) and not Path(at).is_file())):
-                raise InputError("--open: at which connection? Name its source, as in --open plant.y")
-            notes.append(f"--at {at} is taken as the connection: that is --open {at} now, and --at the operating point")
-            opened, at = at if isinstance(at, tuple) else str(at), None
-        if isinstance(at, tuple):
-            raise InputError("at: the operating point is needed here; open names the connection")
-        if at is not None and self.point is not None:
-            raise InputError("--at and --point: only one of them")
-        return opened, self.point if at is None else at, tuple(notes)
-
     def variable_of(self, declared: DeclaredOption, subject: Model) -> str:
         """Return the name of the source of the connection that is opened.
 
@@ -214,7 +176,7 @@ class Loop(InWorkers, ModelRequest["LoopResult"]):
         Raises:
             InputError: there is no such connection.
         """
-        result: str = named("workbench.loops.loop.cut:source_of")(subject, self.place_and_point()[0])
+        result: str = named("workbench.loops.loop.cut:source_of")(subject, self.open)
         return result
 
     def went_well(self, record: LoopResult) -> bool:

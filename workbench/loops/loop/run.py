@@ -27,9 +27,8 @@ def run(system: Model, request: Loop, job: Job) -> LoopResult:
     """Open a loop; see `Loop`."""
     wanted = request.amplitudes is not None
     amplitudes = tuple(sorted(several(request.amplitudes or ())))
-    place, at, notes = request.place_and_point()
-    result, remarks = find_point(system, _trimmed(system) if request.trim else at)
-    cut = cut_loop(system, place, point=result)
+    point, remarks = find_point(system, _trimmed(system) if request.trim else request.at)
+    cut = cut_loop(system, request.open, point=point)
     linear, doubts = _linear(cut, request.method, request.dx, request.du, needed=not wanted)
     curves: list[LoopCurve] = []
     why = ""
@@ -47,7 +46,7 @@ def run(system: Model, request: Loop, job: Job) -> LoopResult:
         linear=linear,
         curves=tuple(curves),
         why=why,
-        notes=(*notes, *remarks, *doubts),
+        notes=(*remarks, *doubts),
         operating_point=named(system, cut.point) if cut.point is not None else standing(system),
     )
 
