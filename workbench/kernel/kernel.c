@@ -84,9 +84,13 @@ size_t kernel_control_doubles(const Cs *cs) {
 }
 
 void kernel_record_columns(const Record *record, double *columns) {
-    for (size_t column = 0; column < record->width; column++) {
+    enum { BLOCK = 8 }; /* columns: a cache line of a row */
+    for (size_t first = 0; first < record->width; first += BLOCK) {
+        const size_t end = first + BLOCK < record->width ? first + BLOCK : record->width;
         for (size_t row = 0; row < record->rows; row++) {
-            *columns++ = record->data[row * record->width + column];
+            for (size_t column = first; column < end; column++) {
+                columns[column * record->rows + row] = record->data[row * record->width + column];
+            }
         }
     }
 }

@@ -199,7 +199,9 @@ def several(value: Amounts) -> tuple[float, ...]:
     Args:
         value: as Python or a TOML file has it.
     """
-    return tuple(number(item) for item in _items(value))
+    items = _items(value)
+    numbers = tuple(items.tolist() if hasattr(items, "tolist") else items)
+    return numbers if set(map(type, numbers)) == {float} else tuple(map(number, numbers))
 
 
 def _items(value: Any) -> Iterable[Any]:  # noqa: ANN401

@@ -221,7 +221,7 @@ class DeclaredOption:
         ranged = self.option.positive or self.option.finite or {self.option.below, self.option.least} != {None}
         if self.type is bool and value not in (True, False):
             raise ValueError(f"{value!r} is not True or False")
-        for x in value if isinstance(value, tuple) else (value,):
+        for x in _extremes(value) if isinstance(value, tuple) else (value,):
             if (ranged or self.type in (int, float)) and (isinstance(x, bool) or not isinstance(x, Real)):
                 raise ValueError(f"{x!r} is not a number")
             if isinstance(x, int) and abs(x) > sys.float_info.max:
@@ -236,6 +236,12 @@ class DeclaredOption:
                 raise ValueError(f"{x:g} is not a finite number")
             if self.option.least is not None and not x >= self.option.least:
                 raise ValueError(f"{x:g} is too small; take at least {self.option.least:g}")
+
+
+def _extremes(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the smallest and the largest, where they stand for all: of numbers that can be compared."""
+    plain = set(map(type, values)) == {float} and not any(map(math.isnan, values))
+    return (min(values), max(values)) if plain else values
 
 
 def in_unit(complaint: str, unit: str) -> str:

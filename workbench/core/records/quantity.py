@@ -118,8 +118,10 @@ def quantities_in(value: Any) -> Iterator[Quantity]:  # noqa: ANN401 - of any op
     if isinstance(value, Quantity):
         yield value
     elif isinstance(value, tuple | Mapping):
-        for part in value.values() if isinstance(value, Mapping) else value:
-            yield from quantities_in(part)
+        parts = tuple(value.values()) if isinstance(value, Mapping) else value
+        if not set(map(type, parts)) <= {float, str}:  # of a million numbers none is looked at by itself
+            for part in parts:
+                yield from quantities_in(part)
 
 
 def shortest(value: float) -> str:

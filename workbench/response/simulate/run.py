@@ -366,6 +366,8 @@ def _missing(record: Recorded) -> tuple[Recorded, tuple[str, ...]]:
             if not to_the_end:
                 when = f"at {len(gone)} of {len(values)} instants, the first at t = {first:.6g} s"
             notes.append(f"{name} is not a finite number {when}; it is recorded as missing there")
+    if not notes:
+        return record, ()
     finite = {n: np.where(np.isfinite(v), v, np.nan) for n, v in record.values.items()}
     return replace(record, values=finite), tuple(notes)
 
