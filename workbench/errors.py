@@ -172,7 +172,7 @@ def shortened(text: str, word: int = _WORD, line: int = _LINE) -> str:
         uuuuuuuuuu…(99980 more)…uuuuuuuuuu
     """
     if len(text) > word:
-        text = re.sub(rf"\S{{{word + 1},}}", lambda result: _without_middle(result[0], word // 9), text)
+        text = re.sub(rf"\S{{{word + 1},}}", lambda match: _without_middle(match[0], word // 9), text)
     return _without_middle(text, line // 3) if len(text) > line else text
 
 
@@ -194,7 +194,7 @@ def visible(text: str) -> str:
         >>> print(visible("\x1b[31mred"))
         \x1b[31mred
     """
-    return UNSEEN.sub(lambda result: result[0].encode("unicode_escape").decode(), text)
+    return UNSEEN.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def unbroken(text: str) -> str:

@@ -184,8 +184,8 @@ def _give_headers(sources: Path) -> None:
     if folder.is_dir():
         return
     folder.mkdir()
-    for result in ((Path(fmpy.__file__).parent / "c-code").glob("fmi[23]*.h"), _OWN.glob("*.h")):
-        for header in result:
+    for files in ((Path(fmpy.__file__).parent / "c-code").glob("fmi[23]*.h"), _OWN.glob("*.h")):
+        for header in files:
             shutil.copyfile(header, folder / header.name)
 
 

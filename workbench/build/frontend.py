@@ -161,8 +161,8 @@ def _diagnosis(rumoca: Any, file: Path, text: str, error: Exception) -> str:  # 
     named = re.search(r"'(\w+)'", message)
     line = _line_of(_without_comments(text), named.group(1)) if named else None
     reason = _STAGE.sub("", message)
-    notes = message if reason == message else f"the Modelica front end refuses this: “{reason}”; write it another way"
-    return f"{file.name}{f':{line}' if line else ''}: {notes}"
+    words = message if reason == message else f"the Modelica front end refuses this: “{reason}”; write it another way"
+    return f"{file.name}{f':{line}' if line else ''}: {words}"
 
 
 def _validate(rumoca: Any, file: Path, text: str) -> Sequence[Any]:  # noqa: ANN401 - see _front_end

@@ -71,8 +71,8 @@ def _with_blocks(model: object) -> StructureResult | None:
     if not isinstance(model, str | Path) or is_system_file(model) or named_path(model).suffix.lower() != ".json":
         return None
     data = read_json(model)
-    notes = isinstance(data, dict) and data.get("structure") in STRUCTURES
-    return StructureResult.read(model) if notes else None
+    is_structure = isinstance(data, dict) and data.get("structure") in STRUCTURES
+    return StructureResult.read(model) if is_structure else None
 
 
 def _system_file(blocks: StructureResult, request: Export) -> SystemFile:

@@ -78,14 +78,14 @@ def listed_libraries(
     for interface, claims in every_interface(description).items():
         identifiers.setdefault(claims.identifier, []).append(interface)
     built = _root(sources / "buildDescription.xml", source) if description.major >= 3 else None
-    request = _root(folder / "modelDescription.xml", source) if description.major == 2 else None
+    described = _root(folder / "modelDescription.xml", source) if description.major == 2 else None
     result = []
     for identifier, interfaces in identifiers.items():
         notes: list[str] = []
         if built is not None:
             files = _built(built, identifier, platform, notes, source)
         else:
-            files = tuple(SourceFile(n) for n in _named(request, identifier) or _all(sources, source))
+            files = tuple(SourceFile(n) for n in _named(described, identifier) or _all(sources, source))
         _check(sources, files, source)
         compiled = tuple(f for f in files if f.name.lower().endswith(_SUFFIXES))
         if not compiled:

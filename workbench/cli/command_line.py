@@ -34,7 +34,7 @@ def spoken(message: str) -> str:
     Args:
         message: one line.
     """
-    return _NAME.sub(lambda result: _options.get(result[0], result[0]), message)
+    return _NAME.sub(lambda match: _options.get(match[0], match[0]), message)
 
 
 def complaint(message: str) -> str:

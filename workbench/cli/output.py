@@ -211,7 +211,7 @@ class Output:
     def _write_json(self, full: Mapping[str, Any]) -> None:
         self._has_json = True
         text = json.dumps(full, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        text = re.sub(UNSEEN, lambda result: f"\\u{ord(result[0]):04x}", text)  # the same data
+        text = re.sub(UNSEEN, lambda match: f"\\u{ord(match[0]):04x}", text)  # the same data
         if self.json_path == "-":
             sys.stdout.write(text)
             return

@@ -77,8 +77,8 @@ class Instance1(Instance):
             self._first = fmi1.fmi1EventInfo()
             self.call("fmi1Initialize", b"\0", 0.0, byref(self._first))
         else:
-            notes = self.stop is not None
-            self.call("fmi1InitializeSlave", self.time + self.clock, _byte(notes), self.stop or 0.0)
+            has_stop = self.stop is not None
+            self.call("fmi1InitializeSlave", self.time + self.clock, _byte(has_stop), self.stop or 0.0)
         self._running = True
 
     def enter_event_mode(self) -> None:

@@ -100,8 +100,8 @@ class Instance2(Instance):
         if not self.library.has("fmi2GetBooleanStatus"):
             return None
         ended, reached = ctypes.c_int(), ctypes.c_double(self.time + self.clock)
-        request = self.library["fmi2GetBooleanStatus"](self.component, _TERMINATED, byref(ended))
-        if not is_good(request) or not ended.value:
+        status = self.library["fmi2GetBooleanStatus"](self.component, _TERMINATED, byref(ended))
+        if not is_good(status) or not ended.value:
             return None
         if self.library.has("fmi2GetRealStatus"):
             self.library["fmi2GetRealStatus"](self.component, _LAST_SUCCESSFUL_TIME, byref(reached))

@@ -47,7 +47,7 @@ def _ctype(annotation: Any) -> Any:
 @lru_cache(maxsize=8)
 def _signatures(version: int, interface: str) -> dict[str, tuple[Any, list[Any]]]:
     """Function name → (result type, argument types), from the annotations of FMPy's methods."""
-    solution = {}
+    signatures = {}
     for name, member in inspect.getmembers(_CLASSES[version, interface], inspect.isfunction):
         if not name.startswith(f"fmi{version}"):
             continue
@@ -58,8 +58,8 @@ def _signatures(version: int, interface: str) -> dict[str, tuple[Any, list[Any]]
         # address and end the process.
         if result is ctypes.c_char_p and not name.endswith(_TEXT):
             result = ctypes.c_int
-        solution[name] = (result, arguments)
-    return solution
+        signatures[name] = (result, arguments)
+    return signatures
 
 
 def functions_of(version: int) -> tuple[str, ...]:

@@ -119,9 +119,9 @@ def binary_path(folder: Path, identifier: str, *, source: str) -> Path:
         )
     names = platforms_in(folder)
     has = ", ".join(f"{n} (WebAssembly, which does not run here)" if n.startswith(_WEB) else n for n in names)
-    notes = f"no binary {identifier} for this platform {host()} (has: {has or 'none at all'})"
+    missing = f"no binary {identifier} for this platform {host()} (has: {has or 'none at all'})"
     if _has_sources(folder):
-        raise FmuError(f"{source}: {notes}; it has its sources, so make one: workbench build {source}")
+        raise FmuError(f"{source}: {missing}; it has its sources, so make one: workbench build {source}")
     elsewhere = any(not name.startswith(_WEB) for name in names)
     instead = "run it on one of those, or ask its maker for this one" if elsewhere else "ask its maker for one"
-    raise FmuError(f"{source}: {notes}; {instead}")
+    raise FmuError(f"{source}: {missing}; {instead}")

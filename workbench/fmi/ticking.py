@@ -115,12 +115,12 @@ class Ticking:
         self._call, self._model = call, model
         self.places = {name: i for i, name in enumerate(clocks)}
         self._clocks = tuple(time_based(clocks).items())
-        notes = [(c.value_reference, self.places[name]) for name, c in clocks.items() if c.causality != "input"]
+        listened = [(c.value_reference, self.places[name]) for name, c in clocks.items() if c.causality != "input"]
         n, most = len(self._clocks), max(len(clocks), 1)
         self._ticks = array_type(Tick, n)()
         self.counts = array_type(ctypes.c_double, most)()
-        self._told = array_type(ctypes.c_uint32, len(notes))(*(reference for reference, _ in notes))
-        self._places = array_type(ctypes.c_int32, len(notes))(*(place for _, place in notes))
+        self._told = array_type(ctypes.c_uint32, len(listened))(*(reference for reference, _ in listened))
+        self._places = array_type(ctypes.c_int32, len(listened))(*(place for _, place in listened))
         self._references = array_type(ctypes.c_uint32, most)()
         self._active = array_type(ctypes.c_bool, most)()
         self._intervals = array_type(ctypes.c_double, most)()
@@ -132,7 +132,7 @@ class Ticking:
         where = map(ctypes.addressof, (self._told, self._places))
         scratch = (self._references, self._active, self._intervals, self._qualifiers)
         self._structure = Clocks(
-            ctypes.addressof(self._ticks), n, *where, len(notes), ctypes.addressof(self.counts),
+            ctypes.addressof(self._ticks), n, *where, len(listened), ctypes.addressof(self.counts),
             *map(ctypes.addressof, scratch),
         )  # fmt: skip
         self.address = ctypes.addressof(self._structure)
@@ -149,9 +149,9 @@ class Ticking:
             time: start time [s].
         """
         for tick, (name, clock) in zip(self._ticks, self._clocks, strict=True):
-            request = clock.interval is None
-            interval, known = self._asked(tick.reference) if request else (clock.interval or 0.0, True)
-            shift = self._shift(tick.reference) if request and tick.kind != APERIODIC else clock.shift
+            unknown = clock.interval is None
+            interval, known = self._asked(tick.reference) if unknown else (clock.interval or 0.0, True)
+            shift = self._shift(tick.reference) if unknown and tick.kind != APERIODIC else clock.shift
             if known and not (0.0 <= interval < math.inf and (interval or tick.kind == APERIODIC)):
                 raise no_interval(f"{self._model}: clock {name}", time)
             tick.count = 0.0
@@ -205,12 +205,12 @@ class Ticking:
         Args:
             time: [s].
         """
-        request = [(t, n) for t, (n, _) in zip(self._ticks, self._clocks, strict=True) if t.kind != PERIODIC]
-        for i, (tick, _) in enumerate(request):
+        asked = [(t, n) for t, (n, _) in zip(self._ticks, self._clocks, strict=True) if t.kind != PERIODIC]
+        for i, (tick, _) in enumerate(asked):
             self._references[i] = tick.reference
-        if request:
-            self._call("fmi3GetIntervalDecimal", self._references, len(request), self._intervals, self._qualifiers)
-        for i, (tick, name) in enumerate(request):
+        if asked:
+            self._call("fmi3GetIntervalDecimal", self._references, len(asked), self._intervals, self._qualifiers)
+        for i, (tick, name) in enumerate(asked):
             changed = self._qualifiers[i] == _CHANGED
             if changed or (tick.ticked and tick.kind == APERIODIC and self._qualifiers[i] == _UNCHANGED):
                 interval = float(self._intervals[i])

@@ -463,12 +463,12 @@ class OnCluster(Runner):
     def _results(self, futures: list[Any]) -> Iterator[tuple[Any, Any]]:
         """Yield what finished futures hold, or the exception that they ended with: in one call if all is well."""
         good = [future for future in futures if future.status == "finished"]
-        solution: dict[Any, Any] = {}
+        gathered: dict[Any, Any] = {}
         with suppress(Exception):  # one of the holders died meanwhile; then each is asked for by itself
-            solution = dict(zip(good, self._cluster.client.gather(good), strict=True))
+            gathered = dict(zip(good, self._cluster.client.gather(good), strict=True))
         for future in futures:
             try:
-                result = solution[future] if future in solution else future.result(timeout=_PATIENCE)
+                result = gathered[future] if future in gathered else future.result(timeout=_PATIENCE)
             except Exception as error:  # noqa: BLE001 - whatever a worker raises
                 result = error
             yield future, result
@@ -479,10 +479,10 @@ class OnCluster(Runner):
         if isinstance(result, Exception):
             yield from self._failed(jobs, result)
             return
-        solution, packed = result
-        if tuple(solution) != tuple(stamp()) or not packed:
+        stamped, packed = result
+        if tuple(stamped) != tuple(stamp()) or not packed:
             self._cluster.prove()
-            self._cluster.refuse("that came later", str(Stamp(*solution)))
+            self._cluster.refuse("that came later", str(Stamp(*stamped)))
         done: BatchReply = pickle.loads(packed)  # noqa: S301 - SECURITY.md says whom that trusts
         self._times.append((len(jobs), done.seconds))
         self.printed += done.printed

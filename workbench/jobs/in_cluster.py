@@ -165,20 +165,20 @@ def _do_some(
     """
     # Memory is counted from the beginning of a task.
     some = dict(left) if batch.limits.memory is None else dict([next(iter(left.items()))])
-    notes: int | None = None
+    current: int | None = None
     for event in pool.run(_perform, deque([_Some(batch.task, some)])):
         if isinstance(event, Lost):
-            number = next(iter(left)) if notes is None else notes
-            if notes is None:
+            number = next(iter(left)) if current is None else current
+            if current is None:
                 lost[number] = event.error
             left.pop(number)
         elif isinstance(event.value, _PickledItem):
             result[event.value.number].append(event.value.value)
         elif event.value.ended:
             left.pop(event.value.number)
-            notes = None
+            current = None
         else:
-            notes = event.value.number
+            current = event.value.number
 
 
 def _packed(done: BatchReply) -> bytes:

@@ -155,11 +155,11 @@ class LocalCluster(Closable):
             text=True,
             start_new_session=True,  # Ctrl-C is for who uses it
         )
-        notes = "" if self._process.stdout is None else self._process.stdout.readline()
-        if not notes:
+        line = "" if self._process.stdout is None else self._process.stdout.readline()
+        if not line:
             self.close()
             raise InputError(f"local:{workers}: the cluster did not start (exit code {self._process.returncode})")
-        self.address = notes.strip()
+        self.address = line.strip()
 
     @property
     def pid(self) -> int:

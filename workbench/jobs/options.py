@@ -182,20 +182,20 @@ class Workers(Worker):
         if self.in_process and (self.jobs or 1) > 1:
             raise InputError(f"in process: points run one after the other, so there cannot be {self.jobs} jobs")
         places = {"in process": self.in_process, "an executor": self.executor, "a scheduler": self.scheduler}
-        request = [name for name, wanted in places.items() if wanted]
-        if len(request) > 1:
-            raise InputError(f"{' and '.join(request)}: choose one place to run the points")
+        chosen = [name for name, wanted in places.items() if wanted]
+        if len(chosen) > 1:
+            raise InputError(f"{' and '.join(chosen)}: choose one place to run the points")
         if self.tls and self.scheduler is None:
             raise InputError("tls: names the files for a scheduler; give its address, too")
         if self.scheduler is not None and self.jobs is not None:
             raise InputError("a scheduler: its cluster decides how many jobs run at a time; leave jobs out")
         limited = self.memory_limit is not None or self.timeout not in (DEFAULT_TIMEOUT, type(self).timeout)
-        if request and self.confine:
+        if chosen and self.confine:
             raise InputError(
-                f"{request[0]}: confinement needs the workbench's own worker processes here; leave one of the two out"
+                f"{chosen[0]}: confinement needs the workbench's own worker processes here; leave one of the two out"
             )
         if (self.in_process or self.executor) and limited:
-            raise InputError(f"{request[0]}: time and memory limits need the workbench's own worker processes")
+            raise InputError(f"{chosen[0]}: time and memory limits need the workbench's own worker processes")
 
 
 class Parts(Workers):

@@ -93,8 +93,8 @@ def runner_for(workers: Workers) -> Runner:
 
 def _place(workers: Workers) -> str:
     here = workers.in_process or confined()  # such a process cannot begin another
-    request = {"here": here, "executor": workers.executor, "scheduler": workers.scheduler}
-    return next((place for place, wanted in request.items() if wanted), "workers")
+    places = {"here": here, "executor": workers.executor, "scheduler": workers.scheduler}
+    return next((place for place, wanted in places.items() if wanted), "workers")
 
 
 def _pool(recipe: Recipe | None, workers: Workers) -> Runner:

@@ -127,11 +127,11 @@ class NativeSystem:
         Args:
             forced: continuous inputs, each with the number of its component.
         """
-        request = list(forced)
+        inputs = list(forced)
         for number, instance in enumerate(self.instances):
             if instance.intermediate is not None:
                 takes = instance.description.intermediate
-                mine = [v for owner, v in request if owner == number]
+                mine = [v for owner, v in inputs if owner == number]
                 instance.intermediate.answers = not self._holds and all(v.value_reference in takes for v in mine)
 
     @property

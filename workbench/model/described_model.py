@@ -404,9 +404,9 @@ class DescribedModel(Model):
         return self.description.way_out(*others)
 
     def declared_rates(self) -> DeclaredRates:
-        notes = self.recipe.periods
-        if notes is not None:
-            return DeclaredRates(tuple(Sampler(exact(period)) for period in several(notes)))
+        periods = self.recipe.periods
+        if periods is not None:
+            return DeclaredRates(tuple(Sampler(exact(period)) for period in several(periods)))
         return self._own_rates()
 
     def _own_rates(self) -> DeclaredRates:

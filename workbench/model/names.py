@@ -56,11 +56,11 @@ def check_variables(model: Model, names: Collection[str], *kinds: Kind, what: st
     negated = {v.name for kind in kinds for v in _of(model, kind) if v.type.startswith(NEGATED)}
     for name in names:
         if name in negated:
-            notes = f"'{name}' of {model.name} is minus another variable, and only listed; use the other one"
-            raise InputError(f"{what}: {notes}" if what else notes)
+            words = f"'{name}' of {model.name} is minus another variable, and only listed; use the other one"
+            raise InputError(f"{what}: {words}" if what else words)
         if elements := _elements(name, accepted):
-            notes = f"'{name}' of {model.name} is an array; name an element, {elements[0]} … {elements[-1]}"
-            raise InputError(f"{what}: {notes}" if what else notes)
+            words = f"'{name}' of {model.name} is an array; name an element, {elements[0]} … {elements[-1]}"
+            raise InputError(f"{what}: {words}" if what else words)
     others = {v.name: kind for kind in reversed(_KINDS) if kind not in kinds for v in _of(model, kind)}
     first = {f"{kind}s": [v.name for v in _of(model, kind)] for kind in ("output", "state") if "variable" in kinds}
     check_names(names, accepted, kinds=kinds, what=what, model=model.name, others=others, first=first)

@@ -155,15 +155,15 @@ def _content(model: Model) -> str:
 
 def _check_model(model: Model, point: OperatingPoint, what: str) -> None:
     content = _content(model)
-    notes = bool(point.model_sha256 and content)
-    if notes and point.model_sha256 == content:
+    known = bool(point.model_sha256 and content)
+    if known and point.model_sha256 == content:
         return
     if point.model and point.model != model.name:
         raise InputError(
             f"{what} belongs to another model, {point.model}, not {model.name}; find a point of {model.name} by "
             "workbench trim"
         )
-    if notes:
+    if known:
         raise InputError(
             f"{what} belongs to another version of {model.name}: the SHA-256 is {point.model_sha256[:_SHOWN]}… there "
             f"and {content[:_SHOWN]}… here; find the point again by workbench trim"

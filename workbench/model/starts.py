@@ -86,8 +86,8 @@ def _parts(name: str, value: Value, elements: Sequence[str]) -> dict[str, Value]
         raise InputError(f"{name}: this is an array of {size} elements; write {name}=[…], or {elements[0]}={value}")
     given = _nested(text)
     if _shape(given) not in (shape, (math.prod(shape),)):
-        request = " × ".join(map(str, _shape(given)))
-        raise InputError(f"{name}: this is an array of {size} elements, not {request}")
+        shape_given = " × ".join(map(str, _shape(given)))
+        raise InputError(f"{name}: this is an array of {size} elements, not {shape_given}")
     return dict(zip(elements, _flat(given), strict=True))
 
 
@@ -165,8 +165,8 @@ def in_its_unit(
     if result is None:
         cases = (given.lower(), f"{given[:-1].lower()}{given[-1].upper()}", given.capitalize())  # rad, degC, Hz
         near = next((unit for unit in cases if conversion_to(variable, unit, units)), None)
-        notes = f"did you mean {near}?" if near else "give a number in that, or a unit that does"
-        raise InputError(f"'{given}' does not convert to its unit, {variable.unit}; {notes}")
+        remedy = f"did you mean {near}?" if near else "give a number in that, or a unit that does"
+        raise InputError(f"'{given}' does not convert to its unit, {variable.unit}; {remedy}")
     factor, offset = result
     if meaning == "height" and offset:
         raise InputError(

@@ -49,7 +49,7 @@ def origin_of_call(
     given = _signature(function).bind(*args, **by_name).arguments
     values = [*given.values(), *(vars(given["self"]).values() if "self" in given else ())]
     models = [m for v in values for m in _models_in(v)]
-    earlier = [solution for v in (*values, result) if (solution := _earlier(v)) is not None]
+    earlier = [origin for v in (*values, result) if (origin := _earlier(v)) is not None]
     facts = [*(facts_of(m) for m in models), *(m for o in earlier for m in o.models)]
     files = {k: v for o in earlier for k, v in o.files.items()}
     return Origin(

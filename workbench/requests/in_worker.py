@@ -105,8 +105,8 @@ def _perform(model: Model | None, whole: _WholeRequest) -> Iterator[_RequestEnde
         now = time.monotonic()
         if done == total or now > last + _OFTEN:
             worth = bool(job.checking) or (done > most and spent < _WORTH * (now - begun))
-            notes = _Told(str(what), done, total, job.partial() if worth else None, job.checking)
-            tell(notes, finished=done > most and not whole.asked.undivided)
+            event = _Told(str(what), done, total, job.partial() if worth else None, job.checking)
+            tell(event, finished=done > most and not whole.asked.undivided)
             last, most = time.monotonic(), done
             spent += last - now
             stop_if_wanted()
@@ -170,8 +170,8 @@ def _told_by(events: Iterator[Any], whole: _WholeRequest) -> Iterator[Any]:
     """
     kinds = (type(None).__name__, *record_of(type(whole.asked)).split(" | "))
     for event in events:
-        notes = event.value if isinstance(event, Reply) else None
-        record = notes.record if isinstance(notes, _RequestEnded) else getattr(notes, "partial", None)
+        value = event.value if isinstance(event, Reply) else None
+        record = value.record if isinstance(value, _RequestEnded) else getattr(value, "partial", None)
         if (kind := type(record).__name__) not in kinds:
             raise LostError(f"its worker's answer cannot be read: it is a {kind}, not a {' or '.join(kinds[1:])}")
         yield event
@@ -238,11 +238,11 @@ def _heard(events: Iterator[Any], job: telling.Job) -> _RequestEnded:
         elif isinstance(event, Reply) and isinstance(event.value, _Said):
             job.say(event.value.words)
         elif isinstance(event, Reply):
-            notes = event.value
-            whole = notes if notes.checking else whole
-            if notes.partial is not None:
-                job.partial = partial(_same, notes.partial)
-            job.done(notes.what, notes.done, notes.total)
+            progress = event.value
+            whole = progress if progress.checking else whole
+            if progress.partial is not None:
+                job.partial = partial(_same, progress.partial)
+            job.done(progress.what, progress.done, progress.total)
         elif result is None and whole is not None:
             result = _RequestEnded(whole.partial, None, (f"{whole.checking} came to no end: {event.reason}",))
         elif result is None:

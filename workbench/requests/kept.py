@@ -20,5 +20,5 @@ def remember(result: object, origin: Origin) -> None:
 
 def origin_of(result: object) -> Origin | None:
     """Return the origin of a result, or None for one that was put together by hand."""
-    solution = _ORIGINS.get(id(result))
-    return solution[1] if solution is not None and solution[0]() is result else None
+    kept = _ORIGINS.get(id(result))
+    return kept[1] if kept is not None and kept[0]() is result else None

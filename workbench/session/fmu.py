@@ -125,8 +125,8 @@ class FmuSession(Session):
 
     def _tells_time(self) -> bool:
         """Whether the FMU is told the time once more before its first event iteration."""
-        notes = self.setup.manners.time_first
-        return self.time != 0.0 if notes is None else notes
+        first = self.setup.manners.time_first
+        return self.time != 0.0 if first is None else first
 
     def _initialise(self) -> None:
         instance, setup = self.instance, self.setup
@@ -190,11 +190,11 @@ class FmuSession(Session):
         """Refuse start values that the FMU has not taken; guesses it may change, which is noted."""
         setup = self.setup
         known = [setup.variables[n] for n in setup.start_values if n not in setup.guesses and n not in setup.signals]
-        request = [v for v in known if not self.instance.fed(v)]
-        biased = {v.name: _plus(setup.start_values[v.name], setup.bias.get(v.name, 0.0)) for v in request}
-        if guessed := misses(self.instance, [v for v in request if v.initial == "approx"], biased):
+        kept = [v for v in known if not self.instance.fed(v)]
+        biased = {v.name: _plus(setup.start_values[v.name], setup.bias.get(v.name, 0.0)) for v in kept}
+        if guessed := misses(self.instance, [v for v in kept if v.initial == "approx"], biased):
             setup.manners.guessed = f"the FMU uses a start value only as a guess (initial approx): {in_words(guessed)}"
-        if result := misses(self.instance, [v for v in request if v.initial != "approx"], biased):
+        if result := misses(self.instance, [v for v in kept if v.initial != "approx"], biased):
             lost = [setup.variables[miss.name] for miss in result]
             if (
                 not setup.manners.forgets

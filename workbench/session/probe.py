@@ -187,17 +187,17 @@ def begins_at_zero(open_session: Callable[[Setup], FmuSession], setup: Setup, st
     if not begin > 0.0:
         return False
     try:
-        notes = _seen(open_session, free, (begin, begin + step))
+        later = _seen(open_session, free, (begin, begin + step))
         usual = _seen(open_session, replace(free, start_time=0.0), (0.0, step))
         by_then = _seen(open_session, replace(free, start_time=0.0), (begin, begin + step))
         slowly = _seen(open_session, replace(free, start_time=0.0), (*(begin * _PARTS), begin + step))
     except WorkbenchError:
         return False
-    gap = np.abs(notes[1] - usual[1])
-    clear = gap > _CLEAR * np.maximum(np.abs(notes[1]), np.abs(usual[1]))
+    gap = np.abs(later[1] - usual[1])
+    clear = gap > _CLEAR * np.maximum(np.abs(later[1]), np.abs(usual[1]))
     if not states:
         clear &= np.abs(slowly[-1] - by_then[1]) > _ROUNDING * np.abs(by_then[1])
-    same = (np.abs(notes[1] - by_then[1]) <= _SAME * gap) & (np.abs(notes[0] - usual[0]) <= _SAME * gap)
+    same = (np.abs(later[1] - by_then[1]) <= _SAME * gap) & (np.abs(later[0] - usual[0]) <= _SAME * gap)
     return bool(clear.any() and same[clear].all())
 
 

@@ -70,7 +70,7 @@ def in_words(result: Sequence[Miss]) -> str:
 def misses(
     instance: Instance,
     variables: Sequence[Variable],
-    request: Mapping[str, Value],
+    wanted: Mapping[str, Value],
     *,
     near: float = AT_ZERO,
     sizes: Mapping[str, float] | None = None,
@@ -80,7 +80,7 @@ def misses(
     Args:
         instance: initialised.
         variables: to read.
-        request: name → value.
+        wanted: name → value.
         near: how far from 0 a value may be where 0 was asked for [sizes, else nominal values].
         sizes: name → magnitude.
     """
@@ -89,9 +89,9 @@ def misses(
         return []
     result = instance.access(variables).read()
     return [
-        Miss(v.name, fitting(v, request[v.name]), value)
+        Miss(v.name, fitting(v, wanted[v.name]), value)
         for v, value in zip(variables, result, strict=True)
-        if not _took(v, request[v.name], value, near * (known.get(v.name) or v.nominal or 1.0))
+        if not _took(v, wanted[v.name], value, near * (known.get(v.name) or v.nominal or 1.0))
     ]
 
 
@@ -180,9 +180,9 @@ class StartPoint:
 
     def moved(self, x: Floats, u: Floats, inputs: Sequence[Variable]) -> tuple[Floats, Floats]:
         """Return states, shape (n,), and `inputs`, shape (m,), with those asked for in their place."""
-        request = self.values
-        states = [request.get(name, value) for name, value in zip(self._positions, x.tolist(), strict=True)]
-        forced = [request.get(v.name, value) for v, value in zip(inputs, u.tolist(), strict=True)]
+        wanted = self.values
+        states = [wanted.get(name, value) for name, value in zip(self._positions, x.tolist(), strict=True)]
+        forced = [wanted.get(v.name, value) for v, value in zip(inputs, u.tolist(), strict=True)]
         return np.array(states, dtype=np.float64), np.array(forced, dtype=np.float64)
 
     def refuse(self, result: Sequence[Miss], remedy: str) -> None:

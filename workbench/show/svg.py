@@ -33,10 +33,10 @@ def svg_of(figure: Figure, prefix: str, words: str) -> str:
     # Matplotlib names an image by its pixels, and two alike by the same name; nothing refers to either.
     met: Counter[str] = Counter()
 
-    def named(result: re.Match[str]) -> str:
-        met[result[1]] += 1
-        again = f"-{met[result[1]]}" if met[result[1]] > 1 else ""
-        return f'id="{prefix}-{result[1]}{again}"'
+    def named(match: re.Match[str]) -> str:
+        met[match[1]] += 1
+        again = f"-{met[match[1]]}" if met[match[1]] > 1 else ""
+        return f'id="{prefix}-{match[1]}{again}"'
 
     text = re.sub(r'\bid="([^"]*)"', named, text)
     text = re.sub(r'(href="#|url\(#)', rf"\1{prefix}-", text)
@@ -44,4 +44,4 @@ def svg_of(figure: Figure, prefix: str, words: str) -> str:
     label = re.sub(r'[<>"&]', " ", words)
     values = f' data-points="{escape(points)}"' if points else ""
     sized = r'<svg ([^>]*?)width="[^"]*" height="[^"]*"'
-    return re.sub(sized, lambda result: f'<svg role="img" aria-label="{label}"{values} {result[1]}', text, count=1)
+    return re.sub(sized, lambda match: f'<svg role="img" aria-label="{label}"{values} {match[1]}', text, count=1)

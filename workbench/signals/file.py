@@ -123,8 +123,8 @@ def named_columns(name: str, path: Path, numbers: Callable[[str], Numbers]) -> d
 
 def _named(heading: str) -> tuple[str, str | None]:
     """Return a column's name and unit: "u" and "m" for "u [m]", "u[m]" and "u (m)"; "u[2]" is an element."""
-    result = _HEADING.fullmatch(heading)
-    return (result["name"], result["unit"].strip() or None) if result else (heading, None)
+    match = _HEADING.fullmatch(heading)
+    return (match["name"], match["unit"].strip() or None) if match else (heading, None)
 
 
 def _seconds(path: Path, heading: str) -> float:

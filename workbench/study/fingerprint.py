@@ -146,4 +146,4 @@ def _sources(path: Path) -> Iterator[str]:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return
-    yield from (unescape(result[1]) for result in _SOURCE.finditer(text))
+    yield from (unescape(match[1]) for match in _SOURCE.finditer(text))

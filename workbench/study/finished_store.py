@@ -36,8 +36,8 @@ def _name(run: PlannedRun) -> str:
 
 def _name_of(questions: Sequence[RequirementResult]) -> str:
     """Return a name for requirements and the results that they are compared with."""
-    request = [[c.requirement.model_dump(), [_name(run) for run in c.runs]] for c in questions]
-    return f"findings {hashlib.sha256(json.dumps(request, sort_keys=True).encode()).hexdigest()}"
+    content = [[c.requirement.model_dump(), [_name(run) for run in c.runs]] for c in questions]
+    return f"findings {hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()}"
 
 
 class Finished(Closable):

@@ -66,16 +66,16 @@ def _named(checked: RequirementResult) -> str:
 def _verdicts(result: StudyResult) -> list[Verdict]:
     """Return what is not met, and how much is; the table says the rest."""
     met = [c for c in result.checked if c.finding.passed]
-    solution = [Verdict(c.finding.verdict, f"{c.name}: {c.finding.words}") for c in result.violated]
-    return [*solution, *([Verdict(met[0].finding.verdict, f"{len(met)} of {len(result.checked)}")] if met else [])]
+    verdicts = [Verdict(c.finding.verdict, f"{c.name}: {c.finding.words}") for c in result.violated]
+    return [*verdicts, *([Verdict(met[0].finding.verdict, f"{len(met)} of {len(result.checked)}")] if met else [])]
 
 
 def _facts(result: StudyResult) -> dict[str, str]:
     study = result.study
     models = {f"model {name}": _model(str(m.model), result) for name, m in study.models.items()}
-    notes = {"document": study.id, "revision": study.revision, "author": study.author}
+    labels = {"document": study.id, "revision": study.revision, "author": study.author}
     return {
-        **{name: value for name, value in notes.items() if value},
+        **{name: value for name, value in labels.items() if value},
         "study": study.path.name,
         "SHA-256 of the study": study.sha256,
         **models,
@@ -146,11 +146,11 @@ def _points(result: StudyResult) -> Iterator[Section]:
     """Yield where each analysis was measured; those at one point share a row."""
     where: dict[tuple[str, str], list[str]] = {}
     for run, outcome in result.runs.items():
-        notes = point_facts(outcome.result or {})
-        if notes:
-            where.setdefault((notes.get("held inputs", ""), notes["operating point"]), []).append(run.label)
+        facts = point_facts(outcome.result or {})
+        if facts:
+            where.setdefault((facts.get("held inputs", ""), facts["operating point"]), []).append(run.label)
     if where:
-        rows = [(", ".join(labels), *notes) for notes, labels in where.items()]
+        rows = [(", ".join(labels), *facts) for facts, labels in where.items()]
         table = PageTable(("analysis", "held inputs", "operating point"), rows, right=())
         yield Section("Operating points", tables=[table], folded=len(rows) > _FEW)
 
@@ -206,7 +206,7 @@ def _title(checked: RequirementResult, result: Result) -> str:
     return f"{model}: {checked.name}" if isinstance(model, str) else checked.name
 
 
-def _mask(requirement: Mask, result: Result, title: str, solution: Compliance) -> Figure:
+def _mask(requirement: Mask, result: Result, title: str, compliance: Compliance) -> Figure:
     from workbench.study.picture import plot_between_masks  # noqa: PLC0415 - matplotlib is slow to import
 
     curves = requirement.responses(result, requirement.corners)
@@ -217,7 +217,7 @@ def _mask(requirement: Mask, result: Result, title: str, solution: Compliance) -
         unit=UNITS.get(requirement.quantity, curves[0].unit),
         upper=requirement.upper or (),
         lower=requirement.lower or (),
-        worst=_place(solution),
+        worst=_place(compliance),
     )
 
 
@@ -228,7 +228,7 @@ def _place(result: Compliance) -> tuple[float, float] | None:
     return float(result.where.split(" Hz")[0]), result.value
 
 
-def _step(requirement: SettlingTime | Overshoot, result: Result, title: str, solution: Compliance) -> Figure:
+def _step(requirement: SettlingTime | Overshoot, result: Result, title: str, compliance: Compliance) -> Figure:
     from workbench.study.picture import LIMIT, plot_step  # noqa: PLC0415 - matplotlib is slow to import
 
     history = requirement.history(result)
@@ -239,8 +239,8 @@ def _step(requirement: SettlingTime | Overshoot, result: Result, title: str, sol
     if isinstance(requirement, SettlingTime):
         share = f"{100.0 * requirement.band:g} %"
         lines = {f"final value + {share}": final + width, f"final value − {share}": final - width}
-        if isinstance(solution.value, float):
-            times["settled"] = requirement.after + solution.value
+        if isinstance(compliance.value, float):
+            times["settled"] = requirement.after + compliance.value
         if requirement.max is not None:
             times[LIMIT] = requirement.after + requirement.max
     elif requirement.max is not None:

@@ -246,7 +246,7 @@ def _with_label(path: Path, label: str) -> Path:
     return path.with_stem(f"{path.stem}_{plain}") if plain else path
 
 
-def _key(request: Mapping[str, Any], wants: Sequence[str], needs: Mapping[str, PlannedRun]) -> str:
+def _key(options: Mapping[str, Any], wants: Sequence[str], needs: Mapping[str, PlannedRun]) -> str:
     """Return what tells a run from others of the same subject, as text; the order of options does not."""
     others = {name: [run.subject, run.key] for name, run in needs.items()}
-    return json.dumps({"asked": request, "wants": list(wants), "needs": others}, sort_keys=True)
+    return json.dumps({"asked": options, "wants": list(wants), "needs": others}, sort_keys=True)

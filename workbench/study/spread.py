@@ -82,13 +82,13 @@ class Spread:
         if self.discrete:
             return ", ".join(f"{v} ({100.0 * w:.4g} %)" for v, w in zip(self.values, self.weights, strict=True))
         n = [f"{x:g}" for x in self.numbers]
-        notes = {
+        words = {
             "range": lambda: f"uniform, {n[0]} … {n[1]}",
             "normal": lambda: f"normal, mean {n[0]}, standard deviation {n[1]}",
             "log-normal": lambda: f"log-normal, median {n[0]}, standard deviation of the logarithm {n[1]}",
             "triangular": lambda: f"triangular, {n[0]} … {n[2]}, most likely {n[1]}",
         }[self.kind]()
-        return notes if not self.cut else f"{notes}, cut off at {self.low:g} and {self.high:g}"
+        return words if not self.cut else f"{words}, cut off at {self.low:g} and {self.high:g}"
 
     def at(self, share: float) -> Scalar:
         """Return the value below which a share of the distribution lies.

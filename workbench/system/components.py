@@ -224,8 +224,8 @@ def _fmu(component: FmuComponent, recipe: FmuRecipe | None) -> OpenComponent:
         model: DescribedModel = recipe.open()
     else:
         # The solver and the communication step are the system's affair, or the master's.
-        request = Loading(component.interface, start_values=component.set, step=component.step)
-        model = load_fmu(component.file, request, component.called)
+        loading = Loading(component.interface, start_values=component.set, step=component.step)
+        model = load_fmu(component.file, loading, component.called)
     starts = dict(model.start_values)
     described = _told(model.description, starts, component.units)
     doubted = ("the dependencies that it declares are not believed",) if component.dependencies == "all" else ()

@@ -127,7 +127,7 @@ def connect(
         order=order, extrapolation=extrapolation, step_tolerance=step_tolerance, hold_inputs=hold_inputs
     )
     starts = {**_own_starts(components), **(start_values or {})}
-    request = Loading(
+    loading = Loading(
         solver=solver,
         step=step,
         tolerance=tolerance,
@@ -136,7 +136,7 @@ def connect(
         start_values=starts,
         bias=bias or {},
     )
-    return open_description(embed(_described(name, connections, inputs, outputs, master), parts), request)
+    return open_description(embed(_described(name, connections, inputs, outputs, master), parts), loading)
 
 
 def _described(
@@ -167,19 +167,19 @@ def _own_starts(components: Mapping[str, object]) -> dict[str, Value]:
     }
 
 
-def open_description(description: SystemDescription, request: Loading | None = None) -> DescribedModel:
+def open_description(description: SystemDescription, loading: Loading | None = None) -> DescribedModel:
     """Open a system as it is written down.
 
     Args:
         description: the system.
-        request: how; None: all at its default.
+        loading: how; None: all at its default.
 
     Raises:
         InputError, FmuError: see `connect`.
     """
     source = description.source or description.name
-    request = replace(request or Loading(), hold_inputs=description.master.hold_inputs)
-    return OpenableSystem(source=source, system=description, **values_of(request)).open()
+    loading = replace(loading or Loading(), hold_inputs=description.master.hold_inputs)
+    return OpenableSystem(source=source, system=description, **values_of(loading)).open()
 
 
 # -- components -------------------------------------------------------------------------------

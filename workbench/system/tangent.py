@@ -43,9 +43,9 @@ class SystemJacobian:
         result = np.zeros(len(wanted))
         for number, own in enumerate(seeds):
             # All of a part at once: one product of matrices, or one call of the FMU.
-            request = [i for i, (owner, v) in enumerate(wanted) if owner == number and v.name not in own]
-            if own and request:
-                result[request] = self._of_part(number, [wanted[i][1] for i in request], own)
+            own_rows = [i for i, (owner, v) in enumerate(wanted) if owner == number and v.name not in own]
+            if own and own_rows:
+                result[own_rows] = self._of_part(number, [wanted[i][1] for i in own_rows], own)
         for i, (owner, variable) in enumerate(wanted):
             if variable.name in seeds[owner]:
                 result[i] = seeds[owner][variable.name][1]

@@ -109,8 +109,8 @@ class _Server:
 
     async def events(self, request: Request) -> Response:
         """Answer with what happens, as server-sent events; a browser that comes back is told what it missed."""
-        notes = request.headers.get("last-event-id") or request.query_params.get("last") or "0"
-        last = _number(notes) or 0
+        given = request.headers.get("last-event-id") or request.query_params.get("last") or "0"
+        last = _number(given) or 0
         headers = {"X-Accel-Buffering": "no"}
         return StreamingResponse(self._stream(last), media_type="text/event-stream", headers=headers)
 

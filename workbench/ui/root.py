@@ -156,8 +156,8 @@ def _model_of_point(file: Path) -> str:
             begin = stream.read(_BEGINNING).decode("utf-8", "replace")
     except OSError:
         return ""
-    result = _MODEL.search(begin)
-    return str(json.loads(result[1])) if result and _TRIM.search(begin) else ""
+    match = _MODEL.search(begin)
+    return str(json.loads(match[1])) if match and _TRIM.search(begin) else ""
 
 
 def _kind(file: Path) -> str:

@@ -27,14 +27,14 @@ def study_of(works: Iterable[Work]) -> str:
             continue
         subject = work.subject[0]
         model = models.setdefault(subject, _name(subject, models.values()))
-        request = work.to_dict()["asked"]
+        options = work.to_dict()["asked"]
         lines = [
             f"[analyses.{work.command.replace('-', '_')}_{work.number}]",
             f'command = "{work.command}"',
             f'model = "{model}"',
         ]
         lines += [
-            f"{_key(work, name)} = {toml_value(value)}" for name, value in request.items() if name not in _WITHOUT
+            f"{_key(work, name)} = {toml_value(value)}" for name, value in options.items() if name not in _WITHOUT
         ]
         analyses.append("\n".join(lines))
     if not analyses:

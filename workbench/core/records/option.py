@@ -186,8 +186,8 @@ class DeclaredOption:
             form = f"of the form {self.form.metavar}" if self.form is not None else "a number"
             raise InputError(f"{spoken}: '{value}' is not {form}") from None
         except ValueError as error:
-            notes = in_unit(str(error), self.option.unit) if spoken == self.flag else f"{error}{self._unit}"
-            raise InputError(f"{spoken}: {notes}") from None
+            words = in_unit(str(error), self.option.unit) if spoken == self.flag else f"{error}{self._unit}"
+            raise InputError(f"{spoken}: {words}") from None
         return result
 
     def read(self, given: Any) -> Any:  # noqa: ANN401 - what a command line or a form holds

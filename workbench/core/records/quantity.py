@@ -70,8 +70,8 @@ def quantity(value: float | str) -> tuple[float, str]:
     """
     if not isinstance(value, str) or value.strip().lstrip("+-").lower() in {"nan", "inf", "infinity"}:
         return number(value), ""  # what is not finite is refused as such
-    result = _QUANTITY.fullmatch(value)
-    text, unit = (result[1], result[2] or "") if result else ("", "")
+    match = _QUANTITY.fullmatch(value)
+    text, unit = (match[1], match[2] or "") if match else ("", "")
     if unit.startswith(","):
         raise DecimalCommaError(
             f"'{value}' has a comma for its decimals; write a point, as in {value.replace(',', '.', 1)}"

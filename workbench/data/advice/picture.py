@@ -51,10 +51,10 @@ def _record(axes: list[Axes], advice: Advice) -> None:
             drawstyle="steps-post" if held else "default",
         )  # fmt: skip
         ax.set_ylabel(bracketed(names[i], data.units[names[i]]), fontsize=8.5)
-        for result in advice.findings:
-            at = list(result.marks.get(names[i], ()))
+        for finding in advice.findings:
+            at = list(finding.marks.get(names[i], ()))
             if at:
-                ax.plot(data.time[at], values[at, i], ".", color=_MARK, markersize=3.5, label=result.topic)
+                ax.plot(data.time[at], values[at, i], ".", color=_MARK, markersize=3.5, label=finding.topic)
                 ax.legend(fontsize=8.0, loc="upper right", framealpha=0.9, edgecolor="#cccccc")
         ax.set_xlim(data.time[0], data.time[-1])
         ax.tick_params(labelbottom=ax is axes[-1])

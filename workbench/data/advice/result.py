@@ -83,9 +83,9 @@ class Advice(Result):
         Raises:
             InputError: no such topic.
         """
-        for result in self.findings:
-            if result.topic == topic:
-                return result
+        for finding in self.findings:
+            if finding.topic == topic:
+                return finding
         raise InputError(f"advice has no topic '{topic}'; {suggest(topic, [f.topic for f in self.findings])}")
 
     def refuse(self, order: int) -> None:

@@ -40,8 +40,8 @@ def _signal(result: ExciteResult) -> str:
 
 
 def _correlation(result: ExciteResult) -> dict[str, str]:
-    solution = result.design.cross_correlation
-    return {} if solution is None else {"cross-correlation of the inputs": f"at most {solution:.3f}"}
+    correlation = result.design.cross_correlation
+    return {} if correlation is None else {"cross-correlation of the inputs": f"at most {correlation:.3f}"}
 
 
 def _ranges(result: ExciteResult) -> PageTable:

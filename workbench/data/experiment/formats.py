@@ -326,8 +326,8 @@ def _mdf(path: Path) -> _Columns:
             values = np.interp(clock, s.timestamps, values)
             moved.append(s.name)
         columns[s.name], units[s.name] = values, s.unit or None
-    notes = f"{path.name}: {', '.join(moved[:5])} put on the times of the channel with most samples, linear between"
-    return columns, units, [notes] if moved else []
+    note = f"{path.name}: {', '.join(moved[:5])} put on the times of the channel with most samples, linear between"
+    return columns, units, [note] if moved else []
 
 
 _READERS: Mapping[str, Callable[[Path], _Columns]] = {

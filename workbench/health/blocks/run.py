@@ -29,10 +29,10 @@ def run(kinds: Sequence[str], request: Blocks, job: Job) -> BlocksResult:
     for kind in kinds:
         if kind not in BLOCKS:
             raise InputError(f"block '{kind}' is unknown; {suggest(kind, BLOCKS)}")
-    solution = tuple(_kind(BLOCKS[kind]) for kind in (kinds or BLOCKS))
-    result = BlocksResult(solution, detailed=bool(kinds))
+    described = tuple(_kind(BLOCKS[kind]) for kind in (kinds or BLOCKS))
+    result = BlocksResult(described, detailed=bool(kinds))
     job.partial = lambda: result
-    job.done("blocks", len(solution), len(solution))
+    job.done("blocks", len(described), len(described))
     return result
 
 

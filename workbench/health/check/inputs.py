@@ -129,8 +129,8 @@ def _co_simulation(subject: CheckedFmu, share: float) -> Answer:
     cost = f"{_HELD} ({0.5 * subject.step:.3g} s, {delay:.2g}° at {fastest:.3g} Hz)"
     claims = subject.model.description.interfaces["cs"]
     if not claims.interpolates_inputs:
-        notes = f"here they have the value of the middle of a step; {cost}" if claims.variable_step else cost
-        return Answer("good", "inputs act; interpolation is not claimed", notes, {"interpolates": False})
+        evidence = f"here they have the value of the middle of a step; {cost}" if claims.variable_step else cost
+        return Answer("good", "inputs act; interpolation is not claimed", evidence, {"interpolates": False})
     if not _takes_slopes(subject):
         text = "canInterpolateInputs is claimed, but input derivatives are rejected"
         return Answer("broken", text, cost, {"interpolates": False})

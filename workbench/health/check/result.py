@@ -124,9 +124,9 @@ class HealthCard(Result):
         Raises:
             InputError: there is no such line.
         """
-        for result in self.checks:
-            if (result.component, result.interface, result.name) == (component, interface, name):
-                return result
+        for check in self.checks:
+            if (check.component, check.interface, check.name) == (component, interface, name):
+                return check
         known = [c.name for c in self.checks if c.interface == interface]
         raise InputError(f"the card has no check '{name}' of {interface}; {suggest(name, known)}")
 

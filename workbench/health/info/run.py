@@ -69,7 +69,7 @@ def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
         return _facts(v for v in result.variables if v.causality == causality and v.type != "Clock")
 
     shown = ("input", "output", "parameter", STRUCTURAL)
-    notes = [*result.states, *(v for v in result.variables if v.causality in shown)]
+    listed = [*result.states, *(v for v in result.variables if v.causality in shown)]
     record = FmuInfo(
         model=result.model_name,
         description=result.description,
@@ -90,8 +90,8 @@ def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
         scheduled_execution=result.scheduled is not None,
         clocks=_clocks(result),
         terminals=result.terminals,
-        enumerations={v.name: items for v in notes if (items := result.enumerations.get(v.declared_type or ""))},
-        display_units=_display_units(notes, result),
+        enumerations={v.name: items for v in listed if (items := result.enumerations.get(v.declared_type or ""))},
+        display_units=_display_units(listed, result),
     )
     facts = ModelFacts(name=result.model_name, fmus=(fmu_facts(source, result, ""),))  # no interface was chosen
     remember(record, Origin(models=(facts,)))

@@ -45,7 +45,7 @@ class _Probe(WorkItem):
 
 
 def probe_snapshots(
-    recipe: FmuRecipe, interfaces: Sequence[str], limits: Limits, notes: telling.Job
+    recipe: FmuRecipe, interfaces: Sequence[str], limits: Limits, job: telling.Job
 ) -> dict[str, Snapshots | str]:
     """Load, take, disturb, restore and compare, in worker processes; a text: why the binary cannot be loaded.
 
@@ -53,12 +53,12 @@ def probe_snapshots(
         recipe: of the FMU, with one of the interfaces.
         interfaces: those to be probed; they must be able to run on this platform.
         limits: of the processes; a probe has 20 s at most.
-        notes: ends the probe, and gets what the user should know of how they ran.
+        job: ends the probe, and gets what the user should know of how they ran.
     """
     result: dict[str, Snapshots | str] = {}
     jobs: deque[_Probe] = deque(_Probe(name) for name in interfaces)
     patient = replace(limits, timeout=min(_PATIENCE, limits.timeout or _PATIENCE))
-    with Pool(recipe, jobs=1, limits=patient) as pool, notes.ended_by(pool.stop):
+    with Pool(recipe, jobs=1, limits=patient) as pool, job.ended_by(pool.stop):
         try:
             for event in pool.run(perform, jobs):
                 if isinstance(event, Reply):
@@ -67,5 +67,5 @@ def probe_snapshots(
                     result[event.job.interface] = Snapshots("replay", f"the probe failed: {event.reason}")
         except WorkbenchError as error:
             result |= {n: Snapshots("replay", f"the probe failed: {error}") for n in interfaces if n not in result}
-    notes.notes += pool.remarks()
+    job.notes += pool.remarks()
     return result

@@ -102,7 +102,7 @@ def measured(response: Response | NfrResult | BlaResult | FrequencyResponseData 
         if abs(other.dt - first.dt) > 1e-9 * max(other.dt, first.dt):
             kinds = [f"{m.model} is {f'sampled every {m.dt:g} s' if m.dt else 'continuous'}" for m in (first, other)]
             raise InputError(f"{' and '.join(kinds)}: one model cannot follow both")
-    every = Measured(tuple(curve for result in (first, *others) for curve in result.curves), first.model, first.dt)
+    every = Measured(tuple(curve for one in (first, *others) for curve in one.curves), first.model, first.dt)
     if len(every.curves) > 1:
         _check_channels(every)
     return every

@@ -39,7 +39,7 @@ def run(data: Experiment | str | Path, request: Identify, job: Job) -> IdentifyR
         advice.refuse(order)
     job.done("data judged", 1, 3)
     driving = joined(pieces) if reference is None else driven_by(reference, prepared, request)
-    solution = estimate(
+    estimated = estimate(
         driving.u,
         driving.y,
         prepared.data.dt,
@@ -54,7 +54,7 @@ def run(data: Experiment | str | Path, request: Identify, job: Job) -> IdentifyR
         stable=request.stable,
     )
     other = _other(request, prepared.data)
-    better, refinement, rival = refined(solution, driving, other, request)
+    better, refinement, rival = refined(estimated, driving, other, request)
     if reference is not None:
         better = with_disturbance(better, prepared, driving, request)
     better = better.with_model(without_joints(better.model, prepared.u.shape[1]))

@@ -116,9 +116,9 @@ class FeedForwardResult(Result):
         Raises:
             KeyError: there is none.
         """
-        for result in self.trials:
-            if result.name == name:
-                return result
+        for trial in self.trials:
+            if trial.name == name:
+                return trial
         raise KeyError(name)
 
     def plot(self, path: str | Path | None = None, *, figure: str = "overview") -> Figure:

@@ -51,9 +51,9 @@ def run(system: DescribedModel, request: Feedback, job: Job) -> FeedbackResult:
         if system.at is None and system.interface == "me":
             point, notes = rest_of(system, time=time, what="the gains are looked for at")
         between = _actuator(system, request)
-        solution = place.linear(point, time=time, actuator=between, method=request.method)
-        work = _FeedbackAnalysis(place, point, solution.operating_point.y.get(SEEN, 0.0), between, time, request, keep)
-        result = work.linear_result(solution, notes)
+        linear = place.linear(point, time=time, actuator=between, method=request.method)
+        work = _FeedbackAnalysis(place, point, linear.operating_point.y.get(SEEN, 0.0), between, time, request, keep)
+        result = work.linear_result(linear, notes)
         job.partial = lambda: result  # what is known, should a run of the study fail or somebody end it
         chosen = work.study_gains(result) if request.settle else ()
         two, why = work.two_ports()

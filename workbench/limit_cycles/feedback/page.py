@@ -48,10 +48,10 @@ def feedback_page(result: FeedbackResult) -> Page:
 def _verdicts(result: FeedbackResult) -> list[Verdict]:
     if not result.stable_gains:
         return [Verdict("unstable", result.words)]
-    solution = [Verdict("stable", f"gain {interval_words(pair)}") for pair in result.stable_gains]
+    verdicts = [Verdict("stable", f"gain {interval_words(pair)}") for pair in result.stable_gains]
     if result.settling is not None and result.settling.optimum is not None:
-        solution.append(Verdict("best", f"{_best(result.settling)} by the polynomial"))
-    return solution
+        verdicts.append(Verdict("best", f"{_best(result.settling)} by the polynomial"))
+    return verdicts
 
 
 def _stability(result: FeedbackResult) -> Section:

@@ -145,14 +145,14 @@ def follow_cycles(
     return notes
 
 
-def _progress(over: Range, number: int, count: int, notes: Callable[[float, float], None]) -> Callable[[Place], None]:
+def _progress(over: Range, number: int, count: int, report: Callable[[float, float], None]) -> Callable[[Place], None]:
     """Return what tells how much of the range a branch has seen: up first, then down."""
     seen = [0.0]
 
     def at(place: Place) -> None:
         room = 1.0 - over.begin if place.p > over.begin else over.begin
         seen.append(max(seen[-1], number + (min(abs(place.p - over.begin) / room, 1.0) if room > 0.0 else 1.0)))
-        notes(0.99 * seen[-1] / count, over.value(place.p))
+        report(0.99 * seen[-1] / count, over.value(place.p))
 
     return at
 

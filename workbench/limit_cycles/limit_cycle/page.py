@@ -64,15 +64,15 @@ def _lead(result: LimitCycleResult) -> str:
 def _verdicts(result: LimitCycleResult) -> list[Verdict]:
     """Return one line for each crossing; a limit cycle is a fact, no violation: only what is doubtful is coloured."""
     best = {c.crossing: c for c in result.limit_cycles}  # the methods come in rising order of trust
-    solution = [Verdict(STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in best.values()]
+    verdicts = [Verdict(STABLE[c.stable] + " cycle", _cycle_words(c, result.input_unit)) for c in best.values()]
     if result.simulated is not None and not result.simulated.steady:
-        solution.append(Verdict("watch", "the simulation was not steady at its end"))
-    solution += [
+        verdicts.append(Verdict("watch", "the simulation was not steady at its end"))
+    verdicts += [
         Verdict("watch", f"{_followed(b)} was not followed to its end: {'; '.join(dict.fromkeys(b.ends))}")
         for b in result.branches
         if b.truncated
     ]
-    return solution
+    return verdicts
 
 
 def _cycle_words(c: LimitCycle, unit: str | None) -> str:

@@ -79,7 +79,7 @@ def _sampled(
     The closed loop is known by itself, from its own map over a basic period. Margins are stated where the open loop,
     closed again, has its poles.
     """
-    solution, source = judged(closed, transfer), cut.place.source
+    stability, source = judged(closed, transfer), cut.place.source
     # Poles alone do not tell: where the loop is weak, L held over the period has almost those of the loop as it is.
     once = result.delayed is not None if whole is None else whole.single is not None
     if once and same_poles(transfer.sensitivity().poles, closed.poles):
@@ -90,13 +90,13 @@ def _sampled(
             "factor on it, for the phase of exp(−jφ); the curves of L, |S| and |T| show it held over the basic period, "
             "which it is not: open the loop where the signal acts once in that time, to see L"
         )
-        return margins_of_lifted(whole, solution), [note]
+        return margins_of_lifted(whole, stability), [note]
     held = f"opened there, L holds it over {transfer.dt:.6g} s"
     if cut.place.discrete or (result.intersample is not None and result.intersample.sampled):
         why = f"{source} acts at several instants; {held}, and closed again it has other poles than the loop"
     else:
         why = f"{source} is continuous and acts between the samples too; {held}, a delay that the loop does not have"
-    return withheld(solution), [f"{why}: there are no margins; open the loop at a sampled signal instead"]
+    return withheld(stability), [f"{why}: there are no margins; open the loop at a sampled signal instead"]
 
 
 def _notes(cut: CutLoop, result: LinResult) -> list[str]:

@@ -45,12 +45,12 @@ def loop_page(result: LoopResult) -> Page:
 
 def _verdicts(result: LoopResult, unit: str) -> list[Verdict]:
     linear = [] if result.linear is None else [_verdict("linear loop", result.linear.margins)]
-    solution = [
+    verdicts = [
         *linear,
         *(_verdict(f"{c.how}, amplitude {c.amplitude:g}{unit}", c.margins) for c in result.curves),
     ]
     failed = [(c, p) for c in result.curves for p in c.failed]
-    return solution + [
+    return verdicts + [
         Verdict("failed", f"amplitude {c.amplitude:g}{unit} at {p.frequency_hz:.5g} Hz: {p.reason}") for c, p in failed
     ]
 

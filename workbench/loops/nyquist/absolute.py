@@ -132,15 +132,15 @@ def absolute_stability(
     low = low if sector is None else sector.low
     if not math.isfinite(low):
         raise InputError(f"sector: its lower end is {low:g}; give a finite one")
-    notes = {"name": name, "sector": sector, "low": low}
+    common = {"name": name, "sector": sector, "low": low}
     refused = _refused(part, low)
     if refused:
-        return AbsoluteStability(**notes, linear=low, circle=low, popov=low, refused=refused)  # type: ignore[arg-type]
+        return AbsoluteStability(**common, linear=low, circle=low, popov=low, refused=refused)  # type: ignore[arg-type]
     closed = _closed(part, low)
     circle, hz = _bound(closed, low)
     q, popov = _popov(closed, low)
     return AbsoluteStability(
-        **notes,  # type: ignore[arg-type]
+        **common,  # type: ignore[arg-type]
         linear=_hurwitz(closed, low),
         circle=circle,
         popov=popov if circle is not None else None,

@@ -85,14 +85,14 @@ def _points(result: OnsetResult) -> Section:
 
 
 def _attitude(result: OnsetResult) -> list[Section]:
-    notes = result.attitude
-    if notes is None:
+    attitude = result.attitude
+    if attitude is None:
         return []
     rows = [
-        ("bandwidth by phase, 45° before -180°", number(notes.phase_bandwidth_hz), "Hz"),
-        ("bandwidth by gain, 6 dB above that at -180°", number(notes.gain_bandwidth_hz), "Hz"),
-        ("bandwidth, the lower of both", number(notes.bandwidth_hz), "Hz"),
-        ("phase delay", number(notes.phase_delay_s), "s"),
+        ("bandwidth by phase, 45° before -180°", number(attitude.phase_bandwidth_hz), "Hz"),
+        ("bandwidth by gain, 6 dB above that at -180°", number(attitude.gain_bandwidth_hz), "Hz"),
+        ("bandwidth, the lower of both", number(attitude.bandwidth_hz), "Hz"),
+        ("phase delay", number(attitude.phase_delay_s), "s"),
     ]
     table = PageTable(("of the response to the input", "value", "unit"), rows, right=(1,))
-    return [Section(f"Attitude {notes.output}", tables=[table])]
+    return [Section(f"Attitude {attitude.output}", tables=[table])]

@@ -193,11 +193,11 @@ def _check_held(model: DescribedModel, closed: LinResult, limited: str) -> None:
         )
 
 
-def _band(closed: LinResult, request: tuple[float, float]) -> tuple[tuple[float, float], list[str]]:
+def _band(closed: LinResult, band: tuple[float, float]) -> tuple[tuple[float, float], list[str]]:
     """Return the band as far as samples show it, and what to say of it."""
-    low, high = request
+    low, high = band
     if high < closed.highest_hz:
-        return request, []
+        return band, []
     top = _BELOW_NYQUIST * closed.highest_hz
     if low >= top:
         raise InputError(f"band: {low:g} Hz is not below {closed.highest_hz:g} Hz, half the sample rate")
@@ -253,8 +253,8 @@ def _followed(point: OnsetPoint, watched: Model, request: RateOnset, motion: _Li
         for f in result.folds
     ]
     where = f"from {band[0]:.4g} to {band[1]:.4g} Hz"
-    notes = f"{len(jumps)} folds {where}" if jumps else f"no fold {where}"
-    return replace(point, jumps=tuple(jumps), jumps_told="; ".join([notes, *result.warnings]))
+    words = f"{len(jumps)} folds {where}" if jumps else f"no fold {where}"
+    return replace(point, jumps=tuple(jumps), jumps_told="; ".join([words, *result.warnings]))
 
 
 def _below(phase: Floats) -> Floats:

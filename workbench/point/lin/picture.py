@@ -105,8 +105,8 @@ def frequency_band(results: Sequence[LinResult]) -> Floats:
 
 
 def _corners(result: LinResult) -> list[float]:
-    solution = corners_hz(result.slowest_poles, result.A, result.dt, least=1e-6)
-    return list(solution) if solution else [0.05 / result.dt] if result.dt > 0.0 else []
+    corners = corners_hz(result.slowest_poles, result.A, result.dt, least=1e-6)
+    return list(corners) if corners else [0.05 / result.dt] if result.dt > 0.0 else []
 
 
 def _style(i: int, j: int) -> dict[str, Any]:

@@ -172,22 +172,22 @@ def _identified(task: LinTask, period: float, costs: RunCosts) -> _Attempt:
         kept = replace(task, inputs=tuple(t.input for t in trials))
         columns = [task.inputs.index(t.input) for t in trials]
         largest = realise(pulses.markov[:, :, columns], noise=pulses.noise[:, columns], order=task.order)
-        solution = smallest(largest, trials, given=task.order is not None)
-        plain = _result(kept, solution, named(task.model, point), period, lines(solution, period, sampled=False))
+        realised = smallest(largest, trials, given=task.order is not None)
+        plain = _result(kept, realised, named(task.model, point), period, lines(realised, period, sampled=False))
         why = "ended before it was looked at between the samples"
         task.job.partial = lambda: replace(plain, why=why, refused=refused)
         sampled = runs.acts_at_samples()
-        answers = runs.inside(solution, kept.inputs, pulses)
-    between = lines(solution, period, sampled=sampled)
-    result = _result(kept, solution, point, period, between)
-    doubts = [d for d in pulses.doubts if d.column in kept.inputs] + [d for t in trials for d in t.doubts(solution)]
+        answers = runs.inside(realised, kept.inputs, pulses)
+    between = lines(realised, period, sampled=sampled)
+    result = _result(kept, realised, point, period, between)
+    doubts = [d for d in pulses.doubts if d.column in kept.inputs] + [d for t in trials for d in t.doubts(realised)]
     over = f"inputs held over {period:.6g} s{_assumed(task)}"
     step = communication_step(task.model, period)
     derived = task.model.derived_step(step) if isinstance(task.model, DescribedModel) else ()
-    notes = [*_notes(solution, largest, pulses, trials), over, *derived, *_replayed(task.model)]
+    notes = [*_notes(realised, largest, pulses, trials), over, *derived, *_replayed(task.model)]
     notes += [*_moving(task, pulses, period), *(f"{n} is left out: {why}" for n, why in refused.items())]
-    if answers is not None and (len(solution.A) or solution.D.any()):
-        joined, between = result, inside(solution, answers, period, sampled=sampled)
+    if answers is not None and (len(realised.A) or realised.D.any()):
+        joined, between = result, inside(realised, answers, period, sampled=sampled)
         result = replace(result, intersample=between)
         limit_hz, between_samples = held(result, joined)
         result = replace(result, holds_to_hz=limit_hz)
@@ -197,14 +197,14 @@ def _identified(task: LinTask, period: float, costs: RunCosts) -> _Attempt:
     untested = {name for t in trials for name in t.untested}
     zeros = tuple(_not_known(z) if z.kind == "output" and z.name in untested else z for z in result.zeros)
     result = replace(result, notes=tuple(notes), doubts=tuple(doubts), refused=refused, calls=calls, zeros=zeros)
-    return _Attempt(result, np.inf if untested or refused else max(t.error(solution) for t in trials))
+    return _Attempt(result, np.inf if untested or refused else max(t.error(realised) for t in trials))
 
 
 def _so_far(task: LinTask, point: OperatingPoint, pulses: Pulses, period: float) -> LinResult:
     """Return the linear model of the inputs that were moved so far, which nothing has tested."""
     moved, left = task.inputs[: len(pulses.widths)], task.inputs[len(pulses.widths) :]
-    solution = realise(pulses.markov, noise=pulses.noise, order=task.order)
-    result = _result(replace(task, inputs=moved), solution, point, period, lines(solution, period, sampled=False))
+    realised = realise(pulses.markov, noise=pulses.noise, order=task.order)
+    result = _result(replace(task, inputs=moved), realised, point, period, lines(realised, period, sampled=False))
     why = "ended before other pulses and a step at this input could test it"
     untested = [
         Doubt(output, input, float(result.D[i, j]), None, why)

@@ -68,12 +68,12 @@ def zeros_of(result: LinResult, reach: LargePerturbation) -> tuple[Zero, ...]:
         ("rate", result.state_names, A.any(axis=1) | B.any(axis=1), True, drifts),
         ("state", result.state_names, A.any(axis=0) | C.any(axis=0), False, "it influences nothing: unobservable"),
     )
-    solution = []
+    zeros = []
     for kind, names, live, row, why in kinds:
         for name in (names[i] for i in np.flatnonzero(~live).tolist()):
             none = reach.dead.get(name) or why if kind == "input" else why
-            solution.append(Zero(kind, name, _reason(reach, name, row=row, none=none)))
-    return tuple(solution)
+            zeros.append(Zero(kind, name, _reason(reach, name, row=row, none=none)))
+    return tuple(zeros)
 
 
 def _reason(reach: LargePerturbation, name: str, *, row: bool, none: str) -> str:

@@ -48,7 +48,7 @@ def run(model: Model, request: Modes, job: Job) -> ModesResult:
     begin, remarks = point_in_full(model, request)
     how = Lin(**begin, method=request.method, inputs=(), outputs=())
     width = _TOLERANCE * (grid[-1] - grid[0]) if request.tolerance is None else request.tolerance
-    solution, common, moving = list[ModeSet](), dict(request.set or {}), list[str]()
+    sets, common, moving = list[ModeSet](), dict(request.set or {}), list[str]()
     first: list[OperatingPoint] = []
     unit = next((v.unit for v in model.description.variables if v.name == vary), None)
 
@@ -58,14 +58,14 @@ def run(model: Model, request: Modes, job: Job) -> ModesResult:
             interface=model.interface,
             parameter=vary,
             unit=unit,
-            sets=tuple(solution),
+            sets=tuple(sets),
             tolerance=width,
-            notes=(*remarks, *moving, *_which(solution, request), *_notes(solution, vary)),
+            notes=(*remarks, *moving, *_which(sets, request), *_notes(sets, vary)),
             operating_point=first[0] if first else None,
             followed=request.count,
         )
 
-    job.partial = lambda: result() if solution else None
+    job.partial = lambda: result() if sets else None
     configured = [with_parameters(model, {**common, **settings}) for settings in ({}, *against)]
     for place, (settings, opened) in enumerate(zip(({}, *against), configured, strict=True), 1):
         job.stage(place, len(configured))
@@ -73,7 +73,7 @@ def run(model: Model, request: Modes, job: Job) -> ModesResult:
         source = ModelSource(opened, vary, how, trimmed=request.trimmed, count=request.count, about=request.about)
         source.prepare(grid, request.place.apart, job, label=label or vary)
         _check_enough(source, grid, vary)
-        solution.append(_one_set(source, grid, label, dict(settings), request, width=width))
+        sets.append(_one_set(source, grid, label, dict(settings), request, width=width))
         moving += _moving(source, label)
         first += [source.results[float(v)].operating_point for v in grid if v in source.results]
     return result()

@@ -48,8 +48,8 @@ def _range(modes: ModeSet) -> str:
 
 
 def _lead(result: ModesResult) -> str:
-    solution = [(s, s.first_unstable) for s in result.sets]
-    return " ".join(f"With {_name(s)}: {_critical_words(result, c) if c else _none(result)}." for s, c in solution)
+    first = [(s, s.first_unstable) for s in result.sets]
+    return " ".join(f"With {_name(s)}: {_critical_words(result, c) if c else _none(result)}." for s, c in first)
 
 
 def _none(result: ModesResult) -> str:
@@ -64,16 +64,16 @@ def _critical_words(result: ModesResult, c: Critical) -> str:
 
 def _verdicts(result: ModesResult, modes: ModeSet) -> list[Verdict]:
     name = _name(modes)
-    solution = [Verdict(c.becomes, f"{name}: {_critical_words(result, c)}") for c in modes.critical]
-    solution += [Verdict("unstable", f"{name}: mode {n}, at every value") for n in modes.unstable_throughout]
+    verdicts = [Verdict(c.becomes, f"{name}: {_critical_words(result, c)}") for c in modes.critical]
+    verdicts += [Verdict("unstable", f"{name}: mode {n}, at every value") for n in modes.unstable_throughout]
     if any(modes.unstable_count[:1]):
         begin = f"{result.parameter} = {modes.value[0]:g}"
-        solution.append(
+        verdicts.append(
             Verdict("unstable", f"{name}: {modes.unstable_count[0]} of the modes at the first value, {begin}")
         )
-    solution += [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
+    verdicts += [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
     which = "every mode" if result.followed is None else "every mode that was followed"
-    return solution or [Verdict("stable", f"{name}: {which}, at every value")]
+    return verdicts or [Verdict("stable", f"{name}: {which}, at every value")]
 
 
 def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Section:

@@ -223,7 +223,7 @@ class _BranchSearch:
 def explore(
     family: ForcedPeriodMaps,
     request: Branches,
-    notes: Callable[[Place], None] = lambda _: None,
+    report: Callable[[Place], None] = lambda _: None,
     begun: Callable[[_BranchSearch], None] = lambda _: None,
 ) -> list[tuple[ForcedPeriodMaps, ContinuedBranch]]:
     """Return all branches of a family that can be found.
@@ -231,14 +231,14 @@ def explore(
     Args:
         family: period maps of order 1.
         request: how far to look.
-        notes: called for each place.
+        report: called for each place.
         begun: called with what holds the branches while they are found.
 
     Raises:
         SimulationError: no periodic response was found.
     """
     marks = [] if request.vary else [family.parameter(f) for f in several(request.frequencies or ())]
-    search = _BranchSearch(family, notes, request.places, marks)
+    search = _BranchSearch(family, report, request.places, marks)
     begun(search)
     try:
         search.from_starts()
@@ -428,7 +428,7 @@ def _fold(family: ForcedPeriodMaps, special: Special, number: int) -> Fold:
 # -- where it begins to jump ------------------------------------------------------------------------------------------
 
 
-def _onset(tracks: list[tuple[ForcedPeriodMaps, ContinuedBranch]], notes: Callable[[Place], None]) -> Onset | None:
+def _onset(tracks: list[tuple[ForcedPeriodMaps, ContinuedBranch]], report: Callable[[Place], None]) -> Onset | None:
     """Return the amplitude at which two folds meet, by following them to ever smaller amplitudes.
 
     Near the cusp the distance of the folds goes with (a − a₀)^(3/2).
@@ -445,7 +445,7 @@ def _onset(tracks: list[tuple[ForcedPeriodMaps, ContinuedBranch]], notes: Callab
         width = max(b / a, 1.0 + 1e-4)
         # As the amplitude falls the folds move together, and down the backbone.
         window = (a / width**2.0 * (1.0 - 0.3 * (1.0 - amplitude / high)), b * width**0.5)
-        folds = _folds_in(family.again(amplitude=amplitude, low=window[0], high=window[1]), notes)
+        folds = _folds_in(family.again(amplitude=amplitude, low=window[0], high=window[1]), report)
         if folds is None:
             low = amplitude
         else:
@@ -469,8 +469,8 @@ def _two_folds(family: ForcedPeriodMaps, track: ContinuedBranch) -> tuple[float,
     return (folds[0], folds[-1]) if len(folds) >= 2 else None
 
 
-def _folds_in(family: ForcedPeriodMaps, notes: Callable[[Place], None]) -> tuple[float, float] | None:
-    search = _BranchSearch(family, notes, 600)
+def _folds_in(family: ForcedPeriodMaps, report: Callable[[Place], None]) -> tuple[float, float] | None:
+    search = _BranchSearch(family, report, 600)
     try:
         search.from_starts()
     except SimulationError:

@@ -54,14 +54,14 @@ def _bars(ax: Axes, result: MotionComparison, signal: str) -> None:
     width = 0.8 / count
     for number, name in enumerate(result.systems):
         for window in range(len(result.windows)):
-            solution = result.measure(name, signal, window)
+            measured = result.measure(name, signal, window)
             x = window + (number - 0.5 * (count - 1)) * width
-            if solution is None:
+            if measured is None:
                 ax.annotate(
                     "failed", (x, 0.0), rotation=90, fontsize=7.0, ha="center", va="bottom", color=_colour(number)
                 )
                 continue
-            peak, rms = factor * solution.peak, factor * solution.rms
+            peak, rms = factor * measured.peak, factor * measured.rms
             ax.bar(x, peak, 0.9 * width, color=_colour(number), alpha=0.75)
             ax.plot([x - 0.45 * width, x + 0.45 * width], [rms, rms], color="#222222", linewidth=1.6)
             ax.annotate(

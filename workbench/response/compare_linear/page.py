@@ -48,9 +48,9 @@ def _agreement(method: str, counts: Mapping[tuple[str, bool | None], int], words
     if not yes + no:
         return Verdict("unknown", f"{method}: nothing was measured to compare it with")
     word = "agrees" if not no else "partly" if yes else "differs"
-    notes = next((text for text in words if _is_agreement(text, [method])), "")
+    stated = next((text for text in words if _is_agreement(text, [method])), "")
     usual = f"{method}: agrees with the measurement at {yes} of {counted(yes + no, 'frequency', 'frequencies')}"
-    return Verdict(word, notes or usual)
+    return Verdict(word, stated or usual)
 
 
 def _verdict_table(result: LinComparison) -> Section:

@@ -82,13 +82,13 @@ class Beat:
             known: whether the error of their mean is.
         """
         every = f", together every {self.common} periods" if self.common else ""
-        notes = spread_words(spread, every)
+        words = spread_words(spread, every)
         if known:
-            return notes
+            return words
         beat = max(self.length, self.turn)
         seen = self.seen_in(len(_newest(np.empty(max(BEGIN + 1, count)))))
         cause = "a transient decays slowly" if seen else f"a whole beat takes {beat:.3g} periods or more"
-        return f"{notes}; how far off that is, is not known: {cause} (wait longer: --max-periods)"
+        return f"{words}; how far off that is, is not known: {cause} (wait longer: --max-periods)"
 
     @property
     def slowness(self) -> float:

@@ -80,8 +80,8 @@ def refine(tasks: Sequence[PointTask], run: Run, way: str) -> list[NfrPoint]:
         limits = [_limit(*runs) for runs in zip(before, old, new, strict=True)] if before else [None] * len(new)
         last = budget < 2 * _cost(tasks, new)
         ends = [_end(*of_point, last=last, way=way) for of_point in zip(old, new, limits, tasks, strict=True)]
-        if last or all(result is not None for result in ends):
-            return [result or _unconverged(o, n, way) for result, o, n in zip(ends, old, new, strict=True)]
+        if last or all(end is not None for end in ends):
+            return [end or _unconverged(o, n, way) for end, o, n in zip(ends, old, new, strict=True)]
 
 
 def _rows(task: PointTask, point: NfrPoint) -> int:
@@ -212,8 +212,8 @@ def checked(point: NfrPoint, other: NfrPoint, *, by: str, words: str, why: str, 
     where = f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}"
     if other.reason is not None:
         return replace(point, warning=f"{where}: {words} fails: {other.reason}")
-    notes = point.averaged and point.certificate is not None and point.certificate.why == why
-    if notes or max(gain, math.radians(phase_deg)) <= _TELL:
+    said = point.averaged and point.certificate is not None and point.certificate.why == why
+    if said or max(gain, math.radians(phase_deg)) <= _TELL:
         return replace(point, warning=point.warning or other.warning)
     warning = (
         f"{where}: {words} changes the gain by {100.0 * gain:.2g} % and the phase by {phase_deg:.2g} deg; "

@@ -151,7 +151,7 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
     words = np.where(idle, NO_EFFECT, np.array(result.status, dtype=object))
     words[(words == "averaged") & np.isnan(result.error)] = _UNKNOWN
     counts = Counter(words.ravel().tolist())
-    solution = [
+    verdicts = [
         Verdict(word.partition(",")[0], f"{counted(counts[word], 'point')}: {meaning}")
         for word, meaning in _MEANING.items()
         if counts[word]
@@ -159,19 +159,19 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
     reasons = Counter(f.reason for f in result.failed if f.reason != MISSING)
     missing = sum(f.reason == MISSING for f in result.failed)
     if missing:
-        solution.append(
+        verdicts.append(
             Verdict("skipped", f"{counted(missing, 'point')}, which the sweep had not reached when it was stopped")
         )
     first = {f.reason: f for f in reversed(result.failed)}
-    solution += [
+    verdicts += [
         Verdict("failed", f"{counted(n, 'point')}, the first at {first[why].frequency_hz:.5g} Hz: {why}")
         for why, n in reasons.items()
     ]
     folds = [f for f in result.folds if f.kind == "fold"]
     for amplitude in sorted({f.amplitude for f in folds}):
-        notes = jumping([f.frequency_hz for f in folds if f.amplitude == amplitude], "Hz")
-        solution.append(replace(notes, text=f"at amplitude {amplitude:g}{behind(result.input_unit)} {notes.text}"))
-    return solution
+        verdict = jumping([f.frequency_hz for f in folds if f.amplitude == amplitude], "Hz")
+        verdicts.append(replace(verdict, text=f"at amplitude {amplitude:g}{behind(result.input_unit)} {verdict.text}"))
+    return verdicts
 
 
 def _values(result: NfrResult, i: int) -> Section:

@@ -390,7 +390,7 @@ class Sweep:
         zero = self._zero_input
         way = self._model.way_out(other_step(self._model, self._asked.step, max(self._frequencies)))
         warning = None if zero is None else doubt(zero, points, output=self._asked.output, way=way)
-        looked = {*self._second, *(b.amplitude for solution in self._followed for b in solution.branches)}
+        looked = {*self._second, *(b.amplitude for traced in self._followed for b in traced.branches)}
         seen = [
             jumps(self._row(a), carried=self._asked.carry, interface=self._model.interface)
             for a in self._amplitudes
@@ -400,11 +400,11 @@ class Sweep:
             *chain.from_iterable(seen),
             *(words for a in self._amplitudes for words in stepped_over(self._row(a), self._second.get(a, ()))),
             *disagreements(self._points, self._before), *self._told_of,
-            *(w for solution in self._second.values() for w in another(self._points, solution, self._asked.output)),
+            *(w for traced in self._second.values() for w in another(self._points, traced, self._asked.output)),
             *filter(None, [warning]),
         ]  # fmt: skip
-        followed = sorted(self._followed, key=lambda solution: solution.branches[0].amplitude or 0.0)
-        warnings += [text for solution in followed for text in solution.warnings]
+        followed = sorted(self._followed, key=lambda traced: traced.branches[0].amplitude or 0.0)
+        warnings += [text for traced in followed for text in traced.warnings]
         return assemble(
             self._model,
             input=self._asked.input,
@@ -414,7 +414,7 @@ class Sweep:
             points=points,
             warnings=warnings,
             zero_input=self._zero_input,
-            branches=tuple(branch for solution in followed for branch in solution.branches),
+            branches=tuple(branch for traced in followed for branch in traced.branches),
             folds=tuple(_folds(followed)),
             operating_point=self._standing,
         )

@@ -44,4 +44,4 @@ def changes_with_time(session: CompiledMeSession, output: str, motion: Floats, r
     here = asked(time)
     later = [asked(time + float(part) * period) for part in _AHEAD]
     small = np.maximum(small, _CLEARLY * np.abs(asked(time) - here))
-    return any(bool(np.any(np.abs(result - here) > small)) for result in later)
+    return any(bool(np.any(np.abs(there - here) > small)) for there in later)

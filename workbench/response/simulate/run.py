@@ -227,12 +227,10 @@ class _Run:
                 record, ended = error.before, error
             return _Once(record, session.communication_step, ended)
 
-    def result(
-        self, solution: _Once, notes: tuple[str, ...], *, failed: SimulationError | None = None
-    ) -> SimulationResult:
+    def result(self, once: _Once, notes: tuple[str, ...], *, failed: SimulationError | None = None) -> SimulationResult:
         """Return the result of a run, cut short or not."""
-        model, end = self.model, solution.ended or failed
-        record = solution.record
+        model, end = self.model, once.ended or failed
+        record = once.record
         if model.interface == "cs":
             record = _at_points(record, self.start, self.points, () if end is None else record.time[-1:])
         if isinstance(failed, DivergenceError) and not self.exactly:
@@ -240,10 +238,10 @@ class _Run:
         record, missing = _missing(record)
         units = declared_units(model, [*self.names, *self.inputs])
         columns = {**record.values, **record.inputs}
-        if solution.ended is not None:
-            notes += (f"{solution.ended}, before {self.stop:g} s",)
+        if once.ended is not None:
+            notes += (f"{once.ended}, before {self.stop:g} s",)
         notes += (*missing, *_growth(record, units), *_inexact(model, columns))
-        derived = model.derived_step(solution.step) if isinstance(model, DescribedModel) else ()
+        derived = model.derived_step(once.step) if isinstance(model, DescribedModel) else ()
         notes += (*derived, *_sampled(model, self.inputs), *model.remarks())
         return SimulationResult(
             model.name,

@@ -67,12 +67,12 @@ def envelope_page(result: EnvelopeResult) -> Page:
 
 def _limit(result: EnvelopeResult) -> str:
     signs = {"min": "≥", "max": "≤", "equal": "=", "tolerance": "±"}
-    notes = " ".join(f"{signs[name]} {number(value)}" for name, value in result.limit.items() if name in signs)
-    return f"{notes} {result.unit}" if notes and result.unit not in (None, "1") else notes or "no limit is known"
+    limits = " ".join(f"{signs[name]} {number(value)}" for name, value in result.limit.items() if name in signs)
+    return f"{limits} {result.unit}" if limits and result.unit not in (None, "1") else limits or "no limit is known"
 
 
 def _verdicts(result: EnvelopeResult) -> Iterator[Verdict]:
-    solution = result.found_violated
+    violated = result.found_violated
     for failure in result.failures or (None,):
         points = result.of(failure)
         bad = sum(p.passed is False for p in points)
@@ -81,10 +81,10 @@ def _verdicts(result: EnvelopeResult) -> Iterator[Verdict]:
         if bad:
             yield Verdict("failed", f"{words}not met at {bad} of {counted(len(points), 'point')}")
         elif points and not unknown:
-            word, of = ("passed", "") if solution is None or solution.failure != failure else ("watch", " of the plan")
+            word, of = ("passed", "") if violated is None or violated.failure != failure else ("watch", " of the plan")
             yield Verdict(word, f"{words}met at every one of {counted(len(points), 'point')}{of}")
-        if solution is not None and solution.failure == failure:
-            yield Verdict("failed", f"{words}not met at the worst case, margin {solution.margin:+.4g}")
+        if violated is not None and violated.failure == failure:
+            yield Verdict("failed", f"{words}not met at the worst case, margin {violated.margin:+.4g}")
         if unknown:
             yield Verdict("watch", f"{words}nothing was measured at {counted(unknown, 'point')}: see the reasons")
     if result.worst is not None and result.worst.failed:
@@ -100,7 +100,7 @@ def _worst(result: EnvelopeResult) -> Iterator[Section]:
     if worst is None:
         return
     where = f" ({worst.where})" if worst.where else ""
-    notes = f"{result.requirement} is {worst.value:.6g}, margin {worst.margin:+.4g}{where}."
+    what = f"{result.requirement} is {worst.value:.6g}, margin {worst.margin:+.4g}{where}."
     how = (
         f"Found by the search, after {counted(worst.evaluations, 'evaluation')} beside the points of the plan."
         if worst.found == "search"
@@ -113,7 +113,7 @@ def _worst(result: EnvelopeResult) -> Iterator[Section]:
     )
     failure = [("failure", worst.failure)] if worst.failure is not None else []
     rows = [*failure, *((name, f"{v:.12g}" if isinstance(v, float) else str(v)) for name, v in worst.values.items())]
-    words = [notes, how, "A search proves nothing about what it did not look at: the true worst case may be worse."]
+    words = [what, how, "A search proves nothing about what it did not look at: the true worst case may be worse."]
     files = [
         Section(f"System file of {name}", code=[text], folded=True, explains=True)
         for name, text in worst.systems.items()

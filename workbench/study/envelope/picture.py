@@ -84,8 +84,8 @@ def plot_maps(
     drawn: Any = None
     for ax, panel in zip(cells, shown, strict=False):
         if len(axes) > 1:
-            result = _map(ax, panel, axes, norm)
-            drawn = drawn if result is None else result
+            mesh = _map(ax, panel, axes, norm)
+            drawn = drawn if mesh is None else mesh
             ax.set(xlabel=axes[0][0], ylabel=axes[1][0], xlim=axes[0][1:], ylim=axes[1][1:])
         else:
             _curve(ax, panel, bracketed(f"margin of {quantity}", unit), axes[0])

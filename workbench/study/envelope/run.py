@@ -144,7 +144,7 @@ class _EnvelopeRun:
     # -- the worst case ------------------------------------------------------------------------
 
     def _find_worst(self) -> None:
-        spent, failed, result = 0, 0, "plan"
+        spent, failed, how = 0, 0, "plan"
         worst = min((p for p in self._points if p.margin is not None), key=margin_of, default=None)
         if self._envelope.search and worst is None:
             self._notes.append("no search for the worst case: no point of the plan has a margin")
@@ -156,9 +156,9 @@ class _EnvelopeRun:
                 point, evaluations, without = self._search(failure)
                 spent, failed = spent + evaluations, failed + without
                 if point is not None and worst is not None and margin_of(point) < margin_of(worst):
-                    worst, result = point, "search"
+                    worst, how = point, "search"
         if worst is not None:
-            self._worst = self._as_worst(worst, result, spent, failed)
+            self._worst = self._as_worst(worst, how, spent, failed)
 
     def _search(self, failure: str | None) -> tuple[EnvelopePoint | None, int, int]:
         """Search under one failure; return the worst point, and how many were looked at and failed."""
@@ -219,8 +219,8 @@ class _EnvelopeRun:
             return ()
         failures: list[str | None] = [*self._study.configurations] or [None]
         passed = [[p.passed for p in self._points if p.failure == f] for f in failures]
-        notes = {"confidence": envelope.confidence, "width": envelope.width}
-        each = [probability(f, p, **notes) for f, p in zip(failures, passed, strict=True)]  # type: ignore[arg-type]
+        shared = {"confidence": envelope.confidence, "width": envelope.width}
+        each = [probability(f, p, **shared) for f, p in zip(failures, passed, strict=True)]  # type: ignore[arg-type]
         if envelope.weights:
             weights = list(envelope.weights.values())
             each.append(together(passed, weights, confidence=envelope.confidence))

@@ -120,13 +120,13 @@ class ResponseAgreement(_ResultPair, OfResponse):
 
     def _curve(self, result: Result, amplitude: float | None, source: str | None, at: Sequence[float]) -> Curve:
         names = {"input": self.input, "output": self.output} if result["command"] in _MODELS else {}
-        solution = curves(result, at=at, amplitude=amplitude, source=source, plant=self.plant, **names)
-        if len(solution) != 1:
-            had = ", ".join(c.label for c in solution)
+        responses = curves(result, at=at, amplitude=amplitude, source=source, plant=self.plant, **names)
+        if len(responses) != 1:
+            had = ", ".join(c.label for c in responses)
             raise InputError(f"{self.name}: the {result['command']} has several responses ({had}); name one amplitude")
-        if not solution[0].frequency:
+        if not responses[0].frequency:
             raise NotMeasured("no point was measured")
-        return solution[0]
+        return responses[0]
 
     def _at(self, mine: Curve, theirs: Curve, frequency: float) -> list[Compliance]:
         result = []

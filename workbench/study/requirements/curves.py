@@ -159,12 +159,12 @@ def curves(
         NotMeasured: the result holds none.
     """
     read = READERS[str(result["command"])]
-    solution = read(result, {"at": at, "source": source, "input": input, "output": output, "plant": plant})
+    every = read(result, {"at": at, "source": source, "input": input, "output": output, "plant": plant})
     if amplitude is None:
-        return solution
-    chosen = [c for c in solution if c.amplitude is not None and math.isclose(c.amplitude, amplitude, rel_tol=1e-9)]
+        return every
+    chosen = [c for c in every if c.amplitude is not None and math.isclose(c.amplitude, amplitude, rel_tol=1e-9)]
     if not chosen:
-        had = ", ".join(f"{c.amplitude:g}" for c in solution if c.amplitude is not None) or "none"
+        had = ", ".join(f"{c.amplitude:g}" for c in every if c.amplitude is not None) or "none"
         raise InputError(f"amplitude {amplitude:g} was not measured; measured: {had}")
     return chosen
 
@@ -209,8 +209,8 @@ def _of_model(result: Result, options: Mapping[str, Any]) -> list[Curve]:
 def poles(result: Result) -> list[complex]:
     """Return the poles of a linear model as those of a continuous one [1/s]; delays, near z = 0, are left out."""
     dt = float(result["dt"])
-    solution = np.array([complex(*p) for p in result["poles"]], dtype=np.complex128)
-    seen: list[complex] = continuous(solution[~vanished(solution, dt)], dt).tolist()
+    every = np.array([complex(*p) for p in result["poles"]], dtype=np.complex128)
+    seen: list[complex] = continuous(every[~vanished(every, dt)], dt).tolist()
     return seen
 
 
@@ -245,9 +245,9 @@ def _sines(result: Result, plant: str, input: str, output: str) -> Callable[[Flo
     """Return the response of the model to sines as a function of frequency [Hz]."""
     if result["command"] == "identify" and float(result["dt"]) > 0.0:
         return sine_response(IdentifiedModel.from_dict(result), plant, input, output)[0]
-    solution = LinResult.from_dict(result)
-    row, column = solution.output_names.index(output), solution.input_names.index(input)
-    return lambda f: solution.fundamental(f)[:, row, column]
+    linear = LinResult.from_dict(result)
+    row, column = linear.output_names.index(output), linear.input_names.index(input)
+    return lambda f: linear.fundamental(f)[:, row, column]
 
 
 def _index(what: str, name: str | None, names: Sequence[str]) -> int:
@@ -287,8 +287,8 @@ def _of_loop(result: Result, options: Mapping[str, Any]) -> list[Curve]:
         return [_linear_loop(result)]
     if not result["measured"]:
         raise InputError('the loop was not measured; give the analysis an amplitude, or take source = "linear"')
-    notes = len(result["measured"]) > 1
-    return [_measured_loop(m, result["unit"], told=notes) for m in result["measured"]]
+    several = len(result["measured"]) > 1
+    return [_measured_loop(m, result["unit"], told=several) for m in result["measured"]]
 
 
 def _linear_loop(result: Result) -> Curve:

@@ -35,10 +35,10 @@ class _OfCycles(Limited):
             NotMeasured: a cycle is predicted, but the method did not find it.
         """
         every = [c for c in result["limit_cycles"] if self.unstable or c["stable"] is not False]
-        solution = [c for c in every if c["method"] == self.method]
-        if every and not solution:
+        cycles = [c for c in every if c["method"] == self.method]
+        if every and not cycles:
             raise NotMeasured(f"a limit cycle is predicted, but not by {self.method}")
-        return solution
+        return cycles
 
 
 def _none(result: Result) -> str:
@@ -63,14 +63,14 @@ class LimitCycleAmplitude(_OfCycles):
     signal: str | None = None
 
     def values(self, result: Result) -> list[Value]:
-        solution = self.cycles(result)
-        if not solution:
+        cycles = self.cycles(result)
+        if not cycles:
             return [Value(value=0.0, where=_none(result))]
         if self.signal is not None:
             return [self._of_signal(result, self.signal)]
         unit = (result.get("simulated") or {}).get("units", {}).get(result["block_input"])
         return [
-            Value(value=c["amplitude"], where=f"{c['frequency_hz']:.4g} Hz, {c['method']}", unit=unit) for c in solution
+            Value(value=c["amplitude"], where=f"{c['frequency_hz']:.4g} Hz, {c['method']}", unit=unit) for c in cycles
         ]
 
     def _of_signal(self, result: Result, signal: str) -> Value:
@@ -91,10 +91,10 @@ class LimitCycleFrequency(_OfCycles):
     units = ("Hz",)
 
     def values(self, result: Result) -> list[Value]:
-        solution = self.cycles(result)
-        if not solution:
+        cycles = self.cycles(result)
+        if not cycles:
             raise NotMeasured("there is no limit cycle")
-        return [Value(value=c["frequency_hz"], where=str(c["method"]), unit="Hz") for c in solution]
+        return [Value(value=c["frequency_hz"], where=str(c["method"]), unit="Hz") for c in cycles]
 
 
 class StableGains(Requirement):

@@ -31,10 +31,10 @@ class _Margin(Limited):
     amplitude: float | None = None
 
     def values(self, result: Result) -> list[Value]:
-        solution = [self._value(margins, label) for label, margins in _sources(result, self.source, self.amplitude)]
-        if not solution:
+        values = [self._value(margins, label) for label, margins in _sources(result, self.source, self.amplitude)]
+        if not values:
             raise NotMeasured("the result has no such loop: give the analysis an amplitude, or leave source out")
-        return solution
+        return values
 
     def _value(self, margins: Mapping[str, Any], label: str) -> Value:
         if margins["closed_loop"] != "stable":

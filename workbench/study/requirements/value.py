@@ -36,10 +36,10 @@ class AnyValue(Limited):
 
     def values(self, result: Result) -> list[Value]:
         with place(self.name):
-            solution = found_at(result, self.path)
+            pairs = found_at(result, self.path)
         if self.count:
-            return [Value(value=float(_count(solution)))]
-        items = [pair for where, value in solution for pair in flat(where, value)]
+            return [Value(value=float(_count(pairs)))]
+        items = [pair for where, value in pairs for pair in flat(where, value)]
         return [self._value(where, value) for where, value in items]
 
     def _value(self, where: str, value: Any) -> Value:  # noqa: ANN401
@@ -80,8 +80,8 @@ def numbers_at(result: Result, path: str, name: str) -> list[tuple[str, float]]:
         NotMeasured: one of them is null.
     """
     with place(name):
-        solution = found_at(result, path)
-    items = [pair for where, value in solution for pair in flat(where, value)]
+        pairs = found_at(result, path)
+    items = [pair for where, value in pairs for pair in flat(where, value)]
     for where, value in items:
         if value is None:
             raise NotMeasured(f"there is no value at {path}{where}")
@@ -136,16 +136,16 @@ def found_at(result: Mapping[str, Any], path: str) -> list[tuple[str, Any]]:
     Raises:
         InputError: nothing stands there; near keys in the message.
     """
-    solution: list[tuple[str, Any]] = [("", result)]
+    pairs: list[tuple[str, Any]] = [("", result)]
     chosen = False
     for step in _steps(path):
         groups = step.groupdict()
         if chosen and groups.get("index") not in (None, "*"):
-            solution = [_of_index(solution, int(groups["index"]), path)]
+            pairs = [_of_index(pairs, int(groups["index"]), path)]
         else:
-            solution = [pair for place, value in solution for pair in _into(place, value, step, path)]
+            pairs = [pair for place, value in pairs for pair in _into(place, value, step, path)]
         chosen = groups.get("name") is not None
-    return solution
+    return pairs
 
 
 def _into(place: str, value: Any, step: re.Match[str], path: str) -> list[tuple[str, Any]]:  # noqa: ANN401

@@ -198,8 +198,8 @@ class _SspWriter:
     def _settings(self, xml: Element, component: FmuComponent, part: _WrittenComponent) -> None:
         if component.set and part.facts is not None:
             add_parameters(xml, component, part.facts)
-        notes = {"step": component.step, "solver": component.solver, "dependencies": component.dependencies}
-        own = attributes({key: None if value in {"auto", "declared"} else value for key, value in notes.items()})
+        settings = {"step": component.step, "solver": component.solver, "dependencies": component.dependencies}
+        own = attributes({key: None if value in {"auto", "declared"} else value for key, value in settings.items()})
         if own:
             add_annotation(xml, ANNOTATION, "Component", own)
             self.notes.append(f"component {component.name}: for the workbench only: {', '.join(own)}")

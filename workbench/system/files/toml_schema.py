@@ -160,11 +160,9 @@ def meaning(kind: type[TomlTable], name: str) -> str:
     """
     for owner in kind.__mro__:
         attributes = (inspect.getdoc(owner) or "").partition("Attributes:\n")[2] if "__doc__" in vars(owner) else ""
-        for result in re.finditer(
-            r"^    (?P<names>\w+(?:, \w+)*): (?P<text>.*(?:\n {8}.*)*)", attributes, re.MULTILINE
-        ):
-            if name in result["names"].split(", "):
-                return " ".join(result["text"].split()).replace("None:", "without it:")
+        for match in re.finditer(r"^    (?P<names>\w+(?:, \w+)*): (?P<text>.*(?:\n {8}.*)*)", attributes, re.MULTILINE):
+            if name in match["names"].split(", "):
+                return " ".join(match["text"].split()).replace("None:", "without it:")
     return ""
 
 

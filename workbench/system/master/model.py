@@ -228,18 +228,18 @@ def _solvers(units: Units, wanted: str) -> tuple[dict[int, str], list[str]]:
 
 def _check(recipe: SystemRecipe) -> None:
     """Refuse options that do not go together."""
-    request = recipe.system.master
-    if request.order not in (known_orders := ("auto", *ORDERS)):
-        raise InputError(f"{recipe.source}: order '{request.order}' is unknown; {suggest(request.order, known_orders)}")
-    if request.extrapolation not in _EXTRAPOLATED:
+    options = recipe.system.master
+    if options.order not in (known_orders := ("auto", *ORDERS)):
+        raise InputError(f"{recipe.source}: order '{options.order}' is unknown; {suggest(options.order, known_orders)}")
+    if options.extrapolation not in _EXTRAPOLATED:
         known = ", ".join(map(str, _EXTRAPOLATED))
-        raise InputError(f"{recipe.source}: extrapolation {request.extrapolation} is unknown; known: {known}")
-    if request.extrapolation != 1 and recipe.hold_inputs:
+        raise InputError(f"{recipe.source}: extrapolation {options.extrapolation} is unknown; known: {known}")
+    if options.extrapolation != 1 and recipe.hold_inputs:
         raise InputError(f"{recipe.source}: hold_inputs holds all inputs; extrapolation is for inputs that go on")
-    if request.step_tolerance is not None and recipe.step is not None:
+    if options.step_tolerance is not None and recipe.step is not None:
         raise InputError(f"{recipe.source}: step fixes the communication step, step_tolerance controls it; give one")
-    if request.step_tolerance is not None and not 0.0 < request.step_tolerance < 1.0:
-        raise InputError(f"{recipe.source}: step_tolerance is {request.step_tolerance:g}, not between 0 and 1")
+    if options.step_tolerance is not None and not 0.0 < options.step_tolerance < 1.0:
+        raise InputError(f"{recipe.source}: step_tolerance is {options.step_tolerance:g}, not between 0 and 1")
 
 
 def _master_note(order: str, units: Units, recipe: SystemRecipe) -> str:

@@ -96,8 +96,8 @@ def find_units(parts: Sequence[OpenComponent], connections: Sequence[Wire], reso
         resolved: its inputs and outputs.
     """
     label = _labels(parts, connections)
-    numbers = {result: k for k, result in enumerate(dict.fromkeys(label))}
-    of = tuple(numbers[result] for result in label)
+    numbers = {root: k for k, root in enumerate(dict.fromkeys(label))}
+    of = tuple(numbers[root] for root in label)
     units = tuple(_unit(k, of, parts, connections, resolved) for k in range(len(numbers)))
     return Units(units, of, tuple(connections), _direct(of, connections))
 
