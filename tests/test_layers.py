@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from importlib.util import find_spec
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1] / "workbench"
@@ -34,6 +35,7 @@ ORDER = (
 )
 FLOOR = {room: floor for floor, rooms in enumerate(ORDER) for room in rooms}
 STRING = re.compile(r"(workbench(?:\.\w+)+)(?::\w+)?")  # a module, or "module:name"
+NAMED = re.compile(r"`([a-z_]+)\.(?!(?:c|py|pyi)`)([A-Za-z_]\w*)`")  # "`module.name`", not "`file.py`"
 
 
 @dataclass(frozen=True)
@@ -190,3 +192,48 @@ def test_the_package_needs_no_tests() -> None:
     upwards = re.compile(r"^\s*(?:from|import) (?:tests|scripts)\b", re.MULTILINE)
     wrong = [str(path) for path in modules().values() if upwards.search(path.read_text(encoding="utf-8"))]
     assert not wrong, "\n".join(wrong)
+
+
+def defined_in(tree: ast.Module) -> set[str]:
+    """Return the names of the functions, classes and variables that a module defines."""
+    nodes = list(ast.walk(tree))
+    blocks = {n.name for n in nodes if isinstance(n, ast.FunctionDef | ast.ClassDef)}
+    return blocks | {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+
+
+def used_in(tree: ast.Module) -> set[str]:
+    """Return what is used in a module by name: its docstrings name attributes of these."""
+    arguments = {n.arg for n in ast.walk(tree) if isinstance(n, ast.arg)}
+    return arguments | {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)} | defined_in(tree)
+
+
+def pointless(text: str | None, used: set[str], defined: Mapping[str, set[str]]) -> list[str]:
+    """Return the dotted names of a docstring that stand for nothing.
+
+    Args:
+        text: the docstring.
+        used: of its module.
+        defined: name of a module or a folder of the package → names in it. Other names are those of libraries.
+    """
+    pairs = [(home, name) for home, name in NAMED.findall(text or "") if home not in used]
+    return [f"{h}.{n}" for h, n in pairs if (n not in defined[h] if h in defined else find_spec(h) is None)]
+
+
+def test_docstrings_point_to_what_is_there() -> None:
+    defined: dict[str, set[str]] = {}
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in modules().values()}
+    for path, tree in trees.items():
+        for home in (path.stem, *path.relative_to(ROOT).parts[:-1]):
+            defined.setdefault(home, set()).update(defined_in(tree), {path.stem})
+    wrong = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path, tree in trees.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        for name in pointless(ast.get_docstring(node), used_in(tree), defined)
+    ]
+    assert not wrong, "\n".join(wrong)
+    assert pointless("See `gone.read`, `a.gone`, `a.b`, `x.y`, `math.inf`.", {"x"}, {"a": {"b"}}) == [
+        "gone.read",
+        "a.gone",
+    ]

@@ -1,8 +1,8 @@
 """Messages between this process and a worker, over a socket of their own.
 
 A message is a frame: a mark that is not met by chance, the length, a check sum, its number, and the packed object. What
-an FMU writes to a descriptor that is not its own is skipped where it lies between frames; in the middle of one it costs
-that message, which is told. That guards against mistakes: an FMU can find the mark in its process's memory.
+an FMU writes to a descriptor that is not its own is skipped where it lies between frames; in the middle of a
+frame, that message is lost and an error is raised. That guards against mistakes: an FMU can find the mark in its process's memory.
 """
 
 from __future__ import annotations

@@ -18,13 +18,13 @@ class Job:
     """What a running analysis tells, and whether it should stop.
 
     Args:
-        progress: is told what is finished.
+        progress: called with each finished part.
 
     Attributes:
         partial: returns the record of what is finished so far; None: there is nothing yet.
         notes: remarks on how the analysis runs.
-        say: is told what is of use only while it runs.
-        reached: number of parts finished, and their total number; (0, 0): nothing was told yet.
+        say: called with what is of use only while it runs.
+        reached: number of parts finished, and their total number; (0, 0): nothing was reported yet.
         stopped: whether `stop` was called.
         checking: what is still done, in words, while the partial record is the whole answer; empty: it is not yet.
     """

@@ -167,7 +167,7 @@ class Pool(Runner):
         return next((w for w in self._workers if w.ready and w.usable and w.pid != sample.pid), None)
 
     def _told(self, events: Iterator[Reply | Lost], worker: WorkerProcess | None = None) -> Iterator[Reply | Lost]:
-        """Yield what is told of jobs, not of one that is done once more."""
+        """Yield the events of all jobs except the repeated sample."""
         try:
             yield from events if self._sample is None else self._sample.passed_on(events)
         except WorkbenchError as error:

@@ -31,7 +31,7 @@ def with_parameters(model: Model, parameters: Mapping[str, Value]) -> Model:
 def set_to(model: DescribedModel, values: Mapping[str, Value]) -> DescribedModel:
     """Return a model with other parameters or start values, here and in every worker; it is closed with this one.
 
-    Nothing is opened again: a session is told them before it is initialised.
+    The FMU is not reopened: each session sets these values before initialisation.
 
     Raises:
         InputError: no such variable, it cannot be set, or the value is not of its type.

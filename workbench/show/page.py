@@ -36,7 +36,7 @@ class PageTable:
     Attributes:
         headings: of the columns, with units.
         rows: cells as text.
-        verdict: number of the column whose word colours its cell (a word of `tones.TONES`: "good", "watch", "poor",
+        verdict: number of the column whose word colours its cell (a word of `verdicts.TONES`: "good", "watch", "poor",
             "passed", "failed", …); None: no colours.
         title: above the table.
         right: numbers of the columns that stand at the right edge; None: those that hold numbers only.

@@ -1,4 +1,4 @@
-"""Health of a system: names, directions, types and units of every connection, checked against the components."""
+"""Connections of a system: their names, directions, types and units, checked against the components."""
 
 from __future__ import annotations
 

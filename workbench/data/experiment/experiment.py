@@ -319,7 +319,7 @@ def read_experiment(
     """Read recorded data from a file: CSV, MATLAB, Parquet, Feather or MDF, see `formats.read_columns`.
 
     The first line of a CSV file names the columns, each with its unit: "time [s],stick [1],elevator [deg]".
-    Files of other tools are read too: see `data_table.read_table`; what was bent is in `notes`.
+    Files of other tools are read too: see `read_table`; what was bent is in `notes`.
 
     Args:
         path: path of the file.

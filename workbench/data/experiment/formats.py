@@ -206,7 +206,7 @@ def read_columns(path: str | Path) -> DataTable:
       (y1, y2, …), fields of structures by their own names.
     - ``.parquet``, ``.feather``, ``.arrow``: numeric columns; units as a trailing " [unit]".
     - ``.mf4``, ``.mdf`` (ASAM MDF): numeric channels, put on the times of the one with most samples, time in seconds.
-    - everything else: text, see `data_table.read_table`.
+    - everything else: text, see `read_table`.
 
     Args:
         path: path of the file.

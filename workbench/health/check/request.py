@@ -38,7 +38,7 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
     Not a proof: a check sees only test runs near the start values. What it calls broken has been observed.
 
     Returns:
-        The card; `card.passed` tells whether no promise is broken.
+        The card, whose `passed` tells whether no promise is broken.
 
     Raises:
         InputError: no such file, an unknown name, a value out of range.

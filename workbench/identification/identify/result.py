@@ -83,12 +83,12 @@ class IdentifyResult(Result):
 
     @property
     def fit_percent(self) -> float:
-        """Fit of the simulation on the validation data, mean over the outputs [%]; see `validate.Fit`."""
+        """Fit of the simulation on the validation data, mean over the outputs [%]; see `residuals.OutputFit`."""
         return _mean(self.validation.fit_percent)
 
     @property
     def error_percent(self) -> float:
-        """Error of the simulation on the validation data, mean over the outputs [%]; see `validate.Fit`."""
+        """Error of the simulation on the validation data, mean over the outputs [%]; see `residuals.OutputFit`."""
         return _mean(self.validation.error_percent)
 
     @property

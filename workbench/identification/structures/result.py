@@ -110,7 +110,7 @@ class StructureResult(Result):
 
     @property
     def fit_percent(self) -> float:
-        """Fit of the simulation; see `validate.Fit` [%]."""
+        """Fit of the simulation; see `residuals.OutputFit` [%]."""
         return self.fit.fit_percent
 
     @property

@@ -49,12 +49,12 @@ class Validation(Result):
 
     @property
     def fit_percent(self) -> dict[str, float]:
-        """Output → fit of the simulation [%]; see `Fit`."""
+        """Output → fit of the simulation [%]; see `OutputFit`."""
         return {f.output: f.fit_percent for f in self.simulation.fits}
 
     @property
     def error_percent(self) -> dict[str, float]:
-        """Output → error of the simulation [%]; see `Fit`."""
+        """Output → error of the simulation [%]; see `OutputFit`."""
         return {f.output: f.error_percent for f in self.simulation.fits}
 
     @property

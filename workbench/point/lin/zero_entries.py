@@ -27,7 +27,7 @@ class LargePerturbation:
         rows: names of the rows.
         columns: names of the columns.
         above, below: shape (rows, columns), for a rising and a falling variable.
-        looked: whether anybody moved them.
+        looked: whether large perturbations were made.
         dead: variable without effect here → what is known of that: empty where nothing is.
     """
 
@@ -45,7 +45,7 @@ class LargePerturbation:
         return cls(rows, columns, np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool), looked)
 
     def where(self, i: int, j: int) -> str:
-        """Return "rises", "falls" or both for an entry."""
+        """Return whether an entry "rises", "falls" or, where both are so, "moves"."""
         return _direction(bool(self.above[i, j]), bool(self.below[i, j]))
 
     def of(self, name: str, *, row: bool) -> tuple[bool, bool]:

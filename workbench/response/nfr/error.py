@@ -95,8 +95,8 @@ class Evidence:
     def floor(self, drive: float, largest: float) -> float:
         """Return the fundamental of the output below which it counts as none [unit of the output].
 
-        That is rounding of the output, and of the terms that the linear model has it the sum of; and what the
-        integration gets wrong of these where the linear model has no response.
+        That is rounding of the output, and of the terms that the linear model adds up to the output, and the
+        integration error of these terms where the linear model has no response.
 
         Args:
             drive: amplitude of the forced input.

@@ -129,7 +129,7 @@ class Settling:
 
       1. RESOLVED, from the second period on: the periodic response is extrapolated
          (`transient.remove_transient`); it is believed when its defect, all harmonics together, is
-         at most errcrit/100, but not below 1e-4, its error (`nfr_error.error_of_limit`) at most
+         at most errcrit/100, but not below 1e-4, its error (`error.error_of_limit`) at most
          errcrit/10, and it is no larger than twice what was reached: a response that was
          never there is not measured, whatever a linear model would do.
       2. SETTLED: the periods resist that description (sampling beats, noise), but the published
@@ -309,7 +309,7 @@ class Settling:
         return self.evidence.floor(abs(self.periods[-1].drive), max(p.size for p in self.periods))
 
     def _of_nothing(self) -> PointResponse:
-        """Return the response 0; harmonics that are more than rounding are told."""
+        """Return the response 0; the reason says whether harmonics above rounding were seen."""
         dead = max(float(np.max(np.abs(p.harmonics[1:]))) for p in self._latest()) <= self._floor()
         mean = np.mean([p.harmonics for p in self.periods[len(self.periods) // 2 :]], axis=0)
         nothing = self._response(np.concatenate([mean[:1], 0.0 * mean[1:]]), SettlingOutcome.AVERAGED, math.inf)

@@ -55,6 +55,9 @@ class Curve:
     def values(self, quantity: str) -> Sequence[float]:
         """Return gain [dB], phase [deg] or offset, one for each frequency.
 
+        Args:
+            quantity: "gain", "phase" or "offset".
+
         Raises:
             NotMeasured: there is none.
         """
@@ -69,7 +72,7 @@ class Curve:
         """Return a value at a frequency, interpolated linearly over log frequency (gain in dB).
 
         Args:
-            quantity: of `QUANTITIES`.
+            quantity: as of `values`.
             frequency: [Hz].
 
         Raises:

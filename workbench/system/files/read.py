@@ -28,7 +28,7 @@ def is_system_file(path: str | Path) -> bool:
 def read_system(path: str | Path) -> SystemDescription:
     """Return the system that a .toml, .ssp or .ssd file describes (or the folder of an unpacked .ssp).
 
-    The FMUs are there, but nothing is connected yet: `health.resolve` checks names, types and units.
+    The FMUs are there, but nothing is connected yet: `connection_checks.resolve` checks names, types and units.
 
     Args:
         path: path of the file or folder, or `system:NAME`, a bundled one.

@@ -58,8 +58,8 @@ def write_ssp(description: SystemDescription, path: str | Path) -> tuple[str, ..
         What other tools will not see, one line each.
 
     Raises:
-        InputError: the system is not healthy (see `health.resolve`), holds a Python function, or the file cannot be
-            written.
+        InputError: the system is not healthy (see `connection_checks.resolve`), holds a Python function, or the file
+            cannot be written.
         FmuError: an FMU cannot be read.
 
     Examples:
