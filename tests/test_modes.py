@@ -22,9 +22,9 @@ from workbench.core.values.modal import Poles, poles_of
 from workbench.errors import InputError
 from workbench.model.described_model import DescribedModel
 from workbench.point.modes.match import Match, ModeCluster, closeness, coincide, match, turning
-from workbench.point.modes.modes import critical_values, find_root, sign_of
 from workbench.point.modes.request import modes
 from workbench.point.modes.result import Critical, Mode
+from workbench.point.modes.run import critical_values, find_root, sign_of
 from workbench.point.modes.source import ModelSource
 from workbench.point.modes.track import ModeTracks, track
 from workbench.system.connect import connect

@@ -80,9 +80,9 @@ from workbench.limit_cycles.feed_forward.design_step import FilterStep as Filter
 from workbench.limit_cycles.feed_forward.request import feed_forward as feed_forward
 from workbench.limit_cycles.feed_forward.result import FeedForwardResult as FeedForwardResult
 from workbench.limit_cycles.feed_forward.trial import Trial as Trial
+from workbench.limit_cycles.feedback.closing_run import FeedbackRun as FeedbackRun
 from workbench.limit_cycles.feedback.request import feedback as feedback
 from workbench.limit_cycles.feedback.result import FeedbackResult as FeedbackResult
-from workbench.limit_cycles.feedback.run import FeedbackRun as FeedbackRun
 from workbench.limit_cycles.feedback.settling import SettlingStudy as SettlingStudy
 from workbench.limit_cycles.limit_cycle.branch import Branch as Branch
 from workbench.limit_cycles.limit_cycle.branch import BranchPoint as BranchPoint

@@ -2,7 +2,8 @@
 
 A message is a frame: a mark that is not met by chance, the length, a check sum, its number, and the packed object. What
 an FMU writes to a descriptor that is not its own is skipped where it lies between frames; in the middle of a
-frame, that message is lost and an error is raised. That guards against mistakes: an FMU can find the mark in its process's memory.
+frame, that message is lost and an error is raised. That guards against mistakes: an FMU can find the mark in its
+process's memory.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from itertools import groupby
 
+from workbench.limit_cycles.feedback.closing_run import HANDED, FeedbackRun
 from workbench.limit_cycles.feedback.result import CONVENTION, FeedbackResult, interval_words
-from workbench.limit_cycles.feedback.run import HANDED, FeedbackRun
 from workbench.limit_cycles.feedback.settling import GainRun, SettlingStudy
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, number

@@ -12,12 +12,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.polynomial import Polynomial
 
-from workbench.limit_cycles.feedback.run import HANDED
+from workbench.limit_cycles.feedback.closing_run import HANDED
 from workbench.show.figure import COLOURS, LEGEND, panels
 
 if TYPE_CHECKING:
     from workbench.core.values.arrays import Floats
-    from workbench.limit_cycles.feedback.run import FeedbackRun
+    from workbench.limit_cycles.feedback.closing_run import FeedbackRun
     from workbench.limit_cycles.feedback.settling import SettlingStudy
 
 __all__ = ["draw_settling", "plot_feedback_run", "plot_settling"]

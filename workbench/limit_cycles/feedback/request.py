@@ -90,7 +90,7 @@ class Feedback(AtPoint, InParts, ModelRequest["FeedbackResult"]):
 
     command = "feedback"
     written = "workbench.limit_cycles.feedback.written:FeedbackFiles"
-    algorithm = "workbench.limit_cycles.feedback.analyse:run"
+    algorithm = "workbench.limit_cycles.feedback.run:run"
     example = (
         "workbench feedback system:failed_aileron --from aircraft.outer_aileron_position --to aircraft.inner_aileron "
         "--settle --plot feedback.png"

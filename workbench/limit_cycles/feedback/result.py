@@ -16,9 +16,9 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import damped_frequency_hz
 from workbench.errors import InputError, suggest
 from workbench.limit_cycles.feedback.block import CyclesLeft
+from workbench.limit_cycles.feedback.closing_run import FeedbackRun
 from workbench.limit_cycles.feedback.gains import CriticalGain
 from workbench.limit_cycles.feedback.locus import Fastest, Locus, locus, shown_gains
-from workbench.limit_cycles.feedback.run import FeedbackRun
 from workbench.limit_cycles.feedback.settling import SettlingStudy
 from workbench.show.result import Result, drawn
 

@@ -48,7 +48,7 @@ class Modes(PointOptions, InParts, ModelRequest["ModesResult"]):
     """
 
     command = "modes"
-    algorithm = "workbench.point.modes.modes:run"
+    algorithm = "workbench.point.modes.run:run"
     example = "workbench modes fmu:Aircraft --vary airspeed=150:350 --against outer_aileron_failed=true --plot out.png"
     counts = "models"
 
