@@ -15,7 +15,7 @@ from tests.misbehaving_fmus import WAYS, build_misbehaving
 from workbench.cli.app import run
 from workbench.errors import SimulationError
 from workbench.jobs.options import Workers
-from workbench.limit_cycles.feedback import analyse
+from workbench.limit_cycles.feedback import run as feedback_run
 
 # Each way once, and each analysis with what ends or fools it; `scripts/misbehave.py` tries all with all.
 _CASES = [
@@ -149,7 +149,7 @@ def test_a_block_that_cannot_be_cut_is_told(tmp_path: Path, monkeypatch: pytest.
     def fail(*_: object, **__: object) -> None:
         raise SimulationError("not a finite number")
 
-    monkeypatch.setattr(analyse, "cut_at", fail)
+    monkeypatch.setattr(feedback_run, "cut_at", fail)
     with wb.load(build(tmp_path, Case("nothing", "never", "me", "feed-forward"))) as model:
         found = wb.feedback(model, source="mass.rate", target="plant.u", in_process=True)
     assert any("the remaining cycles are not predicted: damper: not a finite number" in n for n in found.notes)
