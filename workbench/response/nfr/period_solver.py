@@ -300,7 +300,8 @@ class Search:
         twin = self._evidence.twin
         if twin is None:
             return None
-        return VariationalEquation(twin.forced.phi, twin.forced.rows, np.zeros(len(twin.forced.phi)))
+        forced = twin.forced
+        return VariationalEquation(forced.phi, forced.rows, np.zeros(len(forced.phi)), others=forced.multipliers)
 
     def _start(self) -> Floats | None:
         """Return the periodic motion of the linear model; None: begin where the session stands."""

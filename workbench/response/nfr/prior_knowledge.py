@@ -6,8 +6,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
@@ -27,6 +29,9 @@ __all__ = ["LinearSineResponse", "LinearStart", "Surroundings", "Twin", "surroun
 # With more states the matrix exponentials of each point would cost more than its periods do; those by eigenvectors,
 # found once a sweep, cost a few products of matrices.
 _MANY_STATES, _MOST_STATES = 200, 1000
+
+# What is left of a mode after a period counts from here on; eigenvectors are worth some 1e-9.
+_GONE = 1e-30
 
 # Eigenvectors that give the matrix back to this relative accuracy are used.
 _EXACT = 1e-9
@@ -51,21 +56,26 @@ class LinearStart:
     _forced: dict[float, LinearSineResponse] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
-    def modes(self) -> tuple[Complex, Complex, Complex] | None:
-        """Poles, eigenvectors and their inverse; None where they do not give A back (coinciding poles)."""
+    def modes(self) -> tuple[Complex, NDArray[Any], NDArray[Any]] | None:
+        """Poles, eigenvectors and their inverse, which are real where all poles are.
+
+        None where they do not give A back: poles coincide.
+        """
         with one_thread():
-            poles, vectors = np.linalg.eig(self.part.A.astype(np.complex128))
+            poles, vectors = np.linalg.eig(self.part.A)
             try:
                 inverse = np.linalg.inv(vectors)
             except np.linalg.LinAlgError:
                 return None
             again = (vectors * poles) @ inverse
         good = np.linalg.norm(again - self.part.A) <= _EXACT * np.linalg.norm(self.part.A)
-        return (poles, vectors, inverse) if good else None
+        return (poles.astype(np.complex128), vectors, inverse) if good else None
 
     @cached_property
     def rest(self) -> Floats:
         """Distance of the operating point from where the linear model rests, shape (n,)."""
+        if not self.dx0.any():
+            return np.zeros_like(self.dx0)
         result, *_ = np.linalg.lstsq(self.part.A, self.dx0, rcond=None)
         return np.asarray(result, dtype=np.float64)
 
@@ -74,14 +84,20 @@ class LinearStart:
         """The same about an equilibrium: what the input does, whatever the model does by itself."""
         return LinearStart(self.part, np.zeros_like(self.dx0), self.smallest)
 
-    def transition(self, period: float) -> tuple[Floats, Floats]:
-        """Return e^(AT) and its integral over T [s]."""
+    def transition(self, period: float) -> tuple[Floats, Floats, Complex | None]:
+        """Return e^(AT), what C makes of its integral over T [s], and its eigenvalues; None: they are not known."""
         if self.modes is None:
-            return held(self.part.A, np.eye(len(self.dx0)), period)
+            phi, integral = held(self.part.A, np.eye(len(self.dx0)), period)
+            return phi, self.part.c @ integral, None
         poles, vectors, inverse = self.modes
         still = np.abs(poles) * period < 1e-12
         integral = np.where(still, period, np.expm1(poles * period) / np.where(still, 1.0, poles))
-        return ((vectors * np.exp(poles * period)) @ inverse).real, ((vectors * integral) @ inverse).real
+        multipliers = np.exp(poles * period)
+        return (
+            ((vectors * multipliers) @ inverse).real,
+            ((self.part.c @ vectors * integral) @ inverse).real,
+            multipliers,
+        )
 
     def forced(self, frequency: float) -> LinearSineResponse | None:
         """Return the linear model under a sine of 1; None where it has a pole at that very frequency.
@@ -130,6 +146,7 @@ class LinearSineResponse:
         terms: what the response is the sum of, Σ|C(i)|·|X(i)| + |D|: much larger than it where they cancel.
         states: complex amplitudes X of the states, shape (n,).
         phi: e^(AT), shape (n, n).
+        multipliers: its eigenvalues, shape (n,); None: they are not known.
         rows: mean, in-phase and quadrature part that free states put into a period, shape (3, n).
         rest: distance of the operating point from where the linear model rests, shape (n,).
         smallest: what defects of the size of `LinearStart.smallest` in each period do to the output's fundamental.
@@ -141,6 +158,7 @@ class LinearSineResponse:
     terms: float
     states: Complex
     phi: Floats
+    multipliers: Complex | None
     rows: Floats
     rest: Floats
     smallest: float
@@ -151,21 +169,21 @@ class LinearSineResponse:
         part, period = start.part, 1.0 / frequency
         n, at = len(part.A), part.at_frequency(frequency)
         if n == 0:
-            none, flat = np.zeros(0), (np.zeros((0, 0)), np.zeros((3, 0)))
+            none, flat = np.zeros(0), (np.zeros((0, 0)), None, np.zeros((3, 0)))
             return cls(complex(part.d), 0.0, part.d == 0.0, abs(part.d), none.astype(np.complex128), *flat, none, 0.0)
         forced = part.states_at(frequency)[0]
         twice = resolvent(part.A, forced[:, None], at)[0, :, 0]
         response = complex(part.c @ forced) + part.d
-        phi, integral = start.transition(period)
+        phi, integral, multipliers = start.transition(period)
         # 2/T ∫ C e^(At) e^(−jωt) dt; in-phase + j·quadrature is j times that.
         reach = resolvent(part.A.T, part.C.T, at)[0, :, 0]
         first = -2j / period * reach @ (phi - np.eye(n))
-        rows = np.array([part.c @ integral / period, first.real, first.imag])
+        rows = np.array([integral / period, first.real, first.imag])
         sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
         terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
         smallest = 2.0 / period * float(np.abs(reach) @ start.smallest)
         vanishes = bool(part.vanishes(frequency)[0])
-        return cls(response, sensitivity, vanishes, terms, forced, phi, rows, start.rest, smallest)
+        return cls(response, sensitivity, vanishes, terms, forced, phi, multipliers, rows, start.rest, smallest)
 
 
 @dataclass(eq=False)

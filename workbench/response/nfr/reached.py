@@ -171,11 +171,11 @@ class _PeriodModes:
     def _parts(self) -> tuple[Complex, Complex]:
         unit = self.motion.lap.unit
         with one_thread():
-            mu, vectors = np.linalg.eig((self.motion.at.Phi * unit / unit[:, None]).astype(np.complex128))
+            mu, vectors = np.linalg.eig(self.motion.at.Phi * unit / unit[:, None])
             inverse = np.linalg.pinv(vectors)
         keep = np.abs(mu - 1.0) > NEUTRAL
         rows: Complex = inverse.astype(np.complex128)[keep] / unit
-        return mu[keep], rows
+        return mu[keep].astype(np.complex128), rows
 
     def distance(self, x: Floats) -> Complex:
         """Return where states are, from the motion."""
