@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from workbench.data.experiment.experiment import Experiment, make_experiment, read_experiment
+from workbench.data.experiment.formats import read_table
 from workbench.errors import InputError
 
 
@@ -107,6 +108,20 @@ def test_units_in_a_line_of_their_own_are_told(tmp_path: Path) -> None:
     assert data.units == {"u": "deg", "y": "m"}
     assert any("second line" in note for note in data.notes)
     assert any("'u' is taken as the input" in note for note in data.notes)
+
+
+@pytest.mark.parametrize("unit", ["m/s2", "N.m", "kg m^2/s⁻²", "rad/(s2)", "1", "m/s^-2*kg"])
+def test_a_unit_alone_is_known(tmp_path: Path, unit: str) -> None:
+    (tmp_path / "units.csv").write_text(f"time,u\ns,{unit}\n0,1\n1,2\n", encoding="utf-8")
+    assert read_table(tmp_path / "units.csv").units == ("s", unit)
+
+
+@pytest.mark.parametrize("unit", ["1" * 500 + "x", "m⁻²³¹" * 200 + "?", "m " * 300 + "?"])
+def test_a_line_that_is_almost_of_units_is_refused_at_once(tmp_path: Path, unit: str) -> None:
+    """Found by the fuzzer: a pattern of repeated repetitions tried every way to part the digits, for ever."""
+    (tmp_path / "units.csv").write_text(f"time,u\ns,{unit}\n0,1\n1,2\n", encoding="utf-8")
+    with pytest.raises(InputError, match="is neither a number nor a known unit"):
+        read_table(tmp_path / "units.csv")
 
 
 def test_units_behind_the_names_hold_whatever_stands_in_the_second_line(tmp_path: Path) -> None:

@@ -30,8 +30,9 @@ _SYMBOL = (
     r"(?:[pnuµmcdhkMG]?(?:m|g|s|A|K|mol|cd|Hz|N|Pa|bar|J|W|Wh|V|VA|C|F|H|T|Wb|S|Ohm|Ω|rad|l|L)"
     r"|min|h|d|deg|degC|degF|°|°C|°F|%|1|-|rpm|rev|ft|in|lb|lbf|kn|kt|psi|t|dB)"
 )
-_POWER = r"(?:\^?-?\d+|[⁻²³¹])*"
-_UNIT_ALONE = re.compile(rf"^{_SYMBOL}{_POWER}(?:\s*[*/.·\s]\s*\(?{_SYMBOL}{_POWER}\)?)*$")
+_POWER = r"(?:\^?-?\d+|[⁻²³¹]+)?"
+_UNIT_ALONE = re.compile(rf"^{_SYMBOL}{_POWER}(?:(?:\s*[*/.·]\s*|\s+)\(?{_SYMBOL}{_POWER}\)?)*$")
+_BRACKETS = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)")  # [rad/(s2)], (s)
 _REMARKS = ("#", "%", "//")
 
 
@@ -180,7 +181,8 @@ def _heading(
 
 
 def _unit_alone(path: Path, line: int, cell: str) -> str | None:
-    inner = cell.strip("[]()").strip()
+    within = _BRACKETS.fullmatch(cell)
+    inner = cell if within is None else (within[1] or within[2] or "").strip()
     if inner and inner == cell and not _UNIT_ALONE.match(cell):
         raise InputError(
             f"{path}, line {line}: '{cell}' is neither a number nor a known unit; take the line out, or put units in "
