@@ -144,6 +144,12 @@ def test_when_its_results_are_there_an_fmu_has_little_time_to_end(
     assert pool.remarks() == [said]
 
 
+def test_what_a_library_of_python_warns_of_is_not_what_the_fmu_printed(model: wb.DescribedModel) -> None:
+    with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
+        assert list(pool.run(obey, deque([("warn",)]))) == [Reply(("warn",), "warned")]
+    assert pool.remarks() == []
+
+
 @linux
 def test_the_memory_limit_refuses_allocations(model: wb.DescribedModel) -> None:
     jobs = [("allocate", 400), ("allocate", 250), ("allocate", 20), ("malloc", 400)]

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import KW_ONLY
 from pathlib import Path
@@ -91,6 +92,12 @@ def _start(model: Model, then: str = "sleep") -> Iterator[Any]:
     """Start another process, as an FMU that wraps a program does."""
     yield subprocess.Popen(["sleep", "1000"], stdin=subprocess.DEVNULL).pid
     yield from _DEEDS[then](model, *([1000.0] if then == "sleep" else []))
+
+
+def _warn(_: Model) -> Iterator[Any]:
+    """Warn as libraries of Python do, of an overflow or of what will go."""
+    warnings.warn("overflow encountered", RuntimeWarning, stacklevel=1)
+    yield "warned"
 
 
 def _endless_in_c(model: Model) -> Iterator[Any]:

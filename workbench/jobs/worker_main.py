@@ -16,6 +16,7 @@ import tempfile
 import threading
 import time
 import traceback
+import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -285,6 +286,7 @@ def _make_room() -> None:
 
 def _behave() -> None:
     """Leave the signals that ask to end to the parent; no core dumps or dialogs."""
+    warnings.simplefilter("ignore")  # what libraries of Python say here would be taken for the FMU's words
     os.environ.setdefault("KMP_DUPLICATE_LIB_OK", "True")  # as threadpoolctl does later: no FMU has changed it
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)

@@ -56,11 +56,11 @@ def contracts(session: CompiledMeSession, task: PointTask, result: Solved, origi
     if (rates < -NEUTRAL * task.frequency).any():
         return False
     times, moves = _linear_run(task, linear, forced)
-    left = np.zeros(len(poles))
+    left, stand = np.zeros(len(poles)), Stand(instance)
     try:
         for i in _telling(moves, linear.smallest):
             drive = task.amplitude * np.sin(2.0 * np.pi * task.frequency * times[i])
-            dx = _slope(session, origin + moves[:, i], task.input, task.centre + drive)
+            dx = _slope(session, stand, origin + moves[:, i], task.input, task.centre + drive)
             wanted = linear.dx0 + linear.part.A @ moves[:, i] + linear.part.B[:, 0] * drive
             left = np.maximum(left, np.abs(inverse @ (dx - wanted)))
     except WorkbenchError:  # the model cannot be evaluated there
@@ -89,9 +89,8 @@ def _telling(moves: Floats, smallest: Floats) -> list[int]:
     return result
 
 
-def _slope(session: CompiledMeSession, x: Floats, name: str, value: float) -> Floats:
+def _slope(session: CompiledMeSession, stand: Stand, x: Floats, name: str, value: float) -> Floats:
     """Return the derivatives at other states and another value of an input, at the present time."""
-    stand = Stand(session.instance)
     _, u = stand.read()
     u[[v.name == name for v in stand.inputs]] = value
     stand.put(session.time, x, u)
