@@ -90,6 +90,7 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
         (["nfr"], "Missing argument 'MODEL'; workbench nfr --help has an example"),
         (["nosuch"], "No such command 'nosuch'"),
         ([*LAG, "--freq"], "requires an argument"),
+        ([*LAG, "--freq", "1", "--json", "--plot", "x.png"], "--json needs a value, but --plot follows"),
         ([*LAG, "--nosuch"], "No such option"),
         ([*LAG, "--ratio", "x", "--freq", "1"], "--ratio: 'x' is not a number"),
         ([*LAG, "--jobs", "1.5", "--freq", "1"], "--jobs: '1.5' is not a whole number"),

@@ -20,6 +20,10 @@ class GroupedOption(click.Option):
     def process_value(self, ctx: click.Context, value: Any) -> Any:  # noqa: ANN401 - click's own
         """Return what was given; several texts as a list."""
         result = super().process_value(ctx, value)
+        flags = {flag for parameter in ctx.command.params for flag in parameter.opts}
+        for text in result if isinstance(result, tuple) else (result,):
+            if text in flags:
+                raise click.UsageError(f"{self.opts[0]} needs a value, but {text} follows", ctx)
         return (list(result) or None) if isinstance(result, tuple) else result
 
 
