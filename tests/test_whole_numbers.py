@@ -10,8 +10,8 @@ import workbench as wb
 from tests.reference_fmus import build_reference
 from workbench.errors import InputError
 from workbench.fmi.variable import WHOLE_RANGES, Value, Variable
+from workbench.session import forcing
 from workbench.session.forcing import convert
-from workbench.system import composite
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_a_start_value_has_all_its_digits_in_a_system(feedthrough: Path, monkeyp
         written.append((variable.name, convert(variable, value)))
         return convert(variable, value)
 
-    monkeypatch.setattr(composite, "convert", told)
+    monkeypatch.setattr(forcing, "convert", told)
     starts = {"f.Int64_input": whole}
     with (
         wb.connect({"f": feedthrough}, outputs=["f.Int64_output"], start_values=starts) as system,
