@@ -311,12 +311,12 @@ LIES = ("half-restore", "wrong-restore", "failing-restore", "pid", "unset", "fir
 OWN, COMPARING = ("pid", "unset", "first"), ("check", "sweep")
 # Instances end when the result is told; where there are more than a worker lets wait, some end before.
 _TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "delays", "excite", "feedback"}
-_FEW_RUNS = {"trim", "branches", "modes", "loop", "limit-cycle", "feed-forward", "run"}  # trim of cs runs several times
+_FEW_RUNS = {"trim", "branches", "modes", "loop", "limit-cycle", "feed-forward", "run"}
 # Without these calls there is a result, or it is there before them: call → for what, by interface ("" both).
 SPARED: Mapping[str, Mapping[str, set[str]]] = {
     "getFMUstate": {"": {"simulate", "nfr", "compare"}, "cs": {"trim", "run"}},
-    "terminate": {"": _TOLD_BEFORE, "me": _FEW_RUNS},
-    "freeInstance": {"": _TOLD_BEFORE, "me": _FEW_RUNS},
+    "terminate": {"": _TOLD_BEFORE, "me": _FEW_RUNS, "cs": {"trim", "run"}},
+    "freeInstance": {"": _TOLD_BEFORE, "me": _FEW_RUNS, "cs": {"trim", "run"}},
     "unload": {"": set(DEEDS)},  # at the earliest when the results are there
 }
 # Other numbers are right where the record says why: what is done, call → words of a note, or of a check's evidence.
@@ -338,8 +338,7 @@ def expected(case: Case) -> set[str]:
     if case.way in DEADLY and case.what == "info":  # says what the description does, unless it waits for the probe
         return {"ok", "timed out"} if case.way == "hang" else {"ok"}
     if case.way in DEADLY:
-        kept = {"ok"} if case.call in {"terminate", "freeInstance"} else set[str]()  # no less right where one is lost
-        return {"ok"} if case.what in without else FITTING[case.way] | kept
+        return {"ok"} if case.what in without else FITTING[case.way]
     if case.way in OWN:
         return {"ok", "told"} if case.what in COMPARING else {"ok", "own"}
     noticed = {"told"} if case.way in REMARKS else set()

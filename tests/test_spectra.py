@@ -254,4 +254,5 @@ def test_an_identification_brings_no_statistics_package() -> None:
     words = "import sys, numpy as np, workbench as wb; u = np.random.default_rng(1).standard_normal(500); "
     words += "wb.identify(wb.make_experiment(0.1, u, np.convolve(u, [0.0, 1.0, 0.5])[:500])); "
     words += "sys.exit(any(name in sys.modules for name in ('scipy.stats', 'scipy.signal', 'control', 'matplotlib')))"
-    subprocess.run([sys.executable, "-c", words], check=True)
+    done = subprocess.run([sys.executable, "-c", words], check=False)
+    assert done.returncode == 0

@@ -26,7 +26,6 @@ _OWN = {"run": "cli.run:run", "schema": "cli.schema:schema", "ui": "cli.ui:ui"} 
 _KINDS = {"integer": "a whole number", "float": "a number"}  # click's word → ours
 _NO_PARTS = r"No such option '?(--scheduler[\w-]*).*"
 _COMPLETE = "_WORKBENCH_COMPLETE"  # set by the scripts for shells
-_IDLE = r" \(Possible options: --help\)|--help, | Did you mean '?--help'?\?"  # what click proposes for any word
 
 # Of every command: a sentence to read may be wider than click's 80 characters.
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 120, "show_default": True}
@@ -132,7 +131,7 @@ def said(error: click.ClickException) -> str:
     Args:
         error: click's.
     """
-    text = re.sub(_IDLE, "", one_line(error.format_message()))
+    text = one_line(error.format_message())
     text = re.sub(r"^Invalid value for '(--[\w-]+)'", r"\1", text)
     text = re.sub(r"a valid (integer|float)( range)?\.", lambda kind: _KINDS[kind[1]], text)
     where = getattr(error, "ctx", None)

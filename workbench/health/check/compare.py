@@ -66,7 +66,9 @@ def largest_gap(a: Trajectory, b: Trajectory, names: Sequence[str]) -> Gap:
     return Gap(names[column], float(a.time[row]), values, float(gaps[row, column]))
 
 
-def unlike(a: Trajectory, b: Trajectory, names: Sequence[str], where: str, consequence: str, **numbers: int) -> Answer:
+def unlike(
+    a: Trajectory, b: Trajectory, names: Sequence[str], where: str, consequence: str, *, values: int | None = None
+) -> Answer:
     """Return the answer on two runs that should be the same to the last bit and are not; watch: by rounding alone.
 
     Args:
@@ -75,11 +77,12 @@ def unlike(a: Trajectory, b: Trajectory, names: Sequence[str], where: str, conse
         names: of their columns.
         where: the other differs, in words.
         consequence: see `Answer`.
-        numbers: see `Answer`.
+        values: how many were compared; None: not told.
     """
     gap = largest_gap(a, b, names)
     verdict = "watch" if gap.relative <= _ROUNDING else "broken"
-    return Answer(verdict, f"{where} {gap.words}", consequence, {**numbers, "relative": gap.relative})
+    counted = {} if values is None else {"values": values}
+    return Answer(verdict, f"{where} {gap.words}", consequence, {**counted, "relative": gap.relative})
 
 
 def usual_gap(a: Trajectory, b: Trajectory, share: float) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.core.values.matrices import as_sparse, is_sparse
 
-__all__ = ["RANK", "Factors", "Solver", "least_norm", "null_space", "readable", "regular", "staged_step"]
+__all__ = ["RANK", "Factors", "Solver", "least_norm", "readable", "regular", "staged_step"]
 
 Solver = Callable[[Floats], Floats]
 
@@ -20,16 +20,6 @@ LARGE = 32  # unknowns: singular values of fewer take less than a millisecond
 _ITERATIONS = 30  # of the smallest singular value, which falls with each …
 _SETTLED = 0.99  # … until it falls by less than this
 _CLEARLY = 1.25  # times RANK: what it may still fall by
-
-
-def null_space(jacobian: Floats, *, size: float = 0.0) -> Floats:
-    """Return an orthonormal basis of the null space of a matrix (e, k), shape (k, d).
-
-    Args:
-        jacobian: see `least_norm`.
-        size: see `least_norm`.
-    """
-    return least_norm(jacobian, size=size)[1]
 
 
 def least_norm(jacobian: Floats, *, size: float = 0.0) -> tuple[Solver, Floats]:

@@ -102,13 +102,14 @@ class TrimProblem:
     base: Floats
 
     @cached_property
-    def _columns(self) -> NDArray[np.intp]:
+    def columns(self) -> NDArray[np.intp]:
+        """Places of the unknowns in (states, inputs), shape (k,)."""
         return np.array([k.column for k in self.unknowns], dtype=np.intp)
 
     def at(self, values: Floats) -> tuple[Floats, Floats]:
         """Return all states and inputs with the unknowns at `values`, shape (len(unknowns),)."""
         whole = self.base.copy()
-        whole[self._columns] = values
+        whole[self.columns] = values
         n = len(self.balance.states)
         return whole[:n], whole[n:]
 

@@ -41,7 +41,6 @@ class ScaledEquations:
         self.nominals = np.array([e.nominal for e in self._equations])
         self._rows = np.array([e.row for e in self._equations], dtype=np.intp)
         self._wanted = np.array([e.low for e in self._equations]), np.array([e.high for e in self._equations])
-        self._columns = np.array([k.column for k in problem.unknowns], dtype=np.intp)
         self._exact = exact
         self._jacobians: dict[bytes, Floats] = {}  # of the points that were asked for last
 
@@ -105,7 +104,7 @@ class ScaledEquations:
 
     def _given(self, w: Floats) -> Floats | None:
         full = self.problem.balance.jacobian(*self.problem.at(w * self.nominal))
-        return None if full is None else full[:, self._columns] * self.nominal
+        return None if full is None else full[:, self.problem.columns] * self.nominal
 
     def _differences(self, w: Floats) -> Floats:
         """Return differences of all rates and outputs, central; one-sided at a bound or where the model fails."""

@@ -32,7 +32,7 @@ def search(
     Slopes at the start values may lead nowhere (a rate limiter, a saturated actuator) while the model itself
     finds its way; it is then run with the inputs at their start, longer and longer, and the search begins again there.
     """
-    start = problem.base[[k.column for k in problem.unknowns]]
+    start = problem.base[problem.columns]
     best = solve(problem, start, tolerance=tolerance, slowest=slowest, exact=exact, report=report)
     if best.converged:
         return _closer(problem, best, tolerance=tolerance, slowest=slowest, exact=exact), ""
@@ -73,13 +73,12 @@ def _left(solution: Solution) -> float:
 
 def _elsewhere(model: Model, problem: TrimProblem) -> Iterator[tuple[Floats, str]]:
     """Yield the unknowns after runs of growing length, and how long those were."""
-    columns = [k.column for k in problem.unknowns]
     low, high = (np.array([getattr(k, name) for k in problem.unknowns]) for name in ("low", "high"))
     try:
         for states, after in _runs(model, problem):
             whole = problem.base.copy()
             whole[: len(states)] = states
-            yield np.clip(whole[columns], low, high), after
+            yield np.clip(whole[problem.columns], low, high), after
     except (SimulationError, InputError):  # it fails on the way: there is nothing further on
         return
 
@@ -104,7 +103,7 @@ def _runs(model: Model, problem: TrimProblem) -> Iterator[tuple[Floats, str]]:
 def exact_agrees(problem: TrimProblem) -> bool:
     """Whether the balance's Jacobian agrees with differences at the start, in one direction of all unknowns."""
     scaled = ScaledEquations(problem, exact=True)
-    w = problem.base[[k.column for k in problem.unknowns]] / scaled.nominal
+    w = problem.base[problem.columns] / scaled.nominal
     direction = np.random.default_rng(1).choice([-1.0, 1.0], size=len(w))
     width = 1e-5 * np.maximum(1.0, np.abs(w))
     given = scaled.jacobian(w)

@@ -32,7 +32,7 @@ class VariationalEquation:
         rows: to mean, in-phase and quadrature part of the fundamental of the output, shape (3, n).
         stretch: what a longer period does to the states at its end, the forcing stretched with it, shape (n,) [1/s].
         through: largest |∂y/∂x| along the period, shape (n,); None: not known.
-        others: multipliers that count, where they are not all eigenvalues of Φ; None: they are.
+        others: multipliers that count, where they are known besides or are not all of its eigenvalues; None: they are.
         coarse: Φ by a rule of lower order; None: there is none.
         off: error of the multipliers, where `others` hold them.
     """
