@@ -126,7 +126,7 @@ def _ground() -> Iterator[Ground]:
         for made in (home, own, home / "empty"):
             made.mkdir()
         (home / "precious").write_text("work of years")
-        victim = subprocess.Popen(["sleep", "600"], start_new_session=True)
+        victim = subprocess.Popen(["sleep", "600"], cwd=home, start_new_session=True)
         undo.callback(victim.wait)
         undo.callback(victim.kill)
         port = _listeners(undo, home)
