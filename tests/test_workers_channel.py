@@ -7,10 +7,12 @@ import socket
 import struct
 import zlib
 from collections.abc import Iterator
+from typing import Any
 
+import numpy as np
 import pytest
 
-from workbench.jobs.channel import MARK_BYTES, Channel
+from workbench.jobs.channel import MARK_BYTES, Channel, pickled
 
 MARK = bytes(range(MARK_BYTES))
 
@@ -28,8 +30,8 @@ class Pair:
         for item in items:
             self.sender._leaving.clear()
             self.sender.flush = lambda: None  # type: ignore[method-assign]
-            self.sender.put(pickle.dumps(item))
-            found.append(bytes(self.sender._leaving))
+            self.sender.put(*pickled(item))
+            found.append(b"".join(self.sender._leaving))
         return found
 
 
@@ -94,10 +96,52 @@ def test_who_writes_without_end_does_not_keep_the_reader(pair: Pair, monkeypatch
     assert len(pair.here._arrived) < MARK_BYTES  # and it fills no memory
 
 
-def test_a_stop_that_comes_while_something_is_sent_waits_for_it(pair: Pair) -> None:
-    """As a signal handler's would: nothing is sent there."""
-    with memoryview(pair.here._leaving), pytest.raises(BufferError):
-        pair.here._leaving += b"x"  # why `Pool.end_soon` only notes it
+@pytest.mark.parametrize("piece", [100_000, 4096, 1000])
+def test_large_arrays_arrive_in_the_memory_of_their_message(pair: Pair, piece: int) -> None:
+    """Aligned, so that compiled code can take them, and to be written to, as others are."""
+    columns = np.arange(120_000.0).reshape(3, -1)
+    small = np.arange(7)
+    sent = {"a": columns[0], "b": columns[1:].T, "small": small, "flags": columns[0] > 7, "z": columns[0] * 1j}
+    stream = b"".join(pair.frames(sent, "next"))
+    arrived, whole = list[Any](), 0
+    for k in range(0, len(stream), piece):
+        pair.there.sendall(stream[k : k + piece])
+        for item in pair.here.receive():
+            arrived.append(item)
+            whole = whole or k + piece
+    assert arrived[1:] == ["next"]
+    assert whole < len(stream) + piece
+    for name, values in sent.items():
+        result = arrived[0][name]
+        assert result.dtype == values.dtype
+        np.testing.assert_array_equal(result, values)
+        assert result.flags.aligned
+        assert result.flags.writeable
+    message = _memory(arrived[0]["a"])
+    assert message is _memory(arrived[0]["z"])
+    assert len(message) < 1.01 * sum(values.nbytes for values in sent.values())
+
+
+def _memory(array: Any) -> Any:
+    while isinstance(array, np.ndarray):
+        array = array.base
+    return array.obj
+
+
+@pytest.mark.parametrize("place", [5000, 900_000])
+def test_what_is_written_into_a_large_array_costs_that_message_only(pair: Pair, place: int) -> None:
+    one, two, three = pair.frames(np.arange(120_000.0), "two", "three")
+    message = one[:place] + b"noise" + one[place:] + two + three
+    errors, arrived = 0, list[Any]()
+    for k in range(0, len(message), 100_000):
+        pair.there.sendall(message[k : k + 100_000])
+        try:
+            arrived += pair.here.receive()
+        except pickle.UnpicklingError:
+            errors += 1
+    arrived += pair.here.receive()
+    assert errors == 1
+    assert arrived == ["two", "three"]
 
 
 def test_hung_up(pair: Pair) -> None:

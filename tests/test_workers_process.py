@@ -206,6 +206,7 @@ class Link:  # asked to end in the middle of sending
     def __init__(self, link): self.link = link
     def fileno(self): return self.link.fileno()
     def recv(self, *a): return self.link.recv(*a)
+    def recv_into(self, *a): return self.link.recv_into(*a)
     def close(self): self.link.close()
     def send(self, piece):
         os.kill(os.getpid(), signal.SIGTERM)

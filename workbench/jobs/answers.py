@@ -85,7 +85,7 @@ class Records:
         """Begin to count anew, for another task."""
         self._left = MOST
 
-    def __call__(self, packed: bytes) -> Any:  # noqa: ANN401 - any result
+    def __call__(self, packed: bytes | bytearray) -> Any:  # noqa: ANN401 - any result
         """Return the object that was packed.
 
         Args:

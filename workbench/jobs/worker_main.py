@@ -29,7 +29,7 @@ from workbench.core.machine.scratch import remove_if_dead
 from workbench.errors import FmuError, LostError, WorkbenchError
 from workbench.fmi.ended import end_later, end_now
 from workbench.jobs.answers import in_records
-from workbench.jobs.channel import HUNG_UP, MARK_BYTES, Channel
+from workbench.jobs.channel import HUNG_UP, MARK_BYTES, Channel, pickled
 from workbench.jobs.confine import confined
 from workbench.jobs.end_signals import ENDING
 from workbench.jobs.limits import MemoryWatch, Room
@@ -306,10 +306,10 @@ def _behave() -> None:
         libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, _LINE_BUFFERED, ctypes.c_size_t(0))
 
 
-def _packed(item: object) -> bytes:
+def _packed(item: object) -> list[bytes | memoryview]:
     """Pickle what is sent to the parent."""
     _end_copy()
-    return in_records(item) if confined() else pickle.dumps(item)
+    return [in_records(item)] if confined() else pickled(item)
 
 
 def _end_copy() -> None:

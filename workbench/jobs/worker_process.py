@@ -20,7 +20,7 @@ from workbench.core.machine.locks import forkable_lock
 from workbench.core.machine.scratch import remove, scratch_folder
 from workbench.errors import InputError, WorkbenchError
 from workbench.jobs.answers import MOST, Records
-from workbench.jobs.channel import HUNG_UP, LONGEST, MARK_BYTES, Channel
+from workbench.jobs.channel import HUNG_UP, LONGEST, MARK_BYTES, Channel, pickled, unpickled
 from workbench.jobs.end_signals import ENDING
 from workbench.jobs.limits import cores, went_beyond
 from workbench.jobs.options import Limits
@@ -112,7 +112,7 @@ class WorkerProcess:
                     )
                     self._folder = folder
                     self.channel = Channel(
-                        ours, mark, loads=self._records or pickle.loads, longest=MOST if confine else LONGEST
+                        ours, mark, loads=self._records or unpickled, longest=MOST if confine else LONGEST
                     )
                     undo.pop_all()
                     with _lock:
@@ -145,11 +145,11 @@ class WorkerProcess:
         self.restart_clock(least=_IMPORTS)
         work = pickle.dumps((task, argument), pickle.HIGHEST_PROTOCOL)
         order = (_current_folder(), pickle.dumps(recipe, pickle.HIGHEST_PROTOCOL), work, limits)
-        self.channel.put(pickle.dumps(order, pickle.HIGHEST_PROTOCOL))
+        self.channel.put(*pickled(order))
 
     def end_soon(self) -> None:
         """Ask for the end of the present task."""
-        self.channel.put(pickle.dumps(STOP))
+        self.channel.put(*pickled(STOP))
 
     def take_leave(self) -> None:
         """Let the FMU be terminated and freed: its results are there, so it has little time for that."""
