@@ -122,7 +122,7 @@ def test_large_arrays_arrive_in_the_memory_of_their_message(pair: Pair, piece: i
     assert len(message) < 1.01 * sum(values.nbytes for values in sent.values())
 
 
-def _memory(array: Any) -> Any:
+def _memory(array: Any) -> Any:  # noqa: ANN401 - what numpy calls a base
     while isinstance(array, np.ndarray):
         array = array.base
     return array.obj

@@ -17,6 +17,7 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
 from workbench.core.machine.cycles import undisturbed
@@ -31,7 +32,7 @@ _NUMBERS = 1 << 32  # after so many frames they begin again
 _CHUNK = 1 << 20  # [byte]
 _PIECES = 16  # are read at a time: whoever writes without end must not keep the reader from all else
 LONGEST = 1 << 34  # [byte]: no frame is longer
-_APART = 1 << 14  # [byte]: smaller arrays are pickled with the object
+_APART = 1 << 14  # [byte]: smaller arrays are pickled with the object, and smaller parts sent together
 _ALIGNED = 16  # [byte]: at multiples of it arrays begin
 _WORD = struct.Struct("!Q")
 _DAMAGED = "something was written into the middle of it, by the FMU into a file that is not its own"
@@ -160,7 +161,9 @@ class Channel:
         sizes = length, check, self._sent % _NUMBERS
         self._sent += 1
         head = self._mark + _HEAD.pack(*sizes, zlib.crc32(_SIZES.pack(*sizes)))
-        self._leaving += [memoryview(part) for part in (head, *parts) if len(part)]
+        for small, beside in groupby((head, *parts), lambda part: len(part) < _APART):
+            pieces = list(beside)
+            self._leaving += map(memoryview, [b"".join(pieces)] if small else pieces)
         self.flush()
 
     def send(self, item: Any) -> None:  # noqa: ANN401 - anything that can be pickled
