@@ -323,6 +323,15 @@ def test_an_answer_that_cannot_be_made_here_is_an_error(model: wb.DescribedModel
     assert found["say", 1] == [1]
 
 
+def test_memory_that_ends_while_an_error_is_told_is_told(model: wb.DescribedModel) -> None:
+    found = do(model, ("too_large",), ("say", 1), workers=1)
+    before, reason = found["too_large",]
+    assert before == "before"
+    assert "memory" in reason
+    assert "ended its process" not in reason
+    assert found["say", 1] == [1]
+
+
 @posix_signals
 @pytest.mark.parametrize(
     "messages", [[(READY, None)], [("nothing", "of the kind")], [5], [(DONE, None), (ITEM, 5)], [(ERROR, "none")]]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.core.records.option import option
-from workbench.errors import SimulationError
+from workbench.errors import SimulationError, WorkbenchError
 from workbench.jobs.job import Job
 from workbench.jobs.runner import Remark
 from workbench.jobs.worker_main import _WorkerState
@@ -181,6 +181,18 @@ class _OddError(Exception):
 
 def _odd(model: Model) -> Iterator[Any]:
     yield _OddError(1, 2)
+
+
+class _LargeError(WorkbenchError):
+    """Takes more memory to be told than there is."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise MemoryError
+
+
+def _too_large(model: Model) -> Iterator[Any]:
+    yield "before"
+    raise _LargeError("large")
 
 
 class Trap:

@@ -192,6 +192,9 @@ def main(link: int | None, parent: int, scratch: str, module: str) -> None:
                 os._exit(0)  # what the FMU has changed shall not reach the next: the parent starts another process
     except OSError:  # the connection is gone: the parent is, or the FMU has closed it
         _tell_hung_up(scratch)
+    except MemoryError:  # while something was told; what the task had is free by now, and this is smaller
+        channel.send(_failure(MemoryError()))
+        os._exit(0)
     watcher.join(_FAREWELL)  # the parent hung up: if it is dead, the watcher cleans up and ends this process
     os._exit(0)  # without unloading libraries, which may crash then
 
