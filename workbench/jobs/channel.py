@@ -74,7 +74,7 @@ def unpickled(packed: bytearray) -> Any:  # noqa: ANN401 - anything that can be 
 
 
 @dataclass
-class _Frame:
+class _Incoming:
     """A message that is arriving.
 
     Attributes:
@@ -133,7 +133,7 @@ class Channel:
         self._dumps, self._loads, self._longest = dumps, loads, longest
         self._link, self._mark = link, mark
         self._arrived, self._leaving = bytearray(), deque[memoryview]()
-        self._frame: _Frame | None = None  # whose message is arriving
+        self._frame: _Incoming | None = None  # whose message is arriving
         self._sent = self._heard = 0  # frames
         self.ended = self.dry = False
         self.stray = 0
@@ -257,7 +257,7 @@ class Channel:
             raise pickle.UnpicklingError(_DAMAGED)
         return frame.message
 
-    def _begun(self) -> _Frame | None:
+    def _begun(self) -> _Incoming | None:
         """Return the next frame, whose head has arrived; None: it has not."""
         while True:
             at = self._arrived.find(self._mark)
@@ -273,7 +273,7 @@ class Channel:
             if zlib.crc32(_SIZES.pack(length, check, number)) == sound and length <= self._longest:
                 head = bytes(self._arrived[:begin])
                 del self._arrived[:begin]
-                return _Frame(head, bytearray(length), check, number)
+                return _Incoming(head, bytearray(length), check, number)
             self._skip(len(self._mark))  # something was written in the middle of it; the next one's number tells
 
     def _skip(self, count: int) -> None:
