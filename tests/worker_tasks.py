@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from workbench.core.records.option import option
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.jobs.job import Job
+from workbench.jobs.process_state import state
 from workbench.jobs.runner import Remark
 from workbench.jobs.worker_main import _WorkerState
 from workbench.model import Model
@@ -45,6 +46,13 @@ class Pretended(ModelRequest["TrimResult"]):
 
     _: KW_ONLY
     when: str = option("When the other record is told.", default="at its end")
+
+
+def surroundings(_: Model | None, parent: int) -> Iterator[tuple[object, ...]]:
+    """Yield what a worker has of its process: state, open files, and what it is to its parent."""
+    files = sorted(file.readlink().name.partition(":")[0] for file in Path("/proc/self/fd").iterdir() if file.exists())
+    own = {**state(), "environment": set(os.environ) | set(sys.path), "folder": Path.cwd()}
+    yield own, files, (os.getsid(0) == os.getpid(), os.getppid() == parent)
 
 
 def pretend(model: Model, asked: Pretended, job: Job) -> object:

@@ -41,7 +41,7 @@ def main(
     interrupt.insist_on_interrupts()
     interrupt.listen_for_endings()
     try:
-        code = app.run(arguments, own, called)
+        code = app.run(arguments, own, called, alone=True)
     except KeyboardInterrupt:  # once more, while it was told
         code = interrupt.exit_code()
     interrupt.ignore_endings()  # what is left is to clean up

@@ -30,6 +30,8 @@ def run(
     arguments: Sequence[str] | None = None,
     own: type[Request[Any, Any]] | None = None,
     called: str = "workbench",
+    *,
+    alone: bool = False,
 ) -> int:
     """Run the program and return its exit code.
 
@@ -37,6 +39,7 @@ def run(
         arguments: in place of the process's own.
         own: request of a command that is not one of the package's; None: all of these.
         called: how the program is called, as in a shell.
+        alone: whether this process does nothing else.
     """
     given = sys.argv[1:] if arguments is None else arguments
     words = given or ["--help"]
@@ -45,7 +48,7 @@ def run(
     name = next(iter(begun[1:] or words), None)
     try:
         if not begun and own is None:
-            _expect(name, words)
+            _expect(name, words, alone=alone)
             own = _study_of_its_own(name, words)
         command = program(name, own)
         asked.keep(words, options_of(command), called)
@@ -77,8 +80,8 @@ def _told(code: object) -> int:
     return exit_code()
 
 
-def _expect(name: str | None, words: Sequence[str]) -> None:
-    """Start the worker process that a command will need while the command line is read.
+def _expect(name: str | None, words: Sequence[str], *, alone: bool) -> None:
+    """Start the worker process that a command will need while the command line is read, unless a copy of this one does.
 
     Raises:
         InputError: there is no such command, or it was one once.
@@ -94,9 +97,10 @@ def _expect(name: str | None, words: Sequence[str]) -> None:
         return
     request = next(iter(requests_of(name)), None)
     if request is not None and (request.isolated or issubclass(request, InWorker)):
-        from workbench.jobs.worker_process import prepare
+        from workbench.jobs.worker_process import allow_copy, prepare
 
-        prepare(request.algorithm.partition(":")[0])
+        if not (alone and allow_copy()):
+            prepare(request.algorithm.partition(":")[0])
 
 
 def _study_of_its_own(name: str | None, words: Sequence[str]) -> type[Request[Any, Any]] | None:

@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from importlib import import_module
 from typing import Any
 
 from workbench.core.machine.locks import forkable_lock
@@ -24,10 +25,11 @@ from workbench.jobs.channel import HUNG_UP, LONGEST, MARK_BYTES, Channel, pickle
 from workbench.jobs.end_signals import ENDING
 from workbench.jobs.limits import cores, went_beyond
 from workbench.jobs.options import Limits
+from workbench.jobs.process_copy import ProcessCopy, can_copy
 from workbench.jobs.worker_main import STOP, Task
 from workbench.model.base import Recipe
 
-__all__ = ["AFTERWARDS", "WorkerProcess", "keep", "kept", "prepare"]
+__all__ = ["AFTERWARDS", "WorkerProcess", "allow_copy", "keep", "kept", "prepare"]
 
 # A process whose channel is closed is gone after at most so long [s].
 _DYING = 5.0
@@ -68,6 +70,7 @@ class WorkerProcess:
     Args:
         module: that its first task will need; it is imported meanwhile.
         confine: whether it may write in its own temporary folder only, and use no network.
+        copied: whether it is a copy of this process, see `allow_copy`.
 
     Attributes:
         index: of the task in work; None: idle or not yet ready.
@@ -82,7 +85,7 @@ class WorkerProcess:
         channel: to it.
     """
 
-    def __init__(self, module: str = "", *, confine: bool = False) -> None:
+    def __init__(self, module: str = "", *, confine: bool = False, copied: bool = False) -> None:
         self.index: int | None = None
         self.ready = self.opened = self.seasoned = False
         self.error: Exception | None = None
@@ -107,8 +110,11 @@ class WorkerProcess:
                 ours.sendall(mark)  # not in the line that starts it, which every user can read
                 rest = (os.getpid(), str(folder), module)
                 with theirs, _held_back():
-                    self._process = _started(
-                        theirs, rest, self._log.fileno(), _CONFINED.format(folder=str(folder)) if confine else ""
+                    first = _CONFINED.format(folder=str(folder)) if confine else ""
+                    self._process = (
+                        ProcessCopy(theirs, rest, self._log.fileno())
+                        if copied
+                        else _started(theirs, rest, self._log.fileno(), first)
                     )
                     self._folder = folder
                     self.channel = Channel(
@@ -224,7 +230,7 @@ class WorkerProcess:
         return code
 
 
-def _kill_all(process: subprocess.Popen[bytes]) -> None:
+def _kill_all(process: subprocess.Popen[bytes] | ProcessCopy) -> None:
     """End a process by force, with those that it started and that have not left its group."""
     if os.name == "posix":
         with suppress(OSError):
@@ -294,6 +300,22 @@ _alive: set[WorkerProcess] = set()
 _idle: list[WorkerProcess] = []
 
 
+class _Copying:
+    """Whether the next worker that is prepared may be a copy of this process."""
+
+    allowed = False
+
+
+def allow_copy() -> bool:
+    """Let the worker that is prepared first be a copy of this process; return whether one can be here.
+
+    It saves what a start costs most: to import everything once more. For a process that does nothing but the command
+    for which it was begun; others have threads, files and libraries that must not be copied half way.
+    """
+    _Copying.allowed = can_copy()
+    return _Copying.allowed
+
+
 def prepare(module: str) -> None:
     """Start a worker that will soon be wanted, unless one waits.
 
@@ -303,8 +325,12 @@ def prepare(module: str) -> None:
     around = _surroundings()
     with _lock:
         waits = any(worker.usable and worker.surroundings == around for worker in _idle)
-    if not waits:
-        keep(WorkerProcess(module))
+    if waits:
+        return
+    copied, _Copying.allowed = _Copying.allowed, False
+    if copied and module:
+        import_module(module)
+    keep(WorkerProcess(module, copied=copied))
 
 
 def kept(recipe: Recipe | None) -> WorkerProcess:
