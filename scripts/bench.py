@@ -1,40 +1,79 @@
 #!/usr/bin/env python3
-"""Measure the inner loop against what it replaces, and what must stay small.
+"""Measure what users wait for: the CPU time of public functions and commands, beside their peers, and their memory.
 
-    python scripts/bench.py                    all benches; a table, and bench.json
-    python scripts/bench.py --only cs,me       the benches whose names begin so
-    python scripts/bench.py --quick            fewer repetitions and cycles
+    python3 scripts/dev.py bench                       all benches, as a table
+    python3 scripts/dev.py bench nfr csv               some
+    python3 scripts/dev.py bench --quick               smaller models, fewer repetitions
+    python3 scripts/dev.py bench --against CHECKOUT    every row here and there, by turns: before, after, ratio
+    python3 scripts/dev.py bench --table PAGE.md       the table goes into a page, too
 
-Both sides of a pair are measured in one run, alternating; medians; ratios. Nothing here is a test: times
-depend on the machine and on what else it does. Run it with the project's Python (see scripts/dev.py).
+Each side of a row is a process of its own (bench_process.py) that runs a function of bench_sides.py. All sides of a row
+take turns, after one turn to warm up, unless the first run of a process is what is measured. Medians. CPU time is that
+of the process with its workers and compilers; memory is the peak of the process itself, or of a program that it waited
+for. Another checkout is measured with the Python of its .venv, if it has one. Nothing here is a test: times depend on
+the machine and on what else it does. Not for Windows.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import math
 import os
 import platform
 import statistics
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-from workbench.core.values.arrays import Floats
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+from scripts.bench_process import ROOT, Cost, Lab, Side
 
-import numpy as np  # noqa: E402
+MARK = "<!-- measured -->"  # what is below it in a page is written anew
+STEEPEST = 1.2  # exponent of cost over size
+LAG = "fmu:FirstOrderLag"
+CHAIN = """model Chain{n}
+  parameter Integer n = {half};
+  input Real u(start = 0);
+  output Real y;
+  Real x[n](each start = 0, each fixed = true);
+  Real v[n](each start = 0, each fixed = true);
+equation
+  for i in 1:n loop
+    der(x[i]) = v[i];
+    der(v[i]) = u - x[i] - 0.5*v[i]*abs(v[i]);
+  end for;
+  y = x[n];
+end Chain{n};
+"""
 
-import workbench as wb  # noqa: E402
-from scripts import bench_fmpy, bench_processes, bench_systems  # noqa: E402
-from tests.drivers import DRIVERS, driven_by  # noqa: E402
-from workbench.jobs.options import Workers  # noqa: E402
+
+def ratio(ours: Cost, peer: Cost) -> float:
+    """Return ours / peer."""
+    return ours.cpu / peer.cpu
+
+
+def faster(ours: Cost, peer: Cost) -> float:
+    """Return peer / ours."""
+    return peer.cpu / ours.cpu
+
+
+def value(ours: Cost, *_: Cost) -> float:
+    """Return what ours returned."""
+    return math.nan if ours.value is None else float(ours.value)
+
+
+def seconds(ours: Cost, *_: Cost) -> float:
+    """Return the CPU time of ours."""
+    return ours.cpu
+
+
+def each(count: float) -> Callable[..., float]:
+    """Return a function: the CPU time of ours in units of `count` seconds."""
+    return lambda ours, *_: ours.cpu / count
 
 
 @dataclass(frozen=True)
@@ -43,346 +82,329 @@ class Row:
 
     Attributes:
         name: what is measured.
-        ours, theirs: the two sides of a pair, or one value alone, as text with units.
-        ratio: theirs / ours, or the value that the goal is about.
-        goal: as text.
-        met: whether it is; None: nothing to say.
-        seconds: the raw medians [s] or other numbers, by name.
+        ours: the side that it is about.
+        peer: what it is measured beside.
+        number: of the costs of both, which the goal is about.
+        unit: of it.
+        most, least: the goal; None: there is none.
+        size: of the model, for the exponent.
     """
 
     name: str
-    ours: str = ""
-    theirs: str = ""
-    ratio: float | None = None
-    goal: str = ""
-    met: bool | None = None
-    numbers: dict[str, float] | None = None
-    note: str = ""
+    ours: Side
+    peer: Side | None = None
+    number: Callable[..., float] = seconds
+    unit: str = "s"
+    most: float = math.inf
+    least: float = -math.inf
+    size: float = 0.0
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """Ours, and the peer where there is one."""
+        return (self.ours, *filter(None, [self.peer]))
+
+    @property
+    def goal(self) -> str:
+        """The goal as text."""
+        words = [f"≤ {self.most:g}"] if self.most < math.inf else []
+        return " ".join([*words, *([f"≥ {self.least:g}"] if self.least > -math.inf else []), self.unit]).strip()
 
 
-@dataclass(frozen=True)
-class Size:
-    """How much is measured."""
-
-    repeats: int
-    steps: int
-    cycles: int
-    sessions: int
-    sweep: tuple[float, float]
-    amplitudes: tuple[float, ...]
+# -- the benches ------------------------------------------------------------------------------
 
 
-FULL = Size(repeats=7, steps=20_000, cycles=2_000, sessions=500, sweep=(0.5, 20.0), amplitudes=(0.25, 1.0, 4.0))
-QUICK = Size(repeats=3, steps=5_000, cycles=200, sessions=100, sweep=(5.0, 20.0), amplitudes=(1.0,))
-STEP = 1e-3  # [s]
-FREQUENCY = 2.0  # [Hz]
+def command(*words: str, empty_cache: bool = False, fresh: bool = False) -> Side:
+    """Return a run of `workbench` with these words."""
+    arguments = {"words": ["-m", "workbench", *words], "empty_cache": empty_cache}
+    return Side("workbench", "command", arguments, fresh=fresh)
 
 
-class MissingError(Exception):
-    """A part of the workbench that this bench needs is not there."""
+def start(_: Lab) -> Iterator[Row]:
+    """What each command costs before it does anything, in units of `import numpy`."""
+    peer = Side("import numpy", "command", {"words": ["-c", "import numpy"]})
+    for words in ("--help", "nfr --help", "info fmu:Rudder", "trim fmu:Rudder", "lin fmu:Rudder"):
+        yield Row(f"workbench {words}", command(*words.split()), peer, ratio, "×")
 
 
-def alternate(sides: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, float]:
-    """Return the median wall time of each side [s], measured in turns after one turn to warm up."""
-    times: dict[str, list[float]] = {name: [] for name in sides}
-    for turn in range(repeats + 1):
-        for name, run in sides.items():
-            start = time.perf_counter()
-            run()
-            if turn:
-                times[name].append(time.perf_counter() - start)
-    return {name: statistics.median(values) for name, values in times.items()}
+def info(lab: Lab) -> Iterator[Row]:
+    """A model of 100,000 variables."""
+    n = lab.fewer(100_000, 10_000)
+    file = lab.made("parameters", n=n)
+    for name, empty, goal in (("first", True, 2.0), ("again", False, 0.5)):
+        yield Row(f"info of {n} variables, {name}", command("info", file, empty_cache=empty), most=goal)
 
 
-# Co-simulation
+def point(lab: Lab) -> Iterator[Row]:
+    """Trim beside lin, over the number of states."""
+    for n in (10, 100, 500, 2000)[: lab.fewer(4, 3)]:
+        rod = lab.made("large", kind="rod", n=n)
+        trim = Side("trim", "analysis", {"name": "trim", "file": rod}, "trim over states")
+        lin = Side("lin", "analysis", {"name": "lin", "file": rod}, "lin over states")
+        yield Row(f"trim of a rod, {n} states", trim, lin, ratio, "×", 10.0, size=n)
+        if n == 2000:
+            yield Row(f"trim of a rod, {n} states", trim, most=5.0)
 
 
-def cs(size: Size) -> Iterator[Row]:
-    """Stepping a slave: ours, FMPy's calls in Python, and loops in C.
+def nfr(lab: Lab) -> Iterator[Row]:
+    """A point of a frequency response beside the periods that it reports, over the number of states."""
+    for n in (10, 100, 300, 500, 1000, 2000, 5000)[: lab.fewer(7, 4)]:
+        rod = lab.made("large", kind="rod", n=n)
+        asked = {"input": "u", "output": "y", "frequencies": [0.1], "amplitudes": [1.0]}
+        ours = Side("nfr", "analysis", {"name": "nfr", "file": rod, **asked}, "a point of nfr over states")
+        kernel = Side("its periods in a session", "kernel_periods", {"file": rod, "frequency": 0.1})
+        yield Row(f"nfr of a rod, a point, {n} states", ours, kernel, ratio, "×", 3.0 if n >= 100 else 8.0, size=n)
 
-    FMPy's loop and the plain one in C hold the input, so ours does in those pairs, and the answers agree. By default
-    ours gives the input's slope where the FMU takes it, which is another, more accurate computation with two more
-    calls a step; its pair is a loop in C that makes the same calls.
-    """
-    n = size.steps
-    for file, name in ((bench_fmpy.gain(), "Gain"), (ROOT / "fmus" / "fmi2" / "FirstOrderLag.fmu", "FirstOrderLag")):
-        held = partial(wb.load, file, "cs", step=STEP)
-        with (
-            bench_fmpy.Slave(file) as slave,
-            held(hold_inputs=True) as plain,
-            held() as model,
-            plain.open_session() as holding,
-            model.open_session() as session,
-        ):
-            sides: dict[str, Callable[[], float]] = {
-                "held": partial(_our_loop, holding, n),
-                "fmpy": partial(slave.python_loop, n, STEP, FREQUENCY),
-                "bare": partial(slave.c_loop, "bare_loop", n, STEP, FREQUENCY),
-                "ours": partial(_our_loop, session, n),
-                "same": partial(slave.c_loop, "same_calls", n, STEP, FREQUENCY),
-            }
-            last = {side: run() for side, run in sides.items()}
-            times = alternate(sides, size.repeats)
-        per = {side: value / n for side, value in times.items()}
-        same = [last["held"], last["fmpy"], last["bare"]]
-        apart = f"last outputs differ by {max(same) - min(same):.1e}"
-        yield _ratio(f"CS {name}, held: FMPy's loop / ours", per["held"], per["fmpy"], 15.0, "µs/step", note=apart)
-        yield _ratio(f"CS {name}, held: ours / bare C loop", per["bare"], per["held"], 1.3, "µs/step", at_most=True)
-        calls = "the loop in C makes the same calls: slope, step, output, input, output"
-        yield _ratio(
-            f"CS {name}, slopes: ours / C loop", per["same"], per["ours"], 1.3, "µs/step", at_most=True, note=calls
+
+def response(_: Lab) -> Iterator[Row]:
+    """Points of a response solved for, beside waiting until it has settled."""
+    for name, u, y, band, count, amplitude in (
+        ("Rudder", "delC", "del", (0.5, 20.0), 12, 1.0),
+        ("Aircraft", "elevator", "z_front_fuselage", (2.8, 8.0), 10, 1e-3),
+    ):
+        points = [band[0] * (band[1] / band[0]) ** (k / (count - 1)) for k in range(count)]
+        asked = {"input": u, "output": y, "frequencies": points, "amplitudes": [amplitude], "drift_check": False}
+        auto, settle = (
+            Side(m, "analysis", {"name": "nfr", "file": f"fmu:{name}", "method": m, **asked})
+            for m in ("auto", "settle")
+        )
+        yield Row(f"nfr of {name}, {count} points", auto, settle, ratio, "×", 1.0)
+
+
+def simulate(lab: Lab) -> Iterator[Row]:
+    """Time histories: many steps of co-simulation beside a loop in Python, and the least that a call costs."""
+    count = lab.fewer(100_000, 20_000)
+    loop = Side("FMPy's calls in Python", "fmpy_steps", {"count": count})
+    for where, here, goal in (("in this process", True, 10.0), ("by a worker", False, 7.0)):
+        for by in ("interval", "points"):
+            sine = {"u": "sine:amplitude=1,frequency=2"}
+            asked = {"stop": count * 1e-3, "rows": count, "by": by, "inputs": sine, "in_process": here}
+            opened = {"interface": "cs", "step": 1e-3}
+            ours = Side("", "simulation", {"file": LAG, "opened": opened, "verify_step": False, **asked})
+            least = goal if by == "points" or not here else -math.inf
+            yield Row(f"simulate, {count} CS steps, {by}, {where}", ours, loop, faster, "× faster", least=least)
+    for where, here, goal in (("in this process", True, 1.0), ("by a worker", False, 2.5)):
+        asked = {"file": LAG, "stop": 0.01, "rows": 500, "by": "interval", "in_process": here}
+        yield Row(
+            f"simulate, the least, {where}", Side("", "simulation", asked), number=each(1e-3), unit="ms", most=goal
+        )
+    for rows in (10_000, 30_000, 100_000)[: lab.fewer(3, 2)]:
+        asked = {"file": LAG, "stop": 10.0, "rows": rows, "by": "points", "in_process": True}
+        ours = Side("", "simulation", asked, "simulate over points")
+        yield Row(f"simulate, {rows} points", ours, number=each(1e-6 * rows), unit="µs/point", size=rows)
+
+
+def exchange(_: Lab) -> Iterator[Row]:
+    """Model exchange beside FMPy's solver."""
+    for equal, words in (("tolerance", ""), ("accuracy", " or FMPy's best")):
+        peer = Side("FMPy simulate_fmu", "fmpy_exchange", {"equal": equal})
+        yield Row(
+            f"simulate Rudder, gear, equal {equal}{words}",
+            Side("", "exchange", {}),
+            peer,
+            faster,
+            "× faster",
+            least=20.0,
         )
 
 
-def _our_loop(session: wb.Session, n: int) -> float:
-    """Make n steps from where the session stands; the first time from 0, as the others."""
-    end = session.time + n * STEP
-    record = session.advance(end, signals={"u": wb.Sine(frequency=FREQUENCY)}, record=["y"])
-    return float(record.values["y"][record.time == end][0])
+def transport(lab: Lab) -> Iterator[Row]:
+    """Large results: from a worker, to a file, in memory."""
+    rows, columns = lab.fewer(100_000, 20_000), 200
+    rod = lab.made("large", kind="rod", n=columns)
+    asked = {"file": rod, "rows": rows, "columns": columns}
+    worker, here = (Side(w, "transport", {**asked, "in_process": h}) for w, h in (("worker", False), ("here", True)))
+    size = 8e-6 * rows * columns  # [MB]
+    yield Row(
+        f"{size:.0f} MB from a worker, more than here", worker, here,
+        lambda ours, peer: 1e3 * (ours.cpu - peer.cpu) / size, "ms/MB", 6.0,
+    )  # fmt: skip
+    for n in (10_000, 100_000, 1_000_000)[: lab.fewer(3, 2)]:
+        ours, peer = (Side(by, "csv", {"rows": n, "by": by}, f"{by} over rows") for by in ("to_csv", "savetxt"))
+        yield Row(f"to_csv, {n} rows of 3", ours, peer, each(1e-6 * n), "µs/row", 2.5, size=n)
+    rows, columns = lab.fewer(1_000_000, 100_000), 20
+    asked = {"file": lab.made("large", kind="rod", n=columns), "rows": rows, "columns": columns}
+    ours = Side("", "memory", asked, fresh=True)
+    yield Row(f"memory of a result of {rows} × {columns}", ours, number=value, unit="× its size", most=3.0)
 
 
-def _ratio(
-    name: str, small: float, large: float, goal: float, unit: str, *, at_most: bool = False, note: str = ""
-) -> Row:
-    scale = {"µs/step": 1e6, "ms": 1e3, "s": 1.0}[unit]
-    ratio = large / small
-    words = [f"{value * scale:.3g} {unit}" for value in (small, large)]
-    ours, theirs = reversed(words) if at_most else words
-    numbers = {"ours": large if at_most else small, "theirs": small if at_most else large}
-    met = ratio <= goal if at_most else ratio >= goal
-    return Row(name, ours, theirs, ratio, f"{'≤' if at_most else '≥'} {goal:g}", met, numbers, note)
+def identify(_: Lab) -> Iterator[Row]:
+    """The first call in a process: 10,000 samples, order 6, two inputs and outputs."""
+    ours, *peers = (
+        Side(what, "identification", {"samples": 10_000, "by": what.lower()}, fresh=True)
+        for what in ("workbench", "SIPPY", "nfoursid")
+    )
+    for peer in peers:
+        yield Row(f"identify, beside {peer.what}", ours, peer, ratio, "×")
 
 
-# Model exchange
+def build(lab: Lab) -> Iterator[Row]:
+    """Models of Modelica to FMUs, the compiler's cache empty."""
+    for n, target, goal in ((2, "host", 6.0), (2, "all", math.inf), (500, "host", 8.0))[: lab.fewer(3, 1)]:
+        source = lab.folder / f"Chain{n}.mo"
+        source.write_text(CHAIN.format(n=n, half=n // 2), encoding="utf-8")
+        words = ("build", str(source), "--out", str(lab.folder / "made"), "--platform", target)
+        ours = command(*words, empty_cache=True, fresh=True)
+        yield Row(f"build, {n} states, platform {target}, empty cache", ours, most=goal)
 
 
-def me(size: Size) -> Iterator[Row]:
-    """Rudder with gear against FMPy's CVode wrapper, at equal tolerance and at equal accuracy."""
-    file = ROOT / "fmus" / "fmi2" / "Rudder.fmu"
-    stop, tolerance = 2.0, 1e-6
-    points = np.linspace(0.0, stop, 201)[1:]
-    signals = {"delC": wb.Sine(frequency=FREQUENCY, amplitude=2.0)}
-    with driven_by("python"), wb.load(file, "me", "vkm", tolerance=1e-11) as exact:
-        truth = _run_ours(exact, signals, points)
-    fmpy_side = bench_fmpy.Exchange(file, "delC", "del", points, signals["delC"])
-    with wb.load(file, "me", "gear", tolerance=tolerance) as model:
-        ours_error = _error(_run_ours(model, signals, points), truth)
-        choices = _accuracies(fmpy_side, truth, tolerance, ours_error)
-        for label, interval, error in choices:
-            ours, theirs = partial(_run_ours, model, signals, points), partial(fmpy_side.run, tolerance, interval)
-            times = alternate({"ours": ours, "fmpy": theirs}, size.repeats)
-            row = _ratio(f"ME Rudder gear, {label}: simulate_fmu / ours", times["ours"], times["fmpy"], 20.0, "ms")
-            numbers = {**(row.numbers or {}), "error_ours": ours_error, "error_theirs": error, "interval": interval}
-            note = f"largest errors {ours_error:.1e} and {error:.1e} of the range (output every {interval:g} s)"
-            yield replace(row, numbers=numbers, note=note)
+def large(lab: Lab) -> Iterator[Row]:
+    """Commands on large models."""
+    n = lab.fewer(2000, 500)
+    rod, chain, loop = (lab.made("large", kind=kind, n=n) for kind in ("rod", "chain", "loop"))
+    sine = ["--freq", "0.1", "--amplitude", "1", "--output", "y", "--input"]
+    ten = ["--count", "10", "--vary"]
+    for name, most, words in (
+        ("simulate 10 s of a rod", 3.0, ["simulate", rod, "--stop", "10", "--solver", "gear"]),
+        ("lin of a chain", 5.0, ["lin", chain]),
+        ("ten modes of a rod, 41 values", 10.0, ["modes", rod, *ten, "u=0:1"]),
+        ("ten modes of a chain, 41 values", 10.0, ["modes", chain, *ten, "u=0:1"]),
+        ("simulate 10 s of a loop with a rod", math.inf, ["simulate", loop, "--stop", "10", "--input", "r=1"]),
+        ("lin of a loop with a rod", math.inf, ["lin", loop]),
+        ("nfr of a loop with a rod, a point", math.inf, ["nfr", loop, *sine, "r"]),
+        ("ten modes of a loop with a rod, 41 values", math.inf, ["modes", loop, *ten, "r=0:1"]),
+    ):
+        yield Row(f"workbench {name}, {n} states", command(*words, fresh=True), most=most)
 
 
-def _run_ours(model: wb.DescribedModel, signals: Mapping[str, wb.Signal], points: Floats) -> Floats:
-    with model.open_session() as session:
-        record = session.advance(float(points[-1]), signals=signals, record=["del"], points=points)
-    at = np.searchsorted(record.time, points, side="right") - 1
-    return record.values["del"][at]
+def systems(lab: Lab) -> Iterator[Row]:
+    """Connected FMUs: a loop beside FMPy's calls at the same accuracy, and the cost over their number."""
+    peer = Side("FMPy's calls in Python", "fmpy_loop", {})
+    yield Row("loop of three, equal accuracy", Side("", "loop_of_three", {}), peer, faster, "× faster", least=20.0)
+    for words, direct in (("states as outputs", False), ("feed-through", True)):
+        for n in (5, 10, 25, 50)[: lab.fewer(4, 3)]:
+            ours = Side("", "ring_simulation", {"n": n, "feed_through": direct}, f"FMUs in a ring, {words}")
+            yield Row(f"simulate a ring of {n} FMUs, {words}", ours, number=each(1e-3), unit="ms", size=n)
 
 
-def _error(values: Floats, truth: Floats) -> float:
-    return float(np.max(np.abs(values - truth)) / np.ptp(truth))
+def leaks(lab: Lab) -> Iterator[Row]:
+    """What must stay small, and what must be possible."""
+    count = lab.fewer(2000, 200)
+    ours = Side("", "cycles", {"count": count}, fresh=True)
+    yield Row(f"growth over {count} open/run/close cycles", ours, number=value, unit="MB", most=10.0)
+    count = lab.fewer(500, 100)
+    ours = Side("", "sessions", {"count": count}, fresh=True)
+    yield Row("sessions open at once", ours, number=value, unit="", least=count)
 
 
-def _accuracies(
-    side: bench_fmpy.Exchange, truth: Floats, tolerance: float, wanted: float
-) -> list[tuple[str, float, float]]:
-    """Equal tolerance, and the longest output interval with which FMPy is as accurate as we are."""
-    intervals = [0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4]
-    first = _error(side.run(tolerance, intervals[0]), truth)
-    found = [("equal tolerance", intervals[0], first)]
-    for interval in intervals:
-        error = _error(side.run(tolerance, interval), truth)
-        if error <= 1.5 * wanted or interval == intervals[-1]:
-            label = "equal accuracy" if error <= 1.5 * wanted else "the best of it"
-            found.append((label, interval, error))
-            break
-    return found
-
-
-# Sweeps
-
-
-def sweep(size: Size) -> Iterator[Row]:
-    """The sweep of the demo with the compiled sessions and with the tests' oracle in Python, in this process."""
-    in_process = Workers(in_process=True)
-    sides = {driver: partial(_sweep, size, driver, in_process) for driver in DRIVERS}
-    times = alternate(sides, max(1, size.repeats // 3))
-    yield _ratio("demo sweep: oracle in Python / compiled", times["compiled"], times["python"], 30.0, "s")
-
-
-# Model, input, output, frequencies [Hz], amplitude: sweeps that are solved for beside the same ones waited for.
-_RESPONSES = {
-    "Rudder": ("delC", "del", np.geomspace(0.5, 20.0, 12), 1.0),
-    "Aircraft": ("elevator", "z_front_fuselage", np.geomspace(2.8, 8.0, 10), 1e-3),
+BENCHES: dict[str, Callable[[Lab], Iterator[Row]]] = {
+    b.__name__: b
+    for b in (start, info, point, nfr, response, simulate, exchange, transport, identify, build, large, systems, leaks)
 }
 
 
-def solving(size: Size) -> Iterator[Row]:
-    """Points of a frequency response solved for, and waited for as the source did."""
-    for name, (u, y, frequencies, amplitude) in _RESPONSES.items():
-        with wb.load(f"fmu:{name}") as model:
-            asked: dict[str, Any] = {
-                "frequencies": frequencies,
-                "amplitudes": [amplitude],
-                "in_process": True,
-                "drift_check": False,
-            }
-            sides = {m: partial(wb.nfr, model, u, y, method=m, **asked) for m in ("settle", "auto")}
-            times = alternate(sides, max(1, size.repeats // 3))
-        yield _ratio(
-            f"{name}, {len(frequencies)} points: waited for / solved for", times["auto"], times["settle"], 1.0, "s"
-        )
+# -- the table --------------------------------------------------------------------------------
+
+Costs = list[list[Cost]]  # of each checkout, of each side
 
 
-def workers(size: Size) -> Iterator[Row]:
-    """A sweep of several seconds with one worker process and with two; starting them is not left out."""
-    sides = {str(n): partial(_sweep, size, "compiled", Workers(jobs=n), ratio=1.01, solver="vkm") for n in (1, 2)}
-    times = alternate(sides, max(1, size.repeats // 3))
-    row = _ratio("fine sweep: one worker / two", times["2"], times["1"], 1.8, "s")
-    yield replace(row, note=f"Rudder with vkm; {os.cpu_count()} cores")
+def exponents(measured: Sequence[tuple[Row, Costs]]) -> list[tuple[str, list[float]]]:
+    """Return family → exponent of cost over size in each checkout, from a twentieth of the largest size on."""
+    found: dict[str, list[list[tuple[float, float]]]] = {}
+    for row, costs in measured:
+        for k, side in enumerate(row.sides):
+            if side.family:
+                each_checkout = found.setdefault(side.family, [[] for _ in costs])
+                for points, sides in zip(each_checkout, costs, strict=True):
+                    points.append((row.size, sides[k].cpu))
+    return [(family, [_exponent(points) for points in checkouts]) for family, checkouts in found.items()]
 
 
-def _sweep(size: Size, driver: str, where: Workers, *, ratio: float = 1.2, solver: str = "auto") -> None:
-    with driven_by(driver), wb.load("fmu:Rudder", "auto", solver) as model:
-        wb.nfr(model, "delC", "del", band=size.sweep, ratio=ratio, amplitudes=size.amplitudes, workers=where)
+def _exponent(points: Sequence[tuple[float, float]]) -> float:
+    largest = max(size for size, _ in points)
+    logs = [(math.log(size), math.log(cpu)) for size, cpu in points if 20 * size >= largest and cpu > 0.0]
+    return statistics.linear_regression(*zip(*logs, strict=True)).slope if len(logs) > 1 else math.nan
 
 
-# Systems
+def _mark(row: Row, number: float, sides: Sequence[Cost]) -> str:
+    if any(cost.problem and not cost.problem.endswith("is not installed") for cost in sides):
+        return "MISSED"
+    if math.isnan(number) or row.most == math.inf == -row.least:
+        return ""
+    return "ok" if row.least <= number <= row.most else "MISSED"
 
 
-def systems(size: Size) -> Iterator[Row]:
-    """A loop of three FMUs beside FMPy's calls at the same accuracy; the cost of a right-hand side of up to 50 FMUs."""
-    for tolerance in (1e-3, 1e-4)[: 1 if size is QUICK else 2]:
-        with bench_systems.OurLoop(tolerance) as ours, bench_systems.FmpyLoop() as theirs:
-            wanted = bench_systems.loop_error(ours.run())
-            count, error = bench_systems.equal_step(theirs, wanted)
-            times = alternate({"ours": ours.run, "fmpy": partial(theirs.run, count)}, size.repeats)
-        name = f"loop of three, tolerance {tolerance:g}: FMPy's doStep / ours"
-        row = _ratio(name, times["ours"], times["fmpy"], 20.0, "ms")
-        step = bench_systems.GRID / count
-        note = f"errors against the closed form {wanted:.1e} and {error:.1e} (a step of {1e3 * step:.3g} ms); one delay"
-        yield replace(row, note=note, numbers={**(row.numbers or {}), "error_ours": wanted, "error_theirs": error})
-    for words, feed_through, solver in (
-        ("states as outputs", False, "vkm"), ("feed-through", True, "vkm"),
-        ("states as outputs", False, "gear"), ("feed-through", True, "gear"),
-    ):  # fmt: skip
-        found = bench_systems.growth(15 * size.repeats, feed_through=feed_through, solver=solver)
-        costs = dict(zip(bench_systems.SIZES, found.seconds, strict=True))
-        last = max(costs)
-        yield Row(
-            f"{last} FMUs, {words}, {solver}: slope at the end / of all",
-            f"{1e6 * costs[last]:.2f} µs/rhs",
-            "",
-            1.0 + found.last_slope,
-            "1 ± 0.2",
-            abs(found.last_slope) <= 0.2,
-            {f"seconds_{n}": cost for n, cost in costs.items()},
-            f"{', '.join(f'{n}: {1e6 * c:.2f} µs' for n, c in costs.items())}; off a straight line by at most "
-            f"{100 * found.off_line:.0f} %; {1e9 * found.slope:.0f} ns for each FMU",
-        )
-
-
-# What must stay small
-
-
-def cycles(size: Size) -> Iterator[Row]:
-    """Open, run and close FMUs over and over: no failure, no growth."""
-    growth = bench_processes.cycle_growth(size.cycles)
-    if growth is None:
-        raise MissingError("resident memory is not known on this system")
-    words = f"{growth / 1e6:.1f} MB"
-    yield Row(f"growth over {size.cycles} open/run/close cycles", words, "", growth / 1e6, "< 10 MB", growth < 10e6)
-
-
-def sessions(size: Size) -> Iterator[Row]:
-    """Many sessions open at once."""
-    opened, problem = bench_processes.open_at_once(size.sessions)
-    met = opened == size.sessions or bool(problem)
-    yield Row("sessions open at once", str(opened), "", opened, str(size.sessions), met, None, problem)
-
-
-def lin(size: Size) -> Iterator[Row]:
-    """Linearise a model of 71 states and 2 inputs."""
-    with wb.load(bench_fmpy.seventy_one(), "me") as model:
-        for method in ("exact", "difference"):
-            took = alternate({"lin": partial(wb.lin, model, method=method)}, size.repeats)["lin"]
-            yield Row(f"lin of 71 states, {method}", f"{1e3 * took:.1f} ms", "", took, "< 0.2 s", took < 0.2)
-
-
-def start(size: Size) -> Iterator[Row]:
-    """Wall time of the command line."""
-    for words, goal in ((["--help"], 0.4), (["info", "fmu:Rudder"], 0.7)):
-        took = bench_processes.command_time(words, size.repeats)
-        yield Row(f"workbench {' '.join(words)}", f"{took:.2f} s", "", took, f"< {goal} s", took < goal)
-
-
-def kernel(_: Size) -> Iterator[Row]:
-    """Size of the compiled inner loop on disk."""
-    for file in sorted((ROOT / "workbench" / "kernel" / "lib").glob("*/workbench_kernel.*")):
-        if file.suffix in {".so", ".dll", ".dylib"}:
-            yield Row(f"kernel for {file.parent.name}", f"{file.stat().st_size / 1024:.0f} KiB")
-
-
-BENCHES: dict[str, Callable[[Size], Iterator[Row]]] = {
-    "cs": cs, "me": me, "sweep": sweep, "solving": solving, "workers": workers, "cycles": cycles,
-    "sessions": sessions, "start": start, "systems": systems, "lin": lin, "kernel": kernel,
-}  # fmt: skip
-
-
-def measure(name: str, size: Size) -> list[Row]:
-    """Run one bench; what is missing or goes wrong is a row, too."""
-    try:
-        return list(BENCHES[name](size))
-    except MissingError as reason:
-        return [Row(name, note=f"not measured: {reason}")]
-    except wb.WorkbenchError as error:
-        return [Row(name, met=False, note=f"failed: {error}")]
-
-
-def show(rows: Sequence[Row]) -> None:
-    """Print the table."""
-    heads = ("bench", "ours", "other", "ratio", "goal", "")
-    marks = {True: "ok", False: "MISSED", None: ""}
-    lines = [
-        (r.name, r.ours, r.theirs, "" if r.ratio is None else f"{r.ratio:.3g}", r.goal, marks[r.met]) for r in rows
+def lines_of(row: Row, costs: Costs) -> tuple[str, ...]:
+    """Return the cells of a row: of this checkout, or before and after."""
+    numbers = [row.number(*sides) if row.peer is None or len(sides) > 1 else math.nan for sides in costs]
+    shown = [f"{number:.3g} {row.unit}".strip() if not math.isnan(number) else "" for number in numbers]
+    goal = row.goal if row.most < math.inf or row.least > -math.inf else ""
+    end = (goal, _mark(row, numbers[0], costs[0]))
+    if len(costs) > 1:
+        (after, *_), (before, *_) = costs
+        change = "" if before.problem or after.problem else f"{after.cpu / before.cpu:.2f}"
+        return (row.name, str(before), str(after), change, shown[1], shown[0], *end)
+    ours, *peers = costs[0]
+    said = [
+        f"{s.what}: {c}" + (f" ({c.value})" if isinstance(c.value, str) else "")
+        for s, c in zip(row.sides[1:], peers, strict=True)
     ]
-    widths = [max(map(len, column)) for column in zip(heads, *lines, strict=True)]
-    for line, note in zip([heads, *lines], ["", *(r.note for r in rows)], strict=True):
-        print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
-        if note:
-            print(f"    {note}")
+    return (row.name, str(ours), *(said or [""]), shown[0], *end)
 
 
-def main() -> int:
-    """Measure what the command line asks for; 1 where a goal is missed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", help=f"comma separated: {', '.join(BENCHES)}")
-    parser.add_argument("--quick", action="store_true", help="fewer repetitions and cycles")
-    parser.add_argument(
-        "--json", type=Path, default=Path("bench.json"), help="where the figures go (default: %(default)s)"
+def table(measured: Sequence[tuple[Row, Costs]], *, against: bool) -> str:
+    """Return all rows and the exponents as a table in Markdown, whose columns are aligned."""
+    heads = ["measured", "CPU, memory", "beside", "number", "goal", ""]
+    if against:
+        heads = ["measured", "before", "after", "after/before", "number before", "number after", "goal", ""]
+    lines = [tuple(heads), ("",) * len(heads), *(lines_of(row, costs) for row, costs in measured)]
+    for family, found in exponents(measured):
+        shown = ["" if math.isnan(e) else f"{e:.2f}" for e in found[::-1]]
+        mark = "" if math.isnan(found[0]) else "ok" if found[0] <= STEEPEST else "MISSED"
+        blank = ("",) * (len(heads) - 3 - len(found))
+        lines.append((f"exponent: {family}", *blank, *shown, f"≤ {STEEPEST:g}", mark))
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    texts = ["| " + " | ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + " |" for line in lines]
+    texts[1] = "|" + "|".join("-" * (width + 2) for width in widths) + "|"
+    return "\n".join(texts) + "\n"
+
+
+def machine(lab: Lab) -> str:
+    """Return when and on what was measured."""
+    processor = platform.processor() or platform.machine()
+    known = Path("/proc/cpuinfo")
+    if known.exists():
+        names = [line.partition(":")[2].strip() for line in known.read_text().splitlines() if "model name" in line]
+        processor = (names or [processor])[0]
+    return (
+        f"{'A quick run' if lab.quick else 'The full run'} of {datetime.now(UTC):%Y-%m-%d}: {os.cpu_count()} cores, "
+        f"{processor}, {platform.system()}, Python {platform.python_version()}, {lab.made('machine')}."
     )
-    arguments = parser.parse_args()
-    wanted = [w for w in arguments.only.split(",") if w]
-    rows = []
-    for name in BENCHES:
-        if not wanted or name in wanted:
-            print(f"{name} ...", file=sys.stderr, flush=True)
-            rows += measure(name, QUICK if arguments.quick else FULL)
-    show(rows)
-    machine = {"system": platform.platform(), "cores": os.cpu_count(), "python": platform.python_version()}
-    figures = {
-        "version": wb.__version__,
-        "quick": arguments.quick,
-        "machine": machine,
-        "rows": [asdict(r) for r in rows],
-    }
-    arguments.json.write_text(json.dumps(figures, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    return 1 if any(row.met is False for row in rows) else 0
+
+
+def write(page: Path, text: str) -> None:
+    """Write a table into a page, below its mark; a page that is not there is made."""
+    old = page.read_text(encoding="utf-8") if page.exists() else MARK
+    page.write_text(f"{old.partition(MARK)[0]}{MARK}\n\n{text}", encoding="utf-8")
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Measure what the command line asks for; 1 where a goal is missed."""
+    parser = argparse.ArgumentParser(
+        prog="dev.py bench", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"by default all of {', '.join(BENCHES)}")
+    parser.add_argument("--quick", action="store_true", help="smaller models, fewer repetitions")
+    parser.add_argument(
+        "--against", type=Path, metavar="CHECKOUT", help="another checkout, measured by turns with this"
+    )
+    parser.add_argument("--table", type=Path, metavar="PAGE", help=f"page to write the table into, below {MARK}")
+    asked = parser.parse_args(words)
+    if absent := [name for name in asked.names if name not in BENCHES]:
+        parser.error(f"no bench '{absent[0]}'; there are: {', '.join(BENCHES)}")
+    checkouts = [ROOT, *([asked.against.resolve()] if asked.against else [])]
+    measured: list[tuple[Row, Costs]] = []
+    with tempfile.TemporaryDirectory(prefix="workbench-bench-") as folder:
+        lab = Lab(Path(folder), checkouts, quick=asked.quick)
+        for name in asked.names or BENCHES:
+            for row in BENCHES[name](lab):
+                measured.append((row, lab.measured(row.sides)))
+                print("  ".join(lines_of(*measured[-1])), file=sys.stderr, flush=True)
+        text = f"{machine(lab)}\n\n{table(measured, against=bool(asked.against))}"
+    print(text)
+    if asked.table:
+        write(asked.table, text)
+    return int("MISSED" in text)
 
 
 if __name__ == "__main__":
