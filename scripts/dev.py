@@ -7,6 +7,7 @@
     python3 scripts/dev.py all        test, numerical, build --check, evidence, reproduce: what CI does
     python3 scripts/dev.py reproduce  the published figures, measured now (CHAPTER …, --json PATH, --report PATH)
     python3 scripts/dev.py evidence   how often promises are kept over random models, in short (NAME …: one in full)
+    python3 scripts/dev.py bench      what users wait for, beside its peers (NAME …, --quick, --against CHECKOUT)
     python3 scripts/dev.py upgrade    move requirements.lock to the newest versions (of PACKAGE …), if all of that holds
     python3 scripts/dev.py checks     plant a fault for each check of `all` and see that it is noticed
     python3 scripts/dev.py numerical  the numerical tests and published figures in the arithmetic of another processor
@@ -29,7 +30,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from functools import partial
 from pathlib import Path
@@ -67,8 +68,8 @@ QUICK = 2 * 220.0  # [s]
 PARTS = ("lint", "types", "docs", "tests")
 LINT = (("ruff", "check", "."), ("ruff", "format", "--check", "."))
 ASIDE = {"types": ("mypy",), "docs": ("mkdocs", "build", "--strict")}  # one process each
-FIGURES, EVIDENCE = ("scripts.reproduce",), ("scripts.evidence",)
-OWN_WORDS = ("reproduce", "evidence")  # commands that read the words behind their names
+FIGURES, EVIDENCE, BENCH = ("scripts.reproduce",), ("scripts.evidence",), ("scripts.bench",)
+OWN_WORDS = ("reproduce", "evidence", "bench")  # commands that read the words behind their names
 
 # Compiles the inner loop where its C sources have changed since; an installation compiles it, too. And the modules:
 # many processes that start at once would all do it.
@@ -331,11 +332,22 @@ def evidence(words: Sequence[str] = ()) -> int:
     return _own_words(EVIDENCE, words)
 
 
-def _own_words(module: Sequence[str], words: Sequence[str]) -> int:
+def bench(words: Sequence[str] = ()) -> int:
+    """Measure what users wait for, beside its peers or beside another checkout; BLAS has its usual threads.
+
+    Args:
+        words: which benches, and options: `--help` shows them.
+    """
+    return _own_words(BENCH, words, {})
+
+
+def _own_words(
+    module: Sequence[str], words: Sequence[str], usual: Mapping[str, str] = {"OPENBLAS_NUM_THREADS": "1"}
+) -> int:
     """Run a module of the project from where this was called: files are named from there."""
     _ensure_installed()
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    settings = {"OPENBLAS_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
+    settings = {**usual, **os.environ, "PYTHONPATH": path}
     return subprocess.call([LOCKED.python, "-m", *module, *words], env=settings)
 
 
@@ -410,6 +422,7 @@ COMMANDS: dict[str, Callable[..., int]] = {
     "faults": faults,
     "reproduce": reproduce,
     "evidence": evidence,
+    "bench": bench,
     "build": build,
     "release": release,
 }

@@ -166,7 +166,7 @@ def test_each_fault_can_still_be_planted(check: checks.Check, tmp_path: Path) ->
     assert [(tmp_path / n).read_bytes() if (tmp_path / n).exists() else None for n in check.faults] == before
 
 
-def test_words_behind_reproduce_and_evidence_are_their_own(
+def test_words_behind_some_commands_are_their_own(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """They run where they were called, with the project on the path; other commands know their options."""
@@ -178,7 +178,11 @@ def test_words_behind_reproduce_and_evidence_are_their_own(
 
     monkeypatch.setattr(dev, "_ensure_installed", lambda *_: None)
     monkeypatch.setattr(subprocess, "call", call)
-    for words in (["reproduce", "3.3", "--json", "x.json", "--help"], ["evidence", "nfr", "--cases", "5"]):
+    for words in (
+        ["reproduce", "3.3", "--json", "x.json", "--help"],
+        ["evidence", "nfr", "--cases", "5"],
+        ["bench", "nfr", "--against", "x"],
+    ):
         monkeypatch.setattr(sys, "argv", ["dev.py", *words])
         assert dev.main() == 3
         assert called.pop() == (["-m", f"scripts.{words[0]}", *words[1:]], str(ROOT))
