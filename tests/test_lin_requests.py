@@ -18,8 +18,11 @@ from workbench.point.lin.grid import LinGrid, LinPoint
 from workbench.point.lin.request import LinOver
 from workbench.point.trim.request import Trim
 
-SLOW = ("control", "matplotlib", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats")
-
+# One small FMU needs none of these, in the process of the command or in its worker.
+SLOW = (
+    "concurrent.futures", "control", "email", "logging", "matplotlib", "numpy.ma", "rich", "scipy", "sqlite3",
+    "tomllib", "workbench.system.block_table", "workbench.system.components", "workbench.system.description",
+)  # fmt: skip
 
 # What python-control brings along, which takes a second in each worker process.
 SLOWEST = ("control", "matplotlib", "scipy.signal", "scipy.stats")
@@ -37,8 +40,10 @@ plant = {block = "transfer_function", numerator = [-10], denominator = [1, 3, 3,
 # Command → modules that it must not import, in the order in which one process runs them: none has to do without what
 # one before it may import.
 SMALL = {
-    "trim fmu:FirstOrderLag": SLOW,
-    "lin fmu:FirstOrderLag": SLOW,
+    "info fmu:FirstOrderLag --in-process": SLOW,
+    "trim fmu:FirstOrderLag --in-process": SLOW,
+    "lin fmu:FirstOrderLag --in-process": SLOW,
+    "simulate fmu:FirstOrderLag --stop 1 --in-process": SLOW,
     "limit-cycle loop.toml --block block --in-process": SLOWEST,
 }
 PROGRAM = """

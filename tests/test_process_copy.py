@@ -34,14 +34,14 @@ seen = []
 for copied in (True, False):
     if copied:
         process.allow_copy()
-        process.prepare("numpy")
+        process.prepare(["numpy"])
     with Pool(None, jobs=1, limits=Limits(), fresh=not copied) as pool:
         seen += [reply.value for reply in pool.run(surroundings, deque([os.getpid()]))]
         print(*(type(worker._process).__name__ for worker in pool._workers))
 for one, other in zip(*seen):
     print(one == other or (one, other))
 process._idle.clear()
-process.prepare("numpy")
+process.prepare(["numpy"])
 print(*(type(worker._process).__name__ for worker in process._idle))
 """
 
@@ -106,7 +106,7 @@ from workbench.jobs.pool import Pool
 model = wb.load("fmu:FirstOrderLag")
 process.allow_copy()
 process._idle.clear()
-process.prepare("numpy")
+process.prepare(["numpy"])
 (worker,) = process._idle
 with Pool(model.recipe, jobs=1, limits=Limits()) as pool:
     for event in pool.run(obey, deque([eval(word) for word in sys.argv[1:]])):

@@ -32,7 +32,7 @@ def main(
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the program is there, Ctrl-C ends it without a traceback
-    from workbench.core.machine.cycles import seldom
+    from workbench.core.machine.cycles import never_again, seldom
 
     seldom()
     from workbench.cli import app, interrupt, streams
@@ -50,4 +50,5 @@ def main(
         code = code if interrupt.was_interrupted() else app.BAD_INPUT
     if interrupt.was_interrupted():
         interrupt.end(code)
+    never_again()
     sys.exit(code)

@@ -16,7 +16,7 @@ from workbench.commands import COMMANDS, MOVED, requests_of
 from workbench.errors import InputError, WorkbenchError, one_line, suggest
 from workbench.jobs.end_signals import INTERRUPTED
 from workbench.jobs.options import InWorker
-from workbench.requests.request import Request
+from workbench.requests.request import Request, modules_of
 
 __all__ = ["BAD_INPUT", "run"]
 
@@ -100,7 +100,7 @@ def _expect(name: str | None, words: Sequence[str], *, alone: bool) -> None:
         from workbench.jobs.worker_process import allow_copy, prepare
 
         if not (alone and allow_copy()):
-            prepare(request.algorithm.partition(":")[0])
+            prepare(modules_of(request))
 
 
 def _study_of_its_own(name: str | None, words: Sequence[str]) -> type[Request[Any, Any]] | None:

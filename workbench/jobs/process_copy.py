@@ -42,7 +42,7 @@ class ProcessCopy:
         returncode: as `subprocess.Popen` has it; None: it was not seen to end.
     """
 
-    def __init__(self, theirs: socket.socket, rest: tuple[int, str, str], log: int) -> None:
+    def __init__(self, theirs: socket.socket, rest: tuple[int, str, tuple[str, ...]], log: int) -> None:
         self.returncode: int | None = None
         reading, writing = os.pipe()
         self.stdin: IO[bytes] | None = os.fdopen(writing, "wb", buffering=0)
@@ -81,7 +81,7 @@ class ProcessCopy:
         return self.returncode
 
 
-def _serve(theirs: socket.socket, rest: tuple[int, str, str], log: int, reading: int) -> NoReturn:
+def _serve(theirs: socket.socket, rest: tuple[int, str, tuple[str, ...]], log: int, reading: int) -> NoReturn:
     """Be a worker as one that was started is: with a session, standard streams and a connection of its own only."""
     try:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGCONT))  # see `worker_process`

@@ -18,7 +18,7 @@ import time
 import traceback
 import warnings
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -149,7 +149,7 @@ def wanted_stop() -> bool:
     return channel is not None and STOP in list(channel.receive())
 
 
-def main(link: int | None, parent: int, scratch: str, module: str) -> None:
+def main(link: int | None, parent: int, scratch: str, modules: Sequence[str]) -> None:
     """Serve one parent; ends the process.
 
     Args:
@@ -157,7 +157,7 @@ def main(link: int | None, parent: int, scratch: str, module: str) -> None:
             (kind, content); None: standard input tells (Windows).
         parent: its process number.
         scratch: folder for all temporary files, which the parent removes.
-        module: that the first task will need; empty: it is not known yet.
+        modules: that the first task will need, as far as they are known.
     """
     end = socket.socket(fileno=link) if link is not None else socket.fromshare(sys.stdin.buffer.read())  # type: ignore[attr-defined]
     end.set_inheritable(False)
@@ -174,7 +174,7 @@ def main(link: int | None, parent: int, scratch: str, module: str) -> None:
     _WorkerState.process = os.getpid()
     mark = end.recv(MARK_BYTES, socket.MSG_WAITALL)
     channel = _WorkerState.channel = Channel(end, mark, dumps=_packed)
-    if module:
+    for module in modules:
         import_module(module)
     _WorkerState.state, usual = state(), Arithmetic()
     try:

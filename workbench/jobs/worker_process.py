@@ -12,7 +12,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 from typing import Any
@@ -68,7 +68,7 @@ class WorkerProcess:
     """A process that does one task at a time, on a model that it keeps open.
 
     Args:
-        module: that its first task will need; it is imported meanwhile.
+        modules: that its first task will need; they are imported meanwhile.
         confine: whether it may write in its own temporary folder only, and use no network.
         copied: whether it is a copy of this process, see `allow_copy`.
 
@@ -85,7 +85,7 @@ class WorkerProcess:
         channel: to it.
     """
 
-    def __init__(self, module: str = "", *, confine: bool = False, copied: bool = False) -> None:
+    def __init__(self, modules: Sequence[str] = (), *, confine: bool = False, copied: bool = False) -> None:
         self.index: int | None = None
         self.ready = self.opened = self.seasoned = False
         self.error: Exception | None = None
@@ -108,7 +108,7 @@ class WorkerProcess:
                 undo.callback(ours.close)
                 mark = secrets.token_bytes(MARK_BYTES)
                 ours.sendall(mark)  # not in the line that starts it, which every user can read
-                rest = (os.getpid(), str(folder), module)
+                rest = (os.getpid(), str(folder), tuple(modules))
                 with theirs, _held_back():
                     first = _CONFINED.format(folder=str(folder)) if confine else ""
                     self._process = (
@@ -250,7 +250,9 @@ def _surroundings() -> tuple[int, tuple[str, ...], int]:
     return os.getpid(), tuple(sys.path), hash(frozenset(os.environ.items()))
 
 
-def _started(theirs: socket.socket, rest: tuple[int, str, str], log: int, first: str) -> subprocess.Popen[bytes]:
+def _started(
+    theirs: socket.socket, rest: tuple[int, str, tuple[str, ...]], log: int, first: str
+) -> subprocess.Popen[bytes]:
     """Start a process: spawned, not forked, so that no thread or library of this one is copied half way.
 
     Args:
@@ -316,11 +318,11 @@ def allow_copy() -> bool:
     return _Copying.allowed
 
 
-def prepare(module: str) -> None:
+def prepare(modules: Sequence[str]) -> None:
     """Start a worker that will soon be wanted, unless one waits.
 
     Args:
-        module: that it will need.
+        modules: that it will need.
     """
     around = _surroundings()
     with _lock:
@@ -328,9 +330,9 @@ def prepare(module: str) -> None:
     if waits:
         return
     copied, _Copying.allowed = _Copying.allowed, False
-    if copied and module:
+    for module in modules if copied else ():
         import_module(module)
-    keep(WorkerProcess(module, copied=copied))
+    keep(WorkerProcess(modules, copied=copied))
 
 
 def kept(recipe: Recipe | None) -> WorkerProcess:

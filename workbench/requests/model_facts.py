@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError
 from workbench.fmi.bundled import name_of_bundled
@@ -16,8 +17,9 @@ from workbench.model.described_model import DescribedModel, LoadRecipe
 from workbench.model.load import FmuRecipe
 from workbench.model.loading import DEFAULT_TOLERANCE
 from workbench.requests.origin import FmuOrigin, ModelFacts
-from workbench.system.description import Component, FmuComponent
-from workbench.system.recipe import SystemRecipe
+
+if TYPE_CHECKING:
+    from workbench.system.recipe import SystemRecipe
 
 __all__ = ["facts_of", "fmu_facts", "hash_of"]
 
@@ -36,13 +38,13 @@ def _facts_of(model: Model) -> ModelFacts:
     recipe = model.recipe
     if not isinstance(model, DescribedModel) or not isinstance(recipe, LoadRecipe):
         return ModelFacts(name=model.name, interface=model.interface, solver=model.solver, notes=model.notes)
-    components = recipe.system.components if isinstance(recipe, SystemRecipe) else ()
+    system = _system(recipe)
     return ModelFacts(
         name=model.name,
         source=_source(recipe),
         interface=model.interface,
         solver=model.solver,
-        tolerance=_tolerance(model, recipe),
+        tolerance=_tolerance(model, recipe, system),
         step=recipe.step or model.grid,
         start_values=dict(recipe.start_values),
         defaults={
@@ -51,14 +53,24 @@ def _facts_of(model: Model) -> ModelFacts:
             if v.name in recipe.start_values and v.start is not None
         },
         bias=dict(recipe.bias),
-        fmus=_fmus(model, recipe),
-        blocks={c.name: type(c).__name__.removesuffix("Component").lower() for c in components if not _is_fmu(c)},
+        fmus=_fmus(model, recipe) if system is None else _parts(model, system),
+        blocks={} if system is None else _blocks(system),
         notes=model.notes,
     )
 
 
-def _is_fmu(component: Component) -> bool:
-    return isinstance(component, FmuComponent)
+def _system(recipe: LoadRecipe) -> SystemRecipe | None:
+    """Return the recipe if it is that of a system; what systems consist of is not imported for an FMU."""
+    if isinstance(recipe, FmuRecipe):
+        return None
+    from workbench.system.recipe import SystemRecipe  # noqa: PLC0415 - see above
+
+    return recipe if isinstance(recipe, SystemRecipe) else None
+
+
+def _blocks(recipe: SystemRecipe) -> dict[str, str]:
+    kinds = {c.name: type(c).__name__.removesuffix("Component").lower() for c in recipe.system.components}
+    return {name: kind for name, kind in kinds.items() if kind != "fmu"}
 
 
 def _source(recipe: LoadRecipe) -> str:
@@ -67,11 +79,11 @@ def _source(recipe: LoadRecipe) -> str:
     return name_of_bundled(path) or (path.name if path.exists() else "")
 
 
-def _tolerance(model: DescribedModel, recipe: LoadRecipe) -> float | None:
+def _tolerance(model: DescribedModel, recipe: LoadRecipe, system: SystemRecipe | None) -> float | None:
     own = model.description.experiment.tolerance
     if model.interface == "cs":
         return recipe.tolerance or own
-    return recipe.tolerance or (own if isinstance(recipe, SystemRecipe) else None) or DEFAULT_TOLERANCE
+    return recipe.tolerance or (own if system is not None else None) or DEFAULT_TOLERANCE
 
 
 # -- FMUs --------------------------------------------------------------------------------------
@@ -97,10 +109,12 @@ def fmu_facts(path: Path, description: ModelDescription, interface: str) -> FmuO
 
 
 def _fmus(model: DescribedModel, recipe: LoadRecipe) -> tuple[FmuOrigin, ...]:
-    if isinstance(recipe, SystemRecipe):
-        return tuple(_part(name, part, model.interface) for name, part in recipe.parts.items())
     path = recipe.path if isinstance(recipe, FmuRecipe) else Path(recipe.source)
     return (fmu_facts(path, model.description, model.interface),)
+
+
+def _parts(model: DescribedModel, system: SystemRecipe) -> tuple[FmuOrigin, ...]:
+    return tuple(_part(name, part, model.interface) for name, part in system.parts.items())
 
 
 def _part(name: str, recipe: FmuRecipe, interface: str) -> FmuOrigin:

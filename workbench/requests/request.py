@@ -60,6 +60,7 @@ __all__ = [
     "asked_options",
     "command_line_of",
     "function",
+    "modules_of",
     "record_of",
     "request_from",
     "values_from",
@@ -185,7 +186,7 @@ class Request(Options, Generic[_Subject, _Record]):
             from workbench.jobs.worker_process import prepare  # noqa: PLC0415 - as above
 
             if not inside(self.place.limits):
-                prepare(self.algorithm.partition(":")[0])
+                prepare(modules_of(type(self)))
         try:
             with self._reached(job) as request:
                 request = request.by_own_names(subject, job).in_own_units(subject)  # noqa: PLW2901
@@ -332,6 +333,16 @@ _MODEL: Mapping[str, Any] = {
 
 # A model that the request opens itself.
 MODEL_FILE = Subject(name="path", type="str | Path", help="An FMU, as for `load`, or a system: .toml, .ssp.", **_MODEL)
+
+
+def modules_of(request: type[Request[Any, Any]]) -> tuple[str, ...]:
+    """Return the modules that a worker needs for a request.
+
+    Args:
+        request: its class.
+    """
+    names = [_BEHIND_A_WALL] * request.isolated + [request.algorithm] * bool(request.algorithm)
+    return tuple(name.partition(":")[0] for name in names)
 
 
 class ModelRequest(InWorker, Request["Model", _Record]):

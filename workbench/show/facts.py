@@ -6,7 +6,6 @@ import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,8 @@ def versions() -> str:
 
 
 def _packages() -> list[str]:
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - a terminal does not show them
+
     result = []
     for name in _PACKAGES:
         try:

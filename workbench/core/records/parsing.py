@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import sys
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -41,6 +40,8 @@ def from_toml(text: str) -> dict[str, Any]:
     """
     if _MANY_DOTS.search(text):  # reading these takes time with the square of their number
         raise ValueError(_TOO_DEEP)
+    import tomllib  # noqa: PLC0415 - most commands read none
+
     with _told():
         result: dict[str, Any] = _sound(tomllib.loads(text))
     return result

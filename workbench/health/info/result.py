@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from workbench.core.records.record import entry
 from workbench.fmi.description import Capabilities, DefaultExperiment, DisplayUnit, Terminal
+from workbench.fmi.variable import Variable
 from workbench.health.info.snapshots import Snapshots
 from workbench.show.result import Result
 
@@ -26,6 +27,15 @@ class VariableFacts:
     unit: str | None
     start: float | int | bool | str | None
     description: str | None
+
+    @classmethod
+    def of(cls, variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
+        """Return what is shown of variables.
+
+        Args:
+            variables: of a model.
+        """
+        return tuple(cls(v.name, v.type, v.unit, v.start, v.description) for v in variables)
 
 
 @dataclass(frozen=True)

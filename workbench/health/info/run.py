@@ -19,29 +19,17 @@ from workbench.health.info.result import (
     ClockFacts,
     FmuInfo,
     InterfaceFacts,
-    PartFacts,
     SystemInfo,
     VariableFacts,
-    WireFacts,
 )
 from workbench.health.info.snapshots import Snapshots, probe_snapshots
 from workbench.jobs.job import Job
 from workbench.jobs.options import Limits
 from workbench.model.load import FmuRecipe
 from workbench.requests.kept import remember
-from workbench.requests.model_facts import facts_of, fmu_facts
+from workbench.requests.model_facts import fmu_facts
 from workbench.requests.origin import ModelFacts, Origin
-from workbench.system.description import (
-    BlockComponent,
-    Component,
-    FmuComponent,
-    FunctionComponent,
-    GainComponent,
-    LinearComponent,
-    SumComponent,
-)
-from workbench.system.files.read import is_system_file, read_system
-from workbench.system.load import load
+from workbench.system.files.read import is_system_file
 
 __all__ = ["run"]
 
@@ -49,7 +37,9 @@ __all__ = ["run"]
 def run(path: str | Path, request: Info, job: Job) -> FmuInfo | SystemInfo:
     """Read an FMU or a system; see `Info`."""
     if is_system_file(path):
-        return _system(path)
+        from workbench.health.info.system import system_info  # noqa: PLC0415 - an FMU needs nothing of it
+
+        return system_info(path)
     with undisturbed():
         return _fmu(path, request, job)
 
@@ -66,7 +56,7 @@ def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
         runs = [i for i in runs if not reasons[i]]
 
     def having(causality: str) -> tuple[VariableFacts, ...]:
-        return _facts(v for v in result.variables if v.causality == causality and v.type != "Clock")
+        return VariableFacts.of(v for v in result.variables if v.causality == causality and v.type != "Clock")
 
     shown = ("input", "output", "parameter", STRUCTURAL)
     listed = [*result.states, *(v for v in result.variables if v.causality in shown)]
@@ -81,7 +71,7 @@ def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
         runs_here=tuple(sorted(runs)),
         inputs=having("input"),
         outputs=having("output"),
-        states=_facts(result.states),
+        states=VariableFacts.of(result.states),
         parameters=having("parameter"),
         capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in result.interfaces.items()},
         experiment=result.experiment,
@@ -96,10 +86,6 @@ def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
     facts = ModelFacts(name=result.model_name, fmus=(fmu_facts(source, result, ""),))  # no interface was chosen
     remember(record, Origin(models=(facts,)))
     return record
-
-
-def _facts(variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
-    return tuple(VariableFacts(v.name, v.type, v.unit, v.start, v.description) for v in variables)
 
 
 def _display_units(variables: Iterable[Variable], described: ModelDescription) -> dict[str, DisplayUnit]:
@@ -144,43 +130,3 @@ def _probed(unpacked: Unpacked, interfaces: Sequence[str], limits: Limits, job: 
         solver="auto",
     )
     return probe_snapshots(recipe, interfaces, limits, job)
-
-
-def _system(path: str | Path) -> SystemInfo:
-    system = read_system(path)
-    with load(path) as model:
-        record = SystemInfo(
-            model=system.name,
-            interfaces=(model.interface,),
-            solver=model.solver,
-            runnable=True,
-            components=tuple(PartFacts(c.name, _what(c)) for c in system.components),
-            connections=tuple(
-                WireFacts(c.destination, c.source, c.gain, c.offset, c.unit, c.closes_at) for c in system.connections
-            ),
-            inputs=_facts(model.inputs),
-            outputs=_facts(model.outputs),
-            parameters=_facts(model.parameters),
-            states=_facts(model.states),
-            notes=tuple(model.notes),
-        )
-        remember(record, Origin(models=(facts_of(model),)))
-        return record
-
-
-def _what(component: Component) -> str:
-    """A component in a few words."""
-    match component:
-        case FmuComponent():
-            return component.called or component.file
-        case LinearComponent():
-            kind = f"sampled at {component.dt:g} s" if component.dt > 0.0 else "continuous"
-            return f"linear, {len(component.A)} states, {kind}"
-        case GainComponent():
-            return f"gain {component.gain:g}"
-        case SumComponent():
-            return f"sum {''.join('+' if s > 0 else '-' for s in component.signs)}"
-        case FunctionComponent():
-            return "Python function"
-        case BlockComponent():
-            return component.block.words

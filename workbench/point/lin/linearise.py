@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +15,6 @@ from workbench.model import Model
 from workbench.model.described_model import DescribedModel
 from workbench.model.operating_point import named
 from workbench.model.sample_rates import NoRatesError
-from workbench.point.lin.delayed import has_delays, through_delays
 from workbench.point.lin.difference import difference
 from workbench.point.lin.exact import NoDerivativesError, exact
 from workbench.point.lin.kalman_bertram import kalman_bertram, period_map
@@ -23,7 +23,9 @@ from workbench.point.lin.request import Lin
 from workbench.point.lin.response import response
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import HELD, LinTask, make_task, open_base
-from workbench.system.description import BlockComponent, Component, LinearComponent, SystemDescription
+
+if TYPE_CHECKING:
+    from workbench.system.description import Component
 
 __all__ = ["METHODS", "choose", "linearise", "plain", "run"]
 
@@ -60,7 +62,12 @@ def run(task: LinTask, method: str) -> LinResult:
         InputError: it does not apply.
         FmuError, SimulationError: see `lin`.
     """
-    return through_delays(task, lambda opened: plain(opened, method)) if has_delays(task.model) else plain(task, method)
+    if _is_system(task.model):
+        from workbench.point.lin.delayed import has_delays, through_delays  # noqa: PLC0415 - see `_is_system`
+
+        if has_delays(task.model):
+            return through_delays(task, lambda opened: plain(opened, method))
+    return plain(task, method)
 
 
 def plain(task: LinTask, method: str) -> LinResult:
@@ -170,11 +177,22 @@ def choose(task: LinTask) -> tuple[str, str]:
 
 def _has_samplers(model: Model) -> bool:
     """Whether a system has sampled blocks; a hold has no discrete state, but what it holds is one."""
+    if not _is_system(model):
+        return False
+    from workbench.system.description import SystemDescription  # noqa: PLC0415 - see `_is_system`
+
     system = getattr(model, "system", None)
     return isinstance(system, SystemDescription) and any(map(_is_sampled, system.components))
 
 
+def _is_system(model: Model) -> bool:
+    """Whether a model is a system; what systems consist of is imported for them alone."""
+    return getattr(model, "system", None) is not None
+
+
 def _is_sampled(component: Component) -> bool:
+    from workbench.system.description import BlockComponent, LinearComponent  # noqa: PLC0415 - see `_is_system`
+
     if isinstance(component, BlockComponent):
         result = component.block.matrices()
         return result is not None and result.dt > 0.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,8 @@ from workbench.requests.request import ModelRequest, function
 from workbench.response.nfr.frequency_grid import frequency_grid, positive_values
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from workbench.response.nfr.result import NfrResult
 
 __all__ = ["Nfr", "nfr"]

@@ -6,12 +6,12 @@ import cmath
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,6 +40,9 @@ from workbench.response.nfr.request import Nfr
 from workbench.response.nfr.result import NfrResult, assemble
 from workbench.response.nfr.store import Key, NfrStore, check_redo, from_result
 from workbench.response.nfr.zero_input import ZeroInput, doubt
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 __all__ = ["NfrSweep", "run"]
 
