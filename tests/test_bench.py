@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+pytest.importorskip("resource", reason="it measures by what Windows does not have")
+
 from scripts import bench
 from scripts.bench_process import ROOT, Cost, Lab, Side
-
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="it measures by what Windows does not have")
 
 
 def rows(text: str) -> list[list[str]]:
