@@ -8,7 +8,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import cache
 from numbers import Integral, Real
 from typing import (
@@ -103,6 +103,16 @@ class Option:
     form: Form | None = None
     part: type[Options] | None = None
 
+    @property
+    def sentence(self) -> str:
+        """The sentence of help with the unit."""
+        return f"{self.help.removesuffix('.')}{self.in_brackets}." if self.unit else self.help
+
+    @property
+    def in_brackets(self) -> str:
+        """The unit, as it stands behind words; empty: there is none."""
+        return f" [{self.unit}]" if self.unit else ""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DeclaredOption:
@@ -154,11 +164,7 @@ class DeclaredOption:
     @property
     def help(self) -> str:
         """The sentence of help with the unit."""
-        return f"{self.option.help.removesuffix('.')}{self._unit}." if self.option.unit else self.option.help
-
-    @property
-    def _unit(self) -> str:
-        return f" [{self.option.unit}]" if self.option.unit else ""
+        return self.option.sentence
 
     def checked(self, value: Any, spoken: str = "") -> Any:  # noqa: ANN401 - of any option
         """Return a value as the analysis takes it.
@@ -186,7 +192,9 @@ class DeclaredOption:
             form = f"of the form {self.form.metavar}" if self.form is not None else "a number"
             raise InputError(f"{spoken}: '{value}' is not {form}") from None
         except ValueError as error:
-            words = in_unit(str(error), self.option.unit) if spoken == self.flag else f"{error}{self._unit}"
+            words = (
+                in_unit(str(error), self.option.unit) if spoken == self.flag else f"{error}{self.option.in_brackets}"
+            )
             raise InputError(f"{spoken}: {words}") from None
         return result
 
@@ -414,7 +422,6 @@ def recast(request: type[_Kind], asked: Options, **others: Any) -> _Kind:  # noq
 @cache
 def _options_of(request: Any) -> tuple[DeclaredOption, ...]:  # noqa: ANN401 - a class; mypy holds it for unhashable
     hints = _hints(request)
-    own = vars(request).get("__annotations__", {})
     return tuple(
         DeclaredOption(
             name=f.name,
@@ -425,9 +432,15 @@ def _options_of(request: Any) -> tuple[DeclaredOption, ...]:  # noqa: ANN401 - a
             group=f.metadata[_DECLARED].group or _heading(request, f.name),
             option=f.metadata[_DECLARED],
         )
-        for f in sorted(fields(request), key=lambda f: (bool(f.kw_only), f.name not in own))
-        if _DECLARED in f.metadata
+        for f in _declared(request)
     )
+
+
+def _declared(request: Any) -> list[Field[Any]]:  # noqa: ANN401 - a class
+    """Return the fields of `options_of`, whose types need not be known yet."""
+    own = vars(request).get("__annotations__", {})
+    every = sorted(fields(request), key=lambda f: (bool(f.kw_only), f.name not in own))
+    return [f for f in every if _DECLARED in f.metadata]
 
 
 def _heading(request: Any, name: str) -> str:  # noqa: ANN401 - a class
@@ -493,7 +506,7 @@ def with_options(
     parameter = inspect.Parameter(first[0], inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=first[1])
     parameter = parameter.replace(default=()) if optional else parameter
     own = inspect.signature(kind).parameters  # those that several requests share come first there
-    given = [parameter, *(own[d.name] for d in options_of(kind))]
+    given = [parameter, *(own[f.name] for f in _declared(kind))]
     returned = returns or (make.__name__ if inspect.isclass(make) else make.__annotations__["return"])
     signature = inspect.Signature(given, return_annotation=returned)
 
@@ -534,5 +547,5 @@ def documented(request: type[Options]) -> str:
     """
     text = inspect.cleandoc(request.__doc__ or "")
     head, *tail = re.split(r"^(?=(?:Returns|Raises|Examples):$)", text, maxsplit=1, flags=re.MULTILINE)
-    lines = [_ARGUMENTS, *(f"    {d.name}: {d.help}" for d in options_of(request))]
+    lines = [_ARGUMENTS, *(f"    {f.name}: {f.metadata[_DECLARED].sentence}" for f in _declared(request))]
     return "\n".join([head.rstrip(), "", *lines, "", *tail])
