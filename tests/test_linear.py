@@ -18,7 +18,7 @@ import pytest
 from workbench.core.values import matrices
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear, LinearPart
-from workbench.core.values.matrices import held, resolvent, unheld
+from workbench.core.values.matrices import held, resolvent, symmetrizing, unheld
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import growth_rates, sides
 from workbench.errors import InputError
@@ -311,3 +311,35 @@ def test_poles_of_what_is_no_matrix_of_numbers_are_refused_in_one_line() -> None
     """A file may have null in it."""
     with pytest.raises(InputError, match="matrix A must hold finite numbers"):
         _ = Linear(np.array([[np.nan]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1))).poles
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_networks_of_storages_and_resistances_have_a_symmetric_form(seed: int) -> None:
+    """C·dx/dt = −G x with a symmetric G, of one or several parts; its poles are those of the symmetric form."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 30))
+    joined = np.triu(rng.uniform(0.1, 2.0, (n, n)) * (rng.uniform(size=(n, n)) < 2.0 / n), 1)
+    G = np.diag((joined + joined.T).sum(axis=1) + rng.uniform(0.0, 1.0, n)) - joined - joined.T
+    A = -G / (10.0 ** rng.uniform(-3.0, 3.0, n))[:, None]
+    d = symmetrizing(A)
+    assert d is not None
+    symmetric = A * d / d[:, None]
+    np.testing.assert_allclose(symmetric, symmetric.T, rtol=1e-10, atol=0.0)
+    np.testing.assert_allclose(
+        np.linalg.eigvalsh((symmetric + symmetric.T) / 2.0), np.sort(np.linalg.eigvals(A).real), rtol=1e-8, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    "A",
+    [
+        np.zeros((0, 0)),
+        np.array([[0.0, 1.0], [-1.0, 0.0]]),  # it oscillates
+        np.array([[-1.0, 1.0], [0.0, -1.0]]),  # one way only
+        np.array([[-3.0, 1.0, 1.0], [2.0, -3.0, 1.0], [1.0, 2.0, -3.0]]),  # around and around
+        np.diag(-2.0 * np.ones(30)) + np.diag(np.full(29, 0.1), 1) + np.diag(np.full(29, 10.0), -1),  # 10**29
+        np.array([[np.nan]]),
+    ],
+)
+def test_other_matrices_have_no_symmetric_form_that_is_harmless(A: Floats) -> None:
+    assert symmetrizing(A) is None

@@ -18,7 +18,7 @@ from workbench.core.values.matrices import exponentials
 from workbench.errors import InputError, SimulationError
 from workbench.response.periodic.fourier import Period
 from workbench.response.periodic.monodromy import VariationalEquation
-from workbench.response.periodic.period_map import Lap, PeriodMap
+from workbench.response.periodic.period_map import Lap, PeriodMap, correction
 from workbench.response.periodic.place import Family, arrive, stride_from
 from workbench.response.periodic.special import _turning
 from workbench.session.compiled import CompiledMeSession
@@ -158,3 +158,20 @@ def test_a_place_that_is_to_be_exact_has_twelve_steps_and_another_one_six() -> N
     assert 6 < found.periods <= 12
     with pytest.raises(SimulationError, match="did not converge in 6 periods"):
         stride_from(line, here, 0.1)
+
+
+@pytest.mark.parametrize("stands", [False, True])
+def test_the_correction_closes_a_period_but_for_what_stands(stands: bool) -> None:
+    """An affine map x1 = Φ·x0 + r of states of very different sizes, whose last state may integrate."""
+    rng = np.random.default_rng(3)
+    n, sizes = 6, 10.0 ** rng.uniform(-4.0, 4.0, 6)
+    Phi = 0.3 * rng.normal(size=(n, n)) * sizes[:, None] / sizes
+    Phi[:, -1], drift = (np.eye(n)[-1], 0.5 * sizes[-1]) if stands else (Phi[:, -1], 0.0)
+    Phi[-1] = np.eye(n)[-1] if stands else Phi[-1]
+    x0, r = sizes * rng.normal(size=n), sizes * rng.normal(size=n)
+    r[-1] = drift if stands else r[-1]
+    lap = Lap(x0, Phi @ x0 + r, Period(np.zeros(9), 1.0 + 0.0j, 1.0), 0, sizes)
+    e, left = correction(lap, Phi)
+    after = (Phi @ (x0 + e) + r - x0 - e) / sizes
+    np.testing.assert_allclose(after, np.append(np.zeros(n - 1), drift / sizes[-1]), rtol=1e-12, atol=1e-9)
+    assert left == pytest.approx(0.5 / np.linalg.norm(lap.defect / sizes) if stands else 0.0, rel=1e-9, abs=1e-9)

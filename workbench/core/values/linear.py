@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
     import control
 
-__all__ = ["NO_INPUT", "Linear", "LinearPart"]
+__all__ = ["NO_INPUT", "NO_RESPONSE", "Linear", "LinearPart"]
 
 NO_INPUT = "no_input"  # of models without inputs, in python-control
 _EPS = float(np.finfo(np.float64).eps)
-_ROUNDED = 100.0  # what is below so many times its rounding bound is no response
+NO_RESPONSE = 100.0  # what is below so many times its rounding bound is no response
 _LOOKED_AT = 50  # frequencies that show whether an input has an effect
 _SINGULAR = 1e-12  # 1 − gain·D below this: the loop has no solution
 _ON_AXIS = 1e-7  # poles so near the imaginary axis, relative to their size (or to 1 rad/s), count as on it
@@ -222,8 +222,17 @@ class Linear(RecordPart):
         Source: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 7.2.
         """
         s = self.at_frequency(frequency_hz)
-        states = np.abs(resolvent(self.A, self.B, s))
-        outputs = np.abs(resolvent(self.A.T, self.C.T, s)).swapaxes(1, 2)
+        return self.rounding_with(s, resolvent(self.A, self.B, s), resolvent(self.A.T, self.C.T, s))
+
+    def rounding_with(self, s: Complex, inputs_to_states: Complex, states_to_outputs: Complex) -> Floats:
+        """Return `rounding` where what it needs is known.
+
+        Args:
+            s: points of the plane, shape (k,).
+            inputs_to_states: (sI − A)⁻¹ B there, shape (k, n, m).
+            states_to_outputs: (sI − Aᵀ)⁻¹ Cᵀ there, shape (k, n, q).
+        """
+        states, outputs = np.abs(inputs_to_states), np.abs(states_to_outputs).swapaxes(1, 2)
         residual = np.abs(s)[:, None, None] * states + product(np.abs(self.A), states) + np.abs(self.B)
         return np.asarray(_EPS * (outputs @ residual + np.abs(self.C) @ states + np.abs(self.D)))
 
@@ -234,7 +243,7 @@ class Linear(RecordPart):
             frequency_hz: shape (k,), or one [Hz].
         """
         value = self.response(frequency_hz)
-        return np.asarray(np.abs(value) <= _ROUNDED * self.rounding(frequency_hz).reshape(value.shape))
+        return np.asarray(np.abs(value) <= NO_RESPONSE * self.rounding(frequency_hz).reshape(value.shape))
 
     @property
     def without_effect(self) -> tuple[tuple[str, str], ...]:

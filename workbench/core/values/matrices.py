@@ -21,6 +21,7 @@ __all__ = [
     "light",
     "product",
     "resolvent",
+    "symmetrizing",
     "unheld",
 ]
 
@@ -31,6 +32,8 @@ _LARGE, _SPARSE = 128, 0.05
 _DIRECT = 2e7
 _AT_ZERO = 1e-9  # a sampled pole this small has decayed by nine decades within one sample
 _ON_REAL_AXIS = 1e-9
+_SYMMETRIC = 1e-11  # pairs of entries that are as equal as products of ratios along a path leave them
+_HARMLESS = 1e4  # largest ratio of scales: so many digits of sixteen an eigenvector may lose by it
 
 
 def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
@@ -72,6 +75,33 @@ def is_sparse(A: Floats) -> bool:
         A: shape (m, n).
     """
     return bool(len(A) >= _LARGE and np.count_nonzero(A != 0.0) <= _SPARSE * A.size and np.isfinite(A).all())
+
+
+def symmetrizing(A: Floats) -> Floats | None:
+    """Return d, shape (n,), with which D⁻¹ A D, D = diag(d), is symmetric; None: there is none that is harmless.
+
+    Networks of storages and resistances (heat, laminar flow) have such matrices: their poles are real, and their
+    eigenvectors are orthogonal but for d.
+
+    Args:
+        A: shape (n, n).
+
+    Source: J. Z. Hearon, The kinetics of linear systems, Bull. Math. Biophys. 15 (1953) (detailed balance).
+    """
+    if not len(A) or not np.isfinite(A).all() or (np.sign(A) != np.sign(A.T)).any():
+        return None
+    d = np.zeros(len(A))
+    for first in range(len(A)):
+        reached = [] if d[first] else [first]
+        d[first] = d[first] or 1.0
+        for i in reached:  # and what is appended meanwhile
+            beyond = np.flatnonzero((A[i] != 0.0) & (d == 0.0))
+            d[beyond] = d[i] * np.sqrt(A[beyond, i] / A[i, beyond])
+            reached.extend(beyond.tolist())
+    if not d.max() <= _HARMLESS * d.min():
+        return None
+    symmetric = A * d / d[:, None]
+    return d if np.allclose(symmetric, symmetric.T, rtol=_SYMMETRIC, atol=0.0) else None
 
 
 def as_sparse(A: Floats, form: str) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.calendar import PeriodsError
-from workbench.core.values.linear import LinearPart
-from workbench.core.values.matrices import held, resolvent
+from workbench.core.values.linear import NO_RESPONSE, LinearPart
+from workbench.core.values.matrices import held, resolvent, symmetrizing
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.model import Model
 from workbench.model.sample_rates import sampled
@@ -61,14 +61,19 @@ class LinearStart:
 
         None where they do not give A back: poles coincide.
         """
+        A, d = self.part.A, symmetrizing(self.part.A)
         with one_thread():
-            poles, vectors = np.linalg.eig(self.part.A)
-            try:
-                inverse = np.linalg.inv(vectors)
-            except np.linalg.LinAlgError:
-                return None
+            if d is not None:
+                poles, q = np.linalg.eigh(A * d / d[:, None])
+                vectors, inverse = q * d[:, None], q.T / d
+            else:
+                poles, vectors = np.linalg.eig(A)
+                try:
+                    inverse = np.linalg.inv(vectors)
+                except np.linalg.LinAlgError:
+                    return None
             again = (vectors * poles) @ inverse
-        good = np.linalg.norm(again - self.part.A) <= _EXACT * np.linalg.norm(self.part.A)
+        good = np.linalg.norm(again - A) <= _EXACT * np.linalg.norm(A)
         return (poles.astype(np.complex128), vectors, inverse) if good else None
 
     @cached_property
@@ -90,14 +95,14 @@ class LinearStart:
             phi, integral = held(self.part.A, np.eye(len(self.dx0)), period)
             return phi, self.part.c @ integral, None
         poles, vectors, inverse = self.modes
-        still = np.abs(poles) * period < 1e-12
-        integral = np.where(still, period, np.expm1(poles * period) / np.where(still, 1.0, poles))
-        multipliers = np.exp(poles * period)
-        return (
-            ((vectors * multipliers) @ inverse).real,
-            ((self.part.c @ vectors * integral) @ inverse).real,
-            multipliers,
-        )
+        rates = poles if poles.imag.any() else poles.real
+        still = np.abs(rates) * period < 1e-12
+        integral = np.where(still, period, np.expm1(rates * period) / np.where(still, 1.0, rates))
+        multipliers = np.exp(rates * period)
+        left = np.abs(multipliers) > _GONE
+        with one_thread():
+            phi = ((vectors[:, left] * multipliers[left]) @ inverse[left]).real
+        return phi, ((self.part.c @ vectors * integral) @ inverse).real, multipliers.astype(np.complex128)
 
     def forced(self, frequency: float) -> LinearSineResponse | None:
         """Return the linear model under a sine of 1; None where it has a pole at that very frequency.
@@ -171,18 +176,17 @@ class LinearSineResponse:
         if n == 0:
             none, flat = np.zeros(0), (np.zeros((0, 0)), None, np.zeros((3, 0)))
             return cls(complex(part.d), 0.0, part.d == 0.0, abs(part.d), none.astype(np.complex128), *flat, none, 0.0)
-        forced = part.states_at(frequency)[0]
-        twice = resolvent(part.A, forced[:, None], at)[0, :, 0]
+        states, outputs = resolvent(part.A, part.B, at), resolvent(part.A.T, part.C.T, at)
+        forced, reach = states[0, :, 0], outputs[0, :, 0]
         response = complex(part.c @ forced) + part.d
         phi, integral, multipliers = start.transition(period)
         # 2/T ∫ C e^(At) e^(−jωt) dt; in-phase + j·quadrature is j times that.
-        reach = resolvent(part.A.T, part.C.T, at)[0, :, 0]
-        first = -2j / period * reach @ (phi - np.eye(n))
+        first = -2j / period * (reach.real @ phi + 1j * (reach.imag @ phi) - reach)
         rows = np.array([integral / period, first.real, first.imag])
-        sensitivity = abs(complex(part.c @ twice)) / (period * abs(response)) if response else math.inf
+        sensitivity = abs(complex(reach @ forced)) / (period * abs(response)) if response else math.inf
         terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
         smallest = 2.0 / period * float(np.abs(reach) @ start.smallest)
-        vanishes = bool(part.vanishes(frequency)[0])
+        vanishes = abs(response) <= NO_RESPONSE * float(part.rounding_with(at, states, outputs)[0, 0, 0])
         return cls(response, sensitivity, vanishes, terms, forced, phi, multipliers, rows, start.rest, smallest)
 
 

@@ -56,16 +56,19 @@ def contracts(session: CompiledMeSession, task: PointTask, result: Solved, origi
     if (rates < -NEUTRAL * task.frequency).any():
         return False
     times, moves = _linear_run(task, linear, forced)
-    left, stand = np.zeros(len(poles)), Stand(instance)
+    looked, stand = _telling(moves, linear.smallest), Stand(instance)
+    drive = task.amplitude * np.sin(2.0 * np.pi * task.frequency * times[looked])
     try:
-        for i in _telling(moves, linear.smallest):
-            drive = task.amplitude * np.sin(2.0 * np.pi * task.frequency * times[i])
-            dx = _slope(session, stand, origin + moves[:, i], task.input, task.centre + drive)
-            wanted = linear.dx0 + linear.part.A @ moves[:, i] + linear.part.B[:, 0] * drive
-            left = np.maximum(left, np.abs(inverse @ (dx - wanted)))
+        dx = [
+            _slope(session, stand, origin + moves[:, i], task.input, task.centre + u)
+            for i, u in zip(looked, drive, strict=True)
+        ]
     except WorkbenchError:  # the model cannot be evaluated there
         return False
-    shift = np.abs(vectors) @ (left / np.maximum(rates, task.frequency / task.max_periods))
+    with one_thread():
+        wanted = linear.dx0[:, None] + linear.part.A @ moves[:, looked] + linear.part.B * drive
+        left = np.abs(inverse @ (np.transpose(dx) - wanted)).max(axis=1)
+        shift = np.abs(vectors) @ (left / np.maximum(rates, task.frequency / task.max_periods))
     away = np.abs(result.x - origin - task.amplitude * forced.states.imag + forced.rest)
     return bool((shift + away <= _FOLLOWS * np.maximum(np.abs(moves).max(axis=1), linear.smallest)).all())
 
@@ -76,7 +79,9 @@ def _linear_run(task: PointTask, linear: LinearStart, forced: LinearSineResponse
     last, omega = task.max_periods / task.frequency, 2.0 * np.pi * task.frequency
     times = np.linspace(0.0, min(last, _DECAYED / max(-poles.real.max(), _DECAYED / last)), _GRID)
     begin = inverse @ (forced.rest - task.amplitude * forced.states.imag)
-    free = (vectors @ (begin[:, None] * np.exp(np.outer(poles, times)))).real
+    rates = poles if poles.imag.any() else poles.real
+    with one_thread():
+        free = (vectors @ (begin[:, None] * np.exp(np.outer(rates, times)))).real
     steady = task.amplitude * np.imag(np.outer(forced.states, np.exp(1j * omega * times)))
     return times, free + steady - forced.rest[:, None]
 

@@ -267,10 +267,24 @@ def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
     unit = lap.unit
     matrix = np.eye(len(unit)) - Phi * unit / unit[:, None]
     aim = lap.defect / unit
-    result, *_ = np.linalg.lstsq(matrix, aim, rcond=_STANDS)
+    result = _regular_solution(matrix, aim)
+    if result is None:
+        result, *_ = np.linalg.lstsq(matrix, aim, rcond=_STANDS)
     size = float(np.linalg.norm(aim))
     left = float(np.linalg.norm(matrix @ result - aim)) / size if size > 0.0 else 0.0
     return result * unit, left
+
+
+def _regular_solution(matrix: Floats, aim: Floats) -> Floats | None:
+    """Return the solution of M·x = b; None: M may turn directions by less than `_STANDS`, by ‖M⁻¹‖ and ‖M‖."""
+    if not len(aim):
+        return np.zeros(0)
+    try:
+        whole = np.linalg.solve(matrix, np.column_stack([aim, np.eye(len(aim))]))
+    except np.linalg.LinAlgError:
+        return None
+    condition = np.linalg.norm(matrix) * np.linalg.norm(whole[:, 1:])  # of Frobenius: no less than that by σ
+    return whole[:, 0] if condition * _STANDS < 1.0 else None
 
 
 def resolvent_rows(lap: Lap, at: VariationalEquation) -> Complex:
