@@ -62,6 +62,9 @@ class LinearStart:
         None where they do not give A back: poles coincide.
         """
         A, d = self.part.A, symmetrizing(self.part.A)
+        poles: NDArray[Any]
+        vectors: NDArray[Any]
+        inverse: NDArray[Any]
         with one_thread():
             if d is not None:
                 poles, q = np.linalg.eigh(A * d / d[:, None])

@@ -267,9 +267,8 @@ def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
     unit = lap.unit
     matrix = np.eye(len(unit)) - Phi * unit / unit[:, None]
     aim = lap.defect / unit
-    result = _regular_solution(matrix, aim)
-    if result is None:
-        result, *_ = np.linalg.lstsq(matrix, aim, rcond=_STANDS)
+    regular = _regular_solution(matrix, aim)
+    result = np.linalg.lstsq(matrix, aim, rcond=_STANDS)[0] if regular is None else regular
     size = float(np.linalg.norm(aim))
     left = float(np.linalg.norm(matrix @ result - aim)) / size if size > 0.0 else 0.0
     return result * unit, left
@@ -280,11 +279,11 @@ def _regular_solution(matrix: Floats, aim: Floats) -> Floats | None:
     if not len(aim):
         return np.zeros(0)
     try:
-        whole = np.linalg.solve(matrix, np.column_stack([aim, np.eye(len(aim))]))
+        solved = np.linalg.solve(matrix, np.column_stack([aim, np.eye(len(aim))]))
     except np.linalg.LinAlgError:
         return None
-    condition = np.linalg.norm(matrix) * np.linalg.norm(whole[:, 1:])  # of Frobenius: no less than that by σ
-    return whole[:, 0] if condition * _STANDS < 1.0 else None
+    condition = np.linalg.norm(matrix) * np.linalg.norm(solved[:, 1:])  # of Frobenius: no less than that by σ
+    return np.asarray(solved[:, 0], dtype=np.float64) if condition * _STANDS < 1.0 else None
 
 
 def resolvent_rows(lap: Lap, at: VariationalEquation) -> Complex:
