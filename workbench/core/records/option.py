@@ -248,7 +248,7 @@ class DeclaredOption:
 
 def _extremes(values: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return the smallest and the largest, where they stand for all: of numbers that can be compared."""
-    plain = set(map(type, values)) == {float} and not any(map(math.isnan, values))
+    plain = set(map(type, values)) == {float} and not math.isnan(sum(values))
     return (min(values), max(values)) if plain else values
 
 
