@@ -31,7 +31,7 @@ SLOW = {
 }
 # Files of the user's own, an FMU that has to be compiled, and measurements of many seconds.
 NOT_RUN = re.compile(
-    r"actuator\.|identify nfr\.json|^workbench build|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml"
+    r"actuator[._]|identify nfr\.json|^workbench build|--compare|--json nfr\.json|^workbench (nfr|loop) loop\.toml"
 )
 
 

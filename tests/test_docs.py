@@ -35,6 +35,17 @@ def test_navigation_names_every_page() -> None:
     assert set(re.findall(r"[\w/-]+\.md", navigation)) == {*pages(), *generated}
 
 
+def test_the_table_of_commands_names_every_command_once() -> None:
+    named = [name.split()[0] for name in first_column(text_of("reference/commands.md"))]
+    assert sorted(named) == sorted(command_names())
+
+
+def test_the_tables_of_models_name_everything_that_is_bundled_once() -> None:
+    folders = {"fmu": "fmus/fmi2/*.fmu", "system": "systems/*.toml", "study": "studies/*.toml"}
+    bundled = [f"{kind}:{path.stem}" for kind, pattern in folders.items() for path in ROOT.glob(pattern)]
+    assert sorted(first_column(text_of("reference/models.md"))) == sorted(bundled)
+
+
 @pytest.mark.parametrize("name", command_names())
 def test_command_pages_name_every_option(name: str) -> None:
     page = command_page(name)

@@ -1,4 +1,4 @@
-"""An operating point is one object and one file: it names its model, another refuses it, and sessions start there."""
+"""An operating point is one object and one file: it names its model, is refused elsewhere, and sessions start there."""
 
 from __future__ import annotations
 

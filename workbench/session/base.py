@@ -55,7 +55,7 @@ class Snapshot:
 
 
 class Session(Closable):
-    """One initialised run that can be continued, saved and taken back.
+    """One initialised run that can be continued, saved and restored.
 
     Obligations of a subclass:
       1. `time` only moves through `advance` and `restore`.

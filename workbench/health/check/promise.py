@@ -1,4 +1,4 @@
-"""Are the numbers the same whether or not the FMU may still be taken back?"""
+"""Are the numbers the same whether or not steps may still be undone?"""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def promise(subject: CheckedFmu) -> Answer:
     try:
         withheld = _without(subject)
     except (FmuError, SimulationError) as error:
-        return Answer("broken", f"where it may still be taken back it fails: {error}", _NOT_TAKEN_BACK)
+        return Answer("broken", f"while steps may still be undone it fails: {error}", _NOT_TAKEN_BACK)
     if same_bits(given, withheld):
         return Answer("good", f"{given.values.size} values are the same to the last bit")
     if not same_bits(given, subject.run(subject.sines())):
         return Answer("not applicable", "even the same run does not repeat itself (see determinism)")
-    where = "where it may still be taken back (noSetFMUStatePriorToCurrentPoint is false)"
+    where = "while steps may still be undone (noSetFMUStatePriorToCurrentPoint is false)"
     return unlike(given, withheld, subject.names, where, _NOT_TAKEN_BACK)
 
 

@@ -53,7 +53,7 @@ CHECKS: Mapping[str, CheckEntry] = {
     PROCESSES: CheckEntry("Does another process give the same numbers?", None),
     "instances": CheckEntry("Can two instances exist at once?", instances),
     "snapshots": CheckEntry("Does restoring a saved state work?", snapshots),
-    "promise": CheckEntry("Are the numbers the same where it may still be taken back?", promise),
+    "promise": CheckEntry("Are the numbers the same while steps may still be undone?", promise),
     "directional": CheckEntry("Are its directional derivatives correct?", directional, _ME),
     "dependencies": CheckEntry("Are all dependencies declared?", dependencies, _ME),
     "drift": CheckEntry("Does it move without being forced?", drift),

@@ -89,7 +89,7 @@ def determinism(subject: CheckedFmu) -> Answer:
     count = int(first.values.size)
     if same_bits(first, second):
         return Answer("good", f"2 runs, {count} values each: equal to the last bit", numbers={"values": count})
-    wrong = "no result is repeatable; snapshots by replay go wrong, and periods may never settle"
+    wrong = "no result is repeatable; snapshots by replay go wrong, and responses may not settle"
     return unlike(first, second, subject.names, "in a second run", wrong, values=count)
 
 

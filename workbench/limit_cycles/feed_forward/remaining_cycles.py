@@ -86,7 +86,7 @@ def remaining(
         except WorkbenchError as error:
             return f"limit cycles were not predicted: {error}"
         if whole.block is None:
-            return "limit cycles were not predicted: the block has a memory of its own"
+            return "limit cycles were not predicted: the block is not static"
         without, with_it = (
             _cycles(loop.negated() if whole.turned else loop, whole.block, band, size=size)
             for loop, size in ((plant.H, 0.0), (with_filter(plant, part), _size_of(plant.H, band)))

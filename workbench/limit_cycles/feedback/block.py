@@ -108,7 +108,7 @@ class TwoPorts:
 
     @cached_property
     def block(self) -> DescribedBlock | None:
-        """The block about the operating point; None: it has a memory of its own."""
+        """The block about the operating point; None: it is not static."""
         return None if self.loop.block is None else _Remembering(self.loop.block)
 
     def part(self, gain: float) -> LinearPart:
@@ -128,10 +128,10 @@ class TwoPorts:
             amplitudes: at the block's input.
 
         Raises:
-            InputError: the block has a memory.
+            InputError: the block is not static.
         """
         if self.block is None:
-            raise InputError(f"{self.loop.ports.component} has a memory of its own; its cycles are not predicted here")
+            raise InputError(f"{self.loop.ports.component} is not static; its cycles are not predicted here")
         part = self.part(gain)
         result = nyquist(part, self.block, band=band, amplitudes=amplitudes, name=f"gain {gain:.4g}")
         small, large = (part.unstable(self.block.gain(a)) for a in amplitudes)

@@ -71,7 +71,7 @@ def _predicted_cycle(place: FeedbackPath, two: TwoPorts) -> tuple[dict[str, floa
     """
     name, block, part = place.model.name, two.block, two.part(0.0)
     if block is None:
-        raise InputError(f"{name}: the block has a memory, so no cycle is predicted; excite one (pulse, start_after)")
+        raise InputError(f"{name}: the block is not static, so no cycle is predicted; excite one (pulse, start_after)")
     result = [c for c in cycles_in(nyquist(part, block)) if c.stable]
     if not result:
         raise InputError(

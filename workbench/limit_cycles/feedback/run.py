@@ -145,7 +145,7 @@ class _FeedbackAnalysis:
         name = two.loop.ports.component
         result = replace(result, block=name)
         if two.block is None:
-            return _noted(result, f"{name} has a memory of its own: the remaining cycles are not predicted")
+            return _noted(result, f"{name} is not static: the remaining cycles are not predicted")
         gains = [g for pair in result.stable_gains for g in _spread(_finite(pair), self.asked.count)]
         band, amplitudes = self.asked.band or BAND, self.asked.amplitudes or AMPLITUDES
         cycles = tuple(two.left(g, band=band, amplitudes=amplitudes) for g in gains)

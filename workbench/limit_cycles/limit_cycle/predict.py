@@ -76,7 +76,7 @@ def predict(system: DescribedModel, loop: SplitLoop, request: LimitCycles) -> Pr
     missing = [p.component for p, b in zip(loop.every, known, strict=True) if b is None]
     if missing and request.amplitudes is None:
         raise InputError(
-            f"{system.name}: block {', '.join(missing)} has a memory of its own and must be measured; "
+            f"{system.name}: block {', '.join(missing)} is not static and must be measured; "
             "give the lowest and the highest amplitude (--amplitude LO:HI) and a band (--band LO:HI)"
         )
     names = ", ".join(p.component for p in loop.every)

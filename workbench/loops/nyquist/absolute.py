@@ -110,7 +110,7 @@ def absolute_stability(
         name: name of the loop.
 
     Raises:
-        InputError: the block has a memory; L is sampled or has several inputs or outputs; the lower end is not finite.
+        InputError: the block is not static; L is sampled or has several inputs or outputs; the lower end is not finite.
 
     Source: H. Khalil, Nonlinear Systems, 3rd ed., theorems 7.1 and 7.3; K. Narendra, J. Taylor, Frequency Domain
     Criteria for Absolute Stability, 1973 (q of either sign); level sets: S. Boyd, V. Balakrishnan, P. Kabamba, Math.
@@ -153,7 +153,7 @@ def _sector(block: DescribedBlock, reach: float) -> Sector:
     try:
         return sector_of(block, reach)
     except NotImplementedError:
-        raise InputError(f"block {block.name}: has a memory; the criteria are for static ones") from None
+        raise InputError(f"block {block.name} is not static; the criteria are for static blocks") from None
 
 
 def _refused(part: LinearPart, low: float) -> str:

@@ -97,7 +97,7 @@ class RateOnset(AtPoint, ModelRequest["OnsetResult"]):
         default=None,
     )
     attitude: str | None = option(
-        "Output that the pilot closes the loop on, an attitude: its bandwidth and phase delay are told, too.",
+        "Output that the pilot closes the loop on, an attitude: its bandwidth and phase delay are reported, too.",
         metavar="Y",
         default=None,
     )
