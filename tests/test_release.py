@@ -7,14 +7,22 @@ import re
 import tarfile
 import zipfile
 from dataclasses import replace
+from email import message_from_string
+from email.message import Message
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 from cyclonedx.model.bom import Bom
 from cyclonedx.output.json import JsonV1Dot6
+from hatchling.metadata.core import ProjectMetadata
+from hatchling.metadata.spec import construct_metadata_file_2_4
+from hatchling.plugin.manager import PluginManager
 from packaging.tags import parse_tag
 from packaging.utils import parse_wheel_filename
+from trove_classifiers import classifiers
 
+import workbench as wb
 from scripts.release.__main__ import ReleaseError, different, unpack, wheel_for
 from scripts.release.bom import invalid, source_parts
 from scripts.release.natives import faults, library_faults
@@ -38,7 +46,7 @@ def wheel(folder: Path, platform_name: str, library: bytes, **more: bytes) -> Pa
 def test_a_tag_says_what_the_compiler_compiles_for(platform: Platform) -> None:
     tag, target = platform.wheel, platform.target
     (parsed,) = parse_tag(f"py3-none-{tag}")
-    assert parse_wheel_filename(f"fmi_workbench-0.1.0-py3-none-{tag}.whl")[3] == {parsed}
+    assert parse_wheel_filename(f"fmi_workbench-1.0.0-py3-none-{tag}.whl")[3] == {parsed}
     oldest = re.search(r"(?:gnu|macos)\.(\d+)\.(\d+)$", target)
     system = {"linux": "manylinux", "macos": "macosx", "windows": "win"}[re.split(r"[-.]", target)[1]]
     machine = target.split("-")[0]
@@ -109,3 +117,66 @@ def test_a_bill_with_the_c_sources_fits_the_schema_and_a_wrong_one_does_not() ->
     assert files == {f.relative_to(ROOT).as_posix() for f in (ROOT / "workbench" / "kernel").glob("*.[ch]")}
     assert any(p["name"] == "compiler" and "clang" in p["value"] for p in parts["workbench_kernel"]["properties"])
     assert "bomFormat" in invalid(text.replace('"bomFormat"', '"format"'))
+
+
+def metadata() -> Message:
+    """What an archive or a wheel says of itself, as its builder writes it."""
+    return message_from_string(construct_metadata_file_2_4(ProjectMetadata(str(ROOT), PluginManager())))
+
+
+def read(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def as_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def test_metadata_citation_changes_and_pages_name_the_same_version() -> None:
+    named = {
+        "metadata": metadata()["Version"],
+        "CITATION.cff": re.findall(r"^version: (.+)$", read("CITATION.cff"), re.MULTILINE)[0],
+        "CHANGELOG.md": re.findall(r"^## (\d.*)$", read("CHANGELOG.md"), re.MULTILINE)[0],
+        "docs/cluster.md": re.findall(r"^here is workbench ([^,]+),", read("docs/cluster.md"), re.MULTILINE)[0],
+    }
+    assert named == dict.fromkeys(named, wb.__version__)
+
+
+def test_the_newest_changes_are_short_enough_to_be_read() -> None:
+    newest = read("CHANGELOG.md").split("\n## ")[1]
+    assert newest.startswith(wb.__version__)
+    assert len(newest.split()) <= 600
+
+
+def test_metadata_have_known_classifiers_and_no_invented_address() -> None:
+    told = metadata()
+    assert set(told.get_all("Classifier", [])) <= set(classifiers)
+    assert told["License-Expression"] == "BSD-3-Clause"
+    assert {"FMI", "FMU", "Modelica"} <= set(told["Keywords"].split(","))
+    addresses = [line.partition(", ")[2] for line in told.get_all("Project-URL", [])]
+    assert [url for url in addresses if not re.fullmatch(r"https://(?!.*(?:example|OWNER))\S+", url)] == []
+
+
+def test_licences_of_what_others_wrote_come_with_the_files() -> None:
+    assert metadata().get_all("License-File") == ["LICENSE", "NOTICE"]
+    notice = as_line(read("NOTICE"))
+    ours = {file.name for file in (ROOT / "workbench" / "build" / "runtime").iterdir()} | {"model.c"}
+    with zipfile.ZipFile(FMU) as archive:
+        names = [n for n in archive.namelist() if n.startswith("sources/") and Path(n).name not in ours]
+        foreign = {Path(n).name: archive.read(n).decode() for n in names}
+    assert len(foreign) == 6
+    assert [name for name in foreign if not re.match(r"fmi[23]\w+\.h$", name)] == []
+    for text in foreign.values():
+        assert 'Modelica Association Project "FMI"' in text
+    terms = as_line(foreign["fmi3Functions.h"]).partition("Redistribution and use")[2].partition("-----")[0]
+    assert len(terms) > 1000
+    assert terms.strip() in notice
+
+
+def test_licences_of_what_the_compiler_adds_come_with_the_files() -> None:
+    spec = find_spec("ziglang")
+    assert spec is not None
+    assert spec.origin is not None
+    folder = Path(spec.origin).parent
+    for name in ("LICENSE", "lib/libc/mingw/COPYING"):
+        assert as_line((folder / name).read_text(encoding="utf-8")) in as_line(read("NOTICE"))

@@ -13,6 +13,6 @@ Names are loaded when they are first used, so that importing the package is quic
 
 from workbench.core.records.lazy import lazily
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 __getattr__, __dir__ = lazily(__name__, __file__)
