@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.cli.app import run
 from workbench.cli.program import COMMANDS
@@ -138,7 +139,7 @@ def test_help_has_an_example_for_every_command(capsys: pytest.CaptureFixture[str
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--version"]) == 0
-    assert capsys.readouterr().out.startswith("workbench 0.")
+    assert capsys.readouterr().out.strip() == f"workbench {wb.__version__}"
 
 
 def test_help_needs_no_numerics() -> None:
@@ -170,11 +171,6 @@ except KeyboardInterrupt:
 """
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert (done.stdout.strip(), done.stderr) == ("heard", "")
-
-
-def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    run([])
-    assert "simulate" in capsys.readouterr().out
 
 
 def test_what_an_fmu_is_does_not_wait_for_libraries_that_it_does_not_need() -> None:

@@ -11,7 +11,7 @@ import click
 from workbench.cli import command_line as asked
 from workbench.cli import notes
 from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
-from workbench.cli.program import completing, options_of, program, said
+from workbench.cli.program import BEGINNING, completing, options_of, program, said
 from workbench.commands import COMMANDS, MOVED, requests_of
 from workbench.errors import InputError, WorkbenchError, one_line, suggest
 from workbench.jobs.end_signals import INTERRUPTED
@@ -23,7 +23,7 @@ __all__ = ["BAD_INPUT", "run"]
 BAD_INPUT = 2
 
 # With these a command needs no worker process, one of its own, or perhaps none: the store may have all.
-_NEEDS_NONE = {"-h", "--help", "--in-process", "--scheduler", "--confine", "--memory-limit", "--store"}
+_NEEDS_NONE = {"-h", "--help", "--help-all", "--in-process", "--scheduler", "--confine", "--memory-limit", "--store"}
 
 
 def run(
@@ -42,9 +42,12 @@ def run(
         alone: whether this process does nothing else.
     """
     given = sys.argv[1:] if arguments is None else arguments
-    words = given or ["--help"]
     notes.drop()
     begun = completing()
+    if not given and not begun and own is None:
+        sys.stdout.write(BEGINNING)
+        return BAD_INPUT
+    words = given or ["--help"]
     name = next(iter(begun[1:] or words), None)
     try:
         if not begun and own is None:

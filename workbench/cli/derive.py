@@ -44,7 +44,7 @@ _NOT_WELL = 1  # exit code of a record that says so
 class _Json(Options):
     """The file that every record has; a study writes it by itself."""
 
-    json: File | None = option("Write the result as JSON; - is standard output.", default=None)
+    json: File | None = option("Write the result as JSON; - is standard output.", default=None, first=True)
 
 
 def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None = None) -> click.Command:
@@ -252,6 +252,7 @@ def _merged(name: str, known: Sequence[DeclaredOption], group: str, *, everywher
     return GroupedOption(
         [name, flag, *filter(None, [first.option.also])],
         group=group,
+        first=any(d.option.first for d in known),
         is_flag=switch,
         multiple=any(d.repeated for d in known),
         required=everywhere and all(d.required for d in known),

@@ -19,7 +19,7 @@ from workbench.core.records.named import named
 from workbench.errors import one_line
 from workbench.requests.request import Request
 
-__all__ = ["COMMANDS", "command_of", "completing", "options_of", "program", "said"]
+__all__ = ["BEGINNING", "COMMANDS", "command_of", "completing", "options_of", "program", "said"]
 
 _OWN = {"run": "cli.run:run", "schema": "cli.schema:schema", "ui": "cli.ui:ui"}  # no requests
 
@@ -101,6 +101,19 @@ def _show_version(context: click.Context, parameter: click.Parameter, wanted: bo
         click.echo(f"workbench {__version__}")
         context.exit()
 
+
+# What `workbench` says that is given nothing.
+BEGINNING = f"""\
+FMI workbench {__version__}: see how an FMU behaves.
+
+Begin with your file, or with fmu:Rudder, a bundled one:
+  workbench info actuator.fmu    what it is, who made it, its inputs and outputs
+  workbench check actuator.fmu   does it do what it declares?
+  workbench nfr actuator.fmu --input U --output Y --band 0.1:10 --amplitude 1
+
+workbench --help lists all commands; workbench nfr --help has an example and
+the options of one; workbench ui opens the browser.
+"""
 
 _VERSION = click.Option(
     ["--version"], is_flag=True, callback=_show_version, is_eager=True, expose_value=False,

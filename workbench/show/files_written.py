@@ -29,9 +29,11 @@ class Written(Options):
     plotted: ClassVar[tuple[str, ...]] = ()
 
     _: KW_ONLY
-    csv: File | None = option("Write the result as CSV.", default=None)
-    plot: File | None = option("Write the picture: .png, .svg or .pdf.", default=None)
-    report: File | None = option("Write one self-contained page, .html: pictures, tables, data.", default=None)
+    csv: File | None = option("Write the result as CSV.", default=None, first=True)
+    plot: File | None = option("Write the picture: .png, .svg or .pdf.", default=None, first=True)
+    report: File | None = option(
+        "Write one self-contained page, .html: pictures, tables, data.", default=None, first=True
+    )
 
     def told(self, names: tuple[str, ...]) -> dict[str, Any]:
         """Return options by name.

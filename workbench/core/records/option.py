@@ -74,6 +74,7 @@ class Option:
         also: another flag of the same meaning; empty: none.
         metavar: what `--help` shows in place of the value; empty: that of its form.
         group: heading under which `--help` shows it; empty: that of the class it is declared in.
+        first: whether `--help` of a command with many options describes it; those that have to be given in any case.
         python: whether only Python has it.
         least: smallest value; None: any.
         positive: whether it must be above 0.
@@ -93,6 +94,7 @@ class Option:
     also: str = ""
     metavar: str = ""
     group: str = ""
+    first: bool = False
     python: bool = False
     least: float | None = None
     positive: bool = False
@@ -278,6 +280,7 @@ def option(
     also: str = "",
     metavar: str = "",
     group: str = "",
+    first: bool = False,
     python: bool = False,
     least: float | None = None,
     positive: bool = False,
@@ -291,8 +294,8 @@ def option(
     """Declare an option of a request: a field of the dataclass. See `Option` for the arguments."""
     declared = Option(
         help=help, unit=unit, of=of, change=change, flag=flag, also=also, metavar=metavar, group=group,
-        python=python, least=least, positive=positive, below=below, finite=finite, choices=choices, needed=needed,
-        form=form, part=part,
+        first=first, python=python, least=least, positive=positive, below=below, finite=finite, choices=choices,
+        needed=needed, form=form, part=part,
     )  # fmt: skip
     made: Any = field(
         metadata={_DECLARED: declared},

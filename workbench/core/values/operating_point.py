@@ -124,6 +124,7 @@ class AtPoint(Options):
         metavar="POINT.JSON",
         form=FILE,
         default=None,
+        first=True,
     )
 
 

@@ -194,9 +194,9 @@ class BlaCommand(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
     needs = ("rms", "band")
 
     _: KW_ONLY
-    rms: Amounts | None = option(_RMS, of="input", change=True, metavar="R,..", default=None)
+    rms: Amounts | None = option(_RMS, of="input", change=True, metavar="R,..", default=None, first=True)
     band: Band | None = option(
-        "Lowest and highest frequency; lines are as far apart as the lowest.", unit="Hz", default=None
+        "Lowest and highest frequency; lines are as far apart as the lowest.", unit="Hz", default=None, first=True
     )
     period: float | None = option(
         "Period of the multisine in recorded data.",
@@ -206,6 +206,7 @@ class BlaCommand(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
         finite=True,
         default=None,
         group=_RECORDED,
+        first=True,
     )
     also: _Files | None = option(
         "More files, with other realisations of the phases at the same power.",

@@ -115,11 +115,13 @@ class Excite(AtPoint, InWhole, ModelRequest["ExciteResult"]):
         "that does not repeat), seed, offset (default: the operating point). Separate the values of several inputs by "
         "colons: amplitude=2:0.5.",
         default=None,
+        first=True,
     )
     multisine: _Multisine | None = option(
         "Sum of sines: band=LOW:HIGH [Hz], amplitude (peak), periods, lines (all or odd), seed, offset. Separate the "
         "values of several inputs by colons.",
         default=None,
+        first=True,
     )
     dt: float | None = option(
         "Sampling interval; by default the period of a sampled model.",
@@ -128,8 +130,9 @@ class Excite(AtPoint, InWhole, ModelRequest["ExciteResult"]):
         metavar="DT",
         positive=True,
         default=None,
+        first=True,
     )
-    samples: int = option("Length of the part for identification.", metavar="N", least=2, default=3000)
+    samples: int = option("Length of the part for identification.", metavar="N", least=2, default=3000, first=True)
     validation_samples: int | None = option(
         "Length of the part for validation; by default the same length, 0 for none. It is written next to the CSV "
         "file, as NAME_validation.",

@@ -61,8 +61,9 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
         "Run these checks only: validation, runs, step, reset, determinism, processes, instances, snapshots, "
         "promise, directional, dependencies, drift, start-time, nominals, inputs, jumps, memory.",
         default=None,
+        first=True,
     )
-    skip: Names | None = option("Leave these checks out.", default=None)
+    skip: Names | None = option("Leave these checks out.", default=None, first=True)
     interface: str = option(
         "Interface to check, model exchange or co-simulation; auto checks each that the FMU offers.",
         choices=("auto", *INTERFACES),

@@ -110,6 +110,7 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         also="--inputs",
         metavar="U,..",
         default=None,
+        first=True,
     )
     outputs: Names | None = option(
         "Columns with outputs; by default those that the file or the experiment names.",
@@ -117,6 +118,7 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         also="--outputs",
         metavar="Y,..",
         default=None,
+        first=True,
     )
     also: _Several | None = option(
         "More experiments with the same system, fitted together; each has an operating point and a start of its own.",
@@ -130,13 +132,14 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         group="Data",
     )
     order: _Order = option(
-        "Number of states, 0 for a gain; ask shows the singular values and prompts for it.", default="auto"
+        "Number of states, 0 for a gain; ask shows the singular values and prompts for it.", default="auto", first=True
     )
     validation: _Data | None = option(
         "Other data from the same model; by default the data of the fit, which makes the model look too good.",
         flag="--validate",
         metavar="DATA2",
         default=None,
+        first=True,
     )
     method: str = option("Weighting of the subspace method.", choices=("moesp", "n4sid", "cva"), default="moesp")
     basis: str | None = option(

@@ -120,6 +120,7 @@ class IdentifyCommand(_BlockOptions, Identify):
         choices=STRUCTURES,
         default=None,
         group="Static blocks",
+        first=True,
     )
 
     def __post_init__(self) -> None:

@@ -119,10 +119,10 @@ class FeedForward(AtPoint, ModelRequest["FeedForwardResult"]):
         default=None,
     )
     feedback: _Gain | None = option(
-        "Variable and gain of a scalar feedback to the same input, which stays.", default=None
+        "Variable and gain of a scalar feedback to the same input, which stays.", default=None, first=True
     )
     orders: _Orders | None = option(
-        "Orders of the reduced G and H, e.g. 36,29; by default chosen by hankel.", default=None
+        "Orders of the reduced G and H, e.g. 36,29; by default chosen by hankel.", default=None, first=True
     )
     hankel: float = option(
         "Without orders: smallest Hankel singular value that is kept, relative to the largest.",
@@ -171,6 +171,7 @@ class FeedForward(AtPoint, ModelRequest["FeedForwardResult"]):
         flag="--input",
         group=_TRIALS,
         default=None,
+        first=True,
     )
     outputs: Names = option(
         "Variable to record in addition to the block's input, its output and the target.",

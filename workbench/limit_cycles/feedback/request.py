@@ -108,16 +108,23 @@ class Feedback(AtPoint, InParts, ModelRequest["FeedbackResult"]):
         metavar="A.Y",
     )
     target: str = option("Input that the feedback acts on, named in the same way.", flag="--to", metavar="B.U")
-    gains: Range = option("Lowest and highest gain to consider; by default all gains.", default=(-math.inf, math.inf))
-    settle: bool = option("Measure settling times over the stable gains.", default=False)
+    gains: Range = option(
+        "Lowest and highest gain to consider; by default all gains.", default=(-math.inf, math.inf), first=True
+    )
+    settle: bool = option("Measure settling times over the stable gains.", default=False, first=True)
     gain: float | None = option(
-        "Simulate the feedback with this gain, and keep the time histories.", metavar="G", finite=True, default=None
+        "Simulate the feedback with this gain, and keep the time histories.",
+        metavar="G",
+        finite=True,
+        default=None,
+        first=True,
     )
     block: str | None = option(
         "Component to treat as the nonlinear block; by default the only static nonlinear component.",
         metavar="COMPONENT",
         group=_ANALYSIS,
         default=None,
+        first=True,
     )
     time: float | None = option(
         "Time of the analysis; by default that of the operating point, or the system's start time. Connections that "

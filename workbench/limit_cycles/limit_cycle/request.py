@@ -87,13 +87,15 @@ class LimitCycles(AtPoint, InWorkers, ModelRequest["LimitCycleResult"]):
         flag="--output",
         metavar="NAME",
         default=None,
+        first=True,
     )
-    band: Band = option("Lowest and highest frequency of the search.", unit="Hz", default=(0.01, 1000.0))
+    band: Band = option("Lowest and highest frequency of the search.", unit="Hz", default=(0.01, 1000.0), first=True)
     amplitudes: Band | None = option(
         "Lowest and highest amplitude at the block's input; required for a block with states, which is measured.",
         flag="--amplitude",
         positive=True,
         default=None,
+        first=True,
     )
     harmonics: int = option("Number of harmonics in harmonic balance.", metavar="K", least=1, default=7)
     methods: Names = option(
@@ -107,6 +109,7 @@ class LimitCycles(AtPoint, InWorkers, ModelRequest["LimitCycleResult"]):
         "Follow the cycles that shooting finds over a parameter, also around folds, to where they shrink to a point; "
         "gain is a factor on the output of the block.",
         default_factory=dict,
+        first=True,
     )
     run_until: float | None = option(
         "Also simulate from the start up to this time, and follow frequency and amplitude of the block's input.",

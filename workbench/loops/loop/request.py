@@ -100,9 +100,16 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
         flag="--amplitude",
         default=None,
         positive=True,
+        first=True,
     )
     frequencies: Numbers | None = option(
-        "Frequencies to measure at.", unit="Hz", flag="--freq", metavar="F,..", group=_MEASURING, default=None
+        "Frequencies to measure at.",
+        unit="Hz",
+        flag="--freq",
+        metavar="F,..",
+        group=_MEASURING,
+        default=None,
+        first=True,
     )
     _: KW_ONLY
     band: Band | None = option(
@@ -110,6 +117,7 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
         unit="Hz",
         group=_MEASURING,
         default=None,
+        first=True,
     )
     ratio: float = option("Ratio of each frequency in the band to the one below it.", group=_MEASURING, default=1.2)
     how: str = option(
@@ -118,7 +126,7 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
         group=_MEASURING,
         default="auto",
     )
-    trim: bool = option("Trim the closed loop first, and open it at that point.", default=False)
+    trim: bool = option("Trim the closed loop first, and open it at that point.", default=False, first=True)
     method: str = option("Method of linearisation; auto chooses.", choices=METHOD_NAMES, default="auto")
     dx: Widths | None = option("Total width of the perturbation of the states, as in `lin`.", python=True, default=None)
     du: float | None = option(
@@ -134,7 +142,8 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
         default=2,
     )
     errcrit: float = option(
-        "A point has settled when its phase [rad] and 10 times its gain change by less than this in a period.",
+        "How accurately a point has to settle: its stated error is at most a tenth of this, 1 % at 0.1. A smaller "
+        "value takes more periods.",
         positive=True,
         group=_MEASURING,
         default=0.1,

@@ -100,8 +100,9 @@ class RateOnset(AtPoint, ModelRequest["OnsetResult"]):
         "Output that the pilot closes the loop on, an attitude: its bandwidth and phase delay are reported, too.",
         metavar="Y",
         default=None,
+        first=True,
     )
-    band: Band = option("Lowest and highest frequency of the search.", unit="Hz", default=(0.01, 100.0))
+    band: Band = option("Lowest and highest frequency of the search.", unit="Hz", default=(0.01, 100.0), first=True)
     jump: bool = option(
         "Also follow the periodic responses of the model itself around each onset, and tell where they jump.",
         default=False,

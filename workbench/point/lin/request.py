@@ -82,11 +82,13 @@ class _ChosenVariables(Options):
         "Inputs of the linear model, in this order; by default all real inputs.",
         metavar="U,..",
         default=None,
+        first=True,
     )
     outputs: Names | None = option(
         "Outputs or states to use as outputs of the linear model; by default all real outputs.",
         metavar="Y,..",
         default=None,
+        first=True,
     )
     method: str = option(
         "Method of linearisation; auto chooses and gives the reason.", choices=METHOD_NAMES, default="auto"

@@ -60,13 +60,14 @@ class Modes(PointOptions, InParts, ModelRequest["ModesResult"]):
     )
     values: Numbers | None = option("Values of what is varied, rising.", python=True, default=None)
     band: Band | None = option("Lowest and highest value of what is varied.", python=True, default=None)
-    points: int = option("Number of equidistant values in the range.", metavar="N", least=2, default=41)
+    points: int = option("Number of equidistant values in the range.", metavar="N", least=2, default=41, first=True)
     set: Settings | None = option("Parameters that all configurations have in common.", python=True, default=None)
-    against: Configurations = option("Parameters of another configuration to compare with.", default=())
+    against: Configurations = option("Parameters of another configuration to compare with.", default=(), first=True)
     trimmed: bool = option(
         "Trim at each value with the inputs held; by default the operating point stays the same.",
         flag="--trim",
         default=False,
+        first=True,
     )
     method: str = option("Method of linearisation; auto chooses.", choices=METHOD_NAMES, default="auto")
     count: int | None = option(

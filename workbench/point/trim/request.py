@@ -65,12 +65,17 @@ class Trim(AtPoint, ModelRequest["TrimResult"]):
     example = "workbench trim fmu:Rudder --u0 delC=2 --float p1,p2 --json trim.json"
 
     _: KW_ONLY
-    free: Names = option("Inputs to find.", metavar="U,..", default=())
-    fix: Values | None = option("Value that a state, input or output must have.", of=EACH, default=None)
+    free: Names = option("Inputs to find.", metavar="U,..", default=(), first=True)
+    fix: Values | None = option("Value that a state, input or output must have.", of=EACH, default=None, first=True)
     bound: Limits | None = option(
-        "Lowest and highest value of a state, input or output; an input with bounds is free.", of=EACH, default=None
+        "Lowest and highest value of a state, input or output; an input with bounds is free.",
+        of=EACH,
+        default=None,
+        first=True,
     )
-    floating: Names = option("States whose derivative need not vanish.", flag="--float", metavar="X,..", default=())
+    floating: Names = option(
+        "States whose derivative need not vanish.", flag="--float", metavar="X,..", default=(), first=True
+    )
     x0: Values | None = option(
         "Value of a state at which the search begins, instead of that of the operating point.", of=EACH, default=None
     )

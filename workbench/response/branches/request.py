@@ -68,12 +68,14 @@ class Branches(AtPoint, ModelRequest["BranchesResult"]):
         metavar="A,..",
         positive=True,
         default=None,
+        first=True,
     )
     _: KW_ONLY
-    band: Band | None = option("Lowest and highest frequency.", unit="Hz", default=None)
+    band: Band | None = option("Lowest and highest frequency.", unit="Hz", default=None, first=True)
     vary: Ranges = option(
         "Follow the response over this instead of the frequency: amplitude, or a parameter of the model.",
         default_factory=dict,
+        first=True,
     )
     frequencies: Numbers | None = option(
         "Frequencies at which all responses are listed; where another quantity is varied, the one at which it is.",
@@ -81,13 +83,16 @@ class Branches(AtPoint, ModelRequest["BranchesResult"]):
         flag="--freq",
         metavar="F,..",
         default=None,
+        first=True,
     )
     order: int = option(
         "Follow responses that repeat only after so many periods at most.", metavar="M", least=1, default=2
     )
     seeds: int = option("Number of random starts from which further responses are looked for.", least=0, default=6)
     onset: bool = option(
-        "Also find the amplitude from which on the response jumps, at or below the largest one given.", default=False
+        "Also find the amplitude from which on the response jumps, at or below the largest one given.",
+        default=False,
+        first=True,
     )
     places: int = option("Largest number of places on a branch.", least=10, default=600)
 

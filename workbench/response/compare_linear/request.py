@@ -96,6 +96,7 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinCompa
         of=EACH,
         default_factory=dict,
         group=SEVERAL,
+        first=True,
     )
     store: File | None = option(
         "Folder in which finished models of --over are kept; the same command continues from there.",
@@ -116,6 +117,7 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinCompa
         "Compare all methods on all interfaces with each other and with a measured response.",
         default=False,
         group=MEASURED,
+        first=True,
     )
     frequencies: Numbers | None = option(
         "Frequencies for --compare.",
@@ -125,9 +127,16 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinCompa
         positive=True,
         default=None,
         group=MEASURED,
+        first=True,
     )
     amplitude: Amount | None = option(
-        "Amplitude of the sine for --compare.", of="inputs", change=True, positive=True, default=None, group=MEASURED
+        "Amplitude of the sine for --compare.",
+        of="inputs",
+        change=True,
+        positive=True,
+        default=None,
+        group=MEASURED,
+        first=True,
     )
 
     def __post_init__(self) -> None:

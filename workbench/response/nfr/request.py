@@ -76,11 +76,12 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
     input: str = option("Input to force.", metavar="U")
     output: str = option("Output or state to measure.", metavar="Y")
     frequencies: Numbers | None = option(
-        "Frequencies to measure; with carry in this order, rising or falling, else in any.",
+        "Frequencies to measure, in place of a band.",
         unit="Hz",
         flag="--freq",
         metavar="F,..",
         default=None,
+        first=True,
     )
     amplitudes: Amounts | None = option(
         "Amplitudes of the sine, in the unit of the input or in one of their own, as 0.05rad.",
@@ -91,12 +92,14 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
         default=None,
         positive=True,
         needed="a nonlinear model's response depends on it",
+        first=True,
     )
     _: KW_ONLY
-    band: Band | None = option("Lowest and highest frequency, instead of a list.", unit="Hz", default=None)
+    band: Band | None = option("Lowest and highest frequency.", unit="Hz", default=None, first=True)
     ratio: float = option("Ratio of each frequency in the band to the one below it.", default=1.2)
     errcrit: float = option(
-        "A point has settled when its phase [rad] and 10 times its gain change by less than this in a period.",
+        "How accurately a point has to settle: its stated error is at most a tenth of this, 1 % at 0.1. A smaller "
+        "value takes more periods.",
         default=0.1,
         positive=True,
     )
@@ -114,7 +117,8 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
         "Also follow all periodic responses over the band, stable or not, around their folds.", default=False
     )
     carry: bool = option(
-        "Carry the state over to the next frequency; the band may then be falling (HI:LO).", default=False
+        "Carry the state over from each frequency to the next, in their order; a band may then be falling (HI:LO).",
+        default=False,
     )
     step: float | None = option(
         "Communication step of co-simulation; by default found by halving.",

@@ -55,7 +55,11 @@ class Simulate(AtPoint, ModelRequest["SimulationResult"]):
 
     _: KW_ONLY
     stop: float | None = option(
-        "End of the run; by default that of the FMU's default experiment.", unit="s", metavar="T", default=None
+        "End of the run; by default that of the FMU's default experiment.",
+        unit="s",
+        metavar="T",
+        default=None,
+        first=True,
     )
     inputs: Signals = option(
         "Force an input: a number, with a unit or without (2deg), sine:amplitude=1,frequency=2, step:time=1,value=2, "
@@ -63,12 +67,14 @@ class Simulate(AtPoint, ModelRequest["SimulationResult"]):
         "value or that of the operating point.",
         flag="--input",
         default_factory=dict,
+        first=True,
     )
     outputs: Names | None = option(
         "Variables to record; by default all outputs, or, if there are none, all states, or all local variables.",
         flag="--output",
         metavar="NAME",
         default=None,
+        first=True,
     )
     start_time: float | None = option(
         "Start of the run; by default the time of the operating point, or the model's start time.",
