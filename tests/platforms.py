@@ -7,12 +7,14 @@ from importlib.util import find_spec
 
 import pytest
 
-__all__ = ["needs", "needs_module", "posix_signals"]
+__all__ = ["needs", "needs_module", "posix_shell", "posix_signals"]
 
 posix_signals = pytest.mark.skipif(
     os.name == "nt",
     reason="Windows ends a process without SIGTERM, SIGKILL or SIGSEGV, which this test sends or finds in a message",
 )
+
+posix_shell = pytest.mark.skipif(os.name == "nt", reason="Windows has no bash with which this test runs lines of a CI")
 
 
 def needs(module: str, extra: str) -> pytest.MarkDecorator:

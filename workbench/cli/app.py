@@ -10,6 +10,7 @@ import click
 
 from workbench.cli import command_line as asked
 from workbench.cli import notes
+from workbench.cli.github import tell_error
 from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
 from workbench.cli.program import BEGINNING, completing, options_of, program, said
 from workbench.commands import COMMANDS, MOVED, requests_of
@@ -114,4 +115,5 @@ def _study_of_its_own(name: str | None, words: Sequence[str]) -> type[Request[An
 
 def _complain(message: str) -> int:
     sys.stderr.write(f"workbench: {one_line(message)}\n")
+    tell_error(message)
     return BAD_INPUT

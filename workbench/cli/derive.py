@@ -189,8 +189,10 @@ def _show(
     stopped: BaseException | None,
 ) -> None:
     """Print the page of a record, and write its files."""
+    from workbench.cli.github import tell_github
     from workbench.cli.notes import flush, note
     from workbench.cli.output import failure_in_json
+    from workbench.show.cases import Judged
     from workbench.show.result import page_of
     from workbench.show.terminal import text_of
 
@@ -210,6 +212,8 @@ def _show(
     )
     for path in written.write(record):
         out.wrote(path)
+    if isinstance(record, Judged):
+        tell_github(record, lambda: page)
 
 
 # -- options -----------------------------------------------------------------------------------

@@ -87,7 +87,9 @@ def run(
 
     Example: `workbench run study:rudder_specification --junit junit.xml --report rudder.html`
     """
+    from workbench.cli.github import tell_github
     from workbench.cli.output import Output
+    from workbench.show.result import page_of
     from workbench.study.run import StudyRun, default_store
 
     if example:
@@ -109,6 +111,7 @@ def run(
     if junit is not None:
         result.to_junit(junit)
         out.wrote(junit)
+    tell_github(result, lambda: page_of(result))
     if result.missing:
         return INTERRUPTED
     return 0 if result.passed else _NOT_MET

@@ -10,6 +10,7 @@ from typing import Any, TextIO
 
 from workbench.core.records.csv_file import write_csv
 from workbench.core.records.named import named
+from workbench.show.cases import Case, Judged
 from workbench.study.description import Study
 from workbench.study.plan import PlannedRun, RunResult
 from workbench.study.requirements.base import Compliance, Requirement
@@ -67,7 +68,7 @@ class RequirementResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudyResult:
+class StudyResult(Judged):
     """What a study came to.
 
     Attributes:
@@ -164,16 +165,12 @@ class StudyResult:
         """
         write_csv(path, [_COLUMNS, *(_row(c) for c in self.checked)])
 
-    def to_junit(self, path: str | Path) -> None:
-        """Write one test case for each requirement at each point, as JUnit XML.
+    @property
+    def suite(self) -> str:
+        return self.study.name
 
-        Args:
-            path: path of the file.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
-        named("workbench.study.junit:write_junit")(self, path)
+    def cases(self) -> list[Case]:
+        return list(named("workbench.study.junit:cases_of")(self))
 
     def report(self, path: str | Path) -> None:
         """Write the page.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from workbench.health.check.registry import CHECKS
-from workbench.health.check.result import HealthCard, HealthLine
+from workbench.health.check.result import AND, HealthCard, HealthLine
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.verdicts import Verdict
 
@@ -16,12 +16,14 @@ _INTERFACES = {"file": "The file", "me": "Model exchange", "cs": "Co-simulation"
 
 def check_page(card: HealthCard) -> Page:
     """Return the page of a health card: what is broken first, then every line, interface by interface."""
-    kept = "does not keep its promises" if card.worst == "broken" else "keeps its promises, as far as they were checked"
-    words = "keeps its promises" if card.passed else kept
+    keep, no, their = ("keep", "do", "their") if AND in card.source else ("keeps", "does", "its")
+    kept = f"{keep} {their} promises"
+    if not card.passed:
+        kept = f"{no} not keep {their} promises" if card.worst == "broken" else f"{kept}, as far as they were checked"
     concerns = [Verdict(c.verdict, _line(c)) for c in card.concerns]
     return Page(
         title=f"Health card of {card.model}",
-        lead=f"{card.model} {words}: {_counted(card)}.",
+        lead=f"{card.model} {kept}: {_counted(card)}.",
         facts={
             "checked": card.source,
             "FMI": card.fmi_version,

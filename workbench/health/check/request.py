@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import KW_ONLY, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from workbench.core.records.forms import Names
 from workbench.core.records.option import option
@@ -27,8 +29,8 @@ class _Patient(Workers):
     timeout: float | None = option("Time limit for one check [s]; inf for no limit.", metavar="S", default=_PATIENCE)
 
 
-class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
-    """Check whether an FMU keeps its promises: a health card for each interface of the FMU, or of each FMU in a system.
+class Check(Loading, InWorkers, Request[str | Path | Sequence[str | Path], "HealthCard"]):
+    """Check whether FMUs keep their promises: a health card for each interface of an FMU, or of each FMU in a system.
 
     Each line has a verdict (good, watch, broken, not applicable), the evidence, and what follows for the analyses.
     The FMU runs in worker processes; a crash or a hang becomes a line, and the other checks go on in a new worker.
@@ -53,7 +55,14 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
     command = "check"
     algorithm = "workbench.health.check.run:run"
     example = "workbench check fmu:Rudder --report health.html"
-    subject = MODEL_FILE
+    written = "workbench.show.cases:JudgedFiles"
+    subject = replace(
+        MODEL_FILE,
+        type="str | Path | Sequence[str | Path]",
+        help="An FMU, as for `load`, or a system: .toml, .ssp; or several of them, for one card.",
+        metavar="MODEL..",
+        several=True,
+    )
     counts = "checks"
 
     _: KW_ONLY
@@ -76,6 +85,12 @@ class Check(Loading, InWorkers, Request[str | Path, "HealthCard"]):
         group="Where it runs",
         part=_Patient,
     )
+
+    @classmethod
+    @contextmanager
+    def opened(cls, given: Any, loading: Loading) -> Iterator[tuple[Any, tuple[str, ...]]]:  # noqa: ANN401, ARG003
+        """Yield the path of the one model, or those of several: they are opened one after the other."""
+        yield (given[0] if isinstance(given, list) and len(given) == 1 else given), ()
 
     @property
     def place(self) -> Workers:

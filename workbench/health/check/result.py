@@ -8,12 +8,14 @@ from typing import Any
 
 from workbench.core.records.record import RecordPart
 from workbench.errors import InputError, suggest
+from workbench.show.cases import ERROR, FAILURE, PASSED, SKIPPED, Case, Judged
 from workbench.show.result import Result
 
-__all__ = ["VERDICTS", "Answer", "HealthCard", "HealthLine"]
+__all__ = ["AND", "VERDICTS", "Answer", "HealthCard", "HealthLine"]
 
 # From harmless to serious.
 VERDICTS = ("not applicable", "good", "watch", "broken")
+AND = ", "  # between several sources
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,8 @@ class HealthLine(RecordPart):
     """One check of one interface of one FMU.
 
     Attributes:
-        component: name in the system; empty where the card is of one FMU.
+        component: name in the system; of several models the model as it was named, a blank and this name; empty where
+            the card is of one FMU.
         interface: "me" or "cs"; "file": the description, without running it.
         name: name of the check, a key of `CHECKS`.
         verdict, evidence, consequence, numbers, finished: see `Answer`.
@@ -58,6 +61,13 @@ class HealthLine(RecordPart):
     finished: bool = True
     seconds: float = 0.0
 
+    @property
+    def outcome(self) -> str:
+        """How a CI counts it: what is broken is a failure, a check that was cut off an error."""
+        if self.verdict == "broken":
+            return FAILURE
+        return ERROR if not self.finished else SKIPPED if self.verdict == "not applicable" else PASSED
+
     def __str__(self) -> str:
         where = ", ".join(filter(None, (self.component, self.interface)))
         tail = f" → {self.consequence}" if self.consequence else ""
@@ -65,13 +75,13 @@ class HealthLine(RecordPart):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HealthCard(Result):
-    """Whether an FMU, or each FMU of a system, keeps its promises.
+class HealthCard(Result, Judged):
+    """Whether an FMU, each FMU of a system, or each of several keeps its promises.
 
     Attributes:
-        model: name of the model or of the system's file.
-        source: what was checked.
-        sha256: of the FMU's file or folder; of a system those of its FMUs, joined by commas, as the next two are.
+        model: name of the model or of the system's file; of several models the names of the files, joined by commas.
+        source: what was checked, likewise.
+        sha256: of the FMU's file or folder; of several FMUs joined by commas, as the next two are.
         fmi_version, generation_tool: as the FMU tells them.
         interfaces: those checked.
         checks: every line, component by component, the file first, then "me", then "cs".
@@ -129,6 +139,25 @@ class HealthCard(Result):
                 return check
         known = [c.name for c in self.checks if c.interface == interface]
         raise InputError(f"the card has no check '{name}' of {interface}; {suggest(name, known)}")
+
+    @property
+    def suite(self) -> str:
+        return self.model
+
+    def cases(self) -> list[Case]:
+        sources = self.source.split(AND)
+        return [
+            Case(
+                group=" ".join(filter(None, (c.component, c.interface))),
+                name=c.name,
+                outcome=c.outcome,
+                message="; ".join(filter(None, (c.evidence, c.consequence))),
+                kind=c.verdict,
+                seconds=c.seconds,
+                file=next((s for s in sources if c.component.startswith(s)), self.source),
+            )
+            for c in self.checks
+        ]
 
     def derived(self) -> dict[str, Any]:
         """Return the verdict.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from workbench.health.check.job import UNLOADED, CheckJob, CheckReply, adapted
 from workbench.health.check.processes import processes
 from workbench.health.check.registry import CHECKS, FILE, PROCESSES, VALIDATION, choose
 from workbench.health.check.request import Check
-from workbench.health.check.result import Answer, HealthCard, HealthLine
+from workbench.health.check.result import AND, Answer, HealthCard, HealthLine
 from workbench.health.check.subject import CheckedFmu
 from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
@@ -44,37 +44,43 @@ _CRASH = "it ends its process: keep the worker processes (never --in-process); s
 class _CheckedInterface:
     """One FMU to be checked, and how it is loaded."""
 
-    component: str
+    path: str  # that was named
+    component: str  # in the card
     file: str
     loading: Loading
     called: str = ""  # see `FmuComponent`
 
 
-def run(path: str | Path, request: Check, job: Job) -> HealthCard:
-    """Check an FMU, or the FMUs of a system; see `Check`."""
+def run(path: str | Path | Sequence[str | Path], request: Check, job: Job) -> HealthCard:
+    """Check an FMU, or the FMUs of a system, or several of them; see `Check`."""
     names = choose(request.only, request.skip)
     given = Loading(**{d.name: getattr(request, d.name) for d in options_of(Loading)})
-    system = read_system(path) if is_system_file(path) else None  # an .ssp stays unpacked as long as this lives
-    parts = (
-        [_CheckedInterface(component="", file=str(path), loading=given)]
-        if system is None
-        else _parts_of(system, path, given)
-    )
+    paths = [str(path)] if isinstance(path, str | Path) else [str(one) for one in path]
+    if not paths:
+        raise InputError("check takes at least one model")
+    # An .ssp stays unpacked as long as its description lives.
+    systems = {one: read_system(one) for one in paths if is_system_file(one)}
+    parts = [part for one in paths for part in _parts(one, systems.get(one), given)]
+    if len(paths) > 1:
+        parts = [replace(part, component=f"{part.path} {part.component}".rstrip()) for part in parts]
     cards: list[HealthCard] = []
     for number, part in enumerate(parts, 1):
         job.stage(number, len(parts))
-        joined = partial(_joined, str(path), tuple(cards))
+        joined = partial(_joined, paths, tuple(cards))
         cards.append(_card(part, names, request.place, job, joined))
-    return _joined(str(path), tuple(cards[:-1]), cards[-1])
+    return _joined(paths, tuple(cards[:-1]), cards[-1])
 
 
-def _parts_of(system: SystemDescription, path: str | Path, given: Loading) -> list[_CheckedInterface]:
-    """Return each FMU of a system; the interface that the system names, unless the user names one."""
+def _parts(path: str, system: SystemDescription | None, given: Loading) -> list[_CheckedInterface]:
+    """Return each FMU of a system; the interface that the system names, unless the user names one. Or the one FMU."""
+    if system is None:
+        return [_CheckedInterface(path=path, component="", file=path, loading=given)]
     result = [c for c in system.components if isinstance(c, FmuComponent)]
     if not result:
         raise InputError(f"{path}: the system contains no FMU to check")
     return [
         _CheckedInterface(
+            path=path,
             component=c.name,
             file=c.file,
             called=c.called,
@@ -230,17 +236,17 @@ def _loss(name: str, lost: Lost) -> Answer:
 # -- all of them --------------------------------------------------------------------------------
 
 
-def _joined(source: str, before: tuple[HealthCard, ...], last: HealthCard) -> HealthCard:
+def _joined(paths: Sequence[str], before: tuple[HealthCard, ...], last: HealthCard) -> HealthCard:
     """Return one card of one or several FMUs."""
     cards = [*before, last]
     if len(cards) == 1 and not any(line.component for line in cards[0].checks):
         return cards[0]
     return HealthCard(
-        model=Path(source).name,
-        source=source,
-        sha256=", ".join(dict.fromkeys(c.sha256 for c in cards)),
-        fmi_version=", ".join(dict.fromkeys(c.fmi_version for c in cards)),
-        generation_tool=", ".join(dict.fromkeys(c.generation_tool for c in cards)),
+        model=AND.join(Path(path).name for path in paths),
+        source=AND.join(paths),
+        sha256=AND.join(dict.fromkeys(c.sha256 for c in cards)),
+        fmi_version=AND.join(dict.fromkeys(c.fmi_version for c in cards)),
+        generation_tool=AND.join(dict.fromkeys(c.generation_tool for c in cards)),
         interfaces=tuple(dict.fromkeys(i for c in cards for i in c.interfaces)),
         checks=tuple(line for c in cards for line in c.checks),
         notes=tuple(dict.fromkeys(n for c in cards for n in c.notes)),

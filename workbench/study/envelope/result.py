@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from workbench.core.records.record import RecordPart
+from workbench.show.cases import ERROR, FAILURE, PASSED, Case, Judged
 from workbench.show.result import Result
 from workbench.study.envelope.probability import Probability
-from workbench.study.requirements.base import Scalar
+from workbench.study.requirements.base import Compliance, Scalar
 
 __all__ = ["Border", "EnvelopeParameter", "EnvelopePoint", "EnvelopeResult", "WorstCase", "margin_of"]
 
@@ -111,7 +112,7 @@ class Border(RecordPart):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class EnvelopeResult(Result):
+class EnvelopeResult(Result, Judged):
     """An envelope: points with values, the worst case, the probability of the requirement, borders.
 
     Attributes:
@@ -180,6 +181,25 @@ class EnvelopeResult(Result):
     def passed(self) -> bool:
         """Whether every point was measured and meets the requirement, and so does the worst case."""
         return not self.violated and not self.failed and self.found_violated is None
+
+    @property
+    def suite(self) -> str:
+        return self.study
+
+    def cases(self) -> list[Case]:
+        searched = [] if self.found_violated is None else [self._case(self.found_violated, passed=False)]
+        return [*(self._case(point, passed=point.passed) for point in self.points), *searched]
+
+    def _case(self, point: EnvelopePoint | WorstCase, *, passed: bool | None) -> Case:
+        values = [f"{name} = {value}" for name, value in point.values.items()]
+        came_out = Compliance(value=point.value, limit=self.limit, unit=self.unit, where=point.where)
+        return Case(
+            group=self.requirement,
+            name=", ".join(filter(None, (point.failure, *values))),
+            outcome=ERROR if passed is None else PASSED if passed else FAILURE,
+            message=getattr(point, "reason", "") or came_out.words,
+            kind="envelope",
+        )
 
     def of(self, failure: str | None) -> tuple[EnvelopePoint, ...]:
         """Return the points of one failure.

@@ -11,12 +11,12 @@ from workbench.core.machine.files import replacing
 from workbench.core.records.forms import File
 from workbench.core.records.option import option
 from workbench.errors import InputError
-from workbench.show.files_written import Written
+from workbench.show.cases import JudgedFiles
 
 __all__ = ["EnvelopeFiles"]
 
 
-class EnvelopeFiles(Written):
+class EnvelopeFiles(JudgedFiles):
     """What can be asked of an envelope."""
 
     _: KW_ONLY
@@ -26,10 +26,12 @@ class EnvelopeFiles(Written):
     )
 
     def check(self, request: Any) -> None:  # noqa: ANN401 - see `Written`
+        super().check(request)
         if self.worst is not None and Path(self.worst).suffix.lower() != ".toml":
             raise InputError(f"--worst: {self.worst} is not a system file; name it .toml")
 
     def write(self, record: Any) -> Iterator[str | Path]:  # noqa: ANN401 - of a layer above
+        yield from super().write(record)
         if self.worst is None:
             return
         systems = {} if record.worst is None else record.worst.systems
