@@ -19,14 +19,32 @@ from workbench.identification.identify.request import identify as identify_data
 def test_info_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["info", "fmu:FirstOrderLag@3"]) == 0
     out = capsys.readouterr().out
-    assert "3.0 (cs, me)" in out
-    assert "Parameters" in out
-    assert "tau" in out
+    assert "FMI: 3.0, co-simulation (cs), model exchange (me)" in out
+    assert "--full also shows: States (1), Parameters (" in out
+    assert "\ntau " not in out
+    assert run(["info", "fmu:FirstOrderLag@3", "--full"]) == 0
+    out = capsys.readouterr().out
+    assert "\ntau " in out
+    assert "also shows" not in out
+
+
+@pytest.mark.parametrize("name", ["Rudder", "Aircraft", "ElevatorLaw", "TwoRateQuantizer"])
+def test_info_fits_a_screen(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["info", f"fmu:{name}"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 40
+    assert {"made by: FMI workbench", "good: runs here (cs, me)"} <= set(lines)
+
+
+def test_a_report_of_info_has_everything(tmp_path: Path) -> None:
+    assert run(["info", "fmu:Rudder", "--report", str(tmp_path / "rudder.html")]) == 0
+    page = (tmp_path / "rudder.html").read_text(encoding="utf-8")
+    assert all(words in page for words in ("Parameters (31)", "aeroDamping", "Declared capabilities"))
 
 
 @needs_gemseo
 def test_info_of_a_third_party_fmu(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["info", str(gemseo_fmu("Mass_Damper"))]) == 0
+    assert run(["info", str(gemseo_fmu("Mass_Damper")), "--full"]) == 0
     out = capsys.readouterr().out
     assert "OpenModelica" in out
     assert "spring.c" in out

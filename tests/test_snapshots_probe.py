@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -22,10 +23,10 @@ def snapshots(fmu: str, capsys: pytest.CaptureFixture[str]) -> dict[str, dict[st
 
 def test_an_honest_fmu_is_believed_after_the_probe(capsys: pytest.CaptureFixture[str]) -> None:
     assert snapshots("fmu:Rudder", capsys) == {name: {"method": "state", "why": ""} for name in ("me", "cs")}
-    assert run(["info", "fmu:Rudder"]) == 0
+    assert run(["info", "fmu:Rudder", "--full"]) == 0
     said = capsys.readouterr().out
-    assert "cs: snapshots by state" in said
-    assert "me: snapshots by state" in said
+    assert re.search(r"^tried: the saved state is restored +yes +yes$", said, re.MULTILINE)
+    assert "watch:" not in said
 
 
 @pytest.mark.parametrize(
@@ -40,6 +41,8 @@ def test_a_lie_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], name:
     for found in snapshots(str(build_hostile(tmp_path, name)), capsys).values():
         assert found["method"] == "replay"
         assert why in found["why"] or "not those that were saved" in found["why"]
+    assert run(["info", str(build_hostile(tmp_path, name))]) == 0
+    assert "watch: me, cs: an analysis that goes back in time repeats the run: " in capsys.readouterr().out
 
 
 @posix_signals

@@ -41,6 +41,7 @@ class PageTable:
         title: above the table.
         right: numbers of the columns that stand at the right edge; None: those that hold numbers only.
         bars: one for each row, which a terminal draws behind it; other pages have a picture instead.
+        most: rows that a terminal shows; None: as many as of any table.
     """
 
     headings: Sequence[str]
@@ -49,6 +50,7 @@ class PageTable:
     title: str = ""
     right: Sequence[int] | None = None
     bars: Sequence[str] = ()
+    most: int | None = None
 
     @property
     def at_right(self) -> frozenset[int]:
@@ -116,6 +118,7 @@ class Page:
         kind: what kind of page it is, above the title: the command's name.
         verdicts: all of them, where the summary puts several into one line; the metadata beside the page has them.
         signed: who agreed when, by role; for the metadata, too.
+        shown_by: option with which a terminal shows the sections that it leaves out; empty: there is none.
     """
 
     title: str
@@ -128,6 +131,7 @@ class Page:
     kind: str = ""
     verdicts: Sequence[Verdict] = ()
     signed: Mapping[str, str] = field(default_factory=dict)
+    shown_by: str = ""
 
 
 def write_page(page: Page, path: str | Path) -> None:

@@ -51,6 +51,10 @@ def _page(page: Page, width: int | None, how: str) -> Iterator[str]:
     for section in page.sections:
         if not section.explains:
             yield from _section(section, width)
+    left_out = ", ".join(section.title for section in page.sections if section.explains)
+    if page.shown_by and left_out:
+        yield ""
+        yield from _folded(f"{page.shown_by} also shows: {left_out}", width)
 
 
 def _section(section: Section, width: int | None) -> Iterator[str]:
@@ -88,7 +92,7 @@ def _table(table: PageTable, width: int | None) -> Iterator[str]:
         barred = [(*row, bar) for row, bar in zip(table.rows, table.bars, strict=True)]
         table = replace(table, headings=(*table.headings, ""), rows=barred, right=sorted(table.at_right), bars=())
     headings = [_cell(text) for text in table.headings]
-    rows = [[_cell(text) for text in row] for row in table.rows[:_MOST_ROWS]]
+    rows = [[_cell(text) for text in row] for row in table.rows[: table.most or _MOST_ROWS]]
     sizes = _sizes(table, [headings, *rows], width)
     for columns in _blocks(sizes, width):
         yield from _row(headings, columns, sizes, table.at_right)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import overload
 
 from workbench.fmi.description import DefaultExperiment, DisplayUnit, Terminal, TerminalMember
@@ -21,6 +22,10 @@ _GROUPS = {
     "structural_parameters": "Structural parameters",
 }
 _DRIVEN = {True: "as the FMU says", False: "by others alone"}
+_FIRST = ("inputs", "outputs")  # what fits one screen
+_FEW = 12  # rows of a table there
+_FULL = "--full"
+_INTERFACES = {"me": "model exchange (me)", "cs": "co-simulation (cs)"}
 _MANY = 30
 _EXPERIMENT = {
     "start_time": "start {:g} s",
@@ -39,8 +44,13 @@ _ABILITIES = {
 _SELDOM = ("adjoint_derivatives",)  # shown where an interface has it
 
 
-def info_page(record: FmuInfo) -> Page:
-    """Return the page of an FMU."""
+def info_page(record: FmuInfo, *, full: bool = False) -> Page:
+    """Return the page of an FMU.
+
+    Args:
+        record: of an FMU.
+        full: whether a terminal shows all of it.
+    """
     here = f"runs here ({', '.join(record.runs_here)})"
     alone = ": scheduled execution is for a scheduler" if record.scheduled_execution and not record.interfaces else ""
     runs = Verdict("good", here) if record.runnable else Verdict("poor", f"does not run here{alone}")
@@ -48,43 +58,60 @@ def info_page(record: FmuInfo) -> Page:
         title=record.model,
         lead=record.description or f"An FMU of FMI {record.fmi_version}.",
         facts={
-            "FMI": f"{record.fmi_version} ({', '.join(_offered(record)) or 'no interface'})",
+            "FMI": f"{record.fmi_version}, {', '.join(_offered(record)) or 'no interface'}",
             **({"made by": record.generation_tool} if record.generation_tool else {}),
             "platforms": ", ".join(record.platforms) or "none",
             "experiment": _experiment(record.experiment),
         },
         sections=[
-            *_variables(record),
-            *_clocks(record.clocks),
-            *_terminals(record.terminals),
-            *_enumerations(record.enumerations),
-            *_display_units(record),
-            *_capabilities(record.capabilities),
+            *_variables(record, full=full),
+            *_further(
+                [
+                    *_clocks(record.clocks),
+                    *_terminals(record.terminals),
+                    *_enumerations(record.enumerations),
+                    *_display_units(record),
+                    *_capabilities(record.capabilities),
+                ],
+                full=full,
+            ),
         ],
-        summary=[runs, *_snapshots(record.capabilities)],
+        summary=[runs, *_replayed(record.capabilities)],
         notes=record.notes,
         kind="info",
+        shown_by=_FULL,
     )
 
 
+def _further(sections: Sequence[Section], *, full: bool) -> list[Section]:
+    """Return sections that a terminal shows when it is asked for all."""
+    return [replace(section, explains=not full) for section in sections]
+
+
 def _offered(record: FmuInfo) -> list[str]:
-    return [*record.interfaces, *(["scheduled execution, not run here"] if record.scheduled_execution else [])]
+    return [
+        *(_INTERFACES[name] for name in record.interfaces),
+        *(["scheduled execution, not run here"] if record.scheduled_execution else []),
+    ]
 
 
 def _experiment(experiment: DefaultExperiment) -> str:
     given = {key: getattr(experiment, key) for key in _EXPERIMENT}
-    return ", ".join(_EXPERIMENT[key].format(value) for key, value in given.items() if value is not None) or "not told"
+    return (
+        ", ".join(_EXPERIMENT[key].format(value) for key, value in given.items() if value is not None) or "not declared"
+    )
 
 
-def _snapshots(capabilities: Mapping[str, InterfaceFacts]) -> list[Verdict]:
-    result = []
-    for interface, abilities in capabilities.items():
-        probed = abilities.snapshots
-        if probed is not None:
-            why = f": {probed.why}" if probed.why else ""
-            word = "good" if probed.method == "state" else "watch"
-            result.append(Verdict(word, f"{interface}: snapshots by {probed.method}{why}"))
-    return result
+def _replayed(capabilities: Mapping[str, InterfaceFacts]) -> list[Verdict]:
+    """Return what it costs that the state of an FMU cannot be saved, once for all interfaces of which this is so."""
+    reasons: dict[str, list[str]] = {}
+    for interface, facts in capabilities.items():
+        if facts.snapshots is not None and facts.snapshots.method != "state":
+            reasons.setdefault(facts.snapshots.why, []).append(interface)
+    return [
+        Verdict("watch", f"{', '.join(names)}: an analysis that goes back in time repeats the run: {why}")
+        for why, names in reasons.items()
+    ]
 
 
 def _capabilities(capabilities: Mapping[str, InterfaceFacts]) -> list[Section]:
@@ -93,18 +120,27 @@ def _capabilities(capabilities: Mapping[str, InterfaceFacts]) -> list[Section]:
         return []
     names = [key for key in _ABILITIES if key not in _SELDOM or any(getattr(c, key) for c in claims)]
     rows = [(_ABILITIES[key], *("yes" if getattr(c, key) else "–" for c in claims)) for key in names]
+    tried = [facts.snapshots for facts in capabilities.values()]
+    if any(tried):
+        works = ("–" if s is None else "yes" if s.method == "state" else "no" for s in tried)
+        rows.append(("tried: the saved state is restored", *works))
     return [Section("Declared capabilities", tables=[PageTable(("", *capabilities), rows)])]
 
 
-def _variables(record: FmuInfo | SystemInfo) -> list[Section]:
+def _variables(record: FmuInfo | SystemInfo, *, full: bool) -> list[Section]:
+    """Return tables of the variables; a terminal shows some inputs and outputs, and the others when asked for all."""
     result = []
     items = record.enumerations if isinstance(record, FmuInfo) else {}
     for group, title in _GROUPS.items():
         variables: tuple[VariableFacts, ...] = getattr(record, group, ())
         if variables:
             rows = _Rows(variables, items)
-            table = PageTable(("name", "type", "unit", "start", "description"), rows, right=(3,))
-            result.append(Section(f"{title} ({len(rows)})", tables=[table], folded=len(rows) > _MANY))
+            columns = ("name", "type", "unit", "start", "description")
+            table = PageTable(columns, rows, right=(3,), most=None if full else _FEW)
+            left_out = not full and group not in _FIRST
+            result.append(
+                Section(f"{title} ({len(rows)})", tables=[table], folded=len(rows) > _MANY, explains=left_out)
+            )
     return result
 
 
@@ -191,8 +227,13 @@ def _conversion(unit: str, display: DisplayUnit) -> str:
     return f"{display.name} = {factor}{unit}{offset}"
 
 
-def system_page(record: SystemInfo) -> Page:
-    """Return the page of a system."""
+def system_page(record: SystemInfo, *, full: bool = False) -> Page:
+    """Return the page of a system.
+
+    Args:
+        record: of a system.
+        full: whether a terminal shows all of it.
+    """
     parts, wires = record.components, record.connections
     return Page(
         title=f"System {record.model}",
@@ -203,10 +244,11 @@ def system_page(record: SystemInfo) -> Page:
                 "Components and connections", tables=[PageTable(("name", "what"), [(c.name, c.what) for c in parts])]
             ),
             Section("Connections", tables=[_connections(wires)], folded=len(wires) > _MANY),
-            *_variables(record),
+            *_variables(record, full=full),
         ],
         notes=record.notes,
         kind="info",
+        shown_by=_FULL,
     )
 
 

@@ -36,6 +36,7 @@ class Info(InWorker, Request[str | Path, "FmuInfo | SystemInfo"]):
     """
 
     command = "info"
+    written = "workbench.health.info.written:InfoFiles"
     algorithm = "workbench.health.info.run:run"
     example = "workbench info fmu:Rudder"
     subject = MODEL_FILE
