@@ -249,6 +249,16 @@ def test_a_terminal_that_is_closed_costs_no_result(tmp_path: Path) -> None:
     assert json.loads(out.read_text(encoding="utf-8"))["gain"][0][1] > 0.0
 
 
+def test_ctrl_c_before_the_command_begins_writes_no_traceback() -> None:
+    code = (
+        "import signal\nfrom workbench.cli import interrupt, main\nlisten = interrupt.listen_for_endings\n"
+        "interrupt.listen_for_endings = lambda: (listen(), signal.raise_signal(signal.SIGINT))\n"
+        "main(['lin', 'fmu:FirstOrderLag'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (128 + signal.SIGINT, "", "")
+
+
 def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
     """As under nohup."""
     code = "import signal, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN)\nfrom workbench.cli import main; main({})"

@@ -338,6 +338,9 @@ def test_networks_of_storages_and_resistances_have_a_symmetric_form(seed: int) -
         np.array([[-1.0, 1.0], [0.0, -1.0]]),  # one way only
         np.array([[-3.0, 1.0, 1.0], [2.0, -3.0, 1.0], [1.0, 2.0, -3.0]]),  # around and around
         np.diag(-2.0 * np.ones(30)) + np.diag(np.full(29, 0.1), 1) + np.diag(np.full(29, 10.0), -1),  # 10**29
+        np.diag(np.full(499, 2.9), 1) + np.diag(np.full(499, 0.01), -1),  # carried along: 10**-614
+        np.diag(np.full(499, 0.01), 1) + np.diag(np.full(499, 2.9), -1),
+        np.array([[-1.0, 1e300], [1e-300, -1.0]]),
         np.array([[np.nan]]),
     ],
 )

@@ -196,6 +196,16 @@ def test_an_unstable_response_is_told_as_such() -> None:
     assert f"there is an unstable periodic response of gain {size:.3f}"[:-1] in found.failed[0].reason
 
 
+def test_a_run_that_has_not_left_an_unstable_response_yet_does_not_make_it_stable() -> None:
+    """It settles within two periods, in which the pole at 0.7 rad/s makes nothing of what it holds of the response."""
+    plant = control.ss([[0.7]], [[0.01]], [[1]], 1)
+    with wb.connect({"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
+        found = wb.nfr(model, "u", "y", frequencies=[6.0], amplitudes=[1.0], **HERE)
+    assert found.status == (("settled",),)
+    assert abs(found.response[0, 0] - (1.0 + 0.01 / (12j * math.pi - 0.7))) < found.error[0, 0]
+    assert math.isnan(found.stable[0, 0])
+
+
 def test_a_model_without_states_needs_one_period(tmp_path: Path) -> None:
     """And one more, where it has events, to see that nothing else repeats."""
     (file := tmp_path / "limit.toml").write_text(

@@ -38,9 +38,9 @@ def main(
     from workbench.cli import app, interrupt, streams
 
     streams.guard()
-    interrupt.insist_on_interrupts()
-    interrupt.listen_for_endings()
     try:
+        interrupt.insist_on_interrupts()
+        interrupt.listen_for_endings()
         code = app.run(arguments, own, called, alone=True)
     except KeyboardInterrupt:  # once more, while it was told
         code = interrupt.exit_code()

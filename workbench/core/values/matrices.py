@@ -96,9 +96,12 @@ def symmetrizing(A: Floats) -> Floats | None:
         d[first] = d[first] or 1.0
         for i in reached:  # and what is appended meanwhile
             beyond = np.flatnonzero((A[i] != 0.0) & (d == 0.0))
-            d[beyond] = d[i] * np.sqrt(A[beyond, i] / A[i, beyond])
+            with np.errstate(over="ignore", under="ignore"):
+                d[beyond] = d[i] * np.sqrt(A[beyond, i] / A[i, beyond])
+            if ((d[beyond] < 1.0 / _HARMLESS) | (d[beyond] > _HARMLESS)).any():  # a 0 would be begun anew for ever
+                return None
             reached.extend(beyond.tolist())
-    if not d.max() <= _HARMLESS * d.min():
+    if d.max() > _HARMLESS * d.min():
         return None
     symmetric = A * d / d[:, None]
     return d if np.allclose(symmetric, symmetric.T, rtol=_SYMMETRIC, atol=0.0) else None

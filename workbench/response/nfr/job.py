@@ -228,7 +228,10 @@ class PointsJob(WorkItem):
             ran = point.certificate is not None and point.certificate.reached is not None and point.stable is not False
             if ran and point.status != "settled" and not own and isinstance(other, CompiledMeSession):
                 point = _further(other, task, watch, point)
-        return _with(point, [m.point(task) for m in ([] if result is None else [result]) + watch.motions])
+        solved = [m.point(task) for m in ([] if result is None else [result]) + watch.motions]
+        if point.stable and any(_same(point, other) for other in solved if other.stable is False):
+            point = replace(point, stable=None)  # the run may not have left it yet
+        return _with(point, solved)
 
 
 def _beside(stack: ExitStack, model: Model, task: PointTask, step: float | None) -> Session | None:
