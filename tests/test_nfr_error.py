@@ -114,6 +114,17 @@ def test_integrators_in_series_have_a_twin_without_eigenvectors() -> None:
     np.testing.assert_allclose(twin.free(3)[:, 0], 2.0 * (np.arange(3) + 0.5) / math.pi, rtol=1e-9)
 
 
+@pytest.mark.parametrize("around", [3e-12, -3e-12])
+def test_slow_poles_of_a_nearly_symmetric_model_are_not_moved_by_what_is_not_symmetric(around: float) -> None:
+    """Three storages in a ring, around which a little more goes one way than the other, and a leak."""
+    g, leak = 1e6, 1e-6
+    A = g * np.array([[0.0, 1.0, 1.0 + around], [1.0 + around, 0.0, 1.0], [1.0, 1.0 + around, 0.0]])
+    A -= np.diag(A.sum(axis=0)) + np.diag([0.0, 0.0, leak])
+    start = LinearStart(LinearPart(A, np.eye(3)[0], np.eye(3)[2], 0.0), np.zeros(3), np.zeros(3))
+    assert start.modes is not None
+    assert start.modes[0].real.max() == pytest.approx(-leak / 3.0, abs=1e-8)
+
+
 @pytest.mark.parametrize("bias", [0.0, 0.5])
 def test_the_twin_is_forced_about_what_the_sine_moves_about(bias: float) -> None:
     # The input starts at 1, but the sine moves about 0 and the bias: from rest at x = 0 the lag feels the bias only.

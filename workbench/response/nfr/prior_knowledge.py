@@ -67,7 +67,8 @@ class LinearStart:
         inverse: NDArray[Any]
         with one_thread():
             if d is not None:
-                poles, q = np.linalg.eigh(A * d / d[:, None])
+                symmetric = A * d / d[:, None]
+                poles, q = np.linalg.eigh((symmetric + symmetric.T) / 2.0)  # what is left out moves poles by its square
                 vectors, inverse = q * d[:, None], q.T / d
             else:
                 poles, vectors = np.linalg.eig(A)
