@@ -27,7 +27,7 @@ OVER = [*DUFFING, "--amplitude", "0.1", "--band", "0.15:0.3", "--seeds", "0"]
         (["branches", *DUFFING, "--amplitude", "0.1", "--freq", "0.2"], "--band: give the lowest and the highest"),
         (["branches", *ELEVATOR, "side_stick", *OVER[5:]], "samples every 0.022 s"),
         (["branches", *ELEVATOR, "qF", *OVER[5:]], "no input 'qF'"),
-        (["nfr", *DUFFING, "--freq", "0.2", "--amplitude", "0.1", "--branches"], "give one (--band LO:HI)"),
+        (["nfr", *DUFFING, "--freq", "0.2", "--amplitude", "0.1", "--branches"], "give one with --band"),
         (["limit-cycle", *AILERON, "--vary", "dampr.alpha2=1:2"], "did you mean damper.alpha2?"),
     ],
 )

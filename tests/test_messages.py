@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import workbench as wb
 from workbench.cli.app import run
 from workbench.core.values.margins import UNSTABLE, GainCrossover, Margins, PhaseCrossover
 from workbench.loops.loop.page import _crossovers
@@ -38,6 +39,26 @@ LAG = "fmu:FirstOrderLag"
         (f"simulate {LAG} --stop 1s", ["--stop: '1s' is not a number", "in s, without a unit"]),
         (f"nfr {LAG} --input u --output y --amplitude 1 --band 0.5Hz:2", ["--band: '0.5Hz'", "in Hz, without a unit"]),
         (f"simulate {LAG} --stop 1 --at loop.toml", ["--at: loop.toml: is not JSON (line 2", "trim"]),
+        (
+            f"simulate {LAG} --stop 1 --at notes.md",
+            ["notes.md: is not JSON", "as an operating point is", "trim --json"],
+        ),
+        ("run text.zip", ["text.zip: is an FMU or another archive", "workbench info text.zip", "run --example"]),
+        ("run study:ruder", ["did you mean rudder_loop, ", "rudder_specification"]),
+        (
+            "info .",
+            ["no modelDescription.xml in this folder, so it is not an unpacked FMU", "name a model in it: text.fmu"],
+        ),
+        ("info empty", ["no modelDescription.xml in this folder, so it is not an unpacked FMU", "give an .fmu"]),
+        ("info open.toml", ["open.toml: is not TOML: line 1: a text in quotes has no end"]),
+        ("info single.toml", ["single.toml: is not TOML: a text in quotes has no end"]),
+        (f"simulate {LAG} --stop 1 --input u=head.csv", ["head.csv: has no row below its headings", "time [s]"]),
+        (f"simulate {LAG} --stop 1 --input u=nothing.csv", ["nothing.csv: has no row in it"]),
+        ("identify head.csv", ["head.csv: has headings (time, u) and no row of numbers below them"]),
+        (f"simulate {LAG} --points 9", ["No such option '--points'; only Python has it: wb.simulate(…, points=…)"]),
+        (f"nfr {LAG} --inptu u", ["No such option '--inptu'; did you mean --input?", "nfr --help-all lists all"]),
+        (f"nfr {LAG} --input u --output y --amplitude 1", ["--freq: ", "or --band, the lowest", "neither is given"]),
+        (f"simulate {LAG} --stop 1 --input u=[1,2]", ["--input: 'u' of FirstOrderLag is not an array", "CSV file"]),
         ("info notes.md", ["notes.md: is not an FMU, a system or an SSP", ".toml", ".ssp"]),
         ("info nosuch.fmu", ["nosuch.fmu: no such file", ".toml", ".ssp"]),
         ("info text.fmu", ["text.fmu: not a zip archive or damaged"]),
@@ -59,11 +80,72 @@ def test_a_message_says_where_and_what_to_do(
     Path("pyproject.toml").write_text("", encoding="utf-8")
     for name in ("notes.md", "text.fmu"):
         Path(name).write_text("words", encoding="utf-8")
+    Path("text.zip").write_bytes(b"PK\x03\x04")
+    Path("empty").mkdir()
+    texts = {"open.toml": 'name = "x\n', "single.toml": "name = 'x\n", "head.csv": "time,u\n", "nothing.csv": ""}
+    for name, text in texts.items():
+        Path(name).write_text(text, encoding="utf-8")
     assert run(line.split()) == 2
     (said,) = capsys.readouterr().err.splitlines()
     assert all(part in said for part in parts)
     assert "pyproject" not in said
     assert "Expecting" not in said
+
+
+def test_a_study_tells_all_its_mistakes_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(
+        f"""
+        [models]
+        lag = "{LAG}"
+        other = "nosuch.fmu"
+        [analyses.response]
+        command = "nfr"
+        model = "lag"
+        inptu = "u"
+        [analyses.step]
+        command = "simulat"
+        model = "other"
+        [[requirements]]
+        name = "gain"
+        analysis = "respons"
+        kind = "gain"
+        frequency = 0.1
+        min = -10
+        [[requirements]]
+        name = "about an analysis that cannot be read"
+        analysis = "response"
+        kind = "gain"
+        frequency = 0.1
+        min = -10
+        """,
+        encoding="utf-8",
+    )
+    assert run(["run", str(study)]) == 2
+    (said,) = capsys.readouterr().err.splitlines()
+    assert ": 4 mistakes: (1) [models] other: no such file: " in said
+    assert "; (2) [analyses.response]: key 'inptu' is not an option of 'nfr'; did you mean input?; (3)" in said
+    assert "(3) [analyses.step]: command 'simulat' is unknown; did you mean simulate?; (4)" in said
+    assert said.endswith("(4) [[requirements]] \"gain\": analysis 'respons' is unknown; did you mean response?")
+
+
+def test_python_names_options_as_python_has_them() -> None:
+    with wb.load(LAG) as lag:
+        with pytest.raises(wb.InputError, match="or `band`, the lowest and the highest") as wrong:
+            wb.nfr(lag, "u", "y", amplitudes=[1.0])
+        assert "--" not in str(wrong.value)
+        with pytest.raises(wb.InputError, match=r"'u' of FirstOrderLag is not an array.* wb\.Table\(times, values\)"):
+            wb.simulate(lag, stop=1.0, inputs={"u": [1, 2]})
+        with pytest.raises(wb.InputError, match="or `vary` something else"):
+            wb.branches(lag, "u", "y", amplitudes=[1.0])
+
+
+def test_signals_say_that_they_take_their_values_by_name() -> None:
+    with pytest.raises(TypeError, match=r"^Step takes its values by name: wb\.Step\(time=…, value=…, initial=…\)$"):
+        wb.Step(1, 2)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match=r"^Sine takes its values by name: wb\.Sine\("):
+        wb.Sine(1.0)  # type: ignore[call-arg]
+    assert wb.Step(time=1.0, value=2.0) == wb.Step(time=1.0, value=2.0)
 
 
 def test_an_unstable_loop_shows_no_margin() -> None:

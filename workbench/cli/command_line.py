@@ -11,6 +11,7 @@ __all__ = ["command_line", "complaint", "keep", "spoken", "was_given"]
 _arguments: list[str] = []  # of the one command that a process runs, behind the program's name
 _called = ["workbench"]
 _options: dict[str, str] = {}  # of that command: name in Python → on the command line
+_QUOTED = re.compile(r"`(\w+)`")  # an option, as messages of the library name one
 _NAME = re.compile(r"(?<![\w.'\"/=-])[a-z]+(?:_[a-z]+)+(?![\w.(])")  # not in quotes: those are names of variables
 
 
@@ -29,11 +30,12 @@ def keep(arguments: Sequence[str], options: Mapping[str, str], called: str) -> N
 
 
 def spoken(message: str) -> str:
-    """Return a message of the library with the command's options as one types them: `max_order` is --max-order.
+    """Return a message of the library with the command's options as one types them: max_order and `band` are flags.
 
     Args:
         message: one line.
     """
+    message = _QUOTED.sub(lambda match: _options.get(match[1], match[1]), message)
     return _NAME.sub(lambda match: _options.get(match[0], match[0]), message)
 
 

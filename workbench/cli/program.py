@@ -16,7 +16,8 @@ from workbench import __version__
 from workbench.cli.plain import unquoted, write_text
 from workbench.commands import COMMANDS, GROUPS, requests_of
 from workbench.core.records.named import named
-from workbench.errors import one_line
+from workbench.core.records.option import options_of as declared_options
+from workbench.errors import close_names, one_line
 from workbench.requests.request import Request
 
 __all__ = ["BEGINNING", "COMMANDS", "command_of", "completing", "options_of", "program", "said"]
@@ -148,6 +149,22 @@ def said(error: click.ClickException) -> str:
     text = re.sub(r"^Invalid value for '(--[\w-]+)'", r"\1", text)
     text = re.sub(r"a valid (integer|float)( range)?\.", lambda kind: _KINDS[kind[1]], text)
     where = getattr(error, "ctx", None)
+    if isinstance(error, click.NoSuchOption) and where is not None:
+        text = _no_such(error.option_name, where)
     if text.startswith("Missing ") and where is not None:
         text = f"{text.rstrip('.')}; {where.command_path} --help has an example"
     return re.sub(_NO_PARTS, r"\1: this command has no parts that could run on a cluster; leave it out", text)
+
+
+def _no_such(flag: str, where: click.Context) -> str:
+    """Return what is said of an option that a command has not: near ones, or where it is."""
+    name = flag.lstrip("-").replace("-", "_")
+    command = where.command.name or ""
+    for request in requests_of(command) if command in COMMANDS else ():
+        if any(d.name == name and d.option.python for d in declared_options(request)):
+            called = request.called or request.command.replace("-", "_")
+            return f"No such option '{flag}'; only Python has it: wb.{called}(…, {name}=…)"
+    known = (flag for p in where.command.params for flag in p.opts if flag.startswith("--"))
+    near = close_names(flag.lstrip("-"), (flag.lstrip("-") for flag in known))
+    words = f"did you mean {', '.join(f'--{one}' for one in near)}? " if near else ""
+    return f"No such option '{flag}'; {words}{where.command_path} --help-all lists all"

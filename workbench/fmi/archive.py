@@ -34,6 +34,8 @@ MAX_RATIO = 500  # an archive that shrinks better than this is a bomb
 HARMLESS = 64 << 20  # unpacked, all files together: no bomb, however well it shrinks
 _SHOWN = 80  # characters of an entry's name in a message
 _IN_A_FILE = (errno.EEXIST, errno.ENOTDIR, errno.EISDIR)
+_MODEL_FILES = (".fmu", ".ssp", ".ssd")
+_NAMED = 5  # files of a folder that a message names
 _SKIPPED = ("sources", "documentation")  # never needed to run the FMU
 
 
@@ -93,7 +95,7 @@ def unpack(model: str | Path, called: str = "") -> Unpacked:
     path = locate(model)
     source = Path(called or path)
     if path.is_dir():
-        return _checked(Unpacked(source, path, owned=False))
+        return _checked(Unpacked(source, path, owned=False), given_as_folder=True)
     folder = scratch_folder("fmu")
     unpacked = Unpacked(source, folder, owned=True)
     try:
@@ -104,8 +106,14 @@ def unpack(model: str | Path, called: str = "") -> Unpacked:
         raise
 
 
-def _checked(unpacked: Unpacked) -> Unpacked:
+def _checked(unpacked: Unpacked, *, given_as_folder: bool = False) -> Unpacked:
     if not (unpacked.folder / "modelDescription.xml").is_file():
+        if given_as_folder:
+            inside = sorted(p.name for p in unpacked.folder.iterdir() if p.suffix.lower() in _MODEL_FILES)
+            which = f"name a model in it: {', '.join(inside[:_NAMED])}" if inside else f"give {_MODELS}"
+            raise FmuError(
+                f"{unpacked.source}: no modelDescription.xml in this folder, so it is not an unpacked FMU; {which}"
+            )
         raise FmuError(f"{unpacked.source}: no modelDescription.xml inside; this is not an FMU")
     return unpacked
 

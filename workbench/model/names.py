@@ -58,6 +58,13 @@ def check_variables(model: Model, names: Collection[str], *kinds: Kind, what: st
         if name in negated:
             words = f"'{name}' of {model.name} is minus another variable, and only listed; use the other one"
             raise InputError(f"{what}: {words}" if what else words)
+        whole, bracket, _ = name.rpartition("[")
+        if bracket and name not in accepted and whole in accepted:
+            words = f"'{whole}' of {model.name} is not an array, and takes one number or signal"
+            over_time = (
+                "; values over time are a table: wb.Table(times, values), or a CSV file" if "input" in kinds else ""
+            )
+            raise InputError(f"{what}: {words}{over_time}" if what else words)
         if elements := _elements(name, accepted):
             words = f"'{name}' of {model.name} is an array; name an element, {elements[0]} … {elements[-1]}"
             raise InputError(f"{what}: {words}" if what else words)

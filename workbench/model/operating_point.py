@@ -136,8 +136,9 @@ def _taken(at: At) -> tuple[OperatingPoint, str, tuple[str, ...]]:
         try:
             read = OperatingPoint.read(at)
         except InputError as error:
+            kind = ", as an operating point is" if "is not JSON" in str(error) else ""
             remedy = "; workbench trim --json writes a point" if "trim --json" not in str(error) else ""
-            raise InputError(f"at: {error}{remedy}") from None
+            raise InputError(f"at: {error}{kind}{remedy}") from None
         anonymous = f"{what}: does not name its model; it is assumed to belong to this one"
         return read, what, () if read.model_sha256 or read.model else (anonymous,)
     point = at if isinstance(at, OperatingPoint) else getattr(at, "operating_point", None)

@@ -56,7 +56,12 @@ def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
         rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
     except csv.Error as error:
         raise InputError(f"{path}: is not a table of time and value: {error}") from None
-    return [] if not rows or is_number(rows[0][0]) else [cell.strip() for cell in rows.pop(0)], rows
+    headings = [] if not rows or is_number(rows[0][0]) else [cell.strip() for cell in rows.pop(0)]
+    if not rows:
+        raise InputError(
+            f"{path}: has no row {'below its headings' if headings else 'in it'}; needs time [s] and value"
+        )
+    return headings, rows
 
 
 def _column(

@@ -12,10 +12,11 @@ from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, wraps
+from inspect import signature
 from itertools import pairwise
 from numbers import Integral
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeVar
 
 from workbench.errors import InputError, shortened
 
@@ -32,6 +33,9 @@ __all__ = [
     "levels_of",
     "pulse",
 ]
+
+
+_Kind = TypeVar("_Kind", bound="Signal")
 
 
 class Signal(ABC):
@@ -67,6 +71,21 @@ class Signal(ABC):
     def longest_step(self) -> float:
         """The longest step [s] that still sees the signal's shape; `math.inf`: any."""
         return math.inf
+
+
+def _by_name(kind: type[_Kind]) -> type[_Kind]:
+    """Have a class that takes its values by name say so where they are given without."""
+    made = kind.__init__
+
+    @wraps(made)
+    def init(self: _Kind, *unnamed: object, **named: Any) -> None:  # noqa: ANN401 - of any field
+        if unnamed:
+            names = ", ".join(f"{name}=…" for name in signature(kind).parameters)
+            raise TypeError(f"{kind.__name__} takes its values by name: wb.{kind.__name__}({names})")
+        made(self, **named)
+
+    kind.__init__ = init  # type: ignore[method-assign, assignment]
+    return kind
 
 
 def exactly(value: Any) -> float:  # noqa: ANN401 - a real number of any class
@@ -129,6 +148,7 @@ class Constant(Signal):
         return math.inf
 
 
+@_by_name
 @dataclass(frozen=True, kw_only=True)
 class Sine(Signal):
     """offset + amplitude · sin(2π · frequency · (t − start) + phase).
@@ -171,6 +191,7 @@ class Sine(Signal):
         return 0.125 / self.frequency
 
 
+@_by_name
 @dataclass(frozen=True, kw_only=True)
 class Step(Signal):
     """`initial` before `time` [s], `value` from `time` on.
@@ -211,6 +232,7 @@ def _register_bits(order: int, seed: int) -> tuple[bool, ...]:
     return tuple(register_bits(order, (1 << order) - 1, state=seed).astype(bool).tolist())
 
 
+@_by_name
 @dataclass(frozen=True, kw_only=True)
 class Prbs(Signal):
     """Pseudo-random binary sequence offset ± amplitude from a maximum-length shift register.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -139,6 +140,11 @@ def read_study(name: str | Path) -> Study:
             requirement without a limit or for another kind of analysis.
     """
     path = locate_study(name)
+    if _is_archive(path):
+        raise InputError(
+            f"{path}: is an FMU or another archive, not a study; workbench info {path} shows what is in an FMU, "
+            "workbench run --example prints a study to begin with"
+        )
     data = read_toml_table(path)
     if "components" in data and "analyses" not in data:
         raise InputError(
@@ -151,6 +157,34 @@ def read_study(name: str | Path) -> Study:
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return study
+
+
+def _is_archive(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(4) == b"PK\x03\x04"
+
+
+class _Mistakes:
+    """What is wrong with a study: every part is read, so that all of it is said at once."""
+
+    def __init__(self) -> None:
+        self._found: list[str] = []
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Keep what is wrong with a part, and go on."""
+        try:
+            yield
+        except InputError as error:
+            self._found.append(str(error))
+
+    def tell(self) -> None:
+        """Raise an InputError with all that was kept, in one line, if there is anything."""
+        if len(self._found) == 1:
+            raise InputError(self._found[0])
+        if self._found:
+            numbered = (f"({number}) {text}" for number, text in enumerate(self._found, start=1))
+            raise InputError(f"{len(self._found)} mistakes: {'; '.join(numbered)}")
 
 
 def _check_references(study: Study) -> None:
@@ -189,14 +223,38 @@ def _check_circle(name: str, study: Study, before: tuple[str, ...]) -> None:
 
 def _study(path: Path, data: Mapping[str, Any]) -> Study:
     table = read_table(StudyTable, data, "")
-    models = {name: _model(name, given, path.parent) for name, given in table.models.items()}
+    mistakes = _Mistakes()
+    models = {name: Change(model=None, options={}) for name in table.models}
+    for name, given in table.models.items():
+        with mistakes.kept():
+            models[name] = _model(name, given, path.parent)
     analyses: dict[str, StudyAnalysis] = {}
     for name, given in table.analyses.items():
-        analyses[name] = _analysis(name, given, models, path.parent)
-    if not analyses:
+        with mistakes.kept():
+            analyses[name] = _analysis(name, given, models, path.parent)
+    if not table.analyses:
         raise InputError("[analyses]: is empty; give at least one, as in [analyses.response]")
-    configurations = {n: _configuration(n, given, models, path.parent) for n, given in table.configurations.items()}
-    grid = dict(_grid(table.grid, models))
+    configurations: dict[str, dict[str, Change]] = {name: {} for name in table.configurations}
+    for name, given in table.configurations.items():
+        with mistakes.kept():
+            configurations[name] = _configuration(name, given, models, path.parent)
+    grid: dict[str, tuple[Scalar, ...]] = {}
+    with mistakes.kept():
+        grid |= _grid(table.grid, models)
+    unread = table.analyses.keys() - analyses.keys()
+    requirements: list[Requirement] = []
+    for number, given in enumerate(table.requirements, start=1):
+        with mistakes.kept():
+            requirements += _requirement(
+                number,
+                given,
+                analyses=analyses,
+                unread=unread,
+                configurations=configurations,
+                grid=grid,
+                before=requirements,
+            )
+    mistakes.tell()
     study = Study(
         name=table.name or path.stem,
         description=table.description,
@@ -205,7 +263,7 @@ def _study(path: Path, data: Mapping[str, Any]) -> Study:
         configurations=configurations,
         grid=grid,
         analyses=analyses,
-        requirements=_requirements(table.requirements, analyses, configurations, grid),
+        requirements=tuple(requirements),
         id=table.id,
         author=table.author,
         revision=table.revision,
@@ -360,26 +418,29 @@ def _model_of(where: str, model: object, models: dict[str, Change], folder: Path
     return model
 
 
-def _requirements(
-    given: Sequence[object],
+def _requirement(
+    number: int,
+    data: object,
+    *,
     analyses: Mapping[str, StudyAnalysis],
+    unread: Collection[str],
     configurations: Mapping[str, object],
     grid: Mapping[str, tuple[Scalar, ...]],
-) -> tuple[Requirement, ...]:
-    result: list[Requirement] = []
-    for number, data in enumerate(given, start=1):
-        where = _where(number, data)
-        requirement = read_requirement(data, where)
-        if any(r.name == requirement.name for r in result):
-            raise InputError(f"{where}: the name appears twice; give each requirement its own name")
-        for name in requirement.analyses:
-            known(where, "analysis", name, analyses)
-        for name in requirement.configurations or ():
-            known(where, "configuration", name, configurations)
-        _check_grid(where, requirement, grid)
+    before: Sequence[Requirement],
+) -> Iterator[Requirement]:
+    """Yield a requirement, unless it is about an analysis with which something is wrong."""
+    where = _where(number, data)
+    requirement = read_requirement(data, where)
+    if any(r.name == requirement.name for r in before):
+        raise InputError(f"{where}: the name appears twice; give each requirement its own name")
+    for name in requirement.analyses:
+        known(where, "analysis", name, [*analyses, *unread])
+    for name in requirement.configurations or ():
+        known(where, "configuration", name, configurations)
+    _check_grid(where, requirement, grid)
+    if not set(requirement.analyses) & set(unread):
         requirement.check(where, [analyses[name].command.name for name in requirement.analyses])
-        result.append(requirement)
-    return tuple(result)
+        yield requirement
 
 
 def _check_grid(where: str, requirement: Requirement, grid: Mapping[str, tuple[Scalar, ...]]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError, close_names, suggest
 
 __all__ = ["bundled_files", "find_bundled"]
 
@@ -36,5 +36,8 @@ def find_bundled(name: str, files: dict[str, Path], what: str) -> Path:
     """
     stem = name.partition(":")[2]
     if stem not in files:
-        raise InputError(f"{name}: no bundled {what} of that name; {suggest(stem, files)}")
+        of_a_word = [n for n in files if "_" not in stem and close_names(stem, n.split("_"))]
+        near = dict.fromkeys([*close_names(stem, files), *of_a_word])
+        words = f"did you mean {', '.join(near)}?" if near else suggest(stem, files)
+        raise InputError(f"{name}: no bundled {what} of that name; {words}")
     return files[stem]

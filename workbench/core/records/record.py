@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import numbers as numbers_of
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
@@ -49,6 +50,8 @@ __all__ = [
     "spelled_out",
 ]
 
+# What Python's reader says of a quote that is not closed, with the line where it knows it.
+_OPEN_QUOTE = re.compile(r"""Illegal character '\\n' \(at (line \d+)|Unterminated string|Expected "'" \(at end""")
 _LONG, _WORDY, _FEW = 240, 80, 6  # characters of a part in a line, of one value; entries that are written out
 
 
@@ -337,6 +340,9 @@ def read_toml_table(path: Path, *, twice: str = "") -> dict[str, Any]:
         raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
     except ValueError as error:
         hint = f"; a key appears twice{twice}" if "overwrite" in str(error) else ""
+        if begun := _OPEN_QUOTE.search(str(error)):
+            line = f"{begun[1]}: " if begun[1] else ""
+            raise InputError(f"{path}: is not TOML: {line}a text in quotes has no end") from None
         raise InputError(f"{path}: is not TOML: {error}{hint}") from None
 
 

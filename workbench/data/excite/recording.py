@@ -279,7 +279,7 @@ def sampling_of(model: Model, at: OperatingPoint | None, dt: float | None) -> Sa
     rates = sampled(model, at)
     period = float(f"{rates.period:.12g}") if rates.periods else None
     if dt is None and period is None:
-        raise InputError(f"{model.name}: has no sampling period of its own; give the sampling interval (--step, dt)")
+        raise InputError(f"{model.name}: has no sampling period of its own; give the sampling interval, `dt`")
     interval = dt or period or 0.0
     if period is None:
         return Sampling(interval)

@@ -20,7 +20,7 @@ import numpy as np
 from workbench.core.machine.files import content_of
 from workbench.core.records.csv_file import is_number
 from workbench.core.values.arrays import Floats
-from workbench.errors import InputError
+from workbench.errors import InputError, shortened
 
 __all__ = ["DataTable", "read_columns", "read_table"]
 
@@ -80,6 +80,9 @@ def read_table(path: str | Path) -> DataTable:
         # A separator at the end of every line is a habit of some tools; at the end of some, a value is missing.
         rows = [(number, cells[: longest - 1]) for number, cells in rows]
     start = _first_numbers(rows, separator)
+    if start is None and len(rows) == 1:
+        words = ", ".join(cell.strip() for cell in rows[0][1])
+        raise InputError(f"{path}: has headings ({shortened(words)}) and no row of numbers below them")
     if start is None:
         raise InputError(f"{path}: contains no row of numbers; a table with one column per signal is needed")
     headings = rows[:start]

@@ -77,7 +77,7 @@ def predict(system: DescribedModel, loop: SplitLoop, request: LimitCycles) -> Pr
     if missing and request.amplitudes is None:
         raise InputError(
             f"{system.name}: block {', '.join(missing)} is not static and must be measured; "
-            "give the lowest and the highest amplitude (--amplitude LO:HI) and a band (--band LO:HI)"
+            "give the lowest and the highest amplitude and frequency: `amplitudes` and `band`"
         )
     names = ", ".join(p.component for p in loop.every)
     name, band, amplitudes = f"{system.name}: loop through {names}", request.band, request.amplitudes

@@ -164,12 +164,10 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.trim and self.at is not None:
-            raise InputError("--at and --trim: only one of them")
+            raise InputError("`at` and `trim`: only one of them")
         if self.amplitudes is None and (self.frequencies is not None or self.band is not None):
             name = "band" if self.frequencies is None else "frequencies"
-            raise InputError(
-                f"{name}: is for measuring with sines; give their amplitudes, too (--amplitude), or leave it out"
-            )
+            raise InputError(f"{name}: is for measuring with sines; give `amplitudes`, too, or leave it out")
         if self.amplitudes is not None:
             positive_values("amplitude", several(self.amplitudes), unit="unit of the signal")
         if self.frequencies is not None or self.band is not None:

@@ -54,7 +54,7 @@ def run(system: Model, request: Loop, job: Job) -> LoopResult:
 def _trimmed(system: Model) -> OperatingPoint:
     result = trim(system)
     if not result.converged:
-        raise InputError(f"--trim: {result.message}")
+        raise InputError(f"trim: {result.message}")
     return result.operating_point
 
 

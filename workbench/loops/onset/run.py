@@ -150,7 +150,7 @@ def _rate(model: Model, request: RateOnset) -> tuple[float, list[str]]:
     if own is None:
         raise InputError(
             f"limiter: the limit of {request.limiter} is not known, as it is not a block rate_limiter; "
-            "give it (--rate R)"
+            "give it with `rate`"
         )
     falling, rising = own
     if -falling == rising:

@@ -101,18 +101,17 @@ class Branches(AtPoint, ModelRequest["BranchesResult"]):
         if len(self.vary) > 1:
             raise InputError("vary: one quantity at a time")
         if self.vary and (self.band is not None or len(several(self.frequencies or ())) != 1):
-            raise InputError("vary: give the one frequency at which it is varied (--freq F), and no band")
+            raise InputError("vary: give the one frequency at which it is varied (`frequencies`), and no band")
         if not self.vary and self.band is None:
             raise InputError(
-                "band: give the lowest and the highest frequency (--band LO:HI), around those that matter, or what "
-                "else to vary (--vary NAME=LO:HI)"
+                "band: give the lowest and the highest frequency, around those that matter, or `vary` something else"
             )
         if self.band is not None:
             _check_band(self.band, several(self.frequencies or ()))
         if self.vary.get("amplitude", (1.0, 1.0))[0] <= 0.0:
             raise InputError("vary: amplitudes are positive; without a sine there is no response")
         if "amplitude" not in self.vary and not self.amplitudes:
-            raise InputError("amplitude: give one or several (--amplitude A,..); the response depends on it")
+            raise InputError("amplitudes: give one or several; the response depends on it")
         if self.onset and self.vary:
             raise InputError("onset: it is found over frequency; give a band, and nothing to vary")
 
@@ -123,7 +122,7 @@ def _check_band(band: tuple[float, float], frequencies: tuple[float, ...]) -> No
         raise InputError(f"band: {low:g}:{high:g} is not of the form LO:HI with 0 < LO < HI [Hz]")
     for f in frequencies:
         if not low <= f <= high:
-            raise InputError(f"frequencies: {f:g} Hz lies outside the band {low:g}:{high:g} Hz (--band, --freq)")
+            raise InputError(f"frequencies: {f:g} Hz lies outside the band {low:g}:{high:g} Hz")
 
 
 branches = function(Branches)

@@ -123,7 +123,7 @@ def _signals(systems: Mapping[str, DescribedModel]) -> tuple[str, ...]:
     names = [[v.name for v in model.outputs] for model in systems.values()]
     common = tuple(name for name in names[0] if all(name in others for others in names[1:]))
     if not common:
-        raise InputError("compare: the models have no output in common; name variables with --output")
+        raise InputError("compare: the models have no output in common; name variables with `outputs`")
     return common
 
 
@@ -131,7 +131,7 @@ def _stop(first: DescribedModel, stop: float | None) -> float:
     """Return where runs without a window end."""
     end = first.stop_time if stop is None else stop
     if end is None:
-        raise InputError(f"compare: {first.name} has no default experiment; give --stop or --window")
+        raise InputError(f"compare: {first.name} has no default experiment; give `stop` or `windows`")
     return end
 
 

@@ -27,7 +27,7 @@ def frequency_grid(
     """
     if (frequencies is None) == (band is None):
         which = "neither is given" if band is None else "both are given"
-        raise InputError(f"frequencies: give either a list of them or a band LO:HI (--band) [Hz]; {which}")
+        raise InputError(f"frequencies: give either a list of them or `band`, the lowest and the highest [Hz]; {which}")
     if band is not None:
         return geometric_band(*band, ratio, falling=falling)
     values = positive_values("frequencies", () if frequencies is None else frequencies, unit="Hz")

@@ -265,7 +265,7 @@ class Sweep:
     def _branches(self, amplitude: float) -> Branches:
         low, high = min(self._frequencies), max(self._frequencies)
         if low == high:
-            raise InputError("branches: they are followed over a band of frequencies; give one (--band LO:HI)")
+            raise InputError("branches: they are followed over a band of frequencies; give one with `band`")
         return Branches(
             input=self._asked.input,
             output=self._asked.output,

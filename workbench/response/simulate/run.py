@@ -115,7 +115,7 @@ def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
     if stop is not None:
         return stop, ()
     if model.stop_time is None:
-        raise InputError(f"{model.name} has no default stop time; give the end of the run (stop, --stop)")
+        raise InputError(f"{model.name} has no default stop time; give the end of the run, `stop`")
     return model.stop_time, (f"stop: {model.stop_time:g} s, from the FMU's default experiment; --stop changes it",)
 
 
