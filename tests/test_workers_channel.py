@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.jobs.channel import MARK_BYTES, Channel, pickled
+from workbench.jobs.channel import LONGEST, MARK_BYTES, Channel, pickled
 
 MARK = bytes(range(MARK_BYTES))
 
@@ -126,6 +126,14 @@ def _memory(array: Any) -> Any:  # noqa: ANN401 - what numpy calls a base
     while isinstance(array, np.ndarray):
         array = array.base
     return array.obj
+
+
+def test_a_message_that_is_only_announced_takes_no_memory(pair: Pair) -> None:
+    sizes = struct.pack("!QII", LONGEST, 0, 0)
+    pair.there.sendall(MARK + sizes + struct.pack("!I", zlib.crc32(sizes)) + bytes(1000))
+    assert list(pair.here.receive()) == []
+    assert pair.here._frame is not None
+    assert len(pair.here._frame.message) < 1 << 22
 
 
 @pytest.mark.parametrize("place", [5000, 900_000])

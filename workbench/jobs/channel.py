@@ -79,13 +79,15 @@ class _Incoming:
 
     Attributes:
         head: mark and sizes, as they came.
-        message: with room for all of it.
+        length: of the message [byte].
+        message: what is there, and room behind it, in proportion: a head alone takes no memory.
         check: its CRC-32.
         number: of the frame.
         filled: how much of it is there [byte].
     """
 
     head: bytes
+    length: int
     message: bytearray
     check: int
     number: int
@@ -93,11 +95,16 @@ class _Incoming:
 
     def filled_from(self, arrived: bytearray) -> bool:
         """Take what belongs to the message; return whether all of it is there."""
-        more = min(len(arrived), len(self.message) - self.filled)
+        more = min(len(arrived), self.length - self.filled)
         self.message[self.filled : self.filled + more] = arrived[:more]
         del arrived[:more]
         self.filled += more
-        return self.filled == len(self.message)
+        return self.filled == self.length
+
+    def make_room(self) -> None:
+        """Let the message grow where it is full."""
+        if self.filled == len(self.message):
+            self.message.extend(bytes(min(self.length - self.filled, max(self.filled, _CHUNK))))
 
 
 class Channel:
@@ -231,6 +238,7 @@ class Channel:
                 self._arrived += (piece := self._link.recv(_CHUNK))
                 count = len(piece)
             else:
+                self._frame.make_room()
                 with memoryview(self._frame.message) as room:
                     count = self._link.recv_into(room[self._frame.filled :][:_CHUNK])
                 self._frame.filled += count
@@ -273,7 +281,7 @@ class Channel:
             if zlib.crc32(_SIZES.pack(length, check, number)) == sound and length <= self._longest:
                 head = bytes(self._arrived[:begin])
                 del self._arrived[:begin]
-                return _Incoming(head, bytearray(length), check, number)
+                return _Incoming(head, length, bytearray(), check, number)
             self._skip(len(self._mark))  # something was written in the middle of it; the next one's number tells
 
     def _skip(self, count: int) -> None:
