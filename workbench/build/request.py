@@ -49,7 +49,7 @@ class Build(Request[Sequence[str | Path], "BuiltModels"]):
         several=True,
     )
     counts = "models"
-    unwritten = ("csv", "plot")
+    unwritten = ("csv", "mat", "plot")
 
     out: File = option(
         "FMU to write, or a folder: then every model is built into FOLDER/fmi2/ and FOLDER/fmi3/.",
@@ -110,7 +110,7 @@ class Compile(Request[str | Path, "CompiledFmu"]):
         words="An FMU with sources.",
     )
     counts = "platforms"
-    unwritten = ("csv", "plot")
+    unwritten = ("csv", "mat", "plot")
 
     _: KW_ONLY
     out: File | None = option(
@@ -190,7 +190,7 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
         words="Linear model, or one with static blocks: the JSON of workbench identify or lin. Or a system: .toml, "
         ".ssp, system:NAME.",
     )
-    unwritten = ("csv", "plot")
+    unwritten = ("csv", "mat", "plot")
 
     out: File = option("FMU to write; of a model with static blocks a system, .toml or .ssp.", metavar="X.fmu")
     _: KW_ONLY

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = ["command", "meant"]
 
-_OUTPUT = ("json", "csv", "plot", "report")
+_OUTPUT = ("json", "csv", "mat", "plot", "report")
 _SUBJECT = "subject"  # name of the argument
 _NOT_WELL = 1  # exit code of a record that says so
 
@@ -205,6 +205,7 @@ def _show(
     out.write(
         lambda: {"asked": asked_in_json(request), **record.to_dict(), **failure_in_json(stopped)},
         csv=getattr(record, "to_csv", None),
+        mat=getattr(record, "to_mat", None),
         plot=lambda path: record.plot(path, **written.told((*written.drawn, *written.plotted))),
         report=record,
         page=lambda: page,

@@ -29,8 +29,8 @@ __all__ = ["Output", "check_kind"]
 
 _PICTURES = (".png", ".svg", ".pdf")
 _PAGES = (".html", ".htm")
-_JSON, _CSV = ".json", ".csv"
-_FOREIGN = (*_PICTURES, *_PAGES, _JSON, _CSV, ".fmu", ".toml", ".xml")  # what names another kind of file
+_JSON, _CSV, _MAT = ".json", ".csv", ".mat"
+_FOREIGN = (*_PICTURES, *_PAGES, _JSON, _CSV, _MAT, ".fmu", ".toml", ".xml")  # what names another kind of file
 
 
 class Output:
@@ -42,6 +42,7 @@ class Output:
         command: its name.
         json: path of the JSON, "-" for standard output, None for none.
         csv: of the CSV, likewise.
+        mat: of the MATLAB file, or None.
         plot: of the picture, or None.
         report: of the page, or None.
 
@@ -55,11 +56,12 @@ class Output:
         *,
         json: str | None = None,
         csv: str | None = None,
+        mat: str | None = None,
         plot: str | None = None,
         report: str | None = None,
     ) -> None:
         self.command = command
-        self.json_path, self.csv_path = json, csv
+        self.json_path, self.csv_path, self.mat_path = json, csv, mat
         self.plot, self.report = (None if path is None else Path(path) for path in (plot, report))
         self._quiet = "-" in {json, csv}
         self._begin = time.monotonic()
@@ -67,11 +69,12 @@ class Output:
         self._unwritten: dict[str, InputError] = {}
         if json == csv == "-":
             raise InputError("--json and --csv cannot both go to standard output; give one of them a file")
-        for option, path in (("--json", json), ("--csv", csv), ("--plot", plot), ("--report", report)):
+        for option, path in (("--json", json), ("--csv", csv), ("--mat", mat), ("--plot", plot), ("--report", report)):
             if path is not None and path != "-":
                 file_to_write(path, option=option)
         check_kind("--json", json, _JSON)
         check_kind("--csv", csv, _CSV)
+        check_kind("--mat", mat, _MAT)
         if self.plot is not None and self.plot.suffix.lower() not in _PICTURES:
             raise InputError(f"--plot: '{plot}' must end in one of {', '.join(_PICTURES)}")
         if self.report is not None and self.report.suffix.lower() not in _PAGES:
@@ -122,6 +125,7 @@ class Output:
         result: Callable[[], Mapping[str, Any]],
         *,
         csv: Callable[[str | TextIO], Iterable[Path] | None] | None = None,
+        mat: Callable[[Path], object] | None = None,
         plot: Callable[[Path], object] | None = None,
         report: object = None,
         page: Callable[[], Page] | None = None,
@@ -132,6 +136,7 @@ class Output:
         Args:
             result: makes what stands in JSON, where that is wanted; command, version and seconds are added.
             csv: writes the CSV to a path or stream; it may return the files that it wrote.
+            mat: writes the MATLAB file.
             plot: writes the picture.
             report: the result itself, whose class names its page.
             page: makes the page in place of that one, where the command knows more than the result.
@@ -158,13 +163,14 @@ class Output:
             known = origin or origin_of(report)
             for path, make in (
                 (self.json_path, lambda _: self._write_json(full)),
+                (self.mat_path, mat),
                 (self.plot, plot),
                 (self.report, lambda _: self._write_report(page() if page is not None else report, known, full)),
             ):
                 if path is not None and make is not None:
                     with self._writing(path):
                         make(Path(path))
-            files = (self.json_path, self.csv_path, self.plot, self.report, *written)
+            files = (self.json_path, self.csv_path, self.mat_path, self.plot, self.report, *written)
             for path in dict.fromkeys(str(p) for p in files if p is not None and p != "-"):
                 if path not in self._unwritten:
                     self.wrote(path)

@@ -135,7 +135,7 @@ class Request(Options, Generic[_Subject, _Record]):
         counts: what the job counts, in the plural.
         parts: attributes of the record that are results themselves.
         withheld: its options that have the name of one of `Loading`, and that the model is not opened with.
-        unwritten: files that its record has not: "csv", "plot".
+        unwritten: files that its record has not: "csv", "mat", "plot".
         in_shell: whether a command of this name asks for the same.
         written: class of what can be asked of its record, "module:class"; empty: the files that all have.
         isolated: whether it runs as a whole in a worker process; else it runs no FMU here, or sees to that itself.

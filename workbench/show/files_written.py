@@ -30,6 +30,7 @@ class Written(Options):
 
     _: KW_ONLY
     csv: File | None = option("Write the result as CSV.", default=None, first=True)
+    mat: File | None = option("Write the result as variables of MATLAB, .mat.", default=None)
     plot: File | None = option("Write the picture: .png, .svg or .pdf.", default=None, first=True)
     report: File | None = option(
         "Write one self-contained page, .html: pictures, tables, data.", default=None, first=True

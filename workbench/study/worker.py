@@ -178,6 +178,8 @@ def _write(record: Any, written: Written, job: CommandJob) -> list[str]:  # noqa
     tables = [job.workplace / f"{job.csv}.csv"] if job.csv else []
     tables += [Path(written.csv)] if written.csv is not None else []
     files = [str(file) for path in tables for file in record.to_csv(path) or ()]
+    if written.mat is not None:
+        record.to_mat(written.mat)
     if written.plot is not None:
         record.plot(Path(written.plot), **written.told((*written.drawn, *written.plotted)))
     deque(written.write(record), 0)

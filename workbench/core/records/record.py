@@ -29,6 +29,7 @@ from typing import (
 
 from workbench.core.machine.files import content_of
 from workbench.core.records.csv_file import write_csv
+from workbench.core.records.mat_file import matlab_names, write_mat
 from workbench.core.records.parsing import from_json, from_toml
 from workbench.errors import InputError, suggest
 
@@ -192,6 +193,27 @@ class Record(RecordPart):
             InputError: the file cannot be written, or there is no table.
         """
         write_csv(path, map(_plain_row, self.rows()), units=self.column_units())
+
+    def to_mat(self, path: str | Path) -> None:
+        """Write the fields as variables of MATLAB, with the units of arrays in the struct `units`.
+
+        A name that MATLAB does not allow, as plant.x, is changed, to plant_x; where there are such,
+        `original_names` has both.
+
+        Args:
+            path: path of the file, .mat.
+
+        Raises:
+            InputError: another suffix, or the file cannot be written.
+        """
+        values = {declared.name: getattr(self, declared.name) for declared in fields(self)}  # type: ignore[arg-type]
+        units = {name: unit for name, _, _, unit in self._arrays() if unit}
+        known = values.get("units")
+        if isinstance(known, Mapping):
+            units |= {name: unit for name, unit in known.items() if unit}
+        names = matlab_names(name for name, *_ in self._arrays())
+        changed = {own: name for name, own in names.items() if own != name}
+        write_mat(path, {**values, "units": units, **({"original_names": changed} if changed else {})})
 
     def to_dataframe(self) -> DataFrame:
         """Return the table of the result for pandas.

@@ -43,7 +43,7 @@ class Blocks(Request[Sequence[str], "BlocksResult"]):
         optional=True,
     )
     counts = "blocks"
-    unwritten = ("plot",)
+    unwritten = ("mat", "plot")
 
 
 blocks = function(Blocks)

@@ -46,7 +46,7 @@ class Delays(AtPoint, ModelRequest["DelayReport | NoDelays"]):
     algorithm = "workbench.health.delays.run:run"
     example = "workbench check system:rudder_loop --stop 2 --input reference=1 --step 0.01 --delays"
     withheld = ("step",)
-    unwritten = ("csv", "plot")
+    unwritten = ("csv", "mat", "plot")
 
     _: KW_ONLY
     stop: float | None = option(

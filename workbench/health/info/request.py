@@ -40,7 +40,7 @@ class Info(InWorker, Request[str | Path, "FmuInfo | SystemInfo"]):
     algorithm = "workbench.health.info.run:run"
     example = "workbench info fmu:Rudder"
     subject = MODEL_FILE
-    unwritten = ("csv", "plot")
+    unwritten = ("csv", "mat", "plot")
 
     _: KW_ONLY
     probe: bool = option(

@@ -59,6 +59,17 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
         """Return plain lists and numbers, ready for JSON."""
         return self.result.to_dict()
 
+    def to_mat(self, path: str | Path) -> None:
+        """Write matrices, names and the rest of `result` as variables of MATLAB, see `Record.to_mat`.
+
+        Args:
+            path: path of the file, .mat.
+
+        Raises:
+            InputError: another suffix, or the file cannot be written.
+        """
+        self.result.to_mat(path)
+
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> LinearModel:
         """Return the model that `to_dict` or a file of `workbench lin --json` describes.
