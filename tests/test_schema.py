@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import random
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -204,6 +205,24 @@ def test_every_option_says_what_help_says() -> None:
         flags = {flag for flag in [request_of(name).chosen_by.lstrip("-")] if flag}
         known = set(command(name).options) | {"command", command(name).subject} | flags
         assert table_of(name)["properties"].keys() == known
+
+
+def undescribed(held: object, path: str = "") -> Iterator[str]:
+    """Yield the keys that an editor shows without a word; what can have one value alone says itself what it is."""
+    if isinstance(held, dict):
+        for key, inner in held.get("properties", {}).items():
+            if "description" not in inner and "const" not in inner:
+                yield f"{path}.{key}"
+        for key, inner in held.items():
+            yield from undescribed(inner, f"{path}.{key}")
+    elif isinstance(held, list):
+        for inner in held:
+            yield from undescribed(inner, path)
+
+
+@pytest.mark.parametrize("name", ["study", "system", *ANALYSES])
+def test_every_key_has_a_description(name: str) -> None:
+    assert list(undescribed(table_of(name) if name in ANALYSES else wb.schema(name))) == []
 
 
 def test_kinds_of_requirements_are_told_apart() -> None:

@@ -24,7 +24,22 @@ _BORDERS: Mapping[str, str] = {"modes": "vary", "limit-cycle": "vary"}
 
 
 class EnvelopeTable(TomlTable):
-    """What is varied, how, and what is asked of it."""
+    """What is varied, how, and what is asked of it.
+
+    Attributes:
+        parameters: "model.parameter" → how it spreads.
+        requirement: name of the requirement whose value is mapped; by default the first.
+        plan: how the points are chosen.
+        points: number of points, without a grid.
+        seed: of the random numbers.
+        confidence: level of the intervals of probabilities.
+        width: of the interval that is aimed at, for which the report tells the number of points.
+        failures: configuration → its probability, of sum 1.
+        map: both parameters over which the map is drawn; by default the first two with a range.
+        borders: analyses that find where stability changes over the first parameter of the map.
+        lines: number of values of the second parameter at which borders are found.
+        search: number of evaluations with which the worst case is searched for; 0: it is the worst point of the plan.
+    """
 
     parameters: dict[str, Any]
     requirement: str | None = None

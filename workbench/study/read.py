@@ -32,7 +32,12 @@ _FILES = (".fmu", ".toml", ".ssp", ".ssd", ".json")
 
 
 class ApprovalTable(TomlTable):
-    """Who has to agree with a study; without name and date the report has a line to sign."""
+    """Who has to agree with a study; without name and date the report has a line to sign.
+
+    Attributes:
+        role: e.g. "checked" or "chief engineer".
+        name, date: of who has agreed; without it the report has a line to sign.
+    """
 
     role: str = Field(min_length=1)
     name: str = ""
@@ -40,7 +45,20 @@ class ApprovalTable(TomlTable):
 
 
 class StudyTable(TomlTable):
-    """The whole file; what the tables hold is read table by table."""
+    """The whole file; what the tables hold is read table by table.
+
+    Attributes:
+        name: name of the study.
+        description: what the study is about.
+        id, author, revision: of the document, for the report.
+        approvals: who has to agree.
+        models: name → model.
+        configurations: name → changes of models; everything is run in each of them.
+        grid: "model.parameter" → list of values; everything is run at all combinations.
+        envelope: parameters that spread, in place of a grid.
+        analyses: name → analysis: a command with its options.
+        requirements: what the results are compared with.
+    """
 
     name: str | None = None
     description: str = ""
@@ -63,7 +81,18 @@ class AnalysisTable(TomlTable):
 
 
 class ChangeTable(TomlTable):
-    """What a configuration changes of a model. Times in [s]."""
+    """What a configuration changes of a model. Times in [s].
+
+    Attributes:
+        model: FMU (.fmu, fmu:NAME), or a system.
+        set: parameters and start values.
+        bias: constants added to inputs.
+        interface: me (model exchange), cs (co-simulation) or auto.
+        solver: integrator for model exchange.
+        step: communication step of co-simulation [s].
+        tolerance: relative tolerance of the integrator.
+        start: time at which runs begin [s].
+    """
 
     model: str | None = None
     set: dict[str, Scalar] = Field(default_factory=dict)

@@ -14,18 +14,21 @@ from workbench.core.records.schema import DRAFT, option_schema
 from workbench.errors import InputError, suggest
 from workbench.study.commands import COMMANDS, Command, command
 from workbench.study.envelope_table import EnvelopeTable
-from workbench.study.read import ChangeTable, ModelTable, StudyTable
+from workbench.study.read import ApprovalTable, ChangeTable, ModelTable, StudyTable
 from workbench.study.requirements import KINDS
 from workbench.study.spread import SpreadTable
 from workbench.system.files.toml_file import system_schema
-from workbench.system.files.toml_schema import json_schema
+from workbench.system.files.toml_schema import json_schema, meaning
 
 __all__ = ["schema"]
 
 _REFERENCE = {
     "type": "object",
     "description": "Result of another analysis, in place of a file.",
-    "properties": {"from": {"type": "string"}, "as": {"type": "string"}},
+    "properties": {
+        "from": {"type": "string", "description": "Name of the analysis."},
+        "as": {"type": "string", "description": "Kind of file that the option takes: json (default), csv, validation."},
+    },
     "required": ["from"],
     "additionalProperties": False,
 }
@@ -63,7 +66,7 @@ def _study() -> dict[str, Any]:
     file = {"type": "string", "description": "FMU, or system."}
     change = {"type": "object", "additionalProperties": {"anyOf": [file, json_schema(ChangeTable)]}}
     values = {"type": "array", "items": _SCALAR, "minItems": 1}
-    result["properties"] |= {
+    tables: dict[str, dict[str, Any]] = {
         "models": {"type": "object", "additionalProperties": {"anyOf": [file, json_schema(ModelTable)]}},
         "configurations": {"type": "object", "additionalProperties": change},
         "grid": _by_path("grid"),
@@ -75,8 +78,10 @@ def _study() -> dict[str, Any]:
         },
         "requirements": {"type": "array", "items": {"anyOf": [_requirement(kind) for kind in KINDS]}},
     }
+    result["properties"] |= {name: {"description": meaning(StudyTable, name), **held} for name, held in tables.items()}
     defs = {
         **result.pop("$defs", {}),
+        "ApprovalTable": json_schema(ApprovalTable),
         "reference": _REFERENCE,
         "grid": _nested(values, "grid"),
         "spread": _nested(json_schema(SpreadTable), "spread"),
@@ -95,7 +100,7 @@ def _nested(inner: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 def _envelope() -> dict[str, Any]:
     result = json_schema(EnvelopeTable)
-    result["properties"]["parameters"] = _by_path("spread")
+    result["properties"]["parameters"] |= _by_path("spread")
     return result
 
 

@@ -23,7 +23,18 @@ _COVERED = 0.998
 
 
 class SpreadTable(TomlTable):
-    """A parameter of the envelope; one of the distributions, and what goes with it."""
+    """A parameter of the envelope; one of the distributions, and what goes with it.
+
+    Attributes:
+        range: uniform: lowest and highest value.
+        normal: mean and standard deviation.
+        lognormal: median, and standard deviation of the natural logarithm.
+        triangular: lowest, most likely and highest value.
+        discrete: values.
+        weights: of the discrete values, in proportion to their probabilities; by default equal.
+        between: ends at which a distribution is cut off.
+        steps: number of values on a grid.
+    """
 
     range: list[float] | None = None
     normal: list[float] | None = None

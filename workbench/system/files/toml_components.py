@@ -35,6 +35,7 @@ from workbench.system.files.toml_schema import (
     TransferTable,
     UnitsTable,
     json_schema,
+    meaning,
     read_record,
     read_table,
     table_of,
@@ -275,6 +276,11 @@ def component_schemas() -> Iterator[dict[str, Any]]:
     yield json_schema(TransferTable)
     for name, block in BLOCKS.items():
         result = table_schema({d.name: d for d in options_of(block)})
-        own = {"block": {"const": name}, "units": {"type": "object", "additionalProperties": {"type": "string"}}}
+        units = {
+            "description": meaning(UnitsTable, "units"),
+            "type": "object",
+            "additionalProperties": {"type": "string"},
+        }
+        own = {"block": {"const": name}, "units": units}
         properties = {**own, **result["properties"]}
         yield {**result, "properties": properties, "required": ["block", *result["required"]], "title": name}

@@ -17,6 +17,7 @@ from workbench.system.files.toml_schema import (
     ExperimentTable,
     SystemTable,
     json_schema,
+    meaning,
     read_record,
     read_table,
     table_of,
@@ -118,10 +119,11 @@ def system_schema() -> dict[str, Any]:
     table = json_schema(table_of(Connection, keys=_KEYS, known=("destination",)))
     # Without quotes, a.u is a table a with the key u.
     more = {"type": "object", "additionalProperties": {"$ref": "#/$defs/connection"}}
-    result["properties"] |= {
+    tables: dict[str, dict[str, Any]] = {
         "components": {"type": "object", "additionalProperties": {"anyOf": list(component_schemas())}},
         "connections": {"type": "object", "additionalProperties": {"$ref": "#/$defs/connection"}},
         "experiment": json_schema(ExperimentTable),
         "master": json_schema(table_of(MasterOptions)),
     }
+    result["properties"] |= {name: {**held, "description": meaning(SystemTable, name)} for name, held in tables.items()}
     return {"$schema": DRAFT, **result, "title": "System", "$defs": {"connection": {"anyOf": [source, table, more]}}}

@@ -40,7 +40,17 @@ class TomlTable(BaseModel):
 
 
 class SystemTable(TomlTable):
-    """The whole file; what `components` and `connections` hold is read table by table."""
+    """The whole file; what `components` and `connections` hold is read table by table.
+
+    Attributes:
+        name: name of the system.
+        components: name → component: an FMU, a gain, a sum, a linear model or a block.
+        connections: destination input → source output, as "plant.u" = "gain.y".
+        inputs: input of the system → component input, or several of them.
+        outputs: output of the system → component variable.
+        experiment: the default experiment.
+        master: how co-simulation components are stepped.
+    """
 
     name: str | None = None
     components: dict[str, Any]
@@ -52,7 +62,14 @@ class SystemTable(TomlTable):
 
 
 class ExperimentTable(TomlTable):
-    """The default experiment. Times in [s]."""
+    """The default experiment. Times in [s].
+
+    Attributes:
+        start: time at which runs begin [s].
+        stop: time at which runs end [s].
+        step: communication step of co-simulation, or interval of the output [s].
+        tolerance: relative tolerance of the integration.
+    """
 
     start: float | None = None
     stop: float | None = None
@@ -61,7 +78,16 @@ class ExperimentTable(TomlTable):
 
 
 class FmuTable(TomlTable):
-    """An FMU."""
+    """An FMU.
+
+    Attributes:
+        model: FMU (.fmu, folder of an unpacked one, fmu:NAME), or another system (.toml, .ssp, system:NAME).
+        set: parameters and start values; of a whole array a list, of an enumeration the name of an item.
+        interface: me (model exchange), cs (co-simulation) or auto.
+        solver: integrator, where the system leaves it open.
+        step: communication step of co-simulation [s].
+        dependencies: declared: outputs depend on the inputs that the FMU declares; all: on every input, without delay.
+    """
 
     model: str
     set: dict[str, bool | int | float | str | list[Any]] = Field(default_factory=dict)
@@ -72,19 +98,37 @@ class FmuTable(TomlTable):
 
 
 class UnitsTable(TomlTable):
-    """Units of inputs and outputs."""
+    """Units of inputs and outputs.
+
+    Attributes:
+        units: input or output → unit.
+    """
 
     units: dict[str, str] = Field(default_factory=dict)
 
 
 class SumTable(TomlTable):
-    """A sum; "+-" or factors."""
+    """A sum; "+-" or factors.
+
+    Attributes:
+        sum: "+-", or a list of factors: output y = Σ factor · input u1, u2, …
+        unit: of all inputs and the output.
+    """
 
     sum: str | list[float]
     unit: str | None = None
 
 
 class _Dynamic(TomlTable):
+    """What linear models have in common.
+
+    Attributes:
+        inputs, outputs, states: names; by default u, y, x for a single one, u1, u2, … for several.
+        x0: start values of the states.
+        dt: sample period [s]; 0: continuous.
+        units: input or output → unit.
+    """
+
     inputs: list[str] | None = None
     outputs: list[str] | None = None
     states: list[str] | None = None
@@ -94,7 +138,11 @@ class _Dynamic(TomlTable):
 
 
 class LinearTable(_Dynamic):
-    """A state-space model."""
+    """A state-space model.
+
+    Attributes:
+        A, B, C, D: rows of the matrix.
+    """
 
     A: _Matrix
     B: _Matrix
@@ -103,14 +151,23 @@ class LinearTable(_Dynamic):
 
 
 class LinearFileTable(TomlTable):
-    """A state-space model in a JSON file, as `lin`, `identify` or `feed-forward` write it."""
+    """A state-space model in a JSON file.
+
+    Attributes:
+        linear: JSON file, as lin, identify or feed-forward write it.
+        units: input or output → unit.
+    """
 
     linear: str
     units: dict[str, str] = Field(default_factory=dict)
 
 
 class TransferTable(_Dynamic):
-    """A transfer function, highest power first."""
+    """A transfer function, highest power first.
+
+    Attributes:
+        numerator, denominator: coefficients, highest power first.
+    """
 
     numerator: list[float] = Field(min_length=1)
     denominator: list[float] = Field(min_length=1)
