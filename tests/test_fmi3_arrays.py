@@ -298,7 +298,7 @@ def test_info_shows_them_all(sized: Path, capsys: pytest.CaptureFixture[str]) ->
     assert found["display_units"]["u[1]"] == {"name": "degC", "factor": 1.0, "offset": -273.15}
     assert [t["name"] for t in found["terminals"]] == ["drive", "shown"]
     assert found["terminals"][0]["members"][2] == {"name": "total", "variable": "sum", "kind": "signal"}
-    assert command(["info", str(sized), "--no-probe"]) == 0
+    assert command(["info", str(sized), "--no-probe", "--full"]) == 0
     shown = capsys.readouterr().out
     for words in ("degC = K − 273.15", "deg = 57.29577951 · rad", "eco (1), sport (2)", "first = u[1]", "Structural"):
         assert words in shown

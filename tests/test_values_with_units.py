@@ -148,7 +148,7 @@ def test_a_session_converts_no_units() -> None:
 
 def test_display_units_of_an_fmu_are_taken_and_shown(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     file = build_sized(tmp_path)
-    assert command(["info", str(file), "--no-probe"]) == 0
+    assert command(["info", str(file), "--no-probe", "--full"]) == 0
     shown = capfd.readouterr().out
     assert "Display units" in shown
     assert "degC = K − 273.15" in shown
