@@ -18,7 +18,7 @@ from workbench.fmi.instance import DiscardError
 from workbench.kernel.gear import gear_library
 
 ROOT = Path(__file__).parents[1]
-NAMES = ("vkm", "gear", "gear_newton", "banded", "grouped", "none", "locate")
+NAMES = ("vkm", "gear", "gear_banded", "banded", "grouped", "none", "locate")
 KERNEL = ROOT / "workbench" / "kernel"
 SOURCES = [str(ROOT / "tests" / "c" / "kernel_problems.c"), *(str(KERNEL / f"{n}.c") for n in NAMES)]
 WARNINGS = ["-std=c11", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", f"-I{KERNEL}"]

@@ -1,4 +1,4 @@
-/* banded.c: Gaussian elimination with partial pivoting, in a band or in all of a matrix.
+/* banded.c: Gaussian elimination with partial pivoting in a band.
  *
  * Source: G. Golub, C. Van Loan, Matrix Computations, 4th ed., section 4.3.5; the storage is LAPACK's for dgbtrf.
  */
@@ -40,54 +40,47 @@ void banded_scale_add_identity(Banded *m, double c)
     }
 }
 
-Entries banded_entries(Banded *m)
-{
-    return (Entries){banded_at(m, 0, 0), m->height - 1, m->n, m->below, m->above};
-}
-
-static double *at(const Entries *m, size_t i, size_t j) { return &m->first[j * m->stride + i]; }
-
 /* The largest entry of a column, on or below the diagonal. */
-static size_t pivot_of(const Entries *m, size_t j, size_t last)
+static size_t pivot_of(Banded *m, size_t j, size_t last)
 {
     size_t best = j;
     for (size_t i = j + 1; i <= last; i++) {
-        if (fabs(*at(m, i, j)) > fabs(*at(m, best, j))) {
+        if (fabs(*banded_at(m, i, j)) > fabs(*banded_at(m, best, j))) {
             best = i;
         }
     }
     return best;
 }
 
-static void swap_rows(const Entries *m, size_t a, size_t b, size_t from, size_t to)
+static void swap_rows(Banded *m, size_t a, size_t b, size_t from, size_t to)
 {
     for (size_t column = from; column <= to; column++) {
-        double *x = at(m, a, column), *y = at(m, b, column);
+        double *x = banded_at(m, a, column), *y = banded_at(m, b, column);
         const double kept = *x;
         *x = *y;
         *y = kept;
     }
 }
 
-bool entries_factor(const Entries *m, size_t *pivots)
+bool banded_factor(Banded *m, size_t *pivots)
 {
     size_t reach = 0; /* the last column that a pivot row so far has */
     for (size_t j = 0; j < m->n; j++) {
         const size_t last = smaller(m->n - 1, j + m->below), pivot = pivot_of(m, j, last);
         pivots[j] = pivot;
-        if (*at(m, pivot, j) == 0.0 || !isfinite(*at(m, pivot, j))) {
+        if (*banded_at(m, pivot, j) == 0.0 || !isfinite(*banded_at(m, pivot, j))) {
             return false;
         }
         reach = smaller(m->n - 1, reach > pivot + m->above ? reach : pivot + m->above);
         if (pivot != j) {
             swap_rows(m, j, pivot, j, reach);
         }
-        double *column = at(m, j, j);
+        double *column = banded_at(m, j, j);
         for (size_t i = 1; i <= last - j; i++) {
             column[i] /= column[0];
         }
         for (size_t k = j + 1; k <= reach; k++) {
-            double *other = at(m, j, k);
+            double *other = banded_at(m, j, k);
             for (size_t i = 1; i <= last - j; i++) {
                 other[i] -= column[i] * other[0];
             }
@@ -96,10 +89,12 @@ bool entries_factor(const Entries *m, size_t *pivots)
     return true;
 }
 
-void entries_solve(const Entries *m, const size_t *pivots, double *x)
+void banded_solve(const Banded *m, const size_t *pivots, double *x)
 {
+    const size_t up = m->below + m->above;
     for (size_t j = 0; j < m->n; j++) {
-        const double *column = at(m, j, j), kept = x[pivots[j]];
+        const double *column = &m->values[j * m->height + up];
+        const double kept = x[pivots[j]];
         x[pivots[j]] = x[j];
         x[j] = kept;
         for (size_t i = 1; i <= smaller(m->n - 1, j + m->below) - j; i++) {
@@ -107,9 +102,9 @@ void entries_solve(const Entries *m, const size_t *pivots, double *x)
         }
     }
     for (size_t j = m->n; j-- > 0;) {
-        const double *column = at(m, j, j);
+        const double *column = &m->values[j * m->height + up];
         x[j] /= column[0];
-        for (size_t i = 1; i <= smaller(j, m->below + m->above); i++) {
+        for (size_t i = 1; i <= smaller(j, up); i++) {
             x[j - i] -= column[-(ptrdiff_t)i] * x[j];
         }
     }

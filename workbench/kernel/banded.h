@@ -25,16 +25,9 @@ void banded_zero(Banded *m);
 void banded_copy(Banded *to, const Banded *from);
 /* m <- c m + 1 */
 void banded_scale_add_identity(Banded *m, double c);
-/* Where the entries of a matrix lie, (i, j) in first[j * stride + i], and how far from the diagonal there are any. */
-typedef struct {
-    double *first;
-    size_t stride, n, below, above;
-} Entries;
-
-Entries banded_entries(Banded *m);
 /* m <- L U with partial pivoting; pivots: [n] rows. False: singular. */
-bool entries_factor(const Entries *m, size_t *pivots);
+bool banded_factor(Banded *m, size_t *pivots);
 /* x <- solution of m x = b with b in x, by the factors. */
-void entries_solve(const Entries *m, const size_t *pivots, double *x);
+void banded_solve(const Banded *m, const size_t *pivots, double *x);
 
 #endif

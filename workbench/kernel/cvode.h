@@ -44,7 +44,6 @@ typedef struct {
     double *(*N_VGetArrayPointer)(Pointer vector);
     void (*N_VDestroy)(Pointer vector);
     Pointer (*SUNDenseMatrix)(int64_t rows, int64_t columns, Pointer context);
-    double *(*SUNDenseMatrix_Data)(Pointer matrix);
     void (*SUNMatDestroy)(Pointer matrix);
     Pointer (*SUNLinSol_Dense)(Pointer vector, Pointer matrix, Pointer context);
     int (*SUNLinSolFree)(Pointer solver);
@@ -74,7 +73,7 @@ typedef struct {
     void *solver_operations[SOLVER_OPERATIONS];
 } Sundials;
 
-enum { FUNCTIONS = 34 + MATRIX_OPERATIONS + SOLVER_OPERATIONS };
+enum { FUNCTIONS = 33 + MATRIX_OPERATIONS + SOLVER_OPERATIONS };
 _Static_assert(sizeof(Sundials) == FUNCTIONS * sizeof(void *), "one address for each function");
 
 #endif

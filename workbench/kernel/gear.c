@@ -1,6 +1,6 @@
 /* gear.c: SUNDIALS CVODE, backward differentiation of variable step and order, for stiff models.
  *
- * Its Newton matrix is dense, by differences, or banded where the problem says that it is sparse (gear_newton.h), by
+ * Its Newton matrix is dense, by differences, or banded where the problem says that it is sparse (gear_banded.h), by
  * differences of several states at once; right-hand side and error weights are compiled callbacks. Events are located
  * on CVODE's own dense output by `Watch`, as in the other solvers, because the domains are > 0 and <= 0
  * and CVODE's own root functions treat 0 as a third one.
@@ -8,7 +8,7 @@
  * Source: C. W. Gear, Numerical Initial Value Problems in Ordinary Differential Equations, 1971;
  * A. Hindmarsh et al., SUNDIALS, ACM TOMS 31 (2005); SUNDIALS 7 user guide for the signatures.
  */
-#include "gear_newton.h"
+#include "gear_banded.h"
 #include "grouped.h"
 #include "locate.h"
 
@@ -30,7 +30,7 @@ enum { BDF = 2, ONE_STEP = 2, NO_HNIL_WARNINGS = -1 };
 /* CVODE's Newton matrix, and what solves with it. */
 typedef struct {
     Pointer matrix, linear;
-    GearNewton *made; /* what they are made of; NULL: they are SUNDIALS' own */
+    BandedNewton *banded; /* what they are made of; NULL: they are dense */
 } Newton;
 
 typedef struct {
@@ -197,15 +197,15 @@ static bool make_objects(Gear *g)
 
 static void drop_newton(const Sundials *c, Newton *newton)
 {
-    if (newton->linear != NULL && newton->made != NULL) {
-        gear_newton_free_solver(newton->made, newton->linear);
+    if (newton->linear != NULL && newton->banded != NULL) {
+        gear_banded_free_solver(newton->banded, newton->linear);
     } else if (newton->linear != NULL) {
         c->SUNLinSolFree(newton->linear);
     }
     if (newton->matrix != NULL) {
         c->SUNMatDestroy(newton->matrix);
     }
-    gear_newton_free(newton->made);
+    gear_banded_free(newton->banded);
     *newton = (Newton){0};
 }
 
@@ -213,10 +213,10 @@ static bool make_newton(const Gear *g, const Sparsity *sparsity, Newton *newton)
 {
     const int64_t n = (int64_t)g->base.problem.n;
     const Sundials *c = &g->c;
-    newton->made = gear_newton_new(c, g->context, sparsity, (size_t)n);
-    if (newton->made != NULL) {
-        newton->matrix = gear_newton_matrix(newton->made);
-        newton->linear = gear_newton_solver(newton->made);
+    newton->banded = sparsity != NULL ? gear_banded_new(c, g->context, sparsity, (size_t)n) : NULL;
+    if (newton->banded != NULL) {
+        newton->matrix = gear_banded_matrix(newton->banded);
+        newton->linear = gear_banded_solver(newton->banded);
     } else {
         newton->matrix = c->SUNDenseMatrix(n, n, g->context);
         newton->linear = newton->matrix != NULL ? c->SUNLinSol_Dense(g->y, newton->matrix, g->context) : NULL;
@@ -232,7 +232,7 @@ static bool take_newton(Gear *g, const Sparsity *sparsity)
     g->newton = (Newton){0};
     const bool done = make_newton(g, sparsity, &g->newton)
         && c->CVodeSetLinearSolver(g->memory, g->newton.linear, g->newton.matrix) == 0
-        && c->CVodeSetJacFn(g->memory, sparsity != NULL && g->newton.made != NULL ? on_jacobian : NULL) == 0;
+        && c->CVodeSetJacFn(g->memory, g->newton.banded != NULL ? on_jacobian : NULL) == 0;
     if (!done) {
         drop_newton(c, &g->newton);
         g->newton = old;

@@ -24,7 +24,6 @@ GEAR_FUNCTIONS: tuple[tuple[str, str], ...] = (
     ("N_VGetArrayPointer", "core"),
     ("N_VDestroy", "core"),
     ("SUNDenseMatrix", "sunmatrixdense"),
-    ("SUNDenseMatrix_Data", "sunmatrixdense"),
     ("SUNMatDestroy", "core"),
     ("SUNLinSol_Dense", "sunlinsoldense"),
     ("SUNLinSolFree", "core"),

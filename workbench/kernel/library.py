@@ -15,7 +15,7 @@ from workbench.kernel.structs import FUNCTIONS, STRUCTURES, name_in_c
 
 __all__ = ["KernelMissingError", "intermediate_update", "kernel", "kernel_path", "why_kernel_missing"]
 
-VERSION = 22  # KERNEL_VERSION in kernel.h
+VERSION = 21  # KERNEL_VERSION in kernel.h
 FOLDER = Path(__file__).parent / "lib"
 _REMEDY = "install the package again, which compiles it: pip install . in its folder (pip install -e . to work on it)"
 

@@ -1,4 +1,4 @@
-#include "gear_newton.h"
+#include "gear_banded.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -14,10 +14,10 @@ enum { OF_NO_KIND_OF_SUNDIALS = 1000, DIRECT = 0 };
 /* So many operations the tables of SUNDIALS 7.0 have; later ones are longer. */
 enum { MATRIX_TABLE = 10, SOLVER_TABLE = 15 }; /* those that are looked for stand among them in each version */
 
-struct GearNewton {
+struct BandedNewton {
     const Sundials *c;
     Pointer context;
-    const Sparsity *sparsity; /* NULL: the matrix is dense */
+    const Sparsity *sparsity;
     size_t n;
     size_t matrix_slots[MATRIX_OPERATIONS], solver_slots[SOLVER_OPERATIONS];
     double *ordered; /* [n] scratch */
@@ -25,7 +25,7 @@ struct GearNewton {
 };
 
 typedef struct {
-    GearNewton *newton;
+    BandedNewton *newton;
     Banded *banded;
 } Content;
 
@@ -47,7 +47,7 @@ static int type(Pointer solver)
     return DIRECT;
 }
 
-static Pointer clone_matrix(Pointer matrix) { return gear_newton_matrix(content_of(matrix)->newton); }
+static Pointer clone_matrix(Pointer matrix) { return gear_banded_matrix(content_of(matrix)->newton); }
 
 static void destroy_matrix(Pointer matrix)
 {
@@ -75,34 +75,25 @@ static int scale_add_identity(double c, Pointer matrix)
     return 0;
 }
 
-static Entries entries_of(const GearNewton *newton, Pointer matrix)
-{
-    const size_t n = newton->n;
-    return newton->sparsity != NULL ? banded_entries(banded_of(matrix))
-                                    : (Entries){newton->c->SUNDenseMatrix_Data(matrix), n, n, n - 1, n - 1};
-}
-
 static int set_up(Pointer solver, Pointer matrix)
 {
-    GearNewton *newton = ((Object *)solver)->content;
-    const Entries entries = entries_of(newton, matrix);
-    return entries_factor(&entries, newton->pivots) ? 0 : 1; /* 1: another step may do */
+    BandedNewton *newton = ((Object *)solver)->content;
+    return banded_factor(banded_of(matrix), newton->pivots) ? 0 : 1; /* 1: another step may do */
 }
 
 static int solve(Pointer solver, Pointer matrix, Pointer x, Pointer b, double tolerance)
 {
-    GearNewton *newton = ((Object *)solver)->content;
-    const Entries entries = entries_of(newton, matrix);
-    const size_t *place = newton->sparsity != NULL ? newton->sparsity->place : NULL;
+    BandedNewton *newton = ((Object *)solver)->content;
+    const size_t *place = newton->sparsity->place;
     const double *given = newton->c->N_VGetArrayPointer(b);
     double *found = newton->c->N_VGetArrayPointer(x);
     (void)tolerance;
     for (size_t i = 0; i < newton->n; i++) {
-        newton->ordered[place != NULL ? place[i] : i] = given[i];
+        newton->ordered[place[i]] = given[i];
     }
-    entries_solve(&entries, newton->pivots, newton->ordered);
+    banded_solve(banded_of(matrix), newton->pivots, newton->ordered);
     for (size_t i = 0; i < newton->n; i++) {
-        found[i] = newton->ordered[place != NULL ? place[i] : i];
+        found[i] = newton->ordered[place[i]];
     }
     return 0;
 }
@@ -122,7 +113,7 @@ static bool find(const Object *object, size_t length, void *const *functions, si
     return true;
 }
 
-static bool find_all(GearNewton *newton)
+static bool find_all(BandedNewton *newton)
 {
     const Sundials *c = newton->c;
     Pointer matrix = c->SUNDenseMatrix(1, 1, newton->context);
@@ -143,9 +134,9 @@ static bool find_all(GearNewton *newton)
     return found;
 }
 
-GearNewton *gear_newton_new(const Sundials *c, Pointer context, const Sparsity *sparsity, size_t n)
+BandedNewton *gear_banded_new(const Sundials *c, Pointer context, const Sparsity *sparsity, size_t n)
 {
-    GearNewton *newton = calloc(1, sizeof *newton + n * sizeof(size_t));
+    BandedNewton *newton = calloc(1, sizeof *newton + n * sizeof(size_t));
     double *ordered = calloc(n, sizeof(double));
     if (newton != NULL && ordered != NULL) {
         newton->c = c;
@@ -162,9 +153,9 @@ GearNewton *gear_newton_new(const Sundials *c, Pointer context, const Sparsity *
     return NULL;
 }
 
-void gear_newton_free_solver(const GearNewton *newton, Pointer solver) { newton->c->SUNLinSolFreeEmpty(solver); }
+void gear_banded_free_solver(const BandedNewton *newton, Pointer solver) { newton->c->SUNLinSolFreeEmpty(solver); }
 
-void gear_newton_free(GearNewton *newton)
+void gear_banded_free(BandedNewton *newton)
 {
     if (newton != NULL) {
         free(newton->ordered);
@@ -180,12 +171,9 @@ static void put(Object *object, size_t slot, Function function)
     memcpy(&object->operations[slot], &function, sizeof function);
 }
 
-Pointer gear_newton_matrix(GearNewton *newton)
+Pointer gear_banded_matrix(BandedNewton *newton)
 {
     const Sparsity *sparsity = newton->sparsity;
-    if (sparsity == NULL) {
-        return newton->c->SUNDenseMatrix((int64_t)newton->n, (int64_t)newton->n, newton->context);
-    }
     Object *matrix = newton->c->SUNMatNewEmpty(newton->context);
     Content *content = calloc(1, sizeof *content);
     Banded *banded = banded_new(newton->n, sparsity->below, sparsity->above);
@@ -208,7 +196,7 @@ Pointer gear_newton_matrix(GearNewton *newton)
     return matrix;
 }
 
-Pointer gear_newton_solver(GearNewton *newton)
+Pointer gear_banded_solver(BandedNewton *newton)
 {
     Object *solver = newton->c->SUNLinSolNewEmpty(newton->context);
     if (solver == NULL) {
