@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("resource", reason="it measures by what Windows does not have")
+pytest.importorskip(
+    "resource", reason="CPU time and memory of processes are measured with resource, which Windows has not"
+)
 
 from scripts import bench
 from scripts.bench_process import ROOT, Cost, Lab, Side

@@ -205,6 +205,15 @@ def test_several_fmus_have_one_card_with_a_case_for_each_check(tmp_path: Path, m
     assert card.line("runs", "me", component=files[1]).verdict == "broken"
 
 
+def test_a_name_that_begins_as_another_is_not_taken_for_it() -> None:
+    line = wb.HealthLine(component="plants/b me", interface="me", name="runs", evidence="seen", verdict="broken")
+    card = wb.HealthCard(
+        model="plant, plants/b", source="plant, plants/b", sha256="", fmi_version="2.0", generation_tool="",
+        interfaces=("me",), checks=(line,),
+    )  # fmt: skip
+    assert [case.file for case in card.cases()] == ["plants/b"]
+
+
 def test_what_was_cut_off_is_an_error_and_what_does_not_apply_is_skipped() -> None:
     lines = [
         wb.HealthLine(interface="me", name="runs", evidence="seen", verdict=verdict, finished=finished)
@@ -242,10 +251,11 @@ def test_names_of_others_are_no_commands_and_no_markdown(capsys: pytest.CaptureF
     tell_error("elsewhere", "/")
     assert capsys.readouterr().err == ("::error file=a%2Cb%3Ac.toml,line=2::100 %25 ::error::no\n::error::elsewhere\n")
     table = PageTable(("a|b",), [["<img>\n[x](y)"]])
-    page = Page("*t*", "", {}, [Section("s", tables=[table])], summary=[Verdict("broken", "`c`")])
+    page = Page("*t*", "", {}, [Section("a_b <i>", tables=[table])], summary=[Verdict("broken", "`c`")])
     text = markdown_of(page)
     assert "## \\*t\\*\n" in text
     assert "- ❌ broken: \\`c\\`\n" in text
+    assert "<summary>a_b &lt;i&gt;</summary>\n" in text  # HTML, in which a backslash would be seen
     assert "| a\\|b |\n| --- |\n| \\<img\\>\\\\n\\[x\\](y) |\n" in text
 
 

@@ -18,7 +18,7 @@ import pytest
 from workbench.core.values import matrices
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear, LinearPart
-from workbench.core.values.matrices import held, resolvent, symmetrizing, unheld
+from workbench.core.values.matrices import held, resolvent, symmetric_form, unheld
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import growth_rates, sides
 from workbench.errors import InputError
@@ -321,13 +321,12 @@ def test_networks_of_storages_and_resistances_have_a_symmetric_form(seed: int) -
     joined = np.triu(rng.uniform(0.1, 2.0, (n, n)) * (rng.uniform(size=(n, n)) < 2.0 / n), 1)
     G = np.diag((joined + joined.T).sum(axis=1) + rng.uniform(0.0, 1.0, n)) - joined - joined.T
     A = -G / (10.0 ** rng.uniform(-3.0, 3.0, n))[:, None]
-    d = symmetrizing(A)
-    assert d is not None
-    symmetric = A * d / d[:, None]
-    np.testing.assert_allclose(symmetric, symmetric.T, rtol=1e-10, atol=0.0)
-    np.testing.assert_allclose(
-        np.linalg.eigvalsh((symmetric + symmetric.T) / 2.0), np.sort(np.linalg.eigvals(A).real), rtol=1e-8, atol=1e-12
-    )
+    form = symmetric_form(A)
+    assert form is not None
+    d, symmetric = form
+    np.testing.assert_array_equal(symmetric, symmetric.T)
+    np.testing.assert_allclose(symmetric * d[:, None] / d, A, rtol=1e-10, atol=0.0)
+    np.testing.assert_allclose(np.linalg.eigvalsh(symmetric), np.sort(np.linalg.eigvals(A).real), rtol=1e-8, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -345,4 +344,4 @@ def test_networks_of_storages_and_resistances_have_a_symmetric_form(seed: int) -
     ],
 )
 def test_other_matrices_have_no_symmetric_form_that_is_harmless(A: Floats) -> None:
-    assert symmetrizing(A) is None
+    assert symmetric_form(A) is None

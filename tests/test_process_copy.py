@@ -12,7 +12,9 @@ import pytest
 from tests.programs import ended, start
 from workbench.jobs.process_copy import can_copy
 
-pytestmark = pytest.mark.skipif(not can_copy(), reason="no process is copied on this platform")
+pytestmark = pytest.mark.skipif(
+    not can_copy(), reason="a worker is a copy of its command on Linux only: elsewhere libraries forbid a fork"
+)
 
 BOTH = """
 import os, sys

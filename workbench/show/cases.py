@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
@@ -53,17 +54,17 @@ class Case:
         return self.outcome in {FAILURE, ERROR}
 
 
-class Judged:
+class Judged(ABC):
     """A result of verdicts, which a CI shows one by one."""
 
     @property
+    @abstractmethod
     def suite(self) -> str:
         """What the verdicts are about."""
-        raise NotImplementedError
 
+    @abstractmethod
     def cases(self) -> list[Case]:
         """Return the verdicts as a CI shows them."""
-        raise NotImplementedError
 
     def to_junit(self, path: str | Path) -> None:
         """Write the verdicts as JUnit XML, each as a test case.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from html import escape
 
 from workbench.errors import unbroken
 from workbench.show.page import Page, PageTable, Section
@@ -35,7 +36,7 @@ def _page(page: Page) -> Iterator[str]:
 
 
 def _section(section: Section) -> Iterator[str]:
-    yield from (f"<details><summary>{_text(section.title)}</summary>", "")
+    yield from (f"<details><summary>{escape(unbroken(section.title))}</summary>", "")  # HTML, where no Markdown is read
     for table in section.tables:
         yield from _table(table)
     yield from (*(f"- {_text(item)}" for item in section.items), "</details>", "")

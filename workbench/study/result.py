@@ -170,7 +170,7 @@ class StudyResult(Judged):
         return self.study.name
 
     def cases(self) -> list[Case]:
-        return list(named("workbench.study.junit:cases_of")(self))
+        return list(named("workbench.study.cases:cases_of")(self))
 
     def report(self, path: str | Path) -> None:
         """Write the page.

@@ -21,7 +21,7 @@ __all__ = [
     "light",
     "product",
     "resolvent",
-    "symmetrizing",
+    "symmetric_form",
     "unheld",
 ]
 
@@ -77,11 +77,12 @@ def is_sparse(A: Floats) -> bool:
     return bool(len(A) >= _LARGE and np.count_nonzero(A != 0.0) <= _SPARSE * A.size and np.isfinite(A).all())
 
 
-def symmetrizing(A: Floats) -> Floats | None:
-    """Return d, shape (n,), with which D⁻¹ A D, D = diag(d), is symmetric; None: there is none that is harmless.
+def symmetric_form(A: Floats) -> tuple[Floats, Floats] | None:
+    """Return d, shape (n,), and the symmetric D⁻¹ A D, D = diag(d); None: there is no d that is harmless.
 
     Networks of storages and resistances (heat, laminar flow) have such matrices: their poles are real, and their
-    eigenvectors are orthogonal but for d.
+    eigenvectors are orthogonal but for d. Of what rounding leaves apart the mean is taken: that moves poles by its
+    square only.
 
     Args:
         A: shape (n, n).
@@ -103,8 +104,8 @@ def symmetrizing(A: Floats) -> Floats | None:
             reached.extend(beyond.tolist())
     if d.max() > _HARMLESS * d.min():
         return None
-    symmetric = A * d / d[:, None]
-    return d if np.allclose(symmetric, symmetric.T, rtol=_SYMMETRIC, atol=0.0) else None
+    scaled = A * d / d[:, None]
+    return (d, (scaled + scaled.T) / 2.0) if np.allclose(scaled, scaled.T, rtol=_SYMMETRIC, atol=0.0) else None
 
 
 def as_sparse(A: Floats, form: str) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types

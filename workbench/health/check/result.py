@@ -154,7 +154,7 @@ class HealthCard(Result, Judged):
                 message="; ".join(filter(None, (c.evidence, c.consequence))),
                 kind=c.verdict,
                 seconds=c.seconds,
-                file=next((s for s in sources if c.component.startswith(s)), self.source),
+                file=next((s for s in sources if f"{c.component} ".startswith(f"{s} ")), self.source),
             )
             for c in self.checks
         ]

@@ -16,7 +16,7 @@ from workbench.model.operating_point import start_at
 from workbench.response.compare.measures import measure
 from workbench.response.compare.request import CompareMotions
 from workbench.response.compare.result import Motion, MotionComparison, MotionFailed, MotionHistory
-from workbench.response.compare.units import shown_unit
+from workbench.response.compare.units import DisplayedUnit, shown_unit
 from workbench.response.simulate.request import Simulate
 from workbench.response.simulate.result import SimulationResult
 from workbench.signals.kinds import Signal
@@ -47,14 +47,8 @@ def run(systems: Mapping[str, DescribedModel], request: CompareMotions, job: Job
     windows = [(float(begin), float(end)) for begin, end in request.windows] or [(0.0, _stop(first, request.stop))]
     forced = {name: forced_inputs(model, request.inputs) for name, model in systems.items()}
     units = {v.name: v.unit for v in first.description.variables if v.name in signals}
-    shown = {s: shown_unit(units.get(s), request.unit) for s in signals}
-    if request.unit is not None and not any(u.unit == request.unit for u in shown.values()):
-        known = ", ".join(sorted({u for u in units.values() if u})) or "none declared"
-        raise InputError(f"compare: no signal can be shown in '{request.unit}'; their units: {known}")
-    last = max(end for _, end in windows)
-    end = last if request.stop is None else request.stop
-    if end < last:
-        raise InputError(f"compare: the run ends at {end:g} s, before the last window does")
+    shown = _shown({s: units.get(s) for s in signals}, request.unit)
+    end = _end(windows, request.stop)
     simulation = Simulate(
         workers=request.place,
         stop=end,
@@ -125,6 +119,23 @@ def _signals(systems: Mapping[str, DescribedModel]) -> tuple[str, ...]:
     if not common:
         raise InputError("compare: the models have no output in common; name variables with `outputs`")
     return common
+
+
+def _shown(units: Mapping[str, str | None], unit: str | None) -> dict[str, DisplayedUnit]:
+    """Return how each signal is shown: in the unit that is asked for, where its own converts to it."""
+    shown = {name: shown_unit(own, unit) for name, own in units.items()}
+    if unit is not None and not any(u.unit == unit for u in shown.values()):
+        known = ", ".join(sorted({u for u in units.values() if u})) or "none declared"
+        raise InputError(f"compare: no signal can be shown in '{unit}'; their units: {known}")
+    return shown
+
+
+def _end(windows: Sequence[Window], stop: float | None) -> float:
+    """Return where the runs end: no earlier than the last window does."""
+    last = max(end for _, end in windows)
+    if stop is not None and stop < last:
+        raise InputError(f"compare: the run ends at {stop:g} s, before the last window does")
+    return last if stop is None else stop
 
 
 def _stop(first: DescribedModel, stop: float | None) -> float:

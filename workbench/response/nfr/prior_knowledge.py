@@ -15,7 +15,7 @@ from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.calendar import PeriodsError
 from workbench.core.values.linear import NO_RESPONSE, LinearPart
-from workbench.core.values.matrices import held, resolvent, symmetrizing
+from workbench.core.values.matrices import held, resolvent, symmetric_form
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.model import Model
 from workbench.model.sample_rates import sampled
@@ -61,14 +61,14 @@ class LinearStart:
 
         None where they do not give A back: poles coincide.
         """
-        A, d = self.part.A, symmetrizing(self.part.A)
+        A, form = self.part.A, symmetric_form(self.part.A)
         poles: NDArray[Any]
         vectors: NDArray[Any]
         inverse: NDArray[Any]
         with one_thread():
-            if d is not None:
-                symmetric = A * d / d[:, None]
-                poles, q = np.linalg.eigh((symmetric + symmetric.T) / 2.0)  # what is left out moves poles by its square
+            if form is not None:
+                d, symmetric = form
+                poles, q = np.linalg.eigh(symmetric)
                 vectors, inverse = q * d[:, None], q.T / d
             else:
                 poles, vectors = np.linalg.eig(A)
