@@ -131,8 +131,14 @@ CHECKS = (
     Check(
         "docs: a heading without its page",
         ("test", "docs"),
-        {"mkdocs.yml": swap("  - Gallery: gallery.md", "  - Gallery: gone.md")},
+        {"properdocs.yml": swap("  - Gallery: gallery.md", "  - Gallery: gone.md")},
         "gone.md",
+    ),
+    Check(
+        "docs: no search without a server",
+        ("test", "docs"),
+        {"properdocs.yml": swap("  - offline", "  # offline")},
+        "searched",
     ),
     Check("tests: one fails, all else passes", ("test",), FAILS, "test_planted.*3", ONLY),
     planted("a process of the tests crashes", "os.abort()", "crashed.*test_planted", "import os"),

@@ -64,10 +64,10 @@ PYTEST = ("pytest", "-q", *PROCESSES)
 LAST_RUN = ROOT / "build-cache" / "tests.xml"
 QUICK = 2 * 220.0  # [s]
 
-# What `test` does, in this order: what fails soonest comes first. Where MkDocs is `--quiet`, `--strict` counts nothing.
+# What `test` does, in this order: what fails soonest first. Where ProperDocs is `--quiet`, `--strict` counts nothing.
 PARTS = ("lint", "types", "docs", "tests")
 LINT = (("ruff", "check", "."), ("ruff", "format", "--check", "."))
-ASIDE = {"types": ("mypy",), "docs": ("mkdocs", "build", "--strict")}  # one process each
+ASIDE = {"types": ("mypy",), "docs": ("properdocs", "build", "--strict")}  # one process each
 FIGURES, EVIDENCE, BENCH = ("scripts.reproduce",), ("scripts.evidence",), ("scripts.bench",)
 OWN_WORDS = ("reproduce", "evidence", "bench")  # commands that read the words behind their names
 
@@ -399,7 +399,6 @@ def _run(
     environment |= settings
     # What is compiled is kept, tests as pytest rewrites them, too: each of the many processes would do it anew.
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
-    environment["NO_MKDOCS_2_WARNING"] = "1"  # the theme's advertisement; what we use is pinned below version 2
     words = [str(part) for part in command]
     out, err = (None, None) if show else (subprocess.PIPE, subprocess.STDOUT)
     return subprocess.run(words, cwd=ROOT, check=check, env=environment, text=True, stdout=out, stderr=err)

@@ -96,7 +96,7 @@ STEPS = [
     "ruff",
     "eslint",
     "mypy",
-    "mkdocs",
+    "properdocs",
     "pytest",
     "pytest",
     "scripts.reproduce",
@@ -128,7 +128,7 @@ def test_each_step_of_all_can_end_it(failing: int | None, monkeypatch: pytest.Mo
     except subprocess.CalledProcessError as error:
         code = error.returncode
     assert code == int(failing is not None)
-    asides = slice(STEPS.index("mypy"), STEPS.index("mkdocs") + 1)
+    asides = slice(STEPS.index("mypy"), STEPS.index("properdocs") + 1)
     assert sorted(done[asides]) == sorted(STEPS[asides][: len(done[asides])])
     done[asides] = STEPS[asides][: len(done[asides])]
     last = len(STEPS) - 1 if failing is None else failing

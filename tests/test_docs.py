@@ -30,7 +30,7 @@ def test_pictures_are_there_and_small() -> None:
 
 
 def test_navigation_names_every_page() -> None:
-    navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
+    navigation = (ROOT / "properdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
     generated = {"reference/requirements.md", "reference/targets.md"}
     assert set(re.findall(r"[\w/-]+\.md", navigation)) == {*pages(), *generated}
 

@@ -94,7 +94,7 @@ def test_every_command_is_in_the_index_of_methods(command: str) -> None:
     docs = Path(__file__).parents[1] / "docs"
     methods = (docs / "methods" / "index.md").read_text(encoding="utf-8")
     assert f"`{command}`" in methods or command in NO_METHOD
-    pages = (docs.parent / "mkdocs.yml").read_text(encoding="utf-8")
+    pages = (docs.parent / "properdocs.yml").read_text(encoding="utf-8")
     for name in re.findall(r"\]\(([\w-]+\.md)\)", methods):
         assert f"methods/{name}" in pages
 

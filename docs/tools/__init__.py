@@ -1,1 +1,1 @@
-"""What the documentation is built with: hooks of MkDocs, generated pages, and the runner of its examples."""
+"""What the documentation is built with: hooks of ProperDocs, generated pages, and the runner of its examples."""

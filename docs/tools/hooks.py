@@ -1,4 +1,4 @@
-"""Hooks of MkDocs: generated pages, formulas as MathML, and a look at what the built pages would fetch."""
+"""Hooks of ProperDocs: generated pages, formulas as MathML, and a look at what the built pages would fetch."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import re
 import sys
 from pathlib import Path
 
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.exceptions import PluginError
-from mkdocs.structure.files import File, Files
-from mkdocs.structure.pages import Page
+from properdocs.config.defaults import ProperDocsConfig
+from properdocs.exceptions import PluginError
+from properdocs.plugins import event_priority
+from properdocs.structure.files import File, Files
+from properdocs.structure.pages import Page
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # the workbench and `docs` of this checkout
 
@@ -19,6 +20,7 @@ from docs.tools.python_pages import python_page, python_pages
 from docs.tools.record_keys import with_keys
 from docs.tools.study_pages import requirements_page
 from docs.tools.target_pages import targets_page
+from workbench import __version__
 
 __all__ = ["on_config", "on_files", "on_page_content", "on_page_markdown", "on_post_build"]
 
@@ -28,8 +30,9 @@ _PICTURE = re.compile(r"<img\b[^>]*?\bsrc=[\"']?([^\"' >]+)")
 _STYLE = re.compile(r"url\(\s*[\"']?(?:https?:)?//|@import\s+[\"']?(?:https?:)?//")
 
 
-def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Put the generated pages in their places of the navigation."""
+def on_config(config: ProperDocsConfig) -> ProperDocsConfig:
+    """Put the version into the head, and the generated pages in their places of the navigation."""
+    config.site_name = f"{config.site_name} {__version__}"
     pages = {
         _COMMANDS: [{name: f"reference/commands/{name}.md"} for name in command_names()],
         _PYTHON: [{title: f"reference/python/{page}.md"} for page, title in python_pages().items()],
@@ -50,7 +53,7 @@ def _expanded(nav: list[object], pages: dict[str, list[dict[str, str]]]) -> list
     return found
 
 
-def on_files(files: Files, config: MkDocsConfig) -> Files:
+def on_files(files: Files, config: ProperDocsConfig) -> Files:
     """Add the generated pages."""
     texts = {f"reference/commands/{name}.md": command_page(name) for name in command_names()}
     texts |= {f"reference/python/{page}.md": python_page(page) for page in python_pages()}
@@ -60,12 +63,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
-def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001 - see below
+def on_page_markdown(markdown: str, page: Page, config: ProperDocsConfig, files: Files) -> str:  # noqa: ARG001 - see below
     """Put the tables of keys in their places."""
     return with_keys(markdown)
 
 
-def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:  # noqa: ARG001 - as MkDocs calls it
+def on_page_content(html: str, page: Page, config: ProperDocsConfig, files: Files) -> str:  # noqa: ARG001 - as ProperDocs calls it
     """Draw the formulas."""
     try:
         return with_mathml(html)
@@ -73,9 +76,12 @@ def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -
         raise PluginError(f"{page.file.src_uri}: {error}") from None
 
 
-def on_post_build(config: MkDocsConfig) -> None:
-    """Refuse pages that fetch anything from elsewhere, or show a picture that is not there."""
+@event_priority(-200)  # after the plug-in that writes the index
+def on_post_build(config: ProperDocsConfig) -> None:
+    """Refuse pages that fetch from elsewhere, show a picture that is not there, or need a server to be searched."""
     site = Path(config.site_dir)
+    if not (site / "search" / "search_index.js").is_file():
+        raise PluginError("the site cannot be searched from a folder: properdocs.yml needs the plug-in offline")
     for path in site.rglob("*.html"):
         text = path.read_text(encoding="utf-8")
         for found in _FETCHED.finditer(text):
