@@ -15,4 +15,4 @@ from workbench.core.records.lazy import lazily
 
 __version__ = "1.0.0"
 
-__getattr__, __dir__ = lazily(__name__, __file__)
+__getattr__, __dir__ = lazily(__name__, __file__, added="workbench.commands:added_functions")

@@ -14,6 +14,7 @@ from workbench.cli.github import tell_error
 from workbench.cli.interrupt import exit_code, interrupted, was_interrupted
 from workbench.cli.program import BEGINNING, completing, options_of, program, said
 from workbench.commands import COMMANDS, MOVED, requests_of
+from workbench.core.records.plug_ins import faults
 from workbench.errors import InputError, WorkbenchError, one_line, suggest
 from workbench.jobs.end_signals import INTERRUPTED
 from workbench.jobs.options import InWorker
@@ -71,6 +72,8 @@ def run(
             raise
         code = INTERRUPTED
     code = _told(code)
+    for text in faults():
+        notes.note(text)
     notes.flush()
     return code if given else BAD_INPUT
 

@@ -14,9 +14,10 @@ import click
 
 from workbench import __version__
 from workbench.cli.plain import unquoted, write_text
-from workbench.commands import COMMANDS, GROUPS, requests_of
+from workbench.commands import COMMANDS, GROUPS, REQUESTS, requests_of
 from workbench.core.records.named import named
 from workbench.core.records.option import options_of as declared_options
+from workbench.core.records.plug_ins import plug_ins
 from workbench.errors import close_names, one_line
 from workbench.requests.request import Request
 
@@ -24,7 +25,13 @@ __all__ = ["BEGINNING", "COMMANDS", "command_of", "completing", "options_of", "p
 
 _OWN = {"run": "cli.run:run", "schema": "cli.schema:schema", "ui": "cli.ui:ui"}  # no requests
 
-_KINDS = {"integer": "a whole number", "float": "a number"}  # click's word → ours
+# Of plug-ins that are not commands: what the name is.
+_OTHERS = {
+    "blocks": "Block of system files.",
+    "requirements": "Kind of requirement in studies.",
+    "readers": "Files of recorded data.",
+}
+_NUMBERS = {"integer": "a whole number", "float": "a number"}  # click's word → ours
 _NO_PARTS = r"No such option '?(--scheduler[\w-]*).*"
 _COMPLETE = "_WORKBENCH_COMPLETE"  # set by the scripts for shells
 
@@ -52,6 +59,16 @@ class _Program(click.Group):
         for group, names in GROUPS.items():
             with formatter.section(group):
                 formatter.write_dl([(name, unquoted(_first_words(name))) for name in names])
+        if added := _added():
+            with formatter.section("From other packages"):
+                formatter.write_dl(added)
+
+
+def _added() -> list[tuple[str, str]]:
+    """Return what plug-ins there are, in words, and whose; of those that are not commands, what they declare to be."""
+    commands = [(p, unquoted(_first_words(p.name))) for p in REQUESTS.added()]
+    others = [(p, _OTHERS[p.kind]) for p in plug_ins() if p.kind in _OTHERS]
+    return [(p.name, f"{words} ({p.package})") for p, words in (*commands, *others)]
 
 
 def _first_words(name: str) -> str:
@@ -93,6 +110,8 @@ def command_of(name: str, own: type[Request[Any, Any]] | None = None) -> click.C
         from workbench.cli.questions import before
 
         result = command(requests_of(name) if own is None else [own], before(name))
+        if own is None and (package := REQUESTS.package_of(next(iter(COMMANDS[name])))):
+            result.help = f"{result.help}\n\nFrom the package {package}."
     result.name, result.context_settings = name, SETTINGS
     return result
 
@@ -147,7 +166,7 @@ def said(error: click.ClickException) -> str:
     """
     text = one_line(error.format_message())
     text = re.sub(r"^Invalid value for '(--[\w-]+)'", r"\1", text)
-    text = re.sub(r"a valid (integer|float)( range)?\.", lambda kind: _KINDS[kind[1]], text)
+    text = re.sub(r"a valid (integer|float)( range)?\.", lambda kind: _NUMBERS[kind[1]], text)
     where = getattr(error, "ctx", None)
     if isinstance(error, click.NoSuchOption) and where is not None:
         text = _no_such(error.option_name, where)

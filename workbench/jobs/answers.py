@@ -19,6 +19,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from workbench.core.records.plug_ins import packages
 from workbench.core.records.record import fields_fit
 from workbench.errors import LostError, WorkbenchError, one_line
 
@@ -260,9 +261,9 @@ def _lists(given: object, count: int) -> list[list[object]]:
 
 
 def _class(module: str, name: str, fits: Callable[[type[Any]], bool], otherwise: str) -> type[Any]:
-    """Return a class of the workbench; a module that is not there yet is loaded by an answer only if it is its own."""
+    """Return a class of the workbench or a plug-in; an answer loads only their modules where they are not there yet."""
     wrong = "is not part of a result"
-    if module.startswith("workbench.") and not module.endswith("__main__") and name.isidentifier():
+    if _known(module) and not module.endswith("__main__") and name.isidentifier():
         result = getattr(import_module(module), name, None)
         if isinstance(result, type) and result.__module__ == module:
             if fits(result):
@@ -273,7 +274,12 @@ def _class(module: str, name: str, fits: Callable[[type[Any]], bool], otherwise:
 
 def _is_record(kind: type[Any]) -> bool:
     """Return whether it keeps values and does nothing else."""
-    return is_dataclass(kind) and kind.__module__.startswith("workbench.") and _frozen(kind)
+    return is_dataclass(kind) and _known(kind.__module__) and _frozen(kind)
+
+
+def _known(module: str) -> bool:
+    """Return whether a module is part of the workbench or of a package with plug-ins."""
+    return module.startswith("workbench.") or module.partition(".")[0] in packages()
 
 
 def _frozen(kind: type[Any]) -> bool:

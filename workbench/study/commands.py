@@ -17,7 +17,7 @@ from workbench.show.files_written import Written, written_of
 
 __all__ = ["COMMANDS", "Command", "Reference", "command", "filled", "meant", "references"]
 
-COMMANDS = tuple(name for name, requests in EVERY.items() if requests and name != "run")
+COMMANDS = EVERY.without("run", "schema", "ui")
 _MODEL = "model"
 _ON_MODELS = (_MODEL, "models")
 _KINDS = {float: "a number", int: "a whole number", str: "text"}

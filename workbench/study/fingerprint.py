@@ -8,9 +8,11 @@ import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from html import unescape
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from workbench.core.records.plug_ins import packages
 from workbench.core.records.record import read_toml_table
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled
@@ -27,16 +29,25 @@ _LONGEST = 1000  # a longer text is not the name of a file
 
 @cache
 def code_hash() -> str:
-    """Return the SHA-256 of the workbench itself: what another state of it measured is not taken for its own."""
+    """Return the SHA-256 of the workbench and its plug-ins: what another state of it measured is not its own."""
     package = Path(__file__).resolve().parent.parent
-    files = sorted(f for f in (*package.rglob("*.py"), *(package / "kernel" / "lib").rglob("*")) if f.is_file())
     digest = hashlib.sha256()
-    for file in files:
-        if "__pycache__" not in file.parts:
-            digest.update(
-                file.relative_to(package).as_posix().encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest()
-            )
+    for folder, pattern in ((package, "*.py"), (package / "kernel" / "lib", "*"), *_plug_in_files()):
+        for file in sorted(f for f in folder.rglob(pattern) if f.is_file() and "__pycache__" not in f.parts):
+            name = file.relative_to(folder.parent).as_posix().encode()
+            digest.update(name + b"\0" + hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
+
+
+def _plug_in_files() -> Iterator[tuple[Path, str]]:
+    """Yield the folder of each package that plug-ins are in, and which of its files are code."""
+    for name in packages():
+        spec = find_spec(name)
+        folders = spec.submodule_search_locations if spec is not None else None
+        if folders is not None:
+            yield from ((Path(folder), "*.py") for folder in folders)
+        elif spec is not None and spec.origin:
+            yield Path(spec.origin).parent, Path(spec.origin).name
 
 
 class Hashes:

@@ -15,8 +15,9 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.model.described_model import LoadRecipe
 from workbench.model.load import FmuRecipe
+from workbench.system.block_table.registry import BLOCKS
 from workbench.system.components import OpenComponent
-from workbench.system.description import FmuComponent, FunctionComponent, SystemDescription
+from workbench.system.description import BlockComponent, FmuComponent, FunctionComponent, SystemDescription
 
 if TYPE_CHECKING:
     from workbench.model.described_model import DescribedModel
@@ -133,7 +134,8 @@ class SystemRecipe(LoadRecipe):
     def _component(self, component: Any) -> Any:
         if isinstance(component, FmuComponent) and component.name in self.parts:
             return {**self.parts[component.name].identity(), "units": dict(component.units)}
-        return _plain(component)
+        of_plug_in = BLOCKS.package_of(component.kind) if isinstance(component, BlockComponent) else ""
+        return _plain(component) | ({"package": of_plug_in} if of_plug_in else {})
 
     def packed(self) -> Self:
         return replace(self, parts={name: recipe.packed() for name, recipe in self.parts.items()})

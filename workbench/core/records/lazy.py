@@ -26,12 +26,13 @@ def homes_in(stub: str) -> dict[str, str]:
     return dict(sorted(result.items()))
 
 
-def lazily(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+def lazily(package: str, file: str, added: str = "") -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """Return `__getattr__` and `__dir__` of a package whose public names are those of its stub.
 
     Args:
         package: its name.
         file: its `__init__.py`; beside it stands the stub `__init__.pyi`, which type checkers read.
+        added: "module:name" of a function that returns what plug-ins add, by name; empty: they add nothing.
 
     Source: Scientific Python, SPEC 1, lazy loading of submodules and functions.
     """
@@ -42,16 +43,31 @@ def lazily(package: str, file: str) -> tuple[Callable[[str], object], Callable[[
             homes.update(homes_in(f"{file}i"))
         return homes
 
+    def others() -> dict[str, object]:
+        from workbench.core.records.named import named  # noqa: PLC0415 - see above
+        from workbench.core.records.plug_ins import plug_ins  # noqa: PLC0415 - see above
+
+        return named(added)() if added and plug_ins() else {}
+
+    def other(name: str) -> object:
+        from workbench.core.records.plug_ins import faults  # noqa: PLC0415 - see above
+
+        there = others()
+        if name in there:
+            return there[name]
+        why = "".join(f"; {fault}" for fault in faults())
+        raise AttributeError(f"module '{package}' has no attribute '{name}'{why}")
+
     def get(name: str) -> object:
         if name == "__all__":
             return list(known())
-        if name.startswith("__") or name not in known():
+        if name.startswith("_"):
             raise AttributeError(f"module '{package}' has no attribute '{name}'")
         from workbench.core.machine.interrupts import insisting  # noqa: PLC0415 - see above
 
         with insisting():
-            value: object = getattr(import_module(homes[name]), name)
+            value = getattr(import_module(homes[name]), name) if name in known() else other(name)
         setattr(sys.modules[package], name, value)
         return value
 
-    return get, lambda: sorted({*vars(sys.modules[package]), *known()})
+    return get, lambda: sorted({*vars(sys.modules[package]), *known(), *others()})

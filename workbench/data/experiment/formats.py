@@ -10,7 +10,7 @@ import csv
 import importlib
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,9 @@ import numpy as np
 
 from workbench.core.machine.files import content_of
 from workbench.core.records.csv_file import is_number
+from workbench.core.records.plug_ins import ExtensibleTable
 from workbench.core.values.arrays import Floats
-from workbench.errors import InputError, shortened
+from workbench.errors import InputError, WorkbenchError, shortened
 
 __all__ = ["DataTable", "read_columns", "read_table"]
 
@@ -211,6 +212,7 @@ def read_columns(path: str | Path) -> DataTable:
       (y1, y2, …), fields of structures by their own names.
     - ``.parquet``, ``.feather``, ``.arrow``: numeric columns; units as a trailing " [unit]".
     - ``.mf4``, ``.mdf`` (ASAM MDF): numeric channels, put on the times of the one with most samples, time in seconds.
+    - what a plug-in reads, by the suffix that is its name.
     - everything else: text, see `read_table`.
 
     Args:
@@ -220,12 +222,13 @@ def read_columns(path: str | Path) -> DataTable:
         InputError: no such file, nothing numeric in it, or a package is missing.
     """
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
+    suffix = path.suffix.lower()
+    if suffix in _TEXTS or (reader := _READERS.get(suffix)) is None:
         return read_table(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    columns, units, notes = reader(path)
+    package = _READERS.package_of(suffix)
+    columns, units, notes = _read_by(package, reader, path) if package else reader(path)
     if not columns:
         raise InputError(f"{path}: contains no columns of numbers")
     split = [with_unit(name) for name in columns]
@@ -235,6 +238,24 @@ def read_columns(path: str | Path) -> DataTable:
 
 
 _Columns = tuple[dict[str, Floats], dict[str, str | None], list[str]]
+
+
+def _read_by(package: str, reader: Callable[[Path], Any], path: Path) -> _Columns:
+    """Return what the reader of a plug-in gives: name, perhaps with its unit as a trailing " [unit]" → samples.
+
+    Raises:
+        InputError: its own, or what else went wrong in it.
+    """
+    try:
+        columns = {str(name): np.asarray(values, dtype=np.float64) for name, values in reader(path).items()}
+    except WorkbenchError:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever a foreign reader raises
+        why = f"{type(error).__name__}: {error}"
+        raise InputError(f"{path}: the reader of the package {package} failed: {why}") from None
+    if len({values.shape for values in columns.values()}) > 1 or any(values.ndim != 1 for values in columns.values()):
+        raise InputError(f"{path}: the reader of the package {package} returned columns that differ in length")
+    return columns, {}, []
 
 
 def _package(name: str, path: Path) -> Any:  # noqa: ANN401 - packages that need not be there
@@ -335,11 +356,25 @@ def _mdf(path: Path) -> _Columns:
     return columns, units, [note] if moved else []
 
 
-_READERS: Mapping[str, Callable[[Path], _Columns]] = {
-    ".mat": _mat,
-    ".parquet": _parquet,
-    ".feather": _feather,
-    ".arrow": _feather,
-    ".mf4": _mdf,
-    ".mdf": _mdf,
-}
+_TEXTS = (".csv", ".txt", ".tsv")
+
+
+def _wrong(name: str, held: Any) -> str:  # noqa: ANN401 - whatever a plug-in has
+    if not name.startswith(".") or name != name.lower():
+        return f"'{name}' is not the suffix of a file, in small letters, as .lvm"
+    return "" if callable(held) else "is not a function of a path"
+
+
+_READERS: ExtensibleTable[Callable[[Path], Any]] = ExtensibleTable(
+    "readers",
+    {
+        ".mat": _mat,
+        ".parquet": _parquet,
+        ".feather": _feather,
+        ".arrow": _feather,
+        ".mf4": _mdf,
+        ".mdf": _mdf,
+    },
+    _wrong,
+    taken=_TEXTS,
+)

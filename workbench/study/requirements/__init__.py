@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from importlib import import_module
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import Any
 
+from workbench.core.records.plug_ins import ExtensibleTable
 from workbench.errors import InputError, suggest
+from workbench.study.requirements.base import Requirement
 from workbench.system.files.toml_schema import read_table
-
-if TYPE_CHECKING:
-    from workbench.study.requirements.base import Requirement
 
 __all__ = ["KINDS", "read_requirement"]
 
@@ -44,22 +42,13 @@ _HOME: Mapping[str, str] = {
 }
 
 
-class _Kinds(Mapping[str, "type[Requirement]"]):
-    """Name of a kind → its class, loaded when it is asked for."""
-
-    def __getitem__(self, name: str) -> type[Requirement]:
-        module, _, kind = _HOME[name].partition(":")
-        result: type[Requirement] = getattr(import_module(f"{__name__}.{module}"), kind)
-        return result
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(_HOME)
-
-    def __len__(self) -> int:
-        return len(_HOME)
+def _wrong(name: str, held: Any) -> str:  # noqa: ANN401 - whatever a plug-in has
+    del name  # in a study it has that of its entry point
+    fits = isinstance(held, type) and issubclass(held, Requirement)
+    return "" if fits else "is not a requirement, see workbench.study.requirements.base.Requirement"
 
 
-KINDS: Mapping[str, type[Requirement]] = _Kinds()
+KINDS: ExtensibleTable[type[Requirement]] = ExtensibleTable("requirements", _HOME, _wrong, within=__name__)
 
 
 def read_requirement(data: object, where: str) -> Requirement:

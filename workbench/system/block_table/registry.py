@@ -8,6 +8,7 @@ from typing import Any
 
 from workbench.core.records.option import options_of
 from workbench.core.records.parsing import toml_value
+from workbench.core.records.plug_ins import ExtensibleTable
 from workbench.errors import InputError, suggest
 from workbench.system.block_table.base import Block
 from workbench.system.block_table.choices import Friction, Lookup, Lookup2d, Maximum, Minimum, Product, Switch
@@ -36,7 +37,7 @@ from workbench.system.block_table.pilots import CrossoverPilot, NealSmithPilot
 __all__ = ["BLOCKS", "block_of", "block_table", "entry_of", "sample_of"]
 
 # In the order of lists and palettes.
-BLOCKS: Mapping[str, type[Block]] = {
+_OWN: Mapping[str, type[Block]] = {
     kind.kind: kind
     for kind in (
         Saturation, DeadBand, RateLimiter, Backlash, Relay, Quantiser, Integrator, Pi, Pid, TransferFunction, LeadLag,
@@ -44,6 +45,19 @@ BLOCKS: Mapping[str, type[Block]] = {
         DiscreteTransfer, CrossoverPilot, NealSmithPilot,
     )
 }  # fmt: skip
+
+
+def _wrong(name: str, held: Any) -> str:  # noqa: ANN401 - whatever a plug-in has
+    if not (isinstance(held, type) and issubclass(held, Block)):
+        return "is not a block, see workbench.system.block_table.base.Block"
+    if held.kind != name:
+        return f"its kind is '{held.kind}'; give both the same name"
+    sample: Any = held
+    sample(**held.sample)  # lists and palettes show it
+    return ""
+
+
+BLOCKS: ExtensibleTable[type[Block]] = ExtensibleTable("blocks", _OWN, _wrong)
 
 
 def block_of(kind: str, parameters: Mapping[str, Any]) -> Block:
