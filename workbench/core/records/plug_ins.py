@@ -88,7 +88,7 @@ class ExtensibleTable(Mapping[str, _Held]):
         taken: Collection[str] = (),
     ) -> None:
         self._kind, self._own, self._wrong, self._within, self._taken = kind, own, wrong, within, taken
-        self._loaded: dict[PlugIn, _Held] = {}
+        self._right: set[PlugIn] = set()
 
     def __getitem__(self, name: str) -> _Held:
         held = self._own.get(name)
@@ -143,16 +143,16 @@ class ExtensibleTable(Mapping[str, _Held]):
         if len(found) > 1:
             others = " and ".join(p.package for p in found[1:])
             raise InputError(f"{first.words} is also in {others}: neither is used; uninstall all but one")
-        if first not in self._loaded:
-            try:
-                held = named(first.target)
-                why = self._wrong(first.name, held)
-            except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a foreign module raises
-                held, why = None, f"{type(error).__name__}: {error}"
-            if why:
-                raise InputError(f"{first.words} cannot be used: {first.target}: {why}; mend or uninstall that package")
-            self._loaded[first] = held
-        return self._loaded[first]
+        held: Any = None
+        try:
+            held = named(first.target)
+            why = "" if first in self._right else self._wrong(first.name, held)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a foreign module raises
+            why = f"{type(error).__name__}: {error}"
+        if why:
+            raise InputError(f"{first.words} cannot be used: {first.target}: {why}; mend or uninstall that package")
+        self._right.add(first)
+        return cast("_Held", held)
 
 
 # -- what is installed ---------------------------------------------------------------------------
