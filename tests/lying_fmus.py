@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from scipy.linalg import expm
 
 from tests.stub_fmus import write_stub
 
@@ -68,11 +72,12 @@ LIES = {
     "tiny-nominal": Lie("nominals", "watch", _ME, "x reaches .*, its nominal value is 1e-09"),
     "leak": Lie("memory", "watch", evidence="6[0-9].* kB per session"),
     "large-leak": Lie("memory", "broken", evidence="kB per session"),
+    "wrong-reference": Lie("references", "broken", _CS, r"response: [xvy] is .* % of its range off at t = .* s"),
     "nameless": Lie("validation", "watch", ("file",), "'der.*' is not a structured name"),
 }
 
 # What is wrong in the description alone: the library is told to be honest.
-_DESCRIBED = ("undeclared", "nameless")
+_DESCRIBED = ("undeclared", "nameless", "wrong-reference")
 
 
 def description(name: str) -> str:
@@ -116,6 +121,45 @@ def description(name: str) -> str:
 """
 
 
-def build_lying(folder: Path, name: str) -> Path:
-    """Write ``folder/NAME.fmu`` for a name in LIES, or "honest", "unstable"."""
-    return write_stub(folder / f"{name}.fmu", "lying", description(name))
+def _carried(name: str) -> dict[str, bytes]:
+    """Return the reference results that the honest FMU carries: its response to a constant force, in closed form."""
+    if name not in ("honest", "wrong-reference"):
+        return {}
+    gain, times = 1.02 if name == "wrong-reference" else 1.0, np.arange(201) / 100.0
+    turn = expm(np.array([[0.0, 1.0], [-40.0, -0.8]]) / 100.0)
+    rows = [np.array([-0.5 / 40.0, 0.0])]  # from where it comes to rest
+    for _ in times[1:]:
+        rows.append(turn @ rows[-1])
+    motion = [
+        (t, gain * (float(x) + 0.5 / 40.0), gain * float(v)) for t, (x, v) in zip(times.tolist(), rows, strict=True)
+    ]
+    return reference_files(
+        {"y.csv": "time,x,v,y\n" + "".join(f"{t!r},{x!r},{v!r},{x!r}\n" for t, x, v in motion)},
+        'name="response" stopTime="2" stepSize="0.01"',
+        u="time,u\n0,0.5\n",
+    )
+
+
+def reference_files(tables: Mapping[str, str], experiment: str, *, u: str = "") -> dict[str, bytes]:
+    """Return the files of a folder of FMI-LS-REF with one experiment.
+
+    Args:
+        tables: file → text; the first has the results.
+        experiment: attributes of the experiment.
+        u: text of the stimuli; empty: none.
+    """
+    stimuli = '<Stimuli source="u.csv" />' if u else ""
+    text = f'<Experiment {experiment}>{stimuli}<References source="{next(iter(tables))}" /></Experiment>'
+    files = {
+        "fmi-ls-manifest.xml": '<fmiReferences><Related type="application/x-ma-hs-experiments" source="runs.exp"'
+        ' role="experiment/smoke-test" /></fmiReferences>',
+        "runs.exp": f'<Experiments name="runs">{text}</Experiments>',
+        **tables,
+        **({"u.csv": u} if u else {}),
+    }
+    return {f"extra/org.fmi-standard.fmi-ls-ref/{name}": text.encode() for name, text in files.items()}
+
+
+def build_lying(folder: Path, name: str, more: Mapping[str, bytes] = {}) -> Path:
+    """Write ``folder/NAME.fmu`` for a name in LIES, or "honest", "unstable", with more files."""
+    return write_stub(folder / f"{name}.fmu", "lying", description(name), more={**_carried(name), **more})

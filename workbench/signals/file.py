@@ -15,7 +15,7 @@ from workbench.errors import InputError, suggest
 from workbench.signals.kinds import Signal, Table
 from workbench.signals.numbers import PLAIN, Numbers
 
-__all__ = ["is_file", "named_columns", "read_table"]
+__all__ = ["is_file", "named_columns", "named_heading", "read_table", "rows_of", "seconds_of"]
 
 _FILES = (".csv", ".txt")
 # A name and its unit; without a space between them numbers in brackets are indices.
@@ -39,27 +39,36 @@ def read_table(path: str | Path, numbers: Numbers = PLAIN) -> Table:
     Raises:
         InputError: no such file, not two columns of numbers, or a unit of time that is not known.
     """
-    headings, rows = _rows(Path(path))
+    headings, rows = rows_of(Path(path))
     return _column(Path(path), headings, rows, 1, numbers)
 
 
-def _rows(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Return the headings of a CSV file, with their units, and its rows; no headings: empty."""
+def rows_of(path: Path, called: str = "") -> tuple[list[str], list[list[str]]]:
+    """Return the headings of a CSV file, with their units, and its rows; no headings: empty.
+
+    Args:
+        path: of the file.
+        called: what messages call it; empty: by its path.
+
+    Raises:
+        InputError: it cannot be read, is not text, or has no rows.
+    """
+    name = called or path
     try:
         text = content_of(path).decode("utf-8-sig")
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise InputError(f"{name}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+        raise InputError(f"{name}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
     delimiter = next((d for d in ";\t" if d in text), ",")
     try:
         rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
     except csv.Error as error:
-        raise InputError(f"{path}: is not a table of time and value: {error}") from None
+        raise InputError(f"{name}: is not a table of time and value: {error}") from None
     headings = [] if not rows or is_number(rows[0][0]) else [cell.strip() for cell in rows.pop(0)]
     if not rows:
         raise InputError(
-            f"{path}: has no row {'below its headings' if headings else 'in it'}; needs time [s] and value"
+            f"{name}: has no row {'below its headings' if headings else 'in it'}; needs time [s] and value"
         )
     return headings, rows
 
@@ -71,8 +80,8 @@ def _column(
     column: int,
     numbers: Numbers = PLAIN,
 ) -> Table:
-    _, unit = _named(headings[column]) if column < len(headings) else ("", None)
-    second = _seconds(path, headings[0]) if headings else 1.0
+    _, unit = named_heading(headings[column]) if column < len(headings) else ("", None)
+    second = seconds_of(path, headings[0]) if headings else 1.0
     try:
         times = [in_other_unit(number(r[0]), (second, 0.0)) for r in rows]
         return Table(times, [_cell(path, r[column], numbers) for r in rows], unit=unit)
@@ -110,14 +119,14 @@ def named_columns(name: str, path: Path, numbers: Callable[[str], Numbers]) -> d
     Raises:
         InputError: no such file or column, or what is in it is not a table of numbers.
     """
-    headings, rows = _rows(path)
-    known = {_named(heading)[0]: number for number, heading in enumerate(headings) if number}
+    headings, rows = rows_of(path)
+    known = {named_heading(heading)[0]: number for number, heading in enumerate(headings) if number}
     width = len(headings) or max((len(row) for row in rows), default=0)
     if name in known:
         wanted = {name: known[name]}
     elif not (wanted := {one: number for one, number in known.items() if one.startswith(f"{name}[")}) and width <= 2:
         wanted = {name: 1}
-    names = [_named(heading)[0] for heading in headings]
+    names = [named_heading(heading)[0] for heading in headings]
     if twice := next((one for one in wanted if names.count(one) > 1), None):
         raise InputError(f"{path}: {names.count(twice)} of its columns are called {twice}; rename or remove the others")
     if wanted:
@@ -126,15 +135,27 @@ def named_columns(name: str, path: Path, numbers: Callable[[str], Numbers]) -> d
     raise InputError(f"{path}: none of its {width} columns is called {name}; {which}")
 
 
-def _named(heading: str) -> tuple[str, str | None]:
-    """Return a column's name and unit: "u" and "m" for "u [m]", "u[m]" and "u (m)"; "u[2]" is an element."""
+def named_heading(heading: str) -> tuple[str, str | None]:
+    """Return a column's name and unit: "u" and "m" for "u [m]", "u[m]" and "u (m)"; "u[2]" is an element.
+
+    Args:
+        heading: of the column.
+    """
     match = _HEADING.fullmatch(heading)
     return (match["name"], match["unit"].strip() or None) if match else (heading, None)
 
 
-def _seconds(path: Path, heading: str) -> float:
-    """Return how many seconds the unit in the heading of the column of times is."""
-    _, unit = _named(heading)
+def seconds_of(path: Path | str, heading: str) -> float:
+    """Return how many seconds the unit in the heading of the column of times is.
+
+    Args:
+        path: of the file, for messages.
+        heading: of the column.
+
+    Raises:
+        InputError: its unit is not one of time.
+    """
+    _, unit = named_heading(heading)
     factor, offset = named_conversion(unit or "s", "s") or (0.0, 0.0)
     if not factor or offset:
         raise InputError(f"{path}: the times of '{heading}' do not convert to s; give them in s")

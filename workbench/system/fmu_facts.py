@@ -13,12 +13,12 @@ from workbench.core.records.names_in_text import plain_unit
 from workbench.core.values.conversion import BASE_UNITS, Unit
 from workbench.errors import FmuError
 from workbench.fmi.archive import locate
-from workbench.fmi.description import UnitDefinition
+from workbench.fmi.description import ModelDescription, UnitDefinition
 from workbench.fmi.reading import DESCRIPTION, described_at
 from workbench.fmi.variable import Value, Variable
 from workbench.model.starts import check_starts
 
-__all__ = ["FmuInterface", "fmu_facts", "read_units"]
+__all__ = ["FmuInterface", "facts_of", "fmu_facts", "read_units"]
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,15 @@ def fmu_facts(file: str, called: str = "") -> FmuInterface:
 
 @lru_cache(maxsize=64)
 def _facts(path: Path, called: str, _changed: int, _size: int) -> FmuInterface:
-    description = described_at(path, called)
+    return facts_of(described_at(path, called))
+
+
+def facts_of(description: ModelDescription) -> FmuInterface:
+    """Return the facts that a description tells.
+
+    Args:
+        description: of an FMU.
+    """
     made = {name: unit.unit(name) for name, unit in description.units.items()}
     return FmuInterface(
         variables={v.name: v for v in description.variables},

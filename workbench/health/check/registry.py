@@ -13,6 +13,7 @@ from workbench.health.check.jumps import jumps
 from workbench.health.check.memory import memory
 from workbench.health.check.nominals import nominals
 from workbench.health.check.promise import promise
+from workbench.health.check.references import references
 from workbench.health.check.repeatability import determinism, instances, reset, snapshots
 from workbench.health.check.result import Answer
 from workbench.health.check.runs import drift, runs
@@ -56,6 +57,7 @@ CHECKS: Mapping[str, CheckEntry] = {
     "promise": CheckEntry("Are the numbers the same while steps may still be undone?", promise),
     "directional": CheckEntry("Are its directional derivatives correct?", directional, _ME),
     "dependencies": CheckEntry("Are all dependencies declared?", dependencies, _ME),
+    "references": CheckEntry("Does it reproduce the reference results that it carries?", references),
     "drift": CheckEntry("Does it move without being forced?", drift),
     "start-time": CheckEntry("Does the result depend on the start time?", start_time),
     "nominals": CheckEntry("Do nominal values match the size of the states?", nominals, _ME),

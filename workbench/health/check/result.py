@@ -165,8 +165,15 @@ class HealthCard(Result, Judged):
         Keys:
             verdict, passed: worst verdict; whether no promise is broken and every check came to its
                 end.
+            reference_results: results that the FMU carries (FMI-LS-REF), run again: component, then name, interface,
+                step [s], worst (largest difference over the range of the variable), variable, time [s], explained
+                (part of worst that the reference's own integration may be), passed (null: it cannot be told), problem
+                (why not, or what is wrong with the reference).
         """
-        return {"verdict": self.worst, "passed": self.passed}
+        replayed = [
+            {"component": c.component, **one} for c in self.checks for one in c.numbers.get("reference_results", ())
+        ]
+        return {"verdict": self.worst, "passed": self.passed, "reference_results": replayed}
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each check."""

@@ -8,6 +8,7 @@ from typing import overload
 
 from workbench.fmi.description import DefaultExperiment, DisplayUnit, Terminal, TerminalMember
 from workbench.health.info.result import ClockFacts, FmuInfo, InterfaceFacts, SystemInfo, VariableFacts, WireFacts
+from workbench.health.references.declared import Reference
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 from workbench.show.verdicts import Verdict
@@ -27,6 +28,7 @@ _FEW = 12  # rows of a table there
 _FULL = "--full"
 _INTERFACES = {"me": "model exchange (me)", "cs": "co-simulation (cs)"}
 _MANY = 30
+_NAMED = 4
 _EXPERIMENT = {
     "start_time": "start {:g} s",
     "stop_time": "stop {:g} s",
@@ -62,11 +64,13 @@ def info_page(record: FmuInfo, *, full: bool = False) -> Page:
             **({"made by": record.generation_tool} if record.generation_tool else {}),
             "platforms": ", ".join(record.platforms) or "none",
             "experiment": _experiment(record.experiment),
+            **_referred(record.reference_results),
         },
         sections=[
             *_variables(record, full=full),
             *_further(
                 [
+                    *_references(record.reference_results),
                     *_clocks(record.clocks),
                     *_terminals(record.terminals),
                     *_enumerations(record.enumerations),
@@ -100,6 +104,24 @@ def _experiment(experiment: DefaultExperiment) -> str:
     return (
         ", ".join(_EXPERIMENT[key].format(value) for key, value in given.items() if value is not None) or "not declared"
     )
+
+
+def _referred(references: Sequence[Reference]) -> dict[str, str]:
+    """Return the fact that there are reference results."""
+    names = ", ".join(r.name for r in references[:_NAMED]) + (", …" if len(references) > _NAMED else "")
+    return {"reference results": f"{names}; workbench check --only references runs them again"} if references else {}
+
+
+def _references(references: Sequence[Reference]) -> list[Section]:
+    rows = [(r.name, _seconds(r.start_time), _seconds(r.stop_time), _seconds(r.step), _files(r)) for r in references]
+    table = PageTable(("name", "start", "stop", "step", "files"), rows, right=(1, 2, 3))
+    return [Section(f"Reference results ({len(rows)})", tables=[table], folded=len(rows) > _MANY)] if rows else []
+
+
+def _files(reference: Reference) -> str:
+    """Return the files of a reference, or why it cannot be run."""
+    files = (reference.results, reference.stimuli, reference.parameters)
+    return reference.problem or ", ".join(file.rpartition("/")[2] for file in files if file)
 
 
 def _replayed(capabilities: Mapping[str, InterfaceFacts]) -> list[Verdict]:

@@ -9,6 +9,7 @@ from workbench.core.records.record import entry
 from workbench.fmi.description import Capabilities, DefaultExperiment, DisplayUnit, Terminal
 from workbench.fmi.variable import Variable
 from workbench.health.info.snapshots import Snapshots
+from workbench.health.references.declared import Reference
 from workbench.show.result import Result
 
 __all__ = ["ClockFacts", "FmuInfo", "InterfaceFacts", "PartFacts", "SystemInfo", "VariableFacts", "WireFacts"]
@@ -93,6 +94,7 @@ class FmuInfo(Result):
         terminals: its variables that are connected together.
         enumerations: variable → item → value.
         display_units: variable → the unit in which it is to be shown: shown = factor · value + offset.
+        reference_results: results of its exporter that it carries (FMI-LS-REF); `check` runs them again.
     """
 
     _page = "workbench.health.info.page:info_page"
@@ -118,6 +120,7 @@ class FmuInfo(Result):
     terminals: tuple[Terminal, ...] = ()
     enumerations: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     display_units: Mapping[str, DisplayUnit] = field(default_factory=dict)
+    reference_results: tuple[Reference, ...] = ()
 
 
 @dataclass(frozen=True)

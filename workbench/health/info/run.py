@@ -23,6 +23,7 @@ from workbench.health.info.result import (
     VariableFacts,
 )
 from workbench.health.info.snapshots import Snapshots, probe_snapshots
+from workbench.health.references.declared import references_in
 from workbench.jobs.job import Job
 from workbench.jobs.options import Limits
 from workbench.model.load import FmuRecipe
@@ -48,6 +49,8 @@ def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
     source = locate(path)
     with unpack(source) as unpacked:
         result = read_description(unpacked.folder, source=str(source))
+        references, remarks = references_in(unpacked.folder)
+        remarks = (*remarks, *(r.problem for r in references if r.problem))
         reasons = {i: _why_not(unpacked.folder, c.identifier, source) for i, c in result.interfaces.items()}
         runs = [i for i, reason in reasons.items() if not reason]
         probed = _probed(unpacked, runs, request.place.limits, job) if request.probe and runs else {}
@@ -75,13 +78,14 @@ def _fmu(path: str | Path, request: Info, job: Job) -> FmuInfo:
         parameters=having("parameter"),
         capabilities={name: InterfaceFacts(c, snapshots.get(name)) for name, c in result.interfaces.items()},
         experiment=result.experiment,
-        notes=(*result.notes, *dict.fromkeys(filter(None, reasons.values()))),
+        notes=(*result.notes, *remarks, *dict.fromkeys(filter(None, reasons.values()))),
         structural_parameters=having(STRUCTURAL),
         scheduled_execution=result.scheduled is not None,
         clocks=_clocks(result),
         terminals=result.terminals,
         enumerations={v.name: items for v in listed if (items := result.enumerations.get(v.declared_type or ""))},
         display_units=_display_units(listed, result),
+        reference_results=references,
     )
     facts = ModelFacts(name=result.model_name, fmus=(fmu_facts(source, result, ""),))  # no interface was chosen
     remember(record, Origin(models=(facts,)))

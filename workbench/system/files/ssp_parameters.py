@@ -12,7 +12,7 @@ from workbench.system.files.ssp_tree import Key, SspComponent
 from workbench.system.files.ssp_xml import Element, Files, boolean, children, descend, linear, number, tag
 from workbench.system.fmu_facts import read_units
 
-__all__ = ["Parameter", "bound_parameters"]
+__all__ = ["Parameter", "bound_parameters", "values_in"]
 
 _SET, _MAPPING = "application/x-ssp-parameter-set", "application/x-ssp-parameter-mapping"
 
@@ -91,7 +91,7 @@ def _binding(
     _check_type(binding, _SET, where)
     mapping = _mapping(binding, where, files)
     for parameter_set, source in _sets(binding, where, files):
-        for name, parameter in _values(parameter_set, source, definitions):
+        for name, parameter in values_in(parameter_set, source, definitions):
             prefixed = (binding.get("prefix") or "") + name
             if mapping is None:
                 yield prefixed, parameter
@@ -113,7 +113,17 @@ def _sets(binding: Element, where: str, files: Files) -> Iterator[tuple[Element,
         yield inline, where
 
 
-def _values(parameter_set: Element, where: str, definitions: Element) -> Iterator[tuple[str, Parameter]]:
+def values_in(parameter_set: Element, where: str, definitions: Element) -> Iterator[tuple[str, Parameter]]:
+    """Yield the names and values of a parameter set.
+
+    Args:
+        parameter_set: root of an .ssv file, or the element in an .ssd file.
+        where: its file, for messages.
+        definitions: root of the file whose units and enumerations it may use besides its own.
+
+    Raises:
+        InputError: a parameter has no value.
+    """
     units = {**read_units(definitions), **read_units(parameter_set)}
     enumerations = {**_enumerations(definitions), **_enumerations(parameter_set)}
     for element in children(parameter_set, "Parameters", "Parameter"):

@@ -12,7 +12,7 @@ from urllib.parse import unquote, urlsplit
 from lxml import etree
 
 from workbench.core.machine.files import content_of
-from workbench.errors import InputError
+from workbench.errors import InputError, shortened
 from workbench.fmi.archive import DAMAGED
 
 __all__ = [
@@ -40,6 +40,7 @@ NAMESPACES = {
     "ssm": f"{_ROOT}ParameterMapping",
 }
 MAX_XML_BYTES = 64 << 20
+_TOO_LARGE = f"{{}}: larger than {MAX_XML_BYTES >> 20} MiB; refused"
 
 
 def parse(path: Path, expected: str) -> Element:
@@ -53,6 +54,8 @@ def parse(path: Path, expected: str) -> Element:
         InputError: no such file, not well-formed, a document type, another root.
     """
     try:
+        if path.stat().st_size > MAX_XML_BYTES:
+            raise InputError(_TOO_LARGE.format(path.name))
         data = content_of(path)
     except OSError as error:
         raise InputError(f"{path.name}: cannot be read: {error.strerror or error}") from None
@@ -71,14 +74,14 @@ def root_of(data: bytes, name: str, expected: str) -> Element:
         InputError: see `parse`.
     """
     if len(data) > MAX_XML_BYTES:
-        raise InputError(f"{name}: larger than {MAX_XML_BYTES >> 20} MiB; refused")
+        raise InputError(_TOO_LARGE.format(name))
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
         root = etree.fromstring(data, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
         raise InputError(f"{name}: is not well-formed XML: {error}") from None
     if root.getroottree().docinfo.doctype:
-        raise InputError(f"{name}: declares a document type, which SSP does not use and XML bombs do; refused")
+        raise InputError(f"{name}: declares a document type, as XML bombs do; refused")
     if tag(root) != expected:
         raise InputError(f"{name}: the root is '{tag(root)}', but '{expected}' is expected")
     return root
@@ -158,11 +161,17 @@ class Package:
         Raises:
             InputError: not relative, outside of the package, or no such file.
         """
-        uri = urlsplit(source)
-        if uri.scheme or uri.netloc:
-            raise InputError(f"{where}: source '{source}' is not a file in the package; only relative paths are read")
-        inside = PurePosixPath(unquote(uri.path).replace("\\", "/"))
-        path = (self.folder / inside).resolve()
+        try:
+            uri = urlsplit(source)
+            if uri.scheme or uri.netloc:
+                raise InputError(
+                    f"{where}: source '{source}' is not a file in the package; only relative paths are read"
+                )
+            inside = PurePosixPath(unquote(uri.path).replace("\\", "/"))
+            path = (self.folder / inside).resolve()
+            path.exists()
+        except (OSError, ValueError):  # a name that no file can have
+            raise InputError(f"{where}: source '{shortened(source)}' is not the name of a file") from None
         if self.within is not None and not path.is_relative_to(self.within.resolve()):
             raise InputError(f"{where}: source '{source}' leads out of the package; refused")
         if not path.exists():
