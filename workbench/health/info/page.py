@@ -8,7 +8,7 @@ from typing import overload
 
 from workbench.fmi.description import DefaultExperiment, DisplayUnit, Terminal, TerminalMember
 from workbench.health.info.result import ClockFacts, FmuInfo, InterfaceFacts, SystemInfo, VariableFacts, WireFacts
-from workbench.health.references.declared import Reference
+from workbench.health.references.declared import ReferenceResult
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 from workbench.show.verdicts import Verdict
@@ -106,19 +106,19 @@ def _experiment(experiment: DefaultExperiment) -> str:
     )
 
 
-def _referred(references: Sequence[Reference]) -> dict[str, str]:
+def _referred(references: Sequence[ReferenceResult]) -> dict[str, str]:
     """Return the fact that there are reference results."""
     names = ", ".join(r.name for r in references[:_NAMED]) + (", …" if len(references) > _NAMED else "")
     return {"reference results": f"{names}; workbench check --only references runs them again"} if references else {}
 
 
-def _references(references: Sequence[Reference]) -> list[Section]:
+def _references(references: Sequence[ReferenceResult]) -> list[Section]:
     rows = [(r.name, _seconds(r.start_time), _seconds(r.stop_time), _seconds(r.step), _files(r)) for r in references]
     table = PageTable(("name", "start", "stop", "step", "files"), rows, right=(1, 2, 3))
     return [Section(f"Reference results ({len(rows)})", tables=[table], folded=len(rows) > _MANY)] if rows else []
 
 
-def _files(reference: Reference) -> str:
+def _files(reference: ReferenceResult) -> str:
     """Return the files of a reference, or why it cannot be run."""
     files = (reference.results, reference.stimuli, reference.parameters)
     return reference.problem or ", ".join(file.rpartition("/")[2] for file in files if file)

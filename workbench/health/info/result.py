@@ -9,7 +9,7 @@ from workbench.core.records.record import entry
 from workbench.fmi.description import Capabilities, DefaultExperiment, DisplayUnit, Terminal
 from workbench.fmi.variable import Variable
 from workbench.health.info.snapshots import Snapshots
-from workbench.health.references.declared import Reference
+from workbench.health.references.declared import ReferenceResult
 from workbench.show.result import Result
 
 __all__ = ["ClockFacts", "FmuInfo", "InterfaceFacts", "PartFacts", "SystemInfo", "VariableFacts", "WireFacts"]
@@ -120,7 +120,7 @@ class FmuInfo(Result):
     terminals: tuple[Terminal, ...] = ()
     enumerations: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     display_units: Mapping[str, DisplayUnit] = field(default_factory=dict)
-    reference_results: tuple[Reference, ...] = ()
+    reference_results: tuple[ReferenceResult, ...] = ()
 
 
 @dataclass(frozen=True)

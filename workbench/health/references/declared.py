@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from workbench.core.records.record import RecordPart
 from workbench.errors import InputError
 from workbench.system.files.ssp_xml import Element, Package, children, descend, parse, tag
 
-__all__ = ["EXPERIMENTS", "FOLDER", "MANIFEST", "MAX_BYTES", "ROLE", "Reference", "references_in"]
+__all__ = ["EXPERIMENTS", "FOLDER", "MANIFEST", "MAX_BYTES", "ROLE", "ReferenceResult", "references_in"]
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 MANIFEST = "fmi-ls-manifest.xml"
@@ -28,11 +29,12 @@ _CSV, _SSV = "text/csv", "application/x-ssp-parameter-set"
 _ANY = "application/octet-stream"  # where a manifest names no type
 _UNDESCRIBED = "experiments.xml"  # that is read even if the manifest does not name it
 _NAMED = 4  # files in a note
+_NOT_UNPACKED = re.compile(r"(\.\./)+(documentation|sources)/")
 _BITS = (224, 256, 384, 512)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reference(RecordPart):
+class ReferenceResult(RecordPart):
     """An experiment with results that the FMU's exporter has computed.
 
     Attributes:
@@ -56,7 +58,7 @@ class Reference(RecordPart):
     problem: str = ""
 
 
-def references_in(folder: Path) -> tuple[tuple[Reference, ...], tuple[str, ...]]:
+def references_in(folder: Path) -> tuple[tuple[ReferenceResult, ...], tuple[str, ...]]:
     """Return the reference results of an unpacked FMU, and remarks on files that belong to none.
 
     Source: FMI-LS-REF 1.0 (Layered Standard References) and MA-HS-Experiments of the Modelica Association.
@@ -72,7 +74,7 @@ def references_in(folder: Path) -> tuple[tuple[Reference, ...], tuple[str, ...]]
         try:
             reading.file(file.resolve())
         except InputError as error:
-            reading.found.append(Reference(name=file.name, problem=str(error)))
+            reading.found.append(ReferenceResult(name=file.name, problem=str(error)))
     left = sorted(p.name for p in home.rglob("*.csv") if p.resolve() not in reading.seen)
     if left:
         some = ", ".join(left[:_NAMED]) + (", …" if len(left) > _NAMED else "")
@@ -85,7 +87,7 @@ class _Reading:
 
     def __init__(self, folder: Path, home: Path) -> None:
         self.folder, self.home = folder, home
-        self.found: list[Reference] = []
+        self.found: list[ReferenceResult] = []
         self.notes: list[str] = []
         self.seen: set[Path] = set()
 
@@ -110,7 +112,7 @@ class _Reading:
         try:
             read(element, manifest)
         except InputError as error:
-            self.found.append(Reference(name=name, description=element.get("description"), problem=str(error)))
+            self.found.append(ReferenceResult(name=name, description=element.get("description"), problem=str(error)))
 
     def _experiments(self, element: Element, manifest: Path) -> None:
         file = self._named(element, manifest)
@@ -124,9 +126,11 @@ class _Reading:
         _check_type(element, _CSV, file)
         _check_sum(element, file)
         self.seen.add(file)
-        self.found.append(Reference(name=file.stem, description=element.get("description"), results=self._inside(file)))
+        self.found.append(
+            ReferenceResult(name=file.stem, description=element.get("description"), results=self._inside(file))
+        )
 
-    def _experiment(self, element: Element, owner: Path) -> Reference:
+    def _experiment(self, element: Element, owner: Path) -> ReferenceResult:
         name = element.get("name") or "experiment"
         try:
             kind = next((tag(e) for e in element if tag(e) in _OTHER_KINDS), None)
@@ -137,7 +141,7 @@ class _Reading:
             files = {key: self._of(element, key, owner) for key in ("References", "Stimuli", "Parameters")}
             if not files["References"]:
                 raise InputError(f"experiment '{name}' has no reference results")
-            return Reference(
+            return ReferenceResult(
                 name=name,
                 description=element.get("description"),
                 results=files["References"],
@@ -149,7 +153,7 @@ class _Reading:
                 tolerance=times["tolerance"],
             )
         except InputError as error:
-            return Reference(name=name, description=element.get("description"), problem=str(error))
+            return ReferenceResult(name=name, description=element.get("description"), problem=str(error))
 
     def _of(self, element: Element, key: str, owner: Path) -> str:
         given = descend(element, key)
@@ -163,6 +167,8 @@ class _Reading:
     def _named(self, element: Element, owner: Path) -> Path:
         """Return the file that an element names, inside the FMU."""
         source = element.get("source") or ""
+        if _NOT_UNPACKED.match(source):
+            raise InputError(f"{owner.name}: '{source}' is in a folder that is not unpacked here; pack it in {FOLDER}")
         file = Package(owner.parent, within=self.folder).file(source, owner.name)
         if not file.is_file():
             raise InputError(f"{owner.name}: '{source}' is not a file")

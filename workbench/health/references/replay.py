@@ -12,7 +12,7 @@ import numpy as np
 from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Floats
 from workbench.errors import EndedError, InputError, WorkbenchError, shortened
-from workbench.health.references.declared import Reference
+from workbench.health.references.declared import ReferenceResult
 from workbench.health.references.fixed_step import euler
 from workbench.health.references.table import Series, read_series
 from workbench.model.load import FmuModel
@@ -75,7 +75,7 @@ class ReplayedReference(RecordPart):
         return shortened(f"{self.name}: {'; '.join(filter(None, (far, self.problem)))}")
 
 
-def replay(model: FmuModel, reference: Reference) -> ReplayedReference:
+def replay(model: FmuModel, reference: ReferenceResult) -> ReplayedReference:
     """Run one reference experiment again.
 
     Co-simulation is stepped as the experiment states; inputs are held over a step, as simple masters do. Differences
@@ -92,7 +92,7 @@ def replay(model: FmuModel, reference: Reference) -> ReplayedReference:
     if reference.problem:
         return blank
     try:
-        experiment = _Experiment.of(model, reference)
+        experiment = _ReferenceRun.of(model, reference)
     except WorkbenchError as error:
         return replace(blank, problem=str(error))
     try:
@@ -102,7 +102,7 @@ def replay(model: FmuModel, reference: Reference) -> ReplayedReference:
 
 
 @dataclass(frozen=True)
-class _Experiment:
+class _ReferenceRun:
     """What is run, and what it is compared with.
 
     Attributes:
@@ -122,7 +122,7 @@ class _Experiment:
     tolerance: float | None
 
     @classmethod
-    def of(cls, model: FmuModel, reference: Reference) -> _Experiment:
+    def of(cls, model: FmuModel, reference: ReferenceResult) -> _ReferenceRun:
         """Read the files of a reference."""
         folder, default = Path(model.recipe.folder), model.description.experiment
         series = read_series(folder / reference.results, reference.results, model)
