@@ -57,6 +57,7 @@ _FILE = click.Path(path_type=Path)
     metavar="CA,CERT,KEY",
     help="Files for tls://..: certificate of the authority, own certificate, own key.",
 )
+@click.option("--update-baselines", is_flag=True, help="Write the baselines of the study that are missing or not met.")
 @click.option("--example", is_flag=True, help="Print a small example study, or the one named.")
 @click.option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
 @click.option("--csv", metavar="PATH", help="Write the result as CSV.")
@@ -73,6 +74,7 @@ def run(
     confine: bool,
     scheduler: str | None,
     scheduler_tls: str | None,
+    update_baselines: bool,
     example: bool,
     json: str | None,
     csv: str | None,
@@ -90,6 +92,7 @@ def run(
     from workbench.cli.github import tell_github
     from workbench.cli.output import Output
     from workbench.show.result import page_of
+    from workbench.study.read import is_bundled_study
     from workbench.study.run import StudyRun, default_store
 
     if example:
@@ -103,9 +106,11 @@ def run(
     out = Output("run", json=json, csv=csv, report=report)
     _check_junit(junit)
     folder = None if no_store else store or default_store(study)
+    if update_baselines and is_bundled_study(study):
+        raise InputError(f"--update-baselines: {study} is a bundled one; --example prints it, to keep as a file")
     prepared = StudyRun(study, store=folder, fresh=fresh)
     place = Workers(jobs=jobs, timeout=timeout, confine=confine, scheduler=scheduler, tls=scheduler_tls)
-    result = _run(prepared, place, kept=folder is not None)
+    result = _run(prepared, place, kept=folder is not None, update=update_baselines)
     _show(result, out)
     out.write(result.to_dict, csv=result.to_csv, report=result)
     if junit is not None:
@@ -133,7 +138,7 @@ def _check_junit(path: Path | None) -> None:
         file_to_write(path, option="--junit")
 
 
-def _run(prepared: StudyRun, workers: Workers, *, kept: bool) -> StudyResult:
+def _run(prepared: StudyRun, workers: Workers, *, kept: bool, update: bool) -> StudyResult:
     """Run with a bar; Ctrl-C ends it, what is finished stays where it is kept."""
     from workbench.cli.command_line import command_line
     from workbench.cli.interrupt import OnInterrupt, interrupted
@@ -145,7 +150,7 @@ def _run(prepared: StudyRun, workers: Workers, *, kept: bool) -> StudyResult:
         bar.update(done / (total or 1), str(label))
 
     with Bar(1.0) as bar, (job := Job(tell)).ended_by(), OnInterrupt(job.stop):
-        result = prepared.run(lambda: workers, job, command=command_line())
+        result = prepared.run(lambda: workers, job, command=command_line(), update_baselines=update)
     for text in result.notes:
         note(text)
     if result.missing:

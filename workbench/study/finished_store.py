@@ -36,8 +36,13 @@ def _name(run: PlannedRun) -> str:
 
 def _name_of(questions: Sequence[RequirementResult]) -> str:
     """Return a name for requirements and the results that they are compared with."""
-    content = [[c.requirement.model_dump(), [_name(run) for run in c.runs]] for c in questions]
+    content = [[c.requirement.model_dump(), [_name(run) for run in c.runs], _hash(c.baseline)] for c in questions]
     return f"findings {hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()}"
+
+
+def _hash(file: Path | None) -> str:
+    """Return the hash of a baseline; empty: there is none."""
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file is not None and file.is_file() else ""
 
 
 class Finished(Closable):

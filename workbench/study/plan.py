@@ -19,7 +19,7 @@ from workbench.study.description import Change, GridPoint, Study, StudyAnalysis
 from workbench.study.fingerprint import Hashes, code_hash
 from workbench.study.position_in_file import place
 
-__all__ = ["OUTPUTS", "Plan", "PlannedRun", "RunResult", "make_plan"]
+__all__ = ["OUTPUTS", "Plan", "PlannedRun", "RunResult", "make_plan", "with_label"]
 
 # Options by which commands write files; their paths are kept apart for each point.
 OUTPUTS = ("plot", "csv", "report", "bode", "out")
@@ -185,7 +185,7 @@ class _Planner:
         models = tuple(self._study.model_at(model, point) for model in analysis.models)
         part = self._study.part_of(point, self._models(name))
         options = self._options(analysis, models)
-        files = {key: _with_label(Path(options[key]), part.label) for key in OUTPUTS if key in options}
+        files = {key: with_label(Path(options[key]), part.label) for key in OUTPUTS if key in options}
         options |= {key: str(path) for key, path in files.items()}
         wants = tuple(sorted({r.kind for r in self._wanted(name)} - {"json"}))
         with place(f"[analyses.{name}]"), chdir(self._study.folder):
@@ -241,7 +241,13 @@ def _writes(word: str) -> bool:
     return any(word.startswith(f"--{name}=") for name in OUTPUTS)
 
 
-def _with_label(path: Path, label: str) -> Path:
+def with_label(path: Path, label: str) -> Path:
+    """Return the path of a file of one point of the grid.
+
+    Args:
+        path: of the file, where there is only one.
+        label: of the point; empty: there is only one.
+    """
     plain = "".join(c if c.isalnum() or c in "._=-" else "_" for c in label.replace(" ", ""))
     return path.with_stem(f"{path.stem}_{plain}") if plain else path
 

@@ -35,12 +35,14 @@ class RequirementResult:
         point: where, for people; empty: the study has one point.
         runs: what it was read from.
         finding: how it came out.
+        baseline: file of the record that it is compared with; None: with none.
     """
 
     requirement: Requirement
     point: str
     runs: tuple[PlannedRun, ...]
     finding: Compliance
+    baseline: Path | None = None
 
     @property
     def name(self) -> str:

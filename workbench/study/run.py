@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from workbench.errors import InputError
 from workbench.jobs.job import Job
 from workbench.jobs.options import Scheduler
+from workbench.study.baselines import baseline_file, made_otherwise, read_baseline, renew
 from workbench.study.description import GridPoint, Study
 from workbench.study.execute import Execution
 from workbench.study.finished_store import FOLDER, Finished
@@ -60,9 +61,10 @@ class StudyRun:
         """Number of analyses at all points."""
         return len(self.plan.runs)
 
-    def _checked(self, finished: Finished, execution: Execution) -> list[RequirementResult]:
+    def _checked(
+        self, every: Sequence[RequirementResult], finished: Finished, execution: Execution
+    ) -> list[RequirementResult]:
         """Return every requirement, as it came out before where nothing is new."""
-        every = _questions(self.study, self.plan)
         if not execution.measured and not execution.missing:
             kept = finished.load_findings(every)
             if kept is not None:
@@ -72,13 +74,21 @@ class StudyRun:
             finished.save_findings(checked)
         return checked
 
-    def run(self, workers: Callable[[], Workers], job: Job | None = None, *, command: str = "") -> StudyResult:
+    def run(
+        self,
+        workers: Callable[[], Workers],
+        job: Job | None = None,
+        *,
+        command: str = "",
+        update_baselines: bool = False,
+    ) -> StudyResult:
         """Run what is missing and return how the study came out; a stop leaves out what was not done by then.
 
         Args:
             workers: asked for only if something is to be measured.
             job: is told after each analysis; None: nobody is.
             command: that started it, for the report.
+            update_baselines: write the baselines that are missing or not met.
 
         Raises:
             InputError: an analysis asks for what cannot be done at any point, a requirement for what its result cannot
@@ -91,7 +101,9 @@ class StudyRun:
             if execution.missing:
                 check_runs(self.study, execution.missing)
                 execution.execute(workers(), job)
-            checked = self._checked(finished, execution)
+            every = _questions(self.study, self.plan)
+            renewed = _renewed(every, execution.outcomes) if update_baselines else []
+            checked = self._checked(every, finished, execution)
             damage = finished.remarks()
         return StudyResult(
             study=self.study,
@@ -100,7 +112,7 @@ class StudyRun:
             measured=execution.measured,
             reused=reused,
             missing=len(execution.missing),
-            notes=(*self.plan.notes, *damage, *execution.afterwards),
+            notes=(*self.plan.notes, *damage, *execution.afterwards, *renewed),
             command=command,
         )
 
@@ -114,6 +126,7 @@ def run_study(
     timeout: float | None = None,
     confine: bool = False,
     scheduler: str | Scheduler | None = None,
+    update_baselines: bool = False,
 ) -> StudyResult:
     """Run a study: analyses over a grid of parameters, compared with requirements.
 
@@ -127,6 +140,7 @@ def run_study(
         confine: keep FMUs from networks, and from writing files outside their own temporary folders.
         scheduler: Dask cluster on which the analyses run, an address or a `Cluster`; study and store must lie on a
             file system that its machines share.
+        update_baselines: write the baselines of requirements that are missing or not met; `notes` say which.
 
     Returns:
         Values, limits and margins, with `.passed`, `.to_dict()`, `.to_csv()`, `.to_junit()` and `.report()`.
@@ -159,7 +173,7 @@ def run_study(
     place = Workers(jobs=jobs, timeout=limit, confine=confine, scheduler=scheduler)
     folder = default_store(study) if store == "auto" else None if store is None else Path(store)
     prepared = StudyRun(study, store=folder, fresh=fresh)
-    return prepared.run(lambda: place)
+    return prepared.run(lambda: place, update_baselines=update_baselines)
 
 
 def check_runs(study: Study, runs: Sequence[PlannedRun]) -> None:
@@ -198,8 +212,11 @@ def _questions(study: Study, plan: Plan) -> list[RequirementResult]:
             runs = tuple(plan.at[name, k] for name in requirement.analyses)
             if runs not in seen and _applies(requirement, point):
                 seen.add(runs)
-                empty = Compliance(value=None)
-                result.append(RequirementResult(requirement=requirement, point=_label(runs), runs=runs, finding=empty))
+                label, empty = _label(runs), Compliance(value=None)
+                file = baseline_file(study, requirement, label)
+                result.append(
+                    RequirementResult(requirement=requirement, point=label, runs=runs, finding=empty, baseline=file)
+                )
     return result
 
 
@@ -213,7 +230,17 @@ def _answer(question: RequirementResult, outcomes: Mapping[PlannedRun, RunResult
     Raises:
         InputError: the requirement asks for what cannot be in such a result.
     """
-    return replace(question, finding=finding_of(question.requirement, [outcomes.get(run) for run in question.runs]))
+    found = [outcomes.get(run) for run in question.runs]
+    finding = finding_of(question.requirement, found, question.baseline)
+    if question.baseline is not None and not finding.passed:
+        reasons = [finding.reason, made_otherwise(question.baseline, question.runs[0])]
+        finding = replace(finding, reason="; ".join(filter(None, reasons)))
+    return replace(question, finding=finding)
+
+
+def _renewed(questions: Sequence[RequirementResult], outcomes: Mapping[PlannedRun, RunResult]) -> list[str]:
+    """Write the baselines that are missing or not met; return what was done, a line for each."""
+    return renew([_answer(q, outcomes) for q in questions if q.baseline is not None], outcomes)
 
 
 def _applies(requirement: Requirement, point: GridPoint) -> bool:
@@ -229,12 +256,15 @@ def _label(runs: Sequence[PlannedRun]) -> str:
     return GridPoint(configuration=configuration, values=values).label
 
 
-def finding_of(requirement: Requirement, outcomes: Sequence[RunResult | None]) -> Compliance:
+def finding_of(
+    requirement: Requirement, outcomes: Sequence[RunResult | None], baseline: Path | None = None
+) -> Compliance:
     """Return how a requirement came out.
 
     Args:
         requirement: to be met.
         outcomes: of its analyses; None: not run.
+        baseline: file of the record that it is compared with; None: with none.
 
     Raises:
         InputError: it asks for what cannot be in such a result.
@@ -247,6 +277,8 @@ def finding_of(requirement: Requirement, outcomes: Sequence[RunResult | None]) -
             return _none(requirement, f"{name} failed: {outcome.reason}")
         results.append(outcome.result)
     try:
+        if baseline is not None:
+            results.append(read_baseline(baseline))
         return requirement.find(results)
     except NotMeasured as error:
         return _none(requirement, str(error))

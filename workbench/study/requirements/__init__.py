@@ -39,6 +39,7 @@ _HOME: Mapping[str, str] = {
     "agreement": "agreement:Agreement",
     "response agreement": "agreement:ResponseAgreement",
     "value": "value:AnyValue",
+    "baseline": "baseline:Baseline",
 }
 
 

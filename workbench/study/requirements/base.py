@@ -6,6 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import ConfigDict, Field
@@ -58,7 +59,7 @@ class Compliance:
         margin: how far the value is inside the limit, negative outside; None: it has no distance.
         passed: whether the requirement is met.
         where: at which frequency, amplitude, time.
-        reason: why nothing was measured; empty: something was.
+        reason: why nothing was measured, or what may explain that the requirement is not met; empty: nothing is to say.
     """
 
     value: float | bool | str | None
@@ -99,9 +100,10 @@ class Compliance:
 
     @property
     def words(self) -> str:
-        """How it came out: "-2.49 dB, limit ≥ -1 dB (2.5 Hz)", or why nothing was measured."""
+        """How it came out: "-2.49 dB, limit ≥ -1 dB (2.5 Hz)", and the reason; or why nothing was measured."""
         where = f" ({self.where})" if self.where else ""
-        return self.reason or f"{self.value_words}, limit {self.limit_words}{where}"
+        said = f"{self.value_words}, limit {self.limit_words}{where}" if self.value is not None else ""
+        return "; ".join(filter(None, [said, self.reason]))
 
     def _with_unit(self, words: str) -> str:
         return words if isinstance(self.value, str | bool) or self.unit in (None, "", "1") else f"{words} {self.unit}"
@@ -123,6 +125,7 @@ class Requirement(TomlTable):
       1. `commands` names the commands whose results it reads; empty: any.
       2. `find` returns the worst of what applies, and raises `NotMeasured` where the result does not hold it.
       3. `check` refuses what can be seen in the file alone.
+      4. `baseline` names a file whose record `find` takes as a last result, or none.
 
     Attributes:
         name: one of a kind in the study.
@@ -152,6 +155,14 @@ class Requirement(TomlTable):
         """Names of the analyses that it reads."""
         return (self.analysis,)
 
+    def baseline(self, usual: Path) -> Path | None:
+        """Return the file of the record that the result is compared with, relative to the study; None: with none.
+
+        Args:
+            usual: its place where the study names none.
+        """
+        return None
+
     def check(self, where: str, commands: Sequence[str]) -> None:
         """Check what the file alone shows.
 
@@ -175,7 +186,7 @@ class Requirement(TomlTable):
         """Hold results against the limits.
 
         Args:
-            results: of `analyses`, in that order.
+            results: of `analyses`, in that order, then the baseline.
 
         Raises:
             NotMeasured: the result does not hold the number.

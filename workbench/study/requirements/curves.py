@@ -19,7 +19,7 @@ from workbench.point.lin.result import LinResult
 from workbench.show.tables import behind
 from workbench.study.requirements.base import NotMeasured, Result
 
-__all__ = ["READERS", "Curve", "amplitude_words", "curves", "interpolate", "poles", "unwrap"]
+__all__ = ["READERS", "Curve", "amplitude_words", "around_poles", "curves", "interpolate", "poles", "sines", "unwrap"]
 
 _SAME = 1e-9  # frequencies that differ by less are the same
 _DENSE = 60  # points per decade
@@ -235,16 +235,16 @@ def linear_curve(result: Result, *, at: Sequence[float], input: str | None, outp
     """
     column = _index("input", input, result["input_names"])
     row = _index("output", output, result["output_names"])
-    frequency = _frequencies(result, at)
+    frequency = around_poles(result, at)
     if not frequency:
         raise NotMeasured("the frequencies lie above half the sampling rate of the model")
-    respond = _sines(result, plant, str(result["input_names"][column]), str(result["output_names"][row]))
+    respond = sines(result, plant, str(result["input_names"][column]), str(result["output_names"][row]))
     value = respond(np.array(frequency))
     value = np.where(np.abs(value) < _SMALLEST, _SMALLEST, value)
     return Curve(frequency=frequency, gain=decibels(value).tolist(), phase=unwrapped(value).tolist())
 
 
-def _sines(result: Result, plant: str, input: str, output: str) -> Callable[[Floats], Complex]:
+def sines(result: Result, plant: str, input: str, output: str) -> Callable[[Floats], Complex]:
     """Return the response of the model to sines as a function of frequency [Hz]."""
     if result["command"] == "identify" and float(result["dt"]) > 0.0:
         return sine_response(IdentifiedModel.from_dict(result), plant, input, output)[0]
@@ -263,7 +263,7 @@ def _index(what: str, name: str | None, names: Sequence[str]) -> int:
     return list(names).index(name)
 
 
-def _frequencies(result: Result, at: Sequence[float]) -> list[float]:
+def around_poles(result: Result, at: Sequence[float]) -> list[float]:
     """Return frequencies around the poles as far as those asked for, and these exactly [Hz]; rising."""
     dt = float(result["dt"])
     low, high = _around(result)
