@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from pydantic import Field
@@ -114,10 +115,14 @@ def _named(given: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 def _requirement(name: str | None, study: Study) -> Requirement:
     if not study.requirements:
         raise InputError(f"{_WHERE}: there is no [[requirements]] to compare the points with; give one")
-    if name is None:
-        return study.requirements[0]
-    known(_WHERE, "requirement", name, [r.name for r in study.requirements])
-    return next(r for r in study.requirements if r.name == name)
+    if name is not None:
+        known(_WHERE, "requirement", name, [r.name for r in study.requirements])
+    result = next(r for r in study.requirements if name in (None, r.name))
+    if result.baseline(Path()) is not None:
+        raise InputError(
+            f'{_WHERE}: "{result.name}" is compared with a file, not with a limit; take another requirement'
+        )
+    return result
 
 
 def _weights(given: Mapping[str, float], study: Study) -> dict[str, float]:

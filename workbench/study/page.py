@@ -11,8 +11,10 @@ from workbench.show.facts import point_facts
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import sentence
 from workbench.show.verdicts import Verdict
+from workbench.study.baselines import read_baseline
 from workbench.study.plan import PlannedRun, RunResult
 from workbench.study.requirements.base import Compliance, Result
+from workbench.study.requirements.baseline import Baseline
 from workbench.study.requirements.response import UNITS, Mask
 from workbench.study.requirements.step import Overshoot, SettlingTime
 
@@ -194,6 +196,8 @@ def _drawn(checked: RequirementResult, result: Result) -> Figure | None:
     try:
         if isinstance(requirement, Mask):
             return _mask(requirement, result, _title(checked, result), checked.finding)
+        if isinstance(requirement, Baseline) and checked.baseline is not None:
+            return _over_baseline(requirement, [result, read_baseline(checked.baseline)], _title(checked, result))
         if isinstance(requirement, SettlingTime | Overshoot):
             return _step(requirement, result, _title(checked, result), checked.finding)
     except WorkbenchError:
@@ -219,6 +223,16 @@ def _mask(requirement: Mask, result: Result, title: str, compliance: Compliance)
         lower=requirement.lower or (),
         worst=_place(compliance),
     )
+
+
+def _over_baseline(requirement: Baseline, results: Sequence[Result], title: str) -> Figure | None:
+    from workbench.study.picture import plot_baseline  # noqa: PLC0415 - matplotlib is slow to import
+
+    curves = [a for a in requirement.compared(results) if a.theirs.along]
+    if not curves:
+        return None
+    worst = max(curves, key=lambda a: float(a.ratio[a.worst]))
+    return plot_baseline(worst, title=f"{title}, {worst.theirs.name}")
 
 
 def _place(result: Compliance) -> tuple[float, float] | None:

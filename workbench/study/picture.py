@@ -1,19 +1,23 @@
-"""Pictures of requirements: a frequency response between masks, a step with its limits."""
+"""Pictures of requirements: a response between masks, a step with its limits, a record over its baseline."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from workbench.show.bode import Degrees, plain_decades
+from workbench.core.values.arrays import Floats
+from workbench.core.values.response import Response
+from workbench.show.bode import Degrees, draw_response, plain_decades
 from workbench.show.figure import COLOURS, rows
 from workbench.show.tables import bracketed
+from workbench.study.requirements.apart import Apart
 
-__all__ = ["LIMIT", "plot_between_masks", "plot_step"]
+__all__ = ["LIMIT", "plot_baseline", "plot_between_masks", "plot_step"]
 
 LIMIT = "limit"
 
@@ -45,10 +49,9 @@ def plot_between_masks(
     figure, (ax,) = rows(1, title=title)
     figure.set_size_inches(7.2, 4.0)
     for i, (name, (frequency, values)) in enumerate(curves.items()):
-        marker = "o" if len(frequency) < _FEW else ""
         ax.plot(
-            frequency, values, "-", marker=marker, color=COLOURS[i % len(COLOURS)], linewidth=1.4, markersize=3.5,
-            markerfacecolor="white", label=name or "response",
+            frequency, values, "-", marker=_marker(frequency), color=COLOURS[i % len(COLOURS)], linewidth=1.4,
+            markersize=3.5, markerfacecolor="white", label=name or "response",
         )  # fmt: skip
     plain_decades(ax)
     _masks(ax, upper, lower)
@@ -132,6 +135,58 @@ def plot_step(
     ax.set_ylabel(bracketed(name, unit))
     _legend(figure, ax)
     return figure
+
+
+def plot_baseline(apart: Apart, *, title: str) -> Figure:
+    """Draw what was measured over its baseline, and below how far they are apart; the worst place is marked.
+
+    Args:
+        apart: curves over time or frequency.
+        title: above the picture.
+    """
+    response = apart.theirs.along == "Hz"
+    figure, axes = rows(3 if response else 2, title=title, height=1.8)
+    styles = ((apart.theirs, "baseline", COLOURS[6], "-", 2.6), (apart.mine, "now", COLOURS[1], "--", 1.3))
+    for curve, label, colour, line, width in styles:
+        style: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": width, "label": label}
+        if response:
+            style |= {"marker": _marker(curve.at), "markersize": 3.0}
+            draw_response(axes[0], axes[1], Response(curve.at, curve.value.astype(np.complex128)), **style)
+        else:
+            axes[0].plot(curve.at, curve.value, **style)
+    _error_bars(axes[-1], apart)
+    for ax in axes:
+        ax.axvline(float(apart.at[apart.worst]), color=_FORBIDDEN, linewidth=1.2, linestyle=":", label="worst place")
+    _name_axes(apart, axes)
+    shown = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
+    shown |= dict(zip(*reversed(axes[-1].get_legend_handles_labels()), strict=True))
+    figure.legend(shown.values(), shown, loc="outside lower center", ncols=len(shown), frameon=False, fontsize=8.5)
+    return figure
+
+
+def _marker(places: Sequence[float] | Floats) -> str:
+    return "o" if len(places) < _FEW else ""
+
+
+def _error_bars(ax: Axes, apart: Apart) -> None:
+    ratio = np.where(np.isfinite(apart.ratio), apart.ratio, np.nan)
+    ax.plot(apart.at, ratio, "-", color=COLOURS[0], linewidth=1.2, marker=_marker(apart.at), markersize=3.0)
+    ax.axhline(1.0, color=_FORBIDDEN, linewidth=1.1, linestyle="--", label="allowed")
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("error bars apart")
+
+
+def _name_axes(apart: Apart, axes: Sequence[Axes]) -> None:
+    unit = apart.theirs.unit
+    if apart.theirs.along == "s":
+        axes[0].set_ylabel(bracketed(apart.theirs.name, unit))
+        axes[-1].set_xlabel("time [s]")
+        return
+    axes[0].set_ylabel(f"gain [dB{f' re 1 {unit}' if unit not in (None, '1') else ''}]")
+    axes[1].set_ylabel("phase [deg]")
+    axes[1].yaxis.set_major_locator(Degrees())
+    plain_decades(axes[-1])
+    axes[-1].set_xlabel("frequency [Hz]")
 
 
 def _legend(figure: Figure, ax: Axes) -> None:

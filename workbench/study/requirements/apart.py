@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
 from workbench.show.tables import behind
-from workbench.study.requirements.base import NotMeasured, number
+from workbench.study.requirements.base import NotMeasured
 from workbench.study.requirements.quantities import Quantity
 
 __all__ = ["Allowed", "Apart", "apart"]
@@ -72,13 +72,12 @@ class Apart:
 
     @property
     def where(self) -> str:
-        """The worst place in words: "y at 0.35 s: off by 0.011 m, 3.2 error bars of 0.0034 m"."""
+        """The worst place in words: "y at 0.35 s: off by 0.011 m, error bar 0.0034 m"."""
         k = self.worst
         at = f" at {self.at[k]:.6g} {self.theirs.along}" if self.theirs.along else ""
         unit = behind(self.theirs.unit)
         left = f"; {self.left} of {len(self.theirs.at)} places of the baseline were not measured" if self.left else ""
-        bars = f"{number(float(self.ratio[k]))} error bars of {self.bar[k]:.2g}{unit}"
-        return f"{self.theirs.name}{at}: off by {self.off[k]:.3g}{unit}, {bars}{left}"
+        return f"{self.theirs.name}{at}: off by {self.off[k]:.3g}{unit}, error bar {self.bar[k]:.2g}{unit}{left}"
 
 
 def apart(mine: Quantity, theirs: Quantity, allowed: Allowed) -> Apart:
