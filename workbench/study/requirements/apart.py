@@ -211,15 +211,19 @@ def _straight(at: Floats, other: Quantity) -> Floats:
 
 
 def _bend(time: Floats, value: Floats) -> Floats:
-    """Return the largest |y''| of the divided differences around each interval, between the events beside it."""
+    """Return a bound on |y''| in each interval: the largest divided difference around it, and by how much they vary.
+
+    Differences reach from event to event; NaN where there are too few rows for one.
+    """
     h = np.diff(time)
     result = np.full(len(h), np.nan)
     for begin, end in _smooth(h):  # intervals begin … end - 1
         slope = np.diff(value[begin : end + 1]) / h[begin:end]
         if len(slope) > 1:
-            second = np.abs(np.diff(slope)) / (0.5 * (h[begin : end - 1] + h[begin + 1 : end]))
+            second = np.diff(slope) / (0.5 * (h[begin : end - 1] + h[begin + 1 : end]))
             padded = np.pad(second, 2, mode="edge")
-            result[begin:end] = np.max([padded[k : k + end - begin] for k in range(4)], axis=0)
+            around = np.array([padded[k : k + end - begin] for k in range(4)])
+            result[begin:end] = np.abs(around).max(axis=0) + np.ptp(around, axis=0)
     return result
 
 
