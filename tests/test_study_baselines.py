@@ -116,7 +116,7 @@ def test_only_frequencies_that_both_have_are_compared_and_the_others_are_told(la
     found = find(measured(frequencies=(F, 2.0 * F)), lag)
     assert found.passed
     assert "2 of 3 places of the baseline were not measured" in found.where
-    with pytest.raises(NotMeasured, match="no Hz in common"):
+    with pytest.raises(NotMeasured, match="was measured at no Hz of the baseline"):
         find(measured(frequencies=(2.0 * F,)), lag)
 
 
@@ -146,6 +146,13 @@ def test_histories_on_other_grids_are_the_same_and_a_change_is_found() -> None:
         assert same.passed, same.words
         assert find(sampled(random, size, off=1e-6 * size), before, relative=1e-5).passed
         assert not find(sampled(random, size, off=0.3 * size), before, relative=1e-2).passed
+
+
+def test_what_happens_between_the_rows_of_the_baseline_is_seen() -> None:
+    coarse, fine = np.linspace(0.0, 1.0, 11), np.linspace(0.0, 1.0, 101)
+    spike = np.where(np.arange(101) == 55, 1.0, 0.0)
+    assert find(history(fine, y=fine), history(coarse, y=coarse), tolerance=1e-9).passed
+    assert find(history(fine, y=fine + spike), history(coarse, y=coarse), tolerance=0.1).value == pytest.approx(10.0)
 
 
 def test_an_event_may_shift_by_so_much() -> None:
@@ -222,6 +229,15 @@ def test_what_cannot_be_compared_is_said_in_a_line(now: dict[str, Any], said: st
 
 
 # -- from the file to the verdict ---------------------------------------------------------------
+
+
+def test_the_bundled_records_hold(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    assert run(["run", "study:rudder_baselines", "--no-store", "--json", str(out)]) == 0
+    found = json.loads(out.read_text(encoding="utf-8"))["requirements"]
+    assert {r["kind"] for r in found} == {"baseline"}
+    assert len(found) == 4
+
 
 STUDY = """
 [models]

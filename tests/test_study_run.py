@@ -377,7 +377,7 @@ def test_the_same_command_continues_where_something_is_kept(
     shutil.copy(bundled_path("fmu:FirstOrderLag"), tmp_path / "lag.fmu")
     whole = StudyRun.run
 
-    def stopped(self: StudyRun, workers: Callable[[], Workers], job: Job, **more: str) -> StudyResult:
+    def stopped(self: StudyRun, workers: Callable[[], Workers], job: Job, **more: Any) -> StudyResult:  # noqa: ANN401
         with job.ended_by():
             job.stop()
         return whole(self, workers, job, **more)

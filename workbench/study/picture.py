@@ -15,7 +15,7 @@ from workbench.core.values.response import Response
 from workbench.show.bode import Degrees, draw_response, plain_decades
 from workbench.show.figure import COLOURS, rows
 from workbench.show.tables import bracketed
-from workbench.study.requirements.apart import Apart
+from workbench.study.requirements.deviation import Deviation
 
 __all__ = ["LIMIT", "plot_baseline", "plot_between_masks", "plot_step"]
 
@@ -137,16 +137,16 @@ def plot_step(
     return figure
 
 
-def plot_baseline(apart: Apart, *, title: str) -> Figure:
+def plot_baseline(deviation: Deviation, *, title: str) -> Figure:
     """Draw what was measured over its baseline, and below how far they are apart; the worst place is marked.
 
     Args:
-        apart: curves over time or frequency.
+        deviation: curves over time or frequency.
         title: above the picture.
     """
-    response = apart.theirs.along == "Hz"
+    response = deviation.theirs.along == "Hz"
     figure, axes = rows(3 if response else 2, title=title, height=1.8)
-    styles = ((apart.theirs, "baseline", COLOURS[6], "-", 2.6), (apart.mine, "now", COLOURS[1], "--", 1.3))
+    styles = ((deviation.theirs, "baseline", COLOURS[6], "-", 2.6), (deviation.mine, "now", COLOURS[1], "--", 1.3))
     for curve, label, colour, line, width in styles:
         style: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": width, "label": label}
         if response:
@@ -154,10 +154,11 @@ def plot_baseline(apart: Apart, *, title: str) -> Figure:
             draw_response(axes[0], axes[1], Response(curve.at, curve.value.astype(np.complex128)), **style)
         else:
             axes[0].plot(curve.at, curve.value, **style)
-    _error_bars(axes[-1], apart)
+    _error_bars(axes[-1], deviation)
+    worst = float(deviation.at[deviation.worst])
     for ax in axes:
-        ax.axvline(float(apart.at[apart.worst]), color=_FORBIDDEN, linewidth=1.2, linestyle=":", label="worst place")
-    _name_axes(apart, axes)
+        ax.axvline(worst, color=_FORBIDDEN, linewidth=1.2, linestyle=":", label="worst place")
+    _name_axes(deviation, axes)
     shown = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
     shown |= dict(zip(*reversed(axes[-1].get_legend_handles_labels()), strict=True))
     figure.legend(shown.values(), shown, loc="outside lower center", ncols=len(shown), frameon=False, fontsize=8.5)
@@ -168,18 +169,18 @@ def _marker(places: Sequence[float] | Floats) -> str:
     return "o" if len(places) < _FEW else ""
 
 
-def _error_bars(ax: Axes, apart: Apart) -> None:
-    ratio = np.where(np.isfinite(apart.ratio), apart.ratio, np.nan)
-    ax.plot(apart.at, ratio, "-", color=COLOURS[0], linewidth=1.2, marker=_marker(apart.at), markersize=3.0)
+def _error_bars(ax: Axes, deviation: Deviation) -> None:
+    ratio = np.where(np.isfinite(deviation.ratio), deviation.ratio, np.nan)
+    ax.plot(deviation.at, ratio, "-", color=COLOURS[0], linewidth=1.2, marker=_marker(deviation.at), markersize=3.0)
     ax.axhline(1.0, color=_FORBIDDEN, linewidth=1.1, linestyle="--", label="allowed")
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("error bars apart")
 
 
-def _name_axes(apart: Apart, axes: Sequence[Axes]) -> None:
-    unit = apart.theirs.unit
-    if apart.theirs.along == "s":
-        axes[0].set_ylabel(bracketed(apart.theirs.name, unit))
+def _name_axes(deviation: Deviation, axes: Sequence[Axes]) -> None:
+    unit = deviation.theirs.unit
+    if deviation.theirs.along == "s":
+        axes[0].set_ylabel(bracketed(deviation.theirs.name, unit))
         axes[-1].set_xlabel("time [s]")
         return
     axes[0].set_ylabel(f"gain [dB{f' re 1 {unit}' if unit not in (None, '1') else ''}]")

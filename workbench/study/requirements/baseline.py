@@ -10,9 +10,9 @@ from pydantic import Field
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, suggest
 from workbench.study.position_in_file import place
-from workbench.study.requirements.apart import Allowed, Apart, apart
 from workbench.study.requirements.base import Compliance, NotMeasured, Requirement, Result, judge
-from workbench.study.requirements.quantities import READERS, Quantity, single
+from workbench.study.requirements.comparable import READERS, Comparable, single
+from workbench.study.requirements.deviation import Deviation, Leeway, deviation
 from workbench.study.requirements.value import check_path, numbers_at
 
 __all__ = ["Baseline"]
@@ -66,7 +66,7 @@ class Baseline(Requirement):
         found = max(self.compared(results), key=lambda a: float(a.ratio[a.worst]))
         return judge(float(found.ratio[found.worst]), {"max": 1.0}, where=found.where)
 
-    def compared(self, results: Sequence[Result]) -> list[Apart]:
+    def compared(self, results: Sequence[Result]) -> list[Deviation]:
         """Return all that is compared.
 
         Args:
@@ -83,20 +83,20 @@ class Baseline(Requirement):
         grid = before[0].at if before and before[0].along == "Hz" else None
         now = {q.name: q for q in self._quantities(mine, grid)}
         self._check_names(list(now), [q.name for q in before])
-        allowed = Allowed(tolerance=self.tolerance, relative=self.relative, shift=self.shift)
+        allowed = Leeway(tolerance=self.tolerance, relative=self.relative, shift=self.shift)
         chosen = [q for q in before if self.only is None or q.name in self.only]
         known = [q for q in chosen if len(q.at) and (q.along or not q.failed or not now[q.name].failed)]
         if not known:
             raise NotMeasured("there is nothing to compare")
-        return [apart(now[q.name], q, allowed) for q in known]
+        return [deviation(now[q.name], q, allowed) for q in known]
 
-    def _read_baseline(self, theirs: Result) -> list[Quantity]:
+    def _read_baseline(self, theirs: Result) -> list[Comparable]:
         try:
             return self._quantities(theirs, None)
         except (InputError, KeyError, TypeError, ValueError) as error:
             raise NotMeasured(f"the baseline cannot be read: {error}") from None
 
-    def _quantities(self, result: Result, grid: Floats | None) -> list[Quantity]:
+    def _quantities(self, result: Result, grid: Floats | None) -> list[Comparable]:
         if self.path is not None:
             return [single(f"{self.path}{at}", value) for at, value in numbers_at(result, self.path, self.name)]
         return list(READERS[str(result["command"])](result, grid))

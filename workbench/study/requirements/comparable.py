@@ -24,11 +24,11 @@ from workbench.show.tables import behind
 from workbench.study.requirements.base import NotMeasured, Result
 from workbench.study.requirements.curves import around_poles, sines
 
-__all__ = ["READERS", "Quantity", "single"]
+__all__ = ["READERS", "Comparable", "single"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Quantity:
+class Comparable:
     """One curve or number of a record.
 
     Attributes:
@@ -50,7 +50,7 @@ class Quantity:
     failed: Mapping[float, str] = field(default_factory=dict)
 
 
-def single(name: str, value: float, unit: str | None = None, why: str = "") -> Quantity:
+def single(name: str, value: float, unit: str | None = None, why: str = "") -> Comparable:
     """Return a single number, whose error is not stated.
 
     Args:
@@ -60,27 +60,27 @@ def single(name: str, value: float, unit: str | None = None, why: str = "") -> Q
         why: there is none.
     """
     failed = {0.0: why} if math.isnan(value) else {}
-    return Quantity(name=name, unit=unit, value=np.array([value]), error=np.array([math.nan]), failed=failed)
+    return Comparable(name=name, unit=unit, value=np.array([value]), error=np.array([math.nan]), failed=failed)
 
 
 def _unstated(values: ArrayLike) -> Floats:
     return np.full(np.shape(values), np.nan)
 
 
-def _simulate(result: Result, _at: Floats | None) -> Iterator[Quantity]:
+def _simulate(result: Result, _at: Floats | None) -> Iterator[Comparable]:
     record = SimulationResult.from_dict(result)
     for name, values in record.signals.items():
         unit = record.units.get(name)
-        yield Quantity(name=name, unit=unit, along="s", at=record.time, value=values, error=_unstated(values))
+        yield Comparable(name=name, unit=unit, along="s", at=record.time, value=values, error=_unstated(values))
 
 
-def _nfr(result: Result, _at: Floats | None) -> Iterator[Quantity]:
+def _nfr(result: Result, _at: Floats | None) -> Iterator[Comparable]:
     record = NfrResult.from_dict(result)
     for k, amplitude in enumerate(record.amplitude.tolist()):
         value, share = record.response[k], record.error[k]
         # Relative to the true response, which is at most |value|/(1 - share); from 1 on that is no bound.
         error = np.where(share < 1.0, share, np.nan) * np.abs(value)
-        yield Quantity(
+        yield Comparable(
             name=f"{record.output}/{record.input}, amplitude {amplitude:g}{behind(record.input_unit)}",
             unit=unit_of_ratio(record.output_unit, record.input_unit),
             along="Hz",
@@ -91,10 +91,10 @@ def _nfr(result: Result, _at: Floats | None) -> Iterator[Quantity]:
         )
 
 
-def _bla(result: Result, _at: Floats | None) -> Iterator[Quantity]:
+def _bla(result: Result, _at: Floats | None) -> Iterator[Comparable]:
     record = BlaResult.from_dict(result)
     for k, rms in enumerate(record.rms.tolist()):
-        yield Quantity(
+        yield Comparable(
             name=f"{record.output}/{record.input}, rms {rms:g}{behind(record.input_unit)}",
             unit=unit_of_ratio(record.output_unit, record.input_unit),
             along="Hz",
@@ -104,7 +104,7 @@ def _bla(result: Result, _at: Floats | None) -> Iterator[Quantity]:
         )
 
 
-def _model(result: Result, at: Floats | None) -> Iterator[Quantity]:
+def _model(result: Result, at: Floats | None) -> Iterator[Comparable]:
     """Yield the responses of a linear model, computed where they are wanted."""
     f = np.array(around_poles(result, ())) if at is None else at
     dt = float(result["dt"])
@@ -115,10 +115,10 @@ def _model(result: Result, at: Floats | None) -> Iterator[Quantity]:
         for input in result["input_names"]:
             value = sines(result, "continuous", input, output)(f)
             unit = unit_of_ratio(units.get(output), units.get(input))
-            yield Quantity(name=f"{output}/{input}", unit=unit, along="Hz", at=f, value=value, error=_unstated(value))
+            yield Comparable(name=f"{output}/{input}", unit=unit, along="Hz", at=f, value=value, error=_unstated(value))
 
 
-def _loop(result: Result, at: Floats | None) -> Iterator[Quantity]:
+def _loop(result: Result, at: Floats | None) -> Iterator[Comparable]:
     record = LoopResult.from_dict(result)
     if record.linear is not None:
         yield _loop_transfer(record.linear, at)
@@ -129,15 +129,15 @@ def _loop(result: Result, at: Floats | None) -> Iterator[Quantity]:
         yield from _margins(curve.margins, label)
 
 
-def _loop_transfer(loop: LinearLoop, at: Floats | None) -> Quantity:
+def _loop_transfer(loop: LinearLoop, at: Floats | None) -> Comparable:
     f = loop.frequencies() if at is None else at
     value = loop.response(f)
-    return Quantity(name="L", along="Hz", at=f, value=value, error=_unstated(value))
+    return Comparable(name="L", along="Hz", at=f, value=value, error=_unstated(value))
 
 
-def _measured(curve: LoopCurve, label: str) -> Quantity:
+def _measured(curve: LoopCurve, label: str) -> Comparable:
     value = np.array([complex("nan") if p.value is None else p.value for p in curve.points])
-    return Quantity(
+    return Comparable(
         name=f"L{label}",
         along="Hz",
         at=np.array([p.frequency_hz for p in curve.points]),
@@ -147,7 +147,7 @@ def _measured(curve: LoopCurve, label: str) -> Quantity:
     )
 
 
-def _margins(margins: Margins, label: str) -> Iterator[Quantity]:
+def _margins(margins: Margins, label: str) -> Iterator[Comparable]:
     disk = math.nan if margins.disk is None else margins.disk.alpha
     numbers: tuple[tuple[str, float, str | None], ...] = (
         ("gain margin", margins.gain_margin_db, "dB"),
@@ -160,13 +160,13 @@ def _margins(margins: Margins, label: str) -> Iterator[Quantity]:
         yield single(f"{name}{label}", value, unit, margins.words)
 
 
-def _trim(result: Result, _at: Floats | None) -> Iterator[Quantity]:
+def _trim(result: Result, _at: Floats | None) -> Iterator[Comparable]:
     point = TrimResult.from_dict(result).operating_point
     for name, value in {**point.x, **point.discrete, **point.u, **point.y}.items():
         yield single(name, float(value), point.units.get(name))
 
 
-def _limit_cycle(result: Result, _at: Floats | None) -> Iterator[Quantity]:
+def _limit_cycle(result: Result, _at: Floats | None) -> Iterator[Comparable]:
     record = LimitCycleResult.from_dict(result)
     for cycle in record.limit_cycles:
         label = f"{cycle.method}{f' {cycle.number}' if cycle.number else ''}"
@@ -179,7 +179,7 @@ def _limit_cycle(result: Result, _at: Floats | None) -> Iterator[Quantity]:
 
 
 # Name of an analysis → its reader; the second argument: frequencies at which a linear model is evaluated [Hz].
-READERS: Mapping[str, Callable[[Result, Floats | None], Iterator[Quantity]]] = {
+READERS: Mapping[str, Callable[[Result, Floats | None], Iterator[Comparable]]] = {
     "simulate": _simulate,
     "nfr": _nfr,
     "bla": _bla,

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from workbench.core.values.arrays import Floats
 from workbench.show.tables import behind
 from workbench.study.requirements.base import NotMeasured
-from workbench.study.requirements.quantities import Quantity
+from workbench.study.requirements.comparable import Comparable
 
-__all__ = ["Allowed", "Apart", "apart"]
+__all__ = ["Deviation", "Leeway", "deviation"]
 
 _SAME = 1e-9  # places that differ by less, of a frequency or of the length of a time history, are the same
 
 
 @dataclass(frozen=True, kw_only=True)
-class Allowed:
+class Leeway:
     """What may differ besides the errors that both records state.
 
     Attributes:
@@ -40,7 +40,7 @@ class Allowed:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Apart:
+class Deviation:
     """Two curves of one name.
 
     Attributes:
@@ -51,8 +51,8 @@ class Apart:
         left: number of the baseline's places at which there is nothing to compare with.
     """
 
-    mine: Quantity
-    theirs: Quantity
+    mine: Comparable
+    theirs: Comparable
     at: Floats
     off: Floats
     bar: Floats
@@ -80,7 +80,7 @@ class Apart:
         return f"{self.theirs.name}{at}: off by {self.off[k]:.3g}{unit}, error bar {self.bar[k]:.2g}{unit}{left}"
 
 
-def apart(mine: Quantity, theirs: Quantity, allowed: Allowed) -> Apart:
+def deviation(mine: Comparable, theirs: Comparable, allowed: Leeway) -> Deviation:
     """Return how far a curve is from that of the baseline.
 
     Single numbers are compared as such, responses at the frequencies that both have. Time histories are compared at
@@ -101,12 +101,14 @@ def apart(mine: Quantity, theirs: Quantity, allowed: Allowed) -> Apart:
             f"{theirs.name} is in {mine.unit or 'no unit'} now, in {theirs.unit or 'no unit'} in the baseline"
         )
     result = _histories(mine, theirs, allowed) if theirs.along == "s" else _points(mine, theirs, allowed)
+    if not len(result.at) and not theirs.along:
+        raise NotMeasured(f"{theirs.name} has a value now, but none in the baseline")
     if not len(result.at):
-        raise NotMeasured(f"{theirs.name}: the baseline has no {theirs.along} in common with what was measured")
+        raise NotMeasured(f"{theirs.name}: was measured at no {theirs.along} of the baseline")
     return result
 
 
-def _points(mine: Quantity, theirs: Quantity, allowed: Allowed) -> Apart:
+def _points(mine: Comparable, theirs: Comparable, allowed: Leeway) -> Deviation:
     near = np.abs(mine.at[:, None] - theirs.at) <= _SAME * np.abs(theirs.at)
     i, j = np.nonzero(near & ~np.isnan(theirs.value))
     lost = i[np.isnan(mine.value[i])]
@@ -119,25 +121,25 @@ def _points(mine: Quantity, theirs: Quantity, allowed: Allowed) -> Apart:
         off = np.where(a == b, 0.0, np.abs(a - b))
     bar = _errors(mine, i, allowed) + _errors(theirs, j, allowed) + _given(np.abs(b), allowed)
     left = np.count_nonzero(~np.isnan(theirs.value)) - len(j)
-    return Apart(mine=mine, theirs=theirs, at=theirs.at[j], off=off, bar=bar, left=int(left))
+    return Deviation(mine=mine, theirs=theirs, at=theirs.at[j], off=off, bar=bar, left=int(left))
 
 
-def _given(size: Floats, allowed: Allowed) -> Floats:
+def _given(size: Floats, allowed: Leeway) -> Floats:
     """Return what the tolerances allow of values of this size; an infinite one must stay."""
     bar: Floats = allowed.tolerance + allowed.relative * np.where(np.isinf(size), 0.0, size)
     return bar
 
 
-def _place(quantity: Quantity, k: int) -> str:
+def _place(quantity: Comparable, k: int) -> str:
     return f" at {quantity.at[k]:.6g} {quantity.along}" if quantity.along else ""
 
 
-def _why(quantity: Quantity, k: int) -> str:
+def _why(quantity: Comparable, k: int) -> str:
     reason = quantity.failed.get(float(quantity.at[k]))
     return f": {reason}" if reason else ""
 
 
-def _errors(quantity: Quantity, index: NDArray[np.intp], allowed: Allowed) -> Floats:
+def _errors(quantity: Comparable, index: NDArray[np.intp], allowed: Leeway) -> Floats:
     """Return the errors stated at some places; 0 where none is, as a tolerance is given for it."""
     error: Floats = quantity.error[index]
     unknown = index[np.isnan(error)]
@@ -152,7 +154,7 @@ def _errors(quantity: Quantity, index: NDArray[np.intp], allowed: Allowed) -> Fl
 # -- time histories ----------------------------------------------------------------------------
 
 
-def _histories(mine: Quantity, theirs: Quantity, allowed: Allowed) -> Apart:
+def _histories(mine: Comparable, theirs: Comparable, allowed: Leeway) -> Deviation:
     begin, end = theirs.at[0], theirs.at[-1]
     width = max(allowed.shift, _SAME * (end - begin))
     if mine.at[0] > begin + width or mine.at[-1] < end - width:
@@ -170,21 +172,21 @@ def _histories(mine: Quantity, theirs: Quantity, allowed: Allowed) -> Apart:
         parts.append((one.at[inside][known], off[known], bar[known]))
     at, off, bar = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     order = np.argsort(at, kind="stable")
-    return Apart(mine=mine, theirs=theirs, at=at[order], off=off[order], bar=bar[order])
+    return Deviation(mine=mine, theirs=theirs, at=at[order], off=off[order], bar=bar[order])
 
 
-def _real(quantity: Quantity) -> Floats:
+def _real(quantity: Comparable) -> Floats:
     return np.asarray(quantity.value, dtype=np.float64)
 
 
-def _between(quantity: Quantity, at: Floats, allowed: Allowed) -> Floats:
+def _between(quantity: Comparable, at: Floats, allowed: Leeway) -> Floats:
     """Return the larger error stated at the rows beside each time."""
     error = _errors(quantity, np.arange(len(quantity.at)), allowed)
     right = np.clip(np.searchsorted(quantity.at, at), 1, len(error) - 1)
     return np.maximum(error[right - 1], error[right])
 
 
-def _beside(at: Floats, value: Floats, other: Quantity, width: float) -> tuple[Floats, Floats]:
+def _beside(at: Floats, value: Floats, other: Comparable, width: float) -> tuple[Floats, Floats]:
     """Return how far values lie from all that the other history is within `width` of their times.
 
     Returns:
@@ -201,7 +203,7 @@ def _beside(at: Floats, value: Floats, other: Quantity, width: float) -> tuple[F
     return off, np.where(last > first, 0.0, _straight(at, other))
 
 
-def _straight(at: Floats, other: Quantity) -> Floats:
+def _straight(at: Floats, other: Comparable) -> Floats:
     """Return |y''|/2 · (t − a)(b − t), the error of a straight line from row a to row b; NaN where y'' is not known."""
     bend = _bend(other.at, _real(other))
     right = np.clip(np.searchsorted(other.at, at), 1, len(other.at) - 1)
