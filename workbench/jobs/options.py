@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from workbench.core.records.forms import LISTED, ONE, Form
@@ -241,7 +242,7 @@ class InWorker(Options):
         python=True,
     )
 
-    @property
+    @cached_property
     def place(self) -> Worker:
         """Where the FMU runs."""
         return self._place(Worker)
@@ -269,7 +270,7 @@ class InWorkers(InWorker):
         group="Where it runs",
     )
 
-    @property
+    @cached_property
     def place(self) -> Workers:
         """Where the FMU runs."""
         return self._place(Workers)

@@ -8,13 +8,14 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import ClassVar
 
 from workbench.jobs.limits import status
 from workbench.kernel.library import kernel, why_kernel_missing
 
-__all__ = ["arithmetic", "limits", "only_handlers", "state"]
+__all__ = ["arithmetic", "libc", "limits", "only_handlers", "state"]
 
 # Of this much of what a process may have, files or mappings, nothing is left for others.
 _MANY = 0.5
@@ -40,11 +41,17 @@ class _Mappings:
     many: ClassVar[bool] = False
 
 
+@cache
+def libc() -> ctypes.CDLL:
+    """Return the C library; to look for it takes longer than what is called."""
+    return ctypes.CDLL(None)
+
+
 def arithmetic() -> int:
     """Return how the processor rounds, treats denormal numbers and traps; comparable within this process."""
     if not why_kernel_missing():
         return int(kernel().kernel_arithmetic())
-    return int(getattr(ctypes.CDLL(None), "fegetround", int)())
+    return int(getattr(libc(), "fegetround", int)())
 
 
 def limits() -> dict[str, tuple[int, int]]:
@@ -73,7 +80,7 @@ def state() -> dict[str, object]:
         "timers": [any(signal.getitimer(timer)) for timer in timers],
         "environment": _environment(),
         "locale": locale.setlocale(locale.LC_ALL),
-        "personality": getattr(ctypes.CDLL(None), "personality", int)(_ASK if sys.platform == "linux" else 0),
+        "personality": getattr(libc(), "personality", int)(_ASK if sys.platform == "linux" else 0),
         "priority": os.getpriority(os.PRIO_PROCESS, 0),
     }
 
@@ -122,7 +129,7 @@ def _environment() -> object:
     """Return the environment as the C library has it: `os.environ` does not see what others set."""
     result: list[bytes] = []
     try:
-        texts = ctypes.POINTER(ctypes.c_char_p).in_dll(ctypes.CDLL(None), "environ")
+        texts = ctypes.POINTER(ctypes.c_char_p).in_dll(libc(), "environ")
         while (text := texts[len(result)]) is not None:
             result.append(text)
     except ValueError:  # this system has no such name, or somebody has cleared it

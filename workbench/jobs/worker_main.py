@@ -34,7 +34,7 @@ from workbench.jobs.confine import confined
 from workbench.jobs.end_signals import ENDING
 from workbench.jobs.limits import MemoryWatch, Room
 from workbench.jobs.options import DEFAULT_TIMEOUT, Limits
-from workbench.jobs.process_state import arithmetic, only_handlers, state
+from workbench.jobs.process_state import arithmetic, libc, only_handlers, state
 from workbench.jobs.process_state import limits as allowances
 from workbench.kernel.library import kernel, why_kernel_missing
 
@@ -305,8 +305,7 @@ def _behave() -> None:
     _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)  # whatever prints without end does not fill the disk
     resource.setrlimit(resource.RLIMIT_FSIZE, (_FILE if hard == resource.RLIM_INFINITY else min(_FILE, hard), hard))
     with suppress(ValueError):  # what an FMU prints is not lost with it; the name is that of GNU and musl
-        libc = ctypes.CDLL(None)
-        libc.setvbuf(ctypes.c_void_p.in_dll(libc, "stdout"), None, _LINE_BUFFERED, ctypes.c_size_t(0))
+        libc().setvbuf(ctypes.c_void_p.in_dll(libc(), "stdout"), None, _LINE_BUFFERED, ctypes.c_size_t(0))
 
 
 def _packed(item: object) -> list[bytes | memoryview]:
@@ -330,15 +329,14 @@ def _tell_hung_up(scratch: str) -> None:
 def _end_at_once() -> None:
     """Let `exit` of the FMU end the process before what Python and its libraries, still at work, do at an exit."""
     with suppress(AttributeError, OSError, TypeError):  # only GNU's library has it; without, such an end may be a crash
-        libc = ctypes.CDLL(None)
-        libc.on_exit(ctypes.cast(libc._exit, ctypes.c_void_p), None)  # noqa: SLF001 - C's function of that name
+        libc().on_exit(ctypes.cast(libc()._exit, ctypes.c_void_p), None)  # noqa: SLF001 - C's function of that name
 
 
 def _flush() -> None:
     """Let what an FMU printed be on its way."""
     _end_copy()
     if sys.platform != "win32":
-        ctypes.CDLL(None).fflush(None)
+        libc().fflush(None)
 
 
 def _lifeline() -> int:

@@ -324,9 +324,8 @@ def prepare(modules: Sequence[str]) -> None:
     Args:
         modules: that it will need.
     """
-    around = _surroundings()
     with _lock:
-        waits = any(worker.usable and worker.surroundings == around for worker in _idle)
+        waits = any(worker.usable for worker in _idle)
     if waits:
         return
     copied, _Copying.allowed = _Copying.allowed, False

@@ -149,19 +149,22 @@ def _converted(variable: Variable, signal: Signal, units: Mapping[str, UnitDefin
     return replace(signal, values=values, unit=None)
 
 
-def by_own_names(model: Model, value: Any, notes: set[str]) -> Any:  # noqa: ANN401 - any option's
-    """Return an option's value with the variables' own names in place of other names that they have (FMI 3.0 aliases).
+def by_own_names(model: Model, values: Mapping[str, Any], notes: set[str]) -> dict[str, Any]:
+    """Return options with the variables' own names in place of other names that they have (FMI 3.0 aliases).
+
+    Those without names in them are left out.
 
     Args:
         model: that has the variables.
-        value: a text, or texts in tuples and lists, or as keys.
+        values: option → a text, or texts in tuples and lists, or as keys.
         notes: gets what was replaced, in words.
 
     Raises:
         InputError: two names of one variable have a value each.
     """
     names = _other_names(model)
-    return _by_own_names(names, value, notes) if names else value
+    result = {option: _by_own_names(names, value, notes) for option, value in values.items()} if names else {}
+    return {option: value for option, value in result.items() if value is not values[option]} if notes else {}
 
 
 def _by_own_names(names: Mapping[str, str], value: Any, notes: set[str]) -> Any:  # noqa: ANN401

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import is_dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -166,13 +166,18 @@ def _joined(begin: str, items: Iterable[tuple[str, Any]], end: str, names: Mappi
     return "" if not all(text for _, text in texts) else begin + ", ".join(a + b for a, b in texts) + end
 
 
+@cache
+def _usual_loading() -> Mapping[str, Any]:
+    return values_of(Loading())
+
+
 def _load(model: Model) -> str:
     """Return the line that loads a model again; empty for one that is not a file."""
     recipe = model.recipe
     facts = facts_of(model)
     if not isinstance(recipe, LoadRecipe) or not facts.source:
         return ""
-    usual = values_of(Loading())
+    usual = _usual_loading()
     chosen = [repr(facts.source)]
     chosen += [f"{k}={_code(v, {})}" for k, v in values_of(recipe).items() if v != usual[k]]
     return f"wb.load({', '.join(chosen)})"

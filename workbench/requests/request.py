@@ -211,10 +211,8 @@ class Request(Options, Generic[_Subject, _Record]):
         if not self.subject.opened or self.subject.several:
             return self
         notes: set[str] = set()
-        texts = (d.name for d in options_of(type(self)) if not d.choices)
-        values = {name: getattr(self, name) for name in texts}
-        result = {name: named(_BY_OWN_NAMES)(subject, value, notes) for name, value in values.items()}
-        changed = {name: value for name, value in result.items() if value != values[name]} if notes else {}
+        values = {d.name: getattr(self, d.name) for d in options_of(type(self)) if not d.choices}
+        changed = named(_BY_OWN_NAMES)(subject, values, notes)
         job.notes += sorted(notes)
         return replace(self, **changed) if changed else self
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "ARRAY",
     "FILE",
     "FILES",
     "LISTED",
@@ -202,6 +203,16 @@ def several(value: Amounts) -> tuple[float, ...]:
     items = _items(value)
     numbers = tuple(items.tolist() if hasattr(items, "tolist") else items)
     return numbers if set(map(type, numbers)) == {float} else tuple(map(number, numbers))
+
+
+def _array(value: Amounts) -> NDArray[np.float64]:
+    """Return numbers as an array: there may be a million, and they are looked at as a whole."""
+    import numpy as np  # noqa: PLC0415 - not before there are numbers
+
+    plain = isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == np.float64
+    result = np.array(value if plain else several(value), dtype=np.float64)
+    result.flags.writeable = False
+    return result
 
 
 def _items(value: Any) -> Iterable[Any]:  # noqa: ANN401
@@ -406,6 +417,7 @@ def word_or_number(*words: str, what: str) -> Form:
 
 
 _NUMBERS = Form(metavar="A,..", example="1,2,5", read=several, layout=LISTED, items=_NUMBER)
+ARRAY = replace(_NUMBERS, read=_array)
 _BAND = Form(metavar="LO:HI", example="0.1:10", read=two_numbers, layout=SPAN, items=_NUMBER)
 _NAMES = Form(metavar="NAME,..", read=_names, layout=_NAMED, repeated=True)
 _AMOUNTS = replace(_NUMBERS, read=_amounts, items=_WITH_UNIT)

@@ -9,7 +9,7 @@ import re
 import sys
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
-from functools import cache
+from functools import cache, cached_property
 from numbers import Integral, Real
 from typing import (
     Annotated,
@@ -148,7 +148,7 @@ class DeclaredOption:
         """In messages."""
         return self.name.replace("_", " ")
 
-    @property
+    @cached_property
     def choices(self) -> tuple[str, ...]:
         """Values that it can have; empty: any of its type."""
         return get_args(self.type) if get_origin(self.type) is Literal else self.option.choices

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING
 
-from workbench.core.records.forms import Names, Numbers
+from workbench.core.records.forms import ARRAY, Names, Numbers
 from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
 from workbench.requests.request import ModelRequest, function
@@ -90,7 +90,11 @@ class Simulate(AtPoint, ModelRequest["SimulationResult"]):
         default=None,
     )
     points: Numbers | None = option(
-        "Times to record beside the start, rising, instead of an interval.", unit="s", python=True, default=None
+        "Times to record beside the start, rising, instead of an interval.",
+        unit="s",
+        python=True,
+        form=ARRAY,
+        default=None,
     )
     verify_step: bool = option(
         "Co-simulation: repeat the run with half the communication step, and report outputs that change by more than "

@@ -10,7 +10,7 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.core.records.forms import several
+from workbench.core.records.forms import Numbers
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import EndedError, FmuError, InputError, SimulationError, StoppedError
@@ -50,9 +50,8 @@ def run(model: Model, request: Simulate, job: Job) -> SimulationResult:
     stop, ends = _on_grid(start, stop, model.grid if request.points is None else None)
     notes = (*remarks, *notes, *ends, *instead, *_left_out(model, inputs), *_jumps(model, inputs, start))
     interval = _usual_interval(model, stop - start) if request.interval is None else request.interval
-    points = None if request.points is None else several(request.points)
-    rows = _points(start, stop, interval, points, grid=model.grid)
-    running = _Run(model, start, stop, inputs, names, rows, exactly=points is not None)
+    rows = _points(start, stop, interval, request.points, grid=model.grid)
+    running = _Run(model, start, stop, inputs, names, rows, exactly=request.points is not None)
 
     def tell(time: float) -> None:
         part = int(100.0 * (time - start) / (stop - start))
@@ -326,7 +325,7 @@ def _points(
     start: float,
     stop: float,
     interval: float | None,
-    points: Sequence[float] | Floats | None,
+    points: Numbers | None,
     *,
     grid: float | None = None,
 ) -> Floats:
@@ -386,12 +385,12 @@ def _with_end(session: Session, record: Recorded, inputs: Mapping[str, Signal], 
 def _at_points(record: Recorded, start: float, points: Floats, end: Sequence[float] | Floats) -> Recorded:
     """Keep the rows at the points (and the end) only; co-simulation records every communication point twice."""
     times = np.sort(np.concatenate([[start], points, end]), kind="stable")  # almost sorted, as the record is
-    wanted = times[np.searchsorted(times[:-1], record.time)] == record.time
-    same_time = np.append(record.time[1:] == record.time[:-1], False)
-    repeats = same_time.copy()
+    last = np.append(record.time[1:] != record.time[:-1], True)
+    keep = last.copy()
     for column in record.values.values():
-        repeats &= np.append(_same(column[1:], column[:-1]), False)
-    keep = wanted & ~repeats
+        keep[:-1] |= ~_same(column[1:], column[:-1])
+    if not np.array_equal(record.time[last], times):
+        keep &= times[np.searchsorted(times[:-1], record.time)] == record.time
     return Recorded(
         time=record.time[keep],
         values={n: v[keep] for n, v in record.values.items()},
