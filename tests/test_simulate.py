@@ -96,6 +96,16 @@ def test_points_or_interval(points: list[float] | None) -> None:
     assert result.time == pytest.approx([0.0, 0.1, 0.4] if points else [0.0, 0.3, 0.4])
 
 
+@pytest.mark.parametrize("step", [0.01, 0.05])  # with communication points between, and without
+def test_co_simulation_keeps_the_rows_that_were_asked_for_and_both_sides_of_a_jump(step: float) -> None:
+    points = np.array([0.1, 0.15]) if step == 0.01 else [0.05, 0.1, 0.15]
+    with load("fmu:Saturation", "cs", step=step) as model:
+        result = simulate(model, stop=0.15, inputs={"u": Step(time=0.1, value=0.5)}, points=points, in_process=True)
+    assert result.time.tolist() == [0.0, *points[:-1], *points[-2:]]
+    assert result.signals["u"].tolist()[-3:] == [0.0, 0.5, 0.5]
+    assert result.signals["y"][-3] == 0.0 < result.signals["y"][-2]
+
+
 def test_points_lie_on_the_grid_of_a_constant_communication_step() -> None:
     model = IntegratorModel()
     model.grid = 0.03
