@@ -35,9 +35,12 @@ def said() -> tuple[str, ...]:
 
 
 def flush() -> None:
-    """Write what was kept to standard error."""
+    """Write what was kept to standard error; what `auto` took is in the title already."""
+    if _waiting:
+        from workbench.show.facts import is_choice
     for text in _waiting:
-        sys.stderr.write(f"note: {one_line(spoken(text))}\n")
+        if not is_choice(text):
+            sys.stderr.write(f"note: {one_line(spoken(text))}\n")
     _waiting.clear()
 
 

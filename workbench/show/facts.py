@@ -17,7 +17,7 @@ from workbench.requests.origin import ModelFacts, Origin
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 
-__all__ = ["finished", "point_facts", "versions"]
+__all__ = ["finished", "is_choice", "point_facts", "versions"]
 
 _NAMED = 12  # inputs and states of an operating point
 _PACKAGES = ("fmpy", "numpy", "scipy", "control")
@@ -60,7 +60,7 @@ def finished(page: Page, origin: Origin) -> Page:
         **_run(origin),
         **command,
     }
-    notes = dict.fromkeys(note for note in (*page.notes, *origin.notes) if not _is_choice(note))
+    notes = dict.fromkeys(note for note in (*page.notes, *origin.notes) if not is_choice(note))
     return replace(
         page,
         facts=facts,
@@ -107,14 +107,15 @@ def _moved(data: Mapping[str, Any], u: Mapping[str, float]) -> set[str]:
     return {name for name, values in known.items() if np.any(values != u[name])}
 
 
-def _is_choice(note: str) -> bool:
-    return note.startswith(("interface: ", "solver: ")) and "chosen by auto" in note
+def is_choice(note: str) -> bool:
+    """Return whether a note only says what `auto` took of the interfaces and solvers."""
+    return (note.startswith("interface: ") and "(chosen by auto; " in note) or note == "solver: gear (chosen by auto)"
 
 
 def _choices(notes: Iterable[str]) -> dict[str, str]:
     """Return what `auto` took, which stands beside the interface and not among the notes again."""
     result = dict.fromkeys(
-        note.replace("chosen by auto; ", "").replace(" (chosen by auto)", "") for note in notes if _is_choice(note)
+        note.replace("chosen by auto; ", "").replace(" (chosen by auto)", "") for note in notes if is_choice(note)
     )
     return {"chosen by auto": ", ".join(result)} if result else {}
 

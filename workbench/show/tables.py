@@ -26,6 +26,7 @@ __all__ = [
 ]
 
 MOST_ENTRIES = 12  # matrices with more rows or columns are in the embedded data only
+_MOST_IN_TERMINAL = 6  # of them
 _MOST_POLES = 100
 
 
@@ -91,7 +92,8 @@ def matrices(
         for n in states
     ]
     shown = (("A", A, rates, x), ("B", B, rates, u), ("C", C, y, x), ("D", D, y, u))
-    return Section("Matrices", tables=[matrix(*one) for one in shown if len(one[2]) and len(one[3])], folded=True)
+    tables = [matrix(*one) for one in shown if len(one[2]) and len(one[3])]
+    return Section("Matrices", tables=tables, folded=True, explains=largest > _MOST_IN_TERMINAL)
 
 
 def pole_table(poles: Iterable[complex], dt: float, title: str = "") -> PageTable:

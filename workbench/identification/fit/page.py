@@ -30,6 +30,7 @@ def fit_page(result: FitResult) -> Page:
         ],
         notes=result.notes,
         kind="identify",
+        shown_by="--report",
     )  # fmt: skip
 
 

@@ -50,6 +50,7 @@ def identify_page(result: IdentifyResult) -> Page:
         # What the refinement has a section for stands there.
         notes=[text for text in result.notes if not (result.refinement.tried and text == result.refinement.words)],
         kind="identify",
+        shown_by="--report",
     )
 
 

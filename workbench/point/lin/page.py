@@ -45,6 +45,7 @@ def lin_page(result: LinResult) -> Page:
         summary=_doubts(result),
         notes=result.notes,
         kind="lin",
+        shown_by="--report",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import replace
 from functools import partial
@@ -10,7 +11,7 @@ import numpy as np
 
 from workbench.core.records.names_in_text import unit_of_ratio
 from workbench.response.branches.page import branches_table, folds_table, jumping
-from workbench.response.nfr.curve import DROP_DB, ResonancePeak, fall_of, peak_of
+from workbench.response.nfr.curve import DROP_DB, fall_of, peak_of
 from workbench.response.nfr.result import MISSING, NfrResult, percent
 from workbench.response.nfr.settling import NO_EFFECT
 from workbench.show.page import Page, PageTable, Section
@@ -19,6 +20,7 @@ from workbench.show.verdicts import Verdict
 
 __all__ = ["nfr_page"]
 
+_LAG_DEG = -90.0
 _SMALL = 0.01  # errors that say that amplitudes agree
 _NOTHING = 1e-6  # of the output's amplitude: a mean below it is rounding
 _UNKNOWN = "averaged, error unknown"
@@ -49,6 +51,7 @@ def nfr_page(result: NfrResult, *, offset: bool = False) -> Page:
         },
         sections=[
             Section("Gain and phase", figures=[(partial(result.plot, offset=offset), _caption(result))]),
+            _summary(result),
             *_branches(result),
             Section("Values", parts=[s for s in sections if any(t.rows for t in s.tables)], folded=True),
         ],
@@ -88,7 +91,6 @@ def _range(result: NfrResult) -> str:
 
 def _lead(result: NfrResult) -> str:
     parts = [f"{counted(result.response.size, 'point')} at {counted(result.amplitude.size, 'amplitude')}."]
-    parts += _curves(result)
     spread = _spread(result)
     if _agree(result):
         parts.append("The amplitudes agree within their errors: it is linear here.")
@@ -105,39 +107,77 @@ def _agree(result: NfrResult) -> bool:
     return len(result.amplitude) > 1 and bool(small and np.all(apart <= allowed))
 
 
-def _curves(result: NfrResult) -> list[str]:
-    """Return where the gain peaks or has fallen by 3 dB, a sentence each; amplitudes of which the same holds share it.
+def _summary(result: NfrResult) -> Section:
+    """Return bandwidth and highest gain at each amplitude: measured, or as the points enclose them.
 
     Above a resonance, and across a jump, the fall from the lowest frequency is not a bandwidth.
     """
-    notes: dict[str, list[float]] = {}
+    measured = {one.amplitude: one for one in result.features}
+    drop = result.features[0].drop_db if measured else DROP_DB
+    headings = (
+        bracketed("amplitude", result.input_unit),
+        f"−{drop:g} dB [Hz]",
+        "−90° [Hz]",
+        "highest gain [dB]",
+        "at [Hz]",
+    )
+    rows = []
+    words = [f"amplitude {one.amplitude:g}: {one.remark}" for one in result.features if one.remark]
     for i, amplitude in enumerate(result.amplitude.tolist()):
-        good = np.isfinite(result.gain_db[i])
-        f, gain_db = result.frequency_hz[good], result.gain_db[i][good]
-        peak = peak_of(f, gain_db)
-        high = peak is not None and (peak.above_db > DROP_DB or peak.between is not None)
-        if peak is not None and high:
-            notes.setdefault(_peak(peak), []).append(amplitude)
-        fall = fall_of(f, gain_db, result.error[i][good])
-        if fall is not None and not fall.cliff and not (high and peak is not None and peak.above_db > DROP_DB):
-            between = f"between {fall.low:.5g} and {fall.high:.5g} Hz"
-            words = f"{between} the gain falls to 3 dB below its value at the lowest frequency"
-            notes.setdefault(words, []).append(amplitude)
-    several, unit = result.amplitude.size > 1, behind(result.input_unit)
-    return [sentence(f"at {_listed(a)}{unit} {words}" if several else words) for words, a in notes.items()]
+        curve = _enclosed(result, i)
+        one = measured.get(amplitude)
+        if one is not None:
+            curve = (_with_error(one.bandwidth_hz, one.bandwidth_error_hz), curve[1], *curve[2:])
+            if one.resonance_hz is not None:
+                gain = _with_error(one.resonance_gain_db, one.resonance_error_db)
+                curve = (*curve[:2], gain, f"{one.resonance_hz:.5g}")
+        rows.append((f"{amplitude:g}", *curve))
+    if any(row[3].startswith("≥") for row in rows):
+        words.append("≥: between these frequencies the gain may be higher; --bandwidth measures there.")
+    words += _limit(result)
+    return Section("Bandwidth and highest gain", paragraphs=words, tables=[PageTable(headings, rows, right=range(5))])
 
 
-def _peak(peak: ResonancePeak) -> str:
-    words = f"the highest gain measured is {peak.gain_db:.2f} dB at {peak.frequency:.5g} Hz"
-    if peak.between is None:
-        return words
-    low, high = peak.between
-    return f"{words}; between {low:.5g} and {high:.5g} Hz it may be higher, which more frequencies there show"
+def _enclosed(result: NfrResult, i: int) -> tuple[str, str, str, str]:
+    """Return what the points of one amplitude say: the fall of gain and phase, the highest gain and where it is."""
+    good = np.isfinite(result.gain_db[i])
+    f, gain_db, phase = result.frequency_hz[good], result.gain_db[i][good], result.phase_deg[i][good]
+    if not f.size:
+        return ("–",) * 4
+    peak, fall = peak_of(f, gain_db), fall_of(f, gain_db, result.error[i][good])
+    resonant = peak is not None and peak.above_db > DROP_DB
+    known = fall is not None and not fall.cliff and not resonant
+    late = np.flatnonzero(phase <= _LAG_DEG)
+    lag = int(late[0]) if late.size else 0
+    hidden = None if peak is None else peak.between
+    return (
+        f"{fall.low:.5g} … {fall.high:.5g}" if fall is not None and known else "–",
+        f"{f[lag - 1]:.5g} … {f[lag]:.5g}" if lag else "–",
+        f"{'≥ ' if hidden else ''}{np.max(gain_db):.2f}",
+        f"{f[np.argmax(gain_db)]:.5g}" if hidden is None else f"{hidden[0]:.5g} … {hidden[1]:.5g}",
+    )
 
 
-def _listed(amplitudes: list[float]) -> str:
-    *most, last = (f"{a:g}" for a in amplitudes)
-    return f"{', '.join(most)} and {last}" if most else last
+def _with_error(value: float | None, error: float | None) -> str:
+    """Return a value to the digit that its error leaves: "2.7843 ± 0.0001"."""
+    if value is None or error is None:
+        return "–"
+    digits = min(max(-math.floor(math.log10(error)), 0), 6) if error > 0.0 else 6
+    return f"{value:.{digits}f} ± {error:.1g}"
+
+
+def _limit(result: NfrResult) -> list[str]:
+    """Return at which amplitude the bandwidth falls below the wanted one, in a sentence; none: nobody asked."""
+    limit = result.amplitude_limit
+    if limit is None:
+        return []
+    what = f"the bandwidth ({limit.drop_db:g} dB) falls below {limit.bandwidth_hz:g} Hz"
+    if limit.amplitude is None:
+        return [sentence(f"at which amplitude {what}: {limit.remark}")]
+    value = _with_error(limit.amplitude, limit.error)
+    return [
+        sentence(f"at amplitude {value}{behind(result.input_unit)} {what}{f': {limit.remark}' if limit.remark else ''}")
+    ]
 
 
 def _spread(result: NfrResult) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from workbench.core.records.forms import Amounts, Band, File, Names, Numbers
 from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
+from workbench.errors import InputError
 from workbench.jobs.options import InWorkers
 from workbench.requests.request import ModelRequest, function
 from workbench.response.nfr.frequency_grid import frequency_grid, positive_values
@@ -96,6 +97,17 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
     )
     _: KW_ONLY
     band: Band | None = option("Lowest and highest frequency.", unit="Hz", default=None, first=True)
+    bandwidth: float | None = option(
+        "Also measure where the gain has fallen by so much from that at the lowest frequency, and its resonance.",
+        unit="dB",
+        metavar="DB",
+        default=None,
+        positive=True,
+        first=True,
+    )
+    least_bandwidth: float | None = option(
+        "Also measure the amplitude at which the bandwidth falls below this.", unit="Hz", default=None, positive=True
+    )
     ratio: float = option("Ratio of each frequency in the band to the one below it.", default=1.2)
     errcrit: float = option(
         "How accurately a point has to settle: its stated error is at most a tenth of this, 1 % at 0.1. A smaller "
@@ -143,8 +155,15 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        frequency_grid(self.frequencies, self.band, self.ratio, falling=self.carry)
+        grid = frequency_grid(self.frequencies, self.band, self.ratio, falling=self.carry)
         positive_values("amplitude", self.amplitudes or (), unit="unit of the input")
+        if self.carry and (self.bandwidth, self.least_bandwidth) != (None, None):
+            raise InputError("bandwidth: a carried sweep measures its points in their order, and none between them")
+        if self.least_bandwidth is not None and not min(grid) < self.least_bandwidth <= max(grid):
+            low, high = min(grid), max(grid)
+            raise InputError(
+                f"least_bandwidth: {self.least_bandwidth:g} Hz is not inside the band, {low:g} to {high:g} Hz"
+            )
 
     def went_well(self, record: NfrResult) -> bool:
         """Return whether no point failed.

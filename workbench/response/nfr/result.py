@@ -22,6 +22,7 @@ from workbench.model import Model, Variable
 from workbench.response.branches.result import Fold, ResponseBranch
 from workbench.response.nfr.beats import BEAT
 from workbench.response.nfr.certificate import Certificate
+from workbench.response.nfr.features import AmplitudeLimit, CurveFeatures
 from workbench.response.nfr.point import NfrPoint
 from workbench.response.nfr.settling import NO_EFFECT
 from workbench.response.nfr.zero_input import ZeroInput
@@ -99,6 +100,8 @@ class NfrResult(Result):
         folds: where these fold back or lose their stability.
         operating_point: where the sine begins, and about which value of the input it moves; None where it is not known,
             as after a crash.
+        features: bandwidth and resonance at each amplitude, where `bandwidth` asked for them.
+        amplitude_limit: the amplitude at which the bandwidth falls below `least_bandwidth`, where one was given.
     """
 
     _page = "workbench.response.nfr.page:nfr_page"
@@ -128,6 +131,8 @@ class NfrResult(Result):
     branches: tuple[ResponseBranch, ...] = ()
     folds: tuple[Fold, ...] = ()
     operating_point: OperatingPoint | None = None
+    features: tuple[CurveFeatures, ...] = ()
+    amplitude_limit: AmplitudeLimit | None = None
 
     _WHAT, _COMMAND = "a frequency response", "nfr"
 
@@ -304,6 +309,8 @@ def assemble(
     branches: tuple[ResponseBranch, ...] = (),
     folds: tuple[Fold, ...] = (),
     operating_point: OperatingPoint | None = None,
+    features: tuple[CurveFeatures, ...] = (),
+    amplitude_limit: AmplitudeLimit | None = None,
 ) -> NfrResult:
     """Make a result of measured points; what is missing fails.
 
@@ -319,6 +326,8 @@ def assemble(
         branches: passed on.
         folds: passed on.
         operating_point: passed on.
+        features: passed on.
+        amplitude_limit: passed on.
     """
     f, a = sorted(frequencies), sorted(amplitudes)
     result = {(p.amplitude, p.frequency): p for p in points}
@@ -353,6 +362,8 @@ def assemble(
         branches=branches,
         folds=folds,
         operating_point=operating_point,
+        features=features,
+        amplitude_limit=amplitude_limit,
     )
 
 

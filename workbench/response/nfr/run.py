@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -31,6 +31,8 @@ from workbench.requests.decorator import with_origin
 from workbench.response.branches.request import Branches
 from workbench.response.branches.result import BranchesResult, Fold
 from workbench.response.nfr.communication_step import other_step, rows_of_step
+from workbench.response.nfr.curve import DROP_DB
+from workbench.response.nfr.features import AmplitudeLimit, CurveFeatures, amplitude_limit, features_of
 from workbench.response.nfr.frequency_grid import frequency_grid
 from workbench.response.nfr.job import BranchesJob, PointsJob, StartJob, SurroundingsJob
 from workbench.response.nfr.jumps import another, disagreements, jumps, may_jump, solved, stepped_over, unseen_peaks
@@ -103,6 +105,9 @@ class Sweep:
         self._followed: list[BranchesResult] = []
         self._second: dict[float, tuple[NfrPoint, ...]] = {}  # where it was looked for, by amplitude
         self._peaks: dict[float, list[NfrPoint]] = {}  # measured between the points, where the linear model has one
+        self._between: dict[Key, NfrPoint] = {}  # measured for what `features` tells
+        self._features: list[CurveFeatures] = []
+        self._limit: AmplitudeLimit | None = None
         self._told_of: list[str] = []
         self._store = None if asked.store is None else self._open_store(asked.store)
         self._before: dict[Key, NfrPoint] = {}
@@ -142,6 +147,7 @@ class Sweep:
             self._standing = previous.operating_point
         if self._store is not None:
             known |= self._store.finished(self._redo)
+            self._between = dict(known)
             self._zero_input = self._store.zero_input()
             self._standing = self._store.standing() or self._standing
             self._second = self._store.second(self._frequencies)
@@ -226,7 +232,39 @@ class Sweep:
             if self._asked.branches:
                 raise
             self._told_of.append(f"second responses could not be looked for: {error}")
+        self._find_features(partial(self._measure, runner))
         yield from ()
+
+    def _find_features(self, measure: Callable[[float, float], NfrPoint]) -> None:
+        """Measure bandwidth and resonance at each amplitude, and the amplitude for a least bandwidth."""
+        if self._drop_db is None:
+            return
+        rows = [[*self._row(a), *self._peaks.get(a, ())] for a in self._amplitudes]
+        for row in rows:
+            self._features.append(features_of(sorted(row, key=lambda p: p.frequency), self._drop_db, measure))
+        if self._asked.least_bandwidth is not None:
+            self._limit = amplitude_limit(rows, self._asked.least_bandwidth, self._drop_db, measure)
+
+    def _measure(self, runner: Runner, frequency: float, amplitude: float) -> NfrPoint:
+        """Return a point that need not be one of the grid; each is measured once."""
+        for (a, f), point in (*self._points.items(), *self._between.items()):
+            if math.isclose(a, amplitude, rel_tol=1e-12) and math.isclose(f, frequency, rel_tol=1e-12):
+                return point
+        events = self._run(runner, [self._points_job([self._task(frequency, amplitude)])])
+        (result,) = (
+            failed_point(frequency, amplitude, event.error) if isinstance(event, Lost) else event.value
+            for event in events
+            if isinstance(event, Lost) or isinstance(event.value, NfrPoint)
+        )
+        if self._store is not None:
+            self._store.save(result)
+        self._between[amplitude, frequency] = result
+        return result
+
+    @property
+    def _drop_db(self) -> float | None:
+        asked = self._asked
+        return DROP_DB if asked.bandwidth is None and asked.least_bandwidth is not None else asked.bandwidth
 
     def _at_peaks(self, runner: Runner, amplitudes: Sequence[float]) -> list[NfrPoint]:
         """Return the responses at resonances that the sweep has stepped over."""
@@ -255,7 +293,11 @@ class Sweep:
     def _afterwards_wanted(self) -> bool:
         """Whether something is to be done when all points are known."""
         seen = self._second
-        return self._asked.branches or any(solved(self._row(a)) for a in self._amplitudes if a not in seen)
+        return (
+            self._asked.branches
+            or self._drop_db is not None
+            or any(solved(self._row(a)) for a in self._amplitudes if a not in seen)
+        )
 
     def _keep_second(self, amplitude: float, result: Sequence[NfrPoint]) -> None:
         self._second[amplitude] = tuple(result)
@@ -420,6 +462,8 @@ class Sweep:
             branches=tuple(branch for traced in followed for branch in traced.branches),
             folds=tuple(_folds(followed)),
             operating_point=self._standing,
+            features=tuple(self._features),
+            amplitude_limit=self._limit,
         )
 
 
