@@ -207,7 +207,7 @@ def test_above_the_sampling_rate_the_page_says_what_is_not_known_and_why() -> No
     assert np.isnan(result.error[0, 0])
     page = nfr_page(result)
     assert any(v.word == "averaged" and "error unknown" in v.text for v in page.summary)
-    (table,) = page.sections[1].parts[0].tables
+    (table,) = next(section for section in page.sections if section.title == "Values").parts[0].tables
     assert [row[4] for row in table.rows] == ["unknown", "–"]
     (heading, first, _) = (list(row) for row in result.rows())
     assert first[heading.index("why")].startswith("error unknown")

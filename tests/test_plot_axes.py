@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 import workbench as wb
 from tests.fakes import lag
 from tests.test_records import example
+from workbench.errors import InputError
 from workbench.response.branches.result import Fold, ResponseBranch
 from workbench.response.nfr.picture import plot_nfr
 from workbench.response.nfr.request import nfr
@@ -92,3 +93,29 @@ def test_curves_on_each_other_are_all_seen() -> None:
     twice = nfr(lag(0.1), "u", "y", [1.0, 2.0, 3.0], [1.0, 2.0])
     widths = [line.get_linewidth() for line in plot_nfr(twice).axes[0].lines if line.get_linestyle() == "-"]
     assert widths[0] > widths[1] + 1.0
+
+
+@pytest.mark.parametrize(
+    "kind", [wb.Advice, wb.BranchesResult, wb.LoopResult, wb.NfrResult, wb.TrimResult, wb.Validation]
+)
+def test_a_picture_is_drawn_on_the_axes_of_the_caller(kind: type[Result]) -> None:
+    """All its lines, once for each time that it is drawn there, and nothing else in the caller's figure."""
+    result = example(kind)
+    own = result.plot()
+    figure = Figure()
+    given = figure.subplots(len(own.axes), 1, squeeze=False)
+    assert result.plot(axes=given) is figure
+    once = [len(ax.lines) for ax in figure.axes]
+    assert once == [len(ax.lines) for ax in own.axes]
+    result.plot(axes=given)
+    assert [len(ax.lines) for ax in figure.axes] == [2 * n for n in once]
+    assert len(result.plot().axes[0].lines) == once[0]  # a figure of its own again
+
+
+def test_other_axes_than_the_panels_are_refused() -> None:
+    result = example(wb.NfrResult)
+    axes = Figure().subplots(3, 1)
+    with pytest.raises(InputError, match="the picture has 2 panels, 3 axes were given"):
+        result.plot(axes=axes)
+    with pytest.raises(InputError, match="axes of matplotlib"):
+        result.plot(axes=3)  # type: ignore[arg-type]

@@ -36,8 +36,10 @@ def said() -> tuple[str, ...]:
 
 def flush() -> None:
     """Write what was kept to standard error; what `auto` took is in the title already."""
-    if _waiting:
-        from workbench.show.facts import is_choice
+    if not _waiting:
+        return
+    from workbench.show.facts import is_choice
+
     for text in _waiting:
         if not is_choice(text):
             sys.stderr.write(f"note: {one_line(spoken(text))}\n")

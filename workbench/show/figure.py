@@ -6,10 +6,13 @@ import io
 import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -33,8 +36,9 @@ __all__ = [
     "SMALL",
     "UNSTABLE",
     "caption",
-    "frame",
     "literal",
+    "on_axes",
+    "outside",
     "panels",
     "rows",
     "save",
@@ -78,7 +82,55 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def rows(count: int, *, title: str, height: float = 2.4) -> tuple[Figure, list[Axes]]:
+_given: ContextVar[list[Axes] | None] = ContextVar("axes of the caller", default=None)
+
+
+@contextmanager
+def on_axes(axes: Axes | Sequence[Axes]) -> Iterator[Figure]:
+    """Let the one picture that is drawn meanwhile have the caller's axes, and yield their figure.
+
+    Args:
+        axes: as many as the picture has panels, row by row; arrays of them, too.
+
+    Raises:
+        InputError: another number, or the picture lays out its panels by itself.
+    """
+    given = [axes] if isinstance(axes, Axes) else list(np.ravel(np.asarray(axes, dtype=object)))
+    if not given or not all(isinstance(ax, Axes) for ax in given):
+        raise InputError("axes: give the axes of matplotlib that the picture has panels for, as a list")
+    token = _given.set(given)
+    try:
+        yield given[0].get_figure(root=True)  # type: ignore[misc]
+    finally:
+        _given.reset(token)
+
+
+def _taken(count: int) -> list[Axes]:
+    """Return the caller's axes, where there are some; none: the picture makes its own."""
+    given = _given.get() or []
+    if given and len(given) != count:
+        raise InputError(f"axes: the picture has {count} panel{'s' if count > 1 else ''}, {len(given)} axes were given")
+    return given
+
+
+def outside(figure: Figure, handles: Sequence[Any], loc: str, **settings: Any) -> None:  # noqa: ANN401 - matplotlib's
+    """Put a legend beside the panels, or into the first of the caller's axes.
+
+    Args:
+        figure: of the panels.
+        handles: what it names.
+        loc: where, such as "right upper" or "lower center".
+        settings: of the legend.
+    """
+    given = _given.get()
+    if given:
+        given[0].legend(handles=handles, **settings)
+    else:
+        placed: dict[str, Any] = {**settings, "loc": f"outside {loc}"}
+        figure.legend(handles=handles, **placed)
+
+
+def rows(count: int, *, title: str, height: float = 2.4, shared: int | None = None) -> tuple[Figure, list[Axes]]:
     """Return a figure with `count` pictures over a common horizontal axis.
 
     The figure belongs to no window system; it works without a display.
@@ -87,12 +139,19 @@ def rows(count: int, *, title: str, height: float = 2.4) -> tuple[Figure, list[A
         count: number of pictures.
         title: above the first one.
         height: of each [inch].
+        shared: so many have the common axis, those below one of their own; None: all.
     """
+    if given := _taken(count):
+        return given[0].get_figure(root=True), given  # type: ignore[return-value]
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(_WIDTH, 1.0 + height * count), layout="constrained")
         FigureCanvasAgg(figure)
-        axes = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
+        axes = list(figure.subplots(count, 1, squeeze=False)[:, 0])
         axes[0].set_title(title, loc="left", fontweight="bold")
+    for ax in axes[1:shared]:
+        ax.sharex(axes[0])
+    for ax in axes[: -1 if shared is None else shared - 1]:
+        ax.tick_params(labelbottom=False)
     for ax in axes:
         _open_frame(ax, color="#cccccc", linewidth=0.7)
         ax.grid(visible=True, which="minor", color="#ececec", linewidth=0.5)
@@ -126,17 +185,6 @@ def with_point(figure: Any, result: object) -> Any:  # noqa: ANN401 - whatever d
     return figure
 
 
-def frame(ax: Axes) -> None:
-    """Give axes that were added later the frame and the lines of the others.
-
-    Args:
-        ax: the axes.
-    """
-    _open_frame(ax, color="#cccccc", linewidth=0.7)
-    for spine in ax.spines.values():
-        spine.set(edgecolor=_STYLE["axes.edgecolor"], linewidth=_STYLE["axes.linewidth"])
-
-
 def _open_frame(ax: Axes, **grid: Any) -> None:  # noqa: ANN401 - style of matplotlib's lines
     ax.grid(visible=True, which="major", **grid)
     ax.set_axisbelow(True)
@@ -164,12 +212,15 @@ def panels(
         sharex: "none", "col" or "all".
         ratios: heights of the rows against each other.
     """
+    if given := _taken(down * across):
+        grid = [given[across * i : across * (i + 1)] for i in range(down)]
+        return given[0].get_figure(root=True), grid  # type: ignore[return-value]
     sizes = None if ratios is None else {"height_ratios": list(ratios)}
     with mpl.rc_context({**_STYLE, "axes.titlesize": 10.0}):
         figure = Figure(figsize=(width, 0.7 + height * (down if ratios is None else sum(ratios))), layout="constrained")
         FigureCanvasAgg(figure)
         figure.suptitle(title, x=0.01, ha="left", fontsize=11.0, fontweight="bold")
-        grid: list[list[Axes]] = figure.subplots(down, across, squeeze=False, sharex=sharex, gridspec_kw=sizes).tolist()  # type: ignore[call-overload]
+        grid = figure.subplots(down, across, squeeze=False, sharex=sharex, gridspec_kw=sizes).tolist()  # type: ignore[call-overload]
     for ax in (a for row in grid for a in row):
         _open_frame(ax, color="#dddddd", linewidth=0.6)
     return figure, grid

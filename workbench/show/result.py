@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from pathlib import Path
@@ -22,6 +22,7 @@ from workbench.show.terminal import text_of
 from workbench.show.verdicts import worst_first
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["Reportable", "Result", "drawn", "line_of", "notebook_of", "page_of", "picture_of", "write_report"]
@@ -49,16 +50,18 @@ class Reportable:
         """Return the page for a notebook."""
         return notebook_of(self)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def plot(self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         """Draw the result.
 
         Args:
             path: also write the picture here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; their figure is returned. None: a figure of
+                its own.
 
         Raises:
-            InputError: unknown suffix, file cannot be written.
+            InputError: unknown suffix, file cannot be written, another number of axes.
         """
-        return picture_of(self, path)
+        return picture_of(self, path, axes)
 
     def report(self, path: str | Path) -> None:
         """Write a page that stands alone: what was asked, on which FMU, pictures, tables, versions, the data as JSON.
@@ -76,37 +79,46 @@ class Result(Record, Reportable):
     """What an analysis returns: a record that is shown."""
 
 
-def drawn(name: str, path: str | Path | None, *shown: object, **options: object) -> Figure:
+def drawn(
+    name: str, path: str | Path | None, *shown: object, axes: Axes | Sequence[Axes] | None = None, **options: object
+) -> Figure:
     """Return a picture; matplotlib, which is slow to import, is imported then.
 
     Args:
         name: "module:function" that draws it.
         path: also write the picture here; png, svg or pdf by suffix.
         shown: what the function draws.
+        axes: of the caller, to draw on; None: a figure of its own.
         options: it is told.
 
     Raises:
         InputError: unknown suffix, file cannot be written, or the function refuses.
     """
-    from workbench.show.figure import save, with_point  # noqa: PLC0415 - matplotlib
+    from workbench.show.figure import on_axes, save, with_point  # noqa: PLC0415 - matplotlib
 
-    figure: Figure = with_point(named(name)(*shown, **options), shown[0])
+    figure: Figure
+    if axes is None:
+        figure = with_point(named(name)(*shown, **options), shown[0])
+    else:
+        with on_axes(axes) as figure:
+            named(name)(*shown, **options)
     if path is not None:
         save(figure, path)
     return figure
 
 
-def picture_of(result: object, path: str | Path | None) -> Figure:
+def picture_of(result: object, path: str | Path | None, axes: Axes | Sequence[Axes] | None = None) -> Figure:
     """Draw the picture of a result.
 
     Args:
         result: whose class names one.
         path: also write the picture here; png, svg or pdf by suffix.
+        axes: of the caller, to draw on; None: a figure of its own.
 
     Raises:
         InputError: it has no picture, unknown suffix, file cannot be written.
     """
-    return drawn(_function(result, "picture"), path, result)
+    return drawn(_function(result, "picture"), path, result, axes=axes)
 
 
 def page_of(result: object, **notes: object) -> Page:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from scipy import signal
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.show.figure import COLOURS, frame, rows
+from workbench.show.figure import COLOURS, rows
 from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
@@ -40,8 +39,7 @@ def plot_excite(result: ExciteResult) -> Figure:
     """
     data = result.identification
     count = data.n_inputs + 1 + data.n_outputs
-    figure, shared = rows(count, title=f"{result.model}: {_title(result.design)}\n")
-    axes = _unshared(figure, shared)
+    figure, axes = rows(count, title=f"{result.model}: {_title(result.design)}\n", shared=1)
     for i, ax in enumerate(axes[: data.n_inputs]):
         _input(ax, result, i)
     _spectra(axes[data.n_inputs], data, result.design)
@@ -50,18 +48,6 @@ def plot_excite(result: ExciteResult) -> Figure:
         _output(ax, result, i)
     outputs[-1].set_xlabel("time [s]")
     return figure
-
-
-def _unshared(figure: Figure, shared: Sequence[Axes]) -> list[Axes]:
-    """Replace all pictures but the first by ones with a horizontal axis of their own."""
-    axes = [shared[0]]
-    for k, old in enumerate(shared[1:], 2):
-        old.remove()
-        ax = figure.add_subplot(len(shared), 1, k)
-        frame(ax)
-        axes.append(ax)
-    axes[0].tick_params(labelbottom=True)
-    return axes
 
 
 def _title(design: SignalFacts) -> str:

@@ -22,6 +22,7 @@ from workbench.show.result import Result
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["IdentifyResult"]
@@ -204,18 +205,19 @@ class IdentifyResult(Result):
         """Return measured, simulated and predicted outputs of the validation data."""
         return self.validation.rows()
 
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def plot(self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         """Draw measured, simulated and predicted outputs of the validation data.
 
         `plot_order`, `validation.plot_residuals` and `validation.plot_poles` draw the rest.
 
         Args:
             path: also write the picture here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
 
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        return self.validation.plot(path)
+        return self.validation.plot(path, axes=axes)
 
     def plot_order(self, path: str | Path | None = None) -> Figure:
         """Draw singular values and principal angles as bars, with the order that was chosen.

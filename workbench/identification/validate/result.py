@@ -19,6 +19,7 @@ from workbench.identification.validate.spread import model_spread
 from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["Validation"]
@@ -63,19 +64,22 @@ class Validation(Result):
         pairs = [c.words for c in self.cancellations] or ["no pole is nearly cancelled by a zero"]
         return (*self.simulation.words, *self.prediction.words, *pairs, *self.notes)
 
-    def plot(self, path: str | Path | None = None, *, seconds: float | None = None) -> Figure:
+    def plot(
+        self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None, seconds: float | None = None
+    ) -> Figure:
         """Draw measured, simulated and predicted outputs over time [s] and the errors below.
 
         `plot_residuals` and `plot_poles` draw the rest.
 
         Args:
             path: also write the picture here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
             seconds: show only so much from the start [s]; None: so much that single samples can be told apart.
 
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        return drawn("workbench.identification.validate.picture:plot_fit", path, self, seconds=seconds)
+        return drawn("workbench.identification.validate.picture:plot_fit", path, self, axes=axes, seconds=seconds)
 
     def plot_residuals(self, path: str | Path | None = None, *, kind: str = "prediction") -> Figure:
         """Draw residuals, their autocorrelation and their cross-correlation with the inputs, with 95 % bands.
@@ -99,8 +103,8 @@ class Validation(Result):
             InputError: unknown suffix, file cannot be written.
         """
         known = None if self.model.spread is None else model_spread(self.model)
-        marked = {"cancellations": self.cancellations, "spread": known}
-        return drawn("workbench.identification.validate.picture:plot_poles", path, self.model, **marked)
+        name = "workbench.identification.validate.picture:plot_poles"
+        return drawn(name, path, self.model, cancellations=self.cancellations, spread=known)
 
     def residuals(self, kind: str) -> Residuals:
         """Return one of the two ways of computing the output.

@@ -24,6 +24,7 @@ from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     import control
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["Design", "FeedForwardResult"]
@@ -121,11 +122,14 @@ class FeedForwardResult(Result):
                 return trial
         raise KeyError(name)
 
-    def plot(self, path: str | Path | None = None, *, figure: str = "overview") -> Figure:
+    def plot(
+        self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None, figure: str = "overview"
+    ) -> Figure:
         """Return a picture.
 
         Args:
             path: also write it here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
             figure: "overview"; "reduced" (filter before and after the reduction), "compensation" (G·F and H),
                 "mirrored" (before and after mirroring, and the low-pass), "simulated" (time histories), "error"
                 (G·F/H − 1), "poles" (what was cancelled and mirrored).
@@ -133,7 +137,9 @@ class FeedForwardResult(Result):
         Raises:
             InputError: unknown figure or suffix, nothing was simulated, the file cannot be written.
         """
-        return drawn("workbench.limit_cycles.feed_forward.picture:plot_feed_forward", path, self, figure=figure)
+        return drawn(
+            "workbench.limit_cycles.feed_forward.picture:plot_feed_forward", path, self, axes=axes, figure=figure
+        )
 
     def filter_dict(self) -> dict[str, Any]:
         """Return the filter as `workbench build` and the components of system files take it."""

@@ -23,6 +23,7 @@ from workbench.limit_cycles.feedback.settling import SettlingStudy
 from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["CONVENTION", "FeedbackResult", "interval_words"]
@@ -113,11 +114,14 @@ class FeedbackResult(Result):
             return f"the real pole at {pole.real:.3g} 1/s"
         return f"the pole at {damped_frequency_hz(pole):.4g} Hz that grows with {pole.real:.3g} 1/s"
 
-    def plot(self, path: str | Path | None = None, *, plot_kind: str = "overview") -> Figure:
+    def plot(
+        self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None, plot_kind: str = "overview"
+    ) -> Figure:
         """Return a picture.
 
         Args:
             path: also write it here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
             plot_kind: "overview", "root-locus", "nyquist", "cycles", "settling" or "run".
 
         Raises:
@@ -133,34 +137,37 @@ class FeedbackResult(Result):
         }
         if plot_kind not in draw:
             raise InputError(f"plot_kind '{plot_kind}' is not in this result; {suggest(plot_kind, draw)}")
-        return draw[plot_kind](path)
+        return draw[plot_kind](path, axes=axes)
 
-    def plot_root_locus(self, path: str | Path | None = None) -> Figure:
+    def plot_root_locus(self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         """Return a picture of the poles over the gain, whole and around the border of stability.
 
         Args:
             path: also write it here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
         """
-        return drawn("workbench.limit_cycles.feedback.picture:plot_root_locus", path, self)
+        return drawn("workbench.limit_cycles.feedback.picture:plot_root_locus", path, self, axes=axes)
 
-    def plot_nyquist(self, path: str | Path | None = None) -> Figure:
+    def plot_nyquist(self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         """Return a picture of G(jω) in four views: all, and by bands around its crossings of the real axis.
 
         Args:
             path: also write it here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
         """
-        return drawn("workbench.limit_cycles.feedback.picture_nyquist:plot_nyquist", path, self)
+        return drawn("workbench.limit_cycles.feedback.picture_nyquist:plot_nyquist", path, self, axes=axes)
 
-    def plot_cycles(self, path: str | Path | None = None) -> Figure:
+    def plot_cycles(self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         """Return a picture of the Nyquist curves seen by the nonlinear block, for four of the gains.
 
         Args:
             path: also write it here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
 
         Raises:
             InputError: there is no block.
         """
-        return drawn("workbench.limit_cycles.feedback.picture_nyquist:plot_cycles", path, self)
+        return drawn("workbench.limit_cycles.feedback.picture_nyquist:plot_cycles", path, self, axes=axes)
 
     def derived(self) -> dict[str, Any]:
         """Return what stands beside the fields, and the settling study.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ from workbench.point.lin.result import LinResult
 from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["LinGrid", "LinPoint"]
@@ -69,14 +70,15 @@ class LinGrid(Result):
         """Whether there is a model at every point."""
         return not self.failed
 
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def plot(self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         """Return a Bode picture of the first input and output, one curve per model.
 
         Args:
             path: also write it here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
         """
         curves = [(str(p), p.result) for p in self.points if p.result is not None]
-        return drawn("workbench.point.lin.picture:plot_curves", path, curves)
+        return drawn("workbench.point.lin.picture:plot_curves", path, curves, axes=axes)
 
     def derived(self) -> dict[str, Any]:
         """Return the points at which no linear model was found, and why."""

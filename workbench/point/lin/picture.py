@@ -15,7 +15,7 @@ from workbench.core.values.poles import continuous, vanished
 from workbench.errors import InputError
 from workbench.point.lin.step_check import POINTS, step_response
 from workbench.show.bode import bode_axes, draw_response
-from workbench.show.figure import COLOURS, LEGEND, frame, rows
+from workbench.show.figure import COLOURS, LEGEND, outside, rows
 from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
@@ -39,13 +39,9 @@ def plot_lin(result: LinResult) -> Figure:
     if not result.input_names or not result.output_names:
         missing = "output" if result.input_names else "input"
         raise InputError(f"{result.model}: the linear model has no {missing}, so it has no response to draw")
-    figure, axes = rows(3, title=_title(result))
+    figure, (*axes, step) = rows(3, title=_title(result), shared=2)
     frequency = frequency_band([result])
     nothing = set(result.without_effect)
-    # The step response has an axis of its own.
-    axes[2].remove()
-    step = figure.add_subplot(3, 1, 3)
-    frame(step)
     time, outputs = _step(result)
     pairs = len(result.input_names) * len(result.output_names)
     units = {result.units.get(name) or "1" for name in result.output_names}
@@ -87,7 +83,7 @@ def plot_curves(named: Sequence[tuple[str, LinResult]]) -> Figure:
         draw_response(axes[0], axes[1], result.curve(0, 0, frequency), **style)
     _finish(axes, frequency)
     if named:
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
+        outside(figure, axes[0].get_legend_handles_labels()[0], "right upper", fontsize=8.5)
     return figure
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from workbench.point.lin.result import LinResult
 from workbench.show.result import Reportable
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -47,13 +48,14 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
         """Where the model was linearised."""
         return self.result.operating_point
 
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def plot(self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         """Return a picture: Bode and step response, one column per input.
 
         Args:
             path: also write it here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
         """
-        return self.result.plot(path)
+        return self.result.plot(path, axes=axes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers, ready for JSON."""

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from workbench.core.values.arrays import Floats
-from workbench.show.figure import COLOURS, UNSTABLE, panels
+from workbench.show.figure import COLOURS, UNSTABLE, outside, panels
 from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def plot_modes(result: ModesResult) -> Figure:
     _limits(damping, frequency, result, chosen)
     damping.set_ylabel("damping ratio [%]")
     frequency.set(ylabel="natural frequency [Hz]", xlabel=bracketed(result.parameter, result.unit))
-    figure.legend(handles=handles, loc="outside right upper", fontsize=8.0, frameon=False, handlelength=2.4)
+    outside(figure, handles, "right upper", fontsize=8.0, frameon=False, handlelength=2.4)
     return figure
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from workbench.core.values.decibels import decibels
 from workbench.show.bode import Degrees, gain_label, log_axis
-from workbench.show.figure import COLOURS, LEGEND, rows
+from workbench.show.figure import COLOURS, LEGEND, outside, rows
 from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
@@ -120,4 +120,4 @@ def _legend(figure: Figure, result: BranchesResult, colours: dict[float, str]) -
     if result.asked_hz:
         handles.append(Line2D([], [], label=f"{', '.join(f'{f:g}' for f in result.asked_hz)} Hz", **_ASKED))
     if handles:
-        figure.legend(handles=handles, loc="outside right upper", **LEGEND)
+        outside(figure, handles, "right upper", **LEGEND)

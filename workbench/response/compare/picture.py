@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from workbench.core.values.arrays import Floats
-from workbench.show.figure import COLOURS, panels
+from workbench.show.figure import COLOURS, outside, panels
 from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
@@ -38,9 +38,7 @@ def plot_motions(result: MotionComparison) -> Figure:
     grid[-1][1].set_xlabel("time [s]")
     handles = [Patch(color=_colour(n), label=name) for n, name in enumerate(result.systems)]
     rms = Line2D([], [], color="#222222", linewidth=1.6, label="rms (the bar: peak)")
-    figure.legend(
-        handles=[*handles, rms], loc="outside lower center", ncols=min(len(handles) + 1, 5), fontsize=8.5, frameon=False
-    )
+    outside(figure, [*handles, rms], "lower center", ncols=min(len(handles) + 1, 5), fontsize=8.5, frameon=False)
     return figure
 
 

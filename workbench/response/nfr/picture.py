@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
 from workbench.response.branches.picture import branch_handles, draw_branches
 from workbench.show.bode import Degrees, gain_label, log_axis
-from workbench.show.figure import COLOURS, LEGEND, rows
+from workbench.show.figure import COLOURS, LEGEND, outside, rows
 from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
@@ -166,6 +166,6 @@ def _legend(figure: Figure, ax: Axes, result: NfrResult) -> None:
     handles += branch_handles(result.branches, result.folds)
     settings: dict[str, Any] = {**LEGEND, "title": "amplitude", "title_fontsize": 8.5}
     if len(handles) > _LEGEND_INSIDE:
-        figure.legend(handles=handles, loc="outside right upper", **settings)
+        outside(figure, handles, "right upper", **settings)
     else:
         ax.legend(handles=handles, loc="best", **settings)

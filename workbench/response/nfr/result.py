@@ -30,6 +30,7 @@ from workbench.show.result import Result, drawn
 
 if TYPE_CHECKING:
     from control import FrequencyResponseData
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["MISSING", "FailedPoint", "NfrResult", "assemble", "percent"]
@@ -280,7 +281,9 @@ class NfrResult(Result):
             raise InputError(f"amplitude {amplitude:g} was not measured; known: {known}")
         return int(hits[0])
 
-    def plot(self, path: str | Path | None = None, *, offset: bool = False) -> Figure:
+    def plot(
+        self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None, offset: bool = False
+    ) -> Figure:
         """Draw gain [dB] and phase [deg] over frequency [Hz], one curve per amplitude.
 
         Circles: settled; triangles: averaged (take them with care); on the lower edge crosses: failed, triangles
@@ -288,12 +291,13 @@ class NfrResult(Result):
 
         Args:
             path: also write the picture here; png, svg or pdf by suffix.
+            axes: to draw on, as many as the picture has panels, row by row; None: a figure of its own.
             offset: add the mean of the output as a third picture.
 
         Raises:
             InputError: unknown suffix, file cannot be written.
         """
-        return drawn("workbench.response.nfr.picture:plot_nfr", path, self, offset=offset)
+        return drawn("workbench.response.nfr.picture:plot_nfr", path, self, axes=axes, offset=offset)
 
 
 def assemble(
