@@ -151,7 +151,7 @@ def rows(count: int, *, title: str, height: float = 2.4, shared: int | None = No
     for ax in axes[1:shared]:
         ax.sharex(axes[0])
     for ax in axes[: -1 if shared is None else shared - 1]:
-        ax.tick_params(labelbottom=False)
+        ax.tick_params(which="both", labelbottom=False)
     for ax in axes:
         _open_frame(ax, color="#cccccc", linewidth=0.7)
         ax.grid(visible=True, which="minor", color="#ececec", linewidth=0.5)
