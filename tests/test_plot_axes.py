@@ -118,4 +118,4 @@ def test_other_axes_than_the_panels_are_refused() -> None:
     with pytest.raises(InputError, match="the picture has 2 panels, 3 axes were given"):
         result.plot(axes=axes)
     with pytest.raises(InputError, match="axes of matplotlib"):
-        result.plot(axes=3)  # type: ignore[arg-type]
+        result.plot(axes=3)
