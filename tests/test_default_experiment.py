@@ -31,9 +31,9 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_begins_and_ends_where_the_experiment_does(full: Path, interface: str) -> None:
     with load(full, interface) as model:
         result = simulate(model)
-        assert "start: 3 s, from the FMU's default experiment; --start changes it" in model.notes
-        assert "tolerance: 0.0001, from the FMU's default experiment; --tolerance changes it" in model.notes
-    assert "stop: 5 s, from the FMU's default experiment; --stop changes it" in result.notes
+        assert "start: 3 s, from the FMU's default experiment; `start` changes it" in model.notes
+        assert "tolerance: 0.0001, from the FMU's default experiment; `tolerance` changes it" in model.notes
+    assert "stop: 5 s, from the FMU's default experiment; `stop` changes it" in result.notes
     assert (result.time[0], result.time[-1]) == (3.0, 5.0)
     np.testing.assert_allclose(result.signals["clock"], result.time, rtol=1e-12)
     np.testing.assert_allclose(result.signals["y[1,2]"], 1.0 - np.exp(3.0 - result.time), atol=1e-3)

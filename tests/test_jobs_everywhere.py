@@ -9,6 +9,7 @@ import json
 import os
 import re
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,15 @@ def test_every_request_has_a_line() -> None:
     assert set(LINES) == set(REQUESTS), "tests/command_lines.py: a line for each request of workbench/commands.py"
 
 
+def texts_in(data: object) -> Iterator[str]:
+    """Yield every text of JSON."""
+    if isinstance(data, str):
+        yield data
+    elif isinstance(data, dict | list):
+        for part in data.values() if isinstance(data, dict) else data:
+            yield from texts_in(part)
+
+
 @pytest.mark.parametrize("name", LINES)
 def test_it_tells_how_far_it_is(
     name: str, heard: list[float], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -72,7 +82,12 @@ def test_it_tells_how_far_it_is(
         words.append(text)
 
     monkeypatch.setattr(Bar, "update", update)
-    assert run(LINES[name][0].split()) == 0, capsys.readouterr().err
+    out = Path(f"{name}_words.json")
+    assert run([*LINES[name][0].split(), "--json", str(out)]) == 0, capsys.readouterr().err
+    assert not re.findall(r"`\w+(?:=[^`]*)?`", "".join(capsys.readouterr())), "options of Python on the command line"
+    told = json.loads(out.read_text(encoding="utf-8"))
+    flags = re.compile(r"(?<![\w-])--[a-z]")
+    assert not [text for text in texts_in(told) if flags.search(text) and "workbench " not in text], "flags in Python"
     assert heard == sorted(heard)
     assert heard[0] >= 0.0
     assert heard[-1] == 1.0

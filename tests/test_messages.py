@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import ast
 import cmath
 import math
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import workbench as wb
 from workbench.cli.app import run
+from workbench.cli.command_line import complaint, keep, spoken
+from workbench.cli.program import options_of, program
 from workbench.core.values.margins import UNSTABLE, GainCrossover, Margins, PhaseCrossover
 from workbench.loops.loop.page import _crossovers
 
@@ -159,3 +164,62 @@ def test_an_unstable_loop_shows_no_margin() -> None:
     )  # fmt: skip
     (table,) = _crossovers(found)
     assert [row[2] for row in table.rows] == ["phase 1.1°", "gain 6.021 dB"]
+
+
+# A flag among other words; alone it declares an option.
+FLAG = re.compile(r"(?<=[^\w-])--[a-z]|--[a-z][\w-]*[^\w=…-]")
+SHELL = re.compile(r"\b(?:workbench|dask|pip|check|lin|trim) [^;]*--")  # a line for a shell
+# What only a command line can ask for: files of a result, and requests without a function in Python.
+OF_COMMANDS = ("written.py", "cases.py", "serve.py", "compare_linear/request.py", "structures/request.py")
+HEADINGS = ("Settling times, with --settle", "One simulation, with --gain", "Simulations, with --input")  # of help
+
+
+def texts_of(node: ast.AST) -> Iterator[str]:
+    """Yield the texts of a module that are not docstrings and do not declare options or commands."""
+    if isinstance(node, ast.Call) and getattr(node.func, "id", "") in {"option", "replace"}:
+        return
+    if isinstance(node, ast.JoinedStr):
+        yield "".join(part.value if isinstance(part, ast.Constant) else "…" for part in node.values)  # type: ignore[misc]
+        return
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+    for inner in ast.iter_child_nodes(node):
+        declares = isinstance(node, ast.ClassDef) and isinstance(inner, ast.Assign)
+        documents = isinstance(inner, ast.Expr) and isinstance(inner.value, ast.Constant)
+        if not (declares or documents):
+            yield from texts_of(inner)
+
+
+def test_the_library_speaks_of_options_by_their_names_in_python() -> None:
+    """The command line turns them into flags, see `workbench.cli.command_line`."""
+    root = Path(wb.__file__).parent
+    files = [p for p in sorted(root.rglob("*.py")) if "cli" not in p.parts and not p.as_posix().endswith(OF_COMMANDS)]
+    texts = [(p.relative_to(root).as_posix(), t) for p in files for t in texts_of(ast.parse(p.read_text("utf-8")))]
+    assert len(texts) > 10_000
+    assert [
+        (name, text) for name, text in texts if FLAG.search(text) and not SHELL.search(text) and text not in HEADINGS
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("said", "typed"),
+    [
+        ("`step` changes it", "--step changes it"),
+        ("use `step=0.01`, or `step=0.02`", "use --step 0.01, or --step 0.02"),
+        ("longer: `max_periods`", "longer: --max-periods"),
+        ("wait longer: max_periods", "wait longer: --max-periods"),
+        ("`drift_check=False`, `branches=True`", "--no-drift-check, --branches"),
+        ("`wb.delays` or `wb.limit_cycle`", "workbench check --delays or workbench limit-cycle"),
+        ("`start_values` of 'max_periods'", "--set of 'max_periods'"),
+        ("`nothing` and `nothing=3`", "nothing and nothing=3"),
+    ],
+)
+def test_on_the_command_line_they_are_flags(said: str, typed: str) -> None:
+    keep(["nfr"], options_of(program("nfr")), "workbench")
+    assert spoken(said) == typed
+
+
+def test_how_a_model_is_opened_is_said_in_the_words_of_a_command_with_an_option_of_that_name() -> None:
+    keep(["modes"], options_of(program("modes")), "workbench")  # its own tolerance is --precision
+    assert spoken("`tolerance` changes it") == "--tolerance changes it"
+    assert complaint("tolerance: 'x' is not a number") == "--precision: 'x' is not a number"

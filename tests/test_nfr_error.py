@@ -452,7 +452,7 @@ def test_a_jump_and_an_earlier_run_tell_of_two_responses() -> None:
     ]
     assert len(jumps(up)) == 1
     assert "between 0.23 and 0.25 Hz, amplitude 0.1, the response jumps from gain 12.1 to 0.7" in jumps(up)[0]
-    assert jumps(up)[0].endswith("--branches shows all")
+    assert jumps(up)[0].endswith("`branches` shows all")
     assert "--branches" not in jumps(up, interface="cs")[0]  # which refuses co-simulation
     assert not jumps([point(p.frequency, abs(p.response or 0.0), thd=1e-6) for p in up])  # linear: a steep flank
     known = {(0.1, p.frequency): p for p in up}

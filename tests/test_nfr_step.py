@@ -62,7 +62,7 @@ def test_an_answer_that_never_converges_fails_and_says_what_to_do() -> None:
     result = nfr(FakeModel(lambda: StepDependent(0.0, 0.0), interface="cs"), "u", "y", [1.0], 1.0)
     assert np.isnan(result.gain[0, 0])
     assert "depends on the communication step" in result.failed[0].reason
-    assert result.failed[0].reason.endswith("use a smaller --step")  # a model of Python has no other interface
+    assert result.failed[0].reason.endswith("use a smaller `step`")  # a model of Python has no other interface
 
 
 def explicit_euler(a: Floats, b: Floats, c: Floats, frequency: float, h: float) -> complex:
@@ -103,7 +103,7 @@ def test_the_error_left_by_the_step_is_stated(errcrit: float) -> None:
                 for t in tasks
             ]  # fmt: skip
 
-        (found,) = refine([task], run, "use a smaller --step")
+        (found,) = refine([task], run, "use a smaller `step`")
         truth = complex((c @ np.linalg.solve(2j * math.pi * frequency * np.eye(n) - a, b)).item())
         assert found.response is not None
         assert found.error is not None

@@ -157,14 +157,14 @@ def test_a_state_that_nothing_depends_on_may_move_and_is_told(interface: str) ->
     result = trim(motor(interface))
     assert result.converged
     assert result.operating_point.x["w"] == pytest.approx(3.0, rel=1e-6)
-    assert "angle moves, since nothing depends on it, as --float angle asks for" in told(result)
+    assert "angle moves, since nothing depends on it, as `floating` asks for" in told(result)
     assert [r.required for r in result.residuals] == [True, False]
 
 
 def test_a_state_that_is_shown_moves_where_it_is_asked_for() -> None:
     result = trim(motor(shown=True))
     assert not result.converged
-    assert "only outputs depend on angle: --float angle lets it move" in told(result)
+    assert "angle, on which only outputs depend, moves where `floating` names it" in told(result)
     assert trim(motor(shown=True), floating=["angle"]).operating_point.x["w"] == pytest.approx(3.0)
 
 

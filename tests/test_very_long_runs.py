@@ -37,7 +37,7 @@ def test_very_many_steps_are_told_first(tmp_path: Path) -> None:
     job = Job()
     job.say = _said
     with wb.load(_with_own_step(tmp_path), interface="cs") as model:
-        words = r"1e\+11 steps of 0.001 s to stop 1e\+08 s may take very long; give --stop, or --interface me"
+        words = r"1e\+11 steps of 0.001 s to stop 1e\+08 s may take very long; give `stop`, or `interface=me`"
         with pytest.raises(_SaidError, match=words):
             Simulate(stop=1e8).run(model, job)
         assert Simulate(stop=1.0, in_process=True).run(model, job).time[-1] == 1.0

@@ -24,7 +24,7 @@ MESSAGES = {
     "segfault": "the FMU crashed: segmentation fault (SIGSEGV)",
     "abort": "the FMU aborted its process (SIGABRT)",
     "exit": "the FMU ended its process (exit code 3)",
-    "hang": "time limit: not finished after 200 s; --timeout sets it",
+    "hang": "time limit: not finished after 200 s; `timeout` sets it",
 }
 KINDS = {"segfault": "crashed", "abort": "crashed", "exit": "exited", "hang": "timed out"}
 

@@ -100,7 +100,7 @@ def test_a_hang_is_ended_by_the_time_limit(model: wb.DescribedModel, monkeypatch
         assert isinstance(lost, Lost)
         assert lost.job == ("endless_in_c",)
         assert isinstance(lost.error, wb.TimedOutError)
-        assert lost.reason == "time limit: not finished after 0.3 s; --timeout sets it"
+        assert lost.reason == "time limit: not finished after 0.3 s; `timeout` sets it"
         clock.per_look = 0.0
         assert list(events) == [Reply(("say", 1), 1)]
 
@@ -155,7 +155,7 @@ def test_the_memory_limit_refuses_allocations(model: wb.DescribedModel) -> None:
     jobs = [("allocate", 400), ("allocate", 250), ("allocate", 20), ("malloc", 400)]
     found = do(model, *jobs, limits=Limits(memory=200.0))
     # The first is refused; the second is granted and seen afterwards, although it was freed.
-    assert found["allocate", 400] == ["memory limit: more than 200 MB needed; --memory-limit sets it"]
+    assert found["allocate", 400] == ["memory limit: more than 200 MB needed; `memory_limit` sets it"]
     assert found["allocate", 250] == found["allocate", 400]
     assert found["allocate", 20] == [20_000_000]
     assert found["malloc", 400] == [

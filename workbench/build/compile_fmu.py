@@ -141,7 +141,7 @@ def _refuse_present(
         there = {f"binaries/{folder}/{n}{platform.suffix}" for folder in folders_of(platform.name) for n in names}
         if result := sorted(there & {str(file) for file in left}):
             raise InputError(
-                f"{source}: it has {result[0]} already; to compile it anew, name another file to write: --out"
+                f"{source}: it has {result[0]} already; to compile it anew, name another file to write (`out`)"
             )
 
 

@@ -260,7 +260,7 @@ def _find(sources: Sequence[Path]) -> dict[str, Path]:
 def _choose(result: Mapping[str, Path], model: str | None) -> str:
     if model is None:
         if len(result) > 1:
-            raise BuildError(f"several models: {', '.join(sorted(result))}; choose one with --model")
+            raise BuildError(f"several models: {', '.join(sorted(result))}; choose one (`model`)")
         return next(iter(result))
     matches = [name for name in result if name == model or name.endswith("." + model)]
     if len(matches) != 1:

@@ -189,6 +189,7 @@ def _show(
     stopped: BaseException | None,
 ) -> None:
     """Print the page of a record, and write its files."""
+    from workbench.cli.command_line import in_flags
     from workbench.cli.github import tell_github
     from workbench.cli.notes import flush, note
     from workbench.cli.output import failure_in_json
@@ -196,7 +197,7 @@ def _show(
     from workbench.show.result import page_of
     from workbench.show.terminal import text_of
 
-    page: Page = page_of(record, **written.told(written.drawn))
+    page: Page = in_flags(page_of(record, **written.told(written.drawn)))
     for text in [*page.notes, *out.unsaid(record)]:
         note(text)
     flush()

@@ -89,6 +89,7 @@ def run(
 
     Example: `workbench run study:rudder_specification --junit junit.xml --report rudder.html`
     """
+    from workbench.cli.command_line import in_flags
     from workbench.cli.github import tell_github
     from workbench.cli.output import Output
     from workbench.show.result import page_of
@@ -112,11 +113,12 @@ def run(
     place = Workers(jobs=jobs, timeout=timeout, confine=confine, scheduler=scheduler, tls=scheduler_tls)
     result = _run(prepared, place, kept=folder is not None, update=update_baselines)
     _show(result, out)
-    out.write(result.to_dict, csv=result.to_csv, report=result)
+    page = lambda: in_flags(page_of(result))  # noqa: E731
+    out.write(result.to_dict, csv=result.to_csv, report=result, page=page)
     if junit is not None:
         result.to_junit(junit)
         out.wrote(junit)
-    tell_github(result, lambda: page_of(result))
+    tell_github(result, page)
     if result.missing:
         return INTERRUPTED
     return 0 if result.passed else _NOT_MET
@@ -164,6 +166,7 @@ def _run(prepared: StudyRun, workers: Workers, *, kept: bool, update: bool) -> S
 
 
 def _show(result: StudyResult, out: Output) -> None:
+    from workbench.cli.command_line import in_flags
     from workbench.show.terminal import section_text
 
     if result.checked:
@@ -173,7 +176,7 @@ def _show(result: StudyResult, out: Output) -> None:
     lines += [f"{c.name}: {c.finding.reason}" for c in result.violated if c.finding.reason]
     lines += [f"analysis {run.label}: {_why(outcome.reason)}" for run, outcome in result.failed]
     lines.append(result.words)
-    out.say(lambda _: "".join(f"{unbroken(line)}\n" for line in lines))
+    out.say(lambda _: "".join(f"{unbroken(in_flags(line))}\n" for line in lines))
 
 
 def _why(reason: str) -> str:

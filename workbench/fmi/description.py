@@ -215,7 +215,7 @@ class ModelDescription:
         """Return what to do where co-simulation does not do: model exchange if it is offered, or something else.
 
         Args:
-            others: what can be done besides, as "use a shorter --step".
+            others: what can be done besides, as "use a shorter `step`".
         """
         if self.components and all(self.components.values()):
             first = f'give interface "me" to {", ".join(self.components)}'

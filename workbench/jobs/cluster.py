@@ -265,8 +265,7 @@ def _connected(address: str, tls: Sequence[str] | None) -> Any:  # noqa: ANN401 
     where = _told_in(address) if address.endswith(".json") else address
     if where.startswith("tls:") and tls is None and not import_module("dask").config.get(_CONFIGURED, None):
         raise InputError(
-            f"scheduler {address}: needs certificates: tls (--scheduler-tls CA,CERT,KEY), or {_CONFIGURED} in "
-            "Dask's configuration"
+            f"scheduler {address}: needs certificates: `tls` (CA, CERT, KEY), or {_CONFIGURED} in Dask's configuration"
         )
     _knock(address, where)
     own = {} if tls is None else {"security": security(tls)}

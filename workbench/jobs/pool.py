@@ -370,11 +370,11 @@ def lingered(limits: Limits) -> LostError:
 
 def timed_out(limits: Limits) -> LostError:
     """Return the reason for a point that took too long."""
-    return TimedOutError(f"time limit: not finished after {limits.timeout:g} s; --timeout sets it")
+    return TimedOutError(f"time limit: not finished after {limits.timeout:g} s; `timeout` sets it")
 
 
 def out_of_memory(limits: Limits) -> LostError:
     """Return the reason for a point that ran out of memory without crashing."""
     if limits.memory is None:
         return OutOfMemoryError("out of memory")
-    return OutOfMemoryError(f"memory limit: more than {limits.memory:g} MB needed; --memory-limit sets it")
+    return OutOfMemoryError(f"memory limit: more than {limits.memory:g} MB needed; `memory_limit` sets it")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["at_work", "choose", "runner_for"]
 
-_ALONE = "a confined process begins no others: the parts of this analysis ran one after the other, whatever --jobs says"
+_ALONE = "a confined process begins no others: the parts of this analysis ran one after the other, whatever `jobs` says"
 
 
 @contextmanager
@@ -133,4 +133,4 @@ def _without_recipe(model: Model, place: str, workers: Workers) -> tuple[str, ..
 def _memory_note(workers: Workers) -> tuple[str, ...]:
     if workers.limits.memory is None or memory_limit_works():
         return ()
-    return ("this platform enforces no memory limit; --memory-limit has no effect",)
+    return ("this platform enforces no memory limit; `memory_limit` has no effect",)

@@ -254,7 +254,7 @@ class Model(Closable):
         """Return what to do where co-simulation does not do, for a message.
 
         Args:
-            others: what can be done besides using model exchange, as "use a shorter --step".
+            others: what can be done besides using model exchange, as "use a shorter `step`".
         """
         return ", or ".join(others) or "use another model"
 

@@ -311,7 +311,7 @@ class DescribedModel(Model):
             return self._start(setup)
         except NotReachedError as error:
             if self.interface != "cs":
-                words = "leave the point out, and give start values that lead there (--set)"
+                words = "leave the point out, and give start values that lead there (`start_values`)"
                 raise NotReachedError(f"{error}; {words}") from None
             if not approach:
                 raise
@@ -363,7 +363,7 @@ class DescribedModel(Model):
         if self.interface != "cs" or named or not known:
             return ()
         span = dict.fromkeys(f"{s:.4g}" for s in (known[0], known[-1]))
-        return (f"communication step: {' to '.join(span)} s was derived; --step changes it",)
+        return (f"communication step: {' to '.join(span)} s was derived; `step` changes it",)
 
     @property
     def shortest_step(self) -> float | None:

@@ -293,9 +293,9 @@ def experiment_notes(recipe: LoadRecipe, description: ModelDescription) -> list[
     """Return what the default experiment decides where nothing was asked for, as far as it is not usual."""
     given, notes = description.experiment, []
     if recipe.start is None and given.start_time:
-        notes.append(f"start: {given.start_time:g} s, from the FMU's default experiment; --start changes it")
+        notes.append(f"start: {given.start_time:g} s, from the FMU's default experiment; `start` changes it")
     if recipe.tolerance is None and given.tolerance not in (None, DEFAULT_TOLERANCE):
-        notes.append(f"tolerance: {given.tolerance:g}, from the FMU's default experiment; --tolerance changes it")
+        notes.append(f"tolerance: {given.tolerance:g}, from the FMU's default experiment; `tolerance` changes it")
     return notes
 
 
@@ -382,9 +382,9 @@ def _notes(wanted: str, chosen: str, description: ModelDescription, step: float 
     if chosen == "cs" and step is None:
         default = description.experiment.step
         notes.append(
-            "communication step: derived from the signals and points; --step changes it"
+            "communication step: derived from the signals and points; `step` changes it"
             if default is None
-            else f"communication step: {default:g} s, from the FMU's default experiment; --step changes it"
+            else f"communication step: {default:g} s, from the FMU's default experiment; `step` changes it"
         )
     claims = description.interfaces[chosen]
     notes += silent_clocks(description, chosen)

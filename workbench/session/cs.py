@@ -106,5 +106,5 @@ def off_grid(step: float, point: float) -> InputError:
     """Return the error for a point that a constant communication step cannot meet."""
     return InputError(
         f"the FMU needs a constant communication step, here {step:.9g} s, and {point:.9g} s is no multiple of it, "
-        "where the run has to stop (for a recorded value, a break of a signal, a part of a period); use another --step"
+        "where the run has to stop (for a recorded value, a break of a signal, a part of a period); use another `step`"
     )

@@ -424,7 +424,7 @@ def _remedy(result: Sequence[Miss], setup: Setup) -> str:
         return "the FMU keeps its own value of this parameter; leave it out"
     if variable.causality == "input":
         return "the FMU keeps its own value of this input; force it by a signal"
-    return "its initial equations determine it; set a state by an operating point instead (--at)"
+    return "its initial equations determine it; set a state by an operating point instead (`at`)"
 
 
 def _last_signals(calls: Sequence[Call], initial: Mapping[str, Signal]) -> Mapping[str, Signal]:

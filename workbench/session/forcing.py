@@ -46,7 +46,7 @@ def _check_exact(variable: Variable, level: float) -> None:
     if abs(level) > EXACT_TO:
         raise InputError(
             f"input {variable.name}: signals are exact to ±2^53, and {round(level)} is beyond; a start value "
-            "(--set) is exact"
+            "(`start_values`) is exact"
         )
 
 

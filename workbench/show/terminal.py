@@ -101,7 +101,7 @@ def _table(table: PageTable, width: int | None) -> Iterator[str]:
             yield from _row(row, columns, sizes, table.at_right)
         yield ""
     if len(table.rows) > len(rows):
-        yield f"{len(table.rows) - len(rows)} more rows: --json writes all"
+        yield f"{len(table.rows) - len(rows)} more rows: the JSON has all"
 
 
 def _cell(text: str) -> str:

@@ -125,7 +125,7 @@ class Finished(Closable):
             self._tidy()
         except OSError as error:
             raise InputError(
-                f"store {self.folder}: cannot be made: {error.strerror or error}; name one by --store"
+                f"store {self.folder}: cannot be made: {error.strerror or error}; name one by `store`"
             ) from None
         return path.resolve()
 

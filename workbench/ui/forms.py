@@ -199,10 +199,10 @@ def in_the_form(request: type[Request[Any, Any]], message: str) -> tuple[str, st
 
 def without_flags(request: type[Request[Any, Any]], message: str) -> str:
     """Return a message with the names of fields in place of the command line's options."""
-    options = _options(request).items()
-    for flag, label in sorted(((d.flag, _label(name)) for name, (d, _) in options), key=lambda f: -len(f[0])):
+    options = _options(request)
+    for flag, label in sorted(((d.flag, _label(name)) for name, (d, _) in options.items()), key=lambda f: -len(f[0])):
         message = re.sub(rf"{re.escape(flag)}(?![\w-])", label, message)
-    return message
+    return re.sub(r"`(\w+)`", lambda match: _label(match[1]) if match[1] in options else match[1], message)
 
 
 def _spoken(declared: DeclaredOption) -> set[str]:

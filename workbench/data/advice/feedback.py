@@ -96,7 +96,7 @@ def _judge_at_once(study: DataStudy, values: dict[str, Any]) -> Finding:
         "inputs and outputs move together within a sample: a direct feedthrough of the plant, or a controller that "
         "reacts at once; these data cannot tell"
     )
-    advice = "if the plant has no direct feedthrough, say so (feedthrough=False, --no-feedthrough)"
+    advice = "if the plant has no direct feedthrough, say so (`feedthrough=False`)"
     return Finding("feedback", "unknown", evidence, advice, values)
 
 

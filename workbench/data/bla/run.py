@@ -115,7 +115,7 @@ class _UnderWay:
         elif np.median(result.integration / result.error) > _DOMINATES:
             self.notes.append(
                 f"at {rms:.4g} rms the error is what the integration makes, as a tenth of the tolerance shows: noise "
-                "and distortion are below it (a smaller --tolerance narrows it)"
+                "and distortion are below it (a smaller `tolerance` narrows it)"
             )
 
     def result(self) -> BlaResult:

@@ -84,7 +84,7 @@ class ExciteResult(Result):
         """What `to_csv` leaves out where it writes to a stream; empty: nothing."""
         if self.validation is None:
             return ""
-        return "the validation data are not written; name a file, or use --validation 0"
+        return "the validation data are not written; name a file, or use `validation_samples=0`"
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Return the samples of the identification part."""

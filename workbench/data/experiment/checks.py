@@ -117,7 +117,7 @@ def check_finite(name: str, kind: str, names: Sequence[str], values: Floats, tim
     more = f" and {many - 1} times more" if many > 1 else ""
     raise InputError(
         f"{name}: {kind} '{names[column]}' is {values[k, column]} at sample {k} (t = {time[k]:.6g} s){more}; "
-        "cut these samples off, or let `identify --repair` fill them"
+        "cut these samples off, or let identify fill them (`repair`)"
     )
 
 

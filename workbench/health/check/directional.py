@@ -22,7 +22,7 @@ _WIDER = 8.0
 _SMOOTH = 1e-3  # both widths and both sides must agree so far, or there is a kink or a jump
 _AGREE = 1e-2
 _ROUNDING = 256.0 * float(np.finfo(float).eps)
-_DIFFERENCES = "lin compares and reports this; use --method difference; trim uses differences by itself"
+_DIFFERENCES = "lin compares and reports this; use its method difference; trim uses differences by itself"
 
 
 @dataclass

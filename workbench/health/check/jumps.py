@@ -109,7 +109,7 @@ def _verdict(subject: CheckedFmu, result: _JumpResponses) -> Answer:
         "watch",
         f"{text}{when}: its own solver does not restart where inputs change, or the model samples them or has events",
         "fast inputs act late, pulses are lost or drawn out: "
-        + subject.model.way_out("for lin a --period, and for nfr frequencies, that are slow beside it"),
+        + subject.model.way_out("for lin a period, and for nfr frequencies, that are slow beside it"),
         numbers,
     )
 

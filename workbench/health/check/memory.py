@@ -54,7 +54,7 @@ def memory(subject: CheckedFmu) -> Answer:
     text = f"{slope / 1e3:.3g} kB per session over {looks[-1][0]} sessions ({looks[-1][1] / 1e6:.0f} MB resident)"
     if slope <= _WATCH:
         return Answer("good", text, numbers=numbers)
-    advice = f"{_SWEEP} sessions take {slope * _SWEEP / 1e9:.2g} GB: split sweeps, or use --store and continue"
+    advice = f"{_SWEEP} sessions take {slope * _SWEEP / 1e9:.2g} GB: split sweeps, or continue them from a store"
     return Answer("broken" if slope > _BROKEN else "watch", text, advice, numbers)
 
 

@@ -76,5 +76,5 @@ def _judge(subject: CheckedFmu, names: list[str], nominal: Floats, largest: Floa
     worst = int(off[np.argmax(np.abs(np.log10(np.maximum(ratio[off], 1e-300))))])
     text = f"{names[worst]} reaches {largest[worst]:.3g}, its nominal value is {nominal[worst]:.3g}"
     more = f" (and {len(off) - 1} more)" if len(off) > 1 else ""
-    advice = "integration errors are scaled wrongly: use a tighter --tolerance and compare"
+    advice = "integration errors are scaled wrongly: use a tighter `tolerance` and compare"
     return Answer("watch", text + more, advice, numbers)

@@ -34,10 +34,10 @@ __all__ = ["run", "validation"]
 
 _V = TypeVar("_V")
 
-_HANG = "such points are lost after --timeout; simulate also shows chattering or a solver in trouble"
-_SLOW = "not checked, so that the card is not passed: give it longer (--timeout), or leave it out (--skip {name})"
+_HANG = "such points are lost after `timeout`; simulate also shows chattering or a solver in trouble"
+_SLOW = "not checked, so that the card is not passed: give it longer (`timeout`), or leave {name} out (`skip`)"
 _UNKNOWN = Answer("not applicable", "another check lost the process that it ran in", finished=False)
-_CRASH = "it ends its process: keep the worker processes (never --in-process); such points are lost"
+_CRASH = "it ends its process: keep the worker processes (never `in_process`); such points are lost"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,10 +22,10 @@ _NUMERICAL = "none: the difference shrinks with a tighter tolerance, so it comes
 _OFF = 0.9371  # of the natural step: no communication point falls on a sampling instant
 _AT_ZERO = "runs that begin later than at 0 are wrong, also co-simulation at a later operating point"
 _CLOCK = (
-    "linear models and responses hold only for the time at which they are made, which --start gives to all commands; "
+    "linear models and responses hold only for the time at which they are made, which `start` gives to all commands; "
     "points of nfr may not settle"
 )
-_FAILS = "what begins so late fails, also co-simulation at a later operating point: let runs begin earlier (--start)"
+_FAILS = "what begins so late fails, also co-simulation at a later operating point: let runs begin earlier (`start`)"
 
 
 def start_time(subject: CheckedFmu) -> Answer:

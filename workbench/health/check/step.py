@@ -102,12 +102,12 @@ def _order_words(near: _Convergence) -> str:
 
 def _advice(subject: CheckedFmu, near: _Convergence, reached: float) -> str:
     if near.order >= _NO_ORDER and near.error <= _FINE and reached >= subject.step:
-        return subject.model.way_out("use a shorter --step where that is too much: half the step leaves half the error")
+        return subject.model.way_out("use a shorter `step` where that is too much: half the step leaves half the error")
     if near.order >= _NO_ORDER and 0.0 < near.error < math.inf:
         wanted = min(subject.step * (_FINE / near.error) ** (1.0 / near.order), reached)
-        shorter = f"use --step {wanted:.1g} (about 1 % then)"
+        shorter = f"use `step={wanted:.1g}` (about 1 % then)"
     else:
-        shorter = "use a shorter --step, and compare"
+        shorter = "use a shorter `step`, and compare"
     return f"{subject.model.way_out(shorter)}; nfr and simulate halve the step and tell"
 
 

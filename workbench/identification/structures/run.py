@@ -320,4 +320,4 @@ def _notes(result: StructureResult, tried: list[Tried], linear: IdentifyResult) 
     if linear.closed_loop:
         yield "the data come from a closed loop: the blocks are biased"
     if result.other is None:
-        yield "judged on the data of the fit, which makes the model look too good; give other data (--validate)"
+        yield "judged on the data of the fit, which makes the model look too good; give other data (`validation`)"

@@ -98,7 +98,7 @@ def _several(system: DescribedModel, loop: SplitLoop, request: LimitCycles, name
     blocks = ", ".join(p.component for p in loop.every)
     many = ManyBlocks(loop.whole, _gains(system, loop, request), name=blocks)
     if loop.moving:
-        note = f"the start is not at rest, so nothing is predicted for {blocks} together; give --at a point at rest"
+        note = f"the start is not at rest, so nothing is predicted for {blocks} together; give a point at rest (`at`)"
         return Prediction(loop, nyquist(many.part, band=request.band, name=name), many, (note,))
     low, high = request.amplitudes or AMPLITUDES
     count = max(2, round(_PER_DECADE * np.log10(high / low))) + 1

@@ -144,7 +144,7 @@ def _rate(model: Model, request: RateOnset) -> tuple[float, list[str]]:
             return request.rate, []
         words = (
             f"the limit is {request.rate:g} as given, though {request.limiter} itself limits at {own[0]:g} and "
-            f"{own[1]:g}, which act wherever the system is simulated (--set {request.limiter}.rising=… changes them)"
+            f"{own[1]:g}, which act wherever the system is simulated (`start_values` changes {request.limiter}.rising)"
         )
         return request.rate, [words]
     if own is None:

@@ -56,7 +56,7 @@ class RunCosts:
         if not self.done and count * cost > SLOW:
             self.job.say(
                 f"a run takes about {cost:.2g} s, and at least {count} are coming, {count * cost:.2g} s in all: fewer "
-                "--points or --inputs take less"
+                "`points` or `inputs` take less"
             )
         self.left = max(self.left, self.attempts * count)
 

@@ -112,7 +112,7 @@ def _better(first: _Attempt, task: LinTask, recipe: LoadRecipe, runs: RunCosts) 
     before = f"missed by {100.0 * first.error:.2g} %" if np.isfinite(first.error) else "not predicted"
     why = (
         f"tolerance: {recipe.tolerance:g} in place of the FMU's own, with which other pulses and a step are {before}; "
-        "--tolerance sets another"
+        "`tolerance` sets another"
     )
     return replace(second.result, notes=(*second.result.notes, why))
 
@@ -253,7 +253,7 @@ def _assumed(task: LinTask) -> str:
     experiment = model.description.experiment
     if experiment.step is not None or (experiment.stop_time or 0.0) > (experiment.start_time or 0.0):
         return ""
-    return ", since the model names neither a step nor a default experiment; --period changes it"
+    return ", since the model names neither a step nor a default experiment; `period` changes it"
 
 
 def _nothing() -> None:

@@ -25,7 +25,7 @@ DOUBT, _REFUSED = 0.05, 0.5
 _AS_WELL = 1.5  # times the error of the best order: what the chosen order may miss
 _EXACT = 1e-9  # what rounding makes of an exact prediction
 _SEEN = 10.0  # times the noise: smaller answers test nothing
-_REMEDY = "give the FMU a smaller --tolerance, or move the input further (--du)"
+_REMEDY = "give the FMU a smaller `tolerance`, or move the input further (`du`)"
 
 Flags = NDArray[np.bool_]
 

@@ -271,7 +271,7 @@ def _moving(source: ModelSource, label: str) -> Iterator[str]:
         where = f"{label}: " if label else ""
         yield (
             f"{where}{moving[0]} (at {len(moving)} of {len(source.results)} values): modes and stability are those of "
-            "small deviations from that motion; --trim linearises at the equilibrium of each value"
+            "small deviations from that motion; `trimmed` linearises at the equilibrium of each value"
         )
 
 

@@ -97,7 +97,7 @@ class _TrimRun:
         try:
             self.model.starting_at(result.operating_point).open_session().close()
         except NotReachedError as error:
-            return (f"--at cannot use this point: {error}",)
+            return (f"`at` cannot use this point: {error}",)
         return ()
 
     def _inputs(self) -> dict[str, float]:
@@ -179,8 +179,8 @@ class _TrimRun:
             return problem, solution, note
         names, shown = without_influence(problem, solution)
         if shown:
-            options = " ".join(f"--float {name}" for name in shown)
-            self.notes.append(f"only outputs depend on {', '.join(shown)}: {options} lets it move")
+            verb = "moves where `floating` names it" if len(shown) == 1 else "move where `floating` names them"
+            self.notes.append(f"{', '.join(shown)}, on which only outputs depend, {verb}")
         if not names or len(names) == len(problem.balance.states):
             return problem, solution, note
         sets = replace(self.sets, floating=names)
@@ -190,8 +190,7 @@ class _TrimRun:
             return problem, solution, note
         self.sets = sets
         verb = "moves, since nothing depends on it" if len(names) == 1 else "move, since nothing depends on them"
-        options = " ".join(f"--float {name}" for name in names)
-        self.notes.append(f"{', '.join(names)} {verb}, as {options} asks for")
+        self.notes.append(f"{', '.join(names)} {verb}, as `floating` asks for")
         return freer, resting, remark
 
     def _probe(self, problem: TrimProblem) -> bool:
@@ -334,7 +333,7 @@ class _TrimRun:
             self.job.say(
                 f"a second of this model takes {cost:.2g} s: a run, to be watched for {balance.least:.3g} s at least, "
                 f"takes {cost * balance.least:.2g} s, or {cost * balance.longest:.2g} s where it does not come to rest "
-                f"within {balance.longest:.3g} s (--longest); each free input takes several runs"
+                f"within {balance.longest:.3g} s (`longest`); each free input takes several runs"
             )
         scales = np.maximum(np.abs(end.values), [s.nominal for s in balance.states])
         moves = tuple(

@@ -139,7 +139,7 @@ class ForcedPeriodMaps(Family):
         if changes_with_time(self._at(p).session, self.output, moved, size, 1.0 / self.forcing(p)[0]):
             raise InputError(
                 f"branches: {self.model.name} changes with time itself (a ripple, a gust, a ramp), so that no response "
-                "repeats; use nfr, which tells that apart, or set it to zero (--set)"
+                "repeats; use nfr, which tells that apart, or set it to zero (`start_values`)"
             )
 
     def lap(self, x: Floats, p: float, *, exact: bool = False) -> tuple[Lap, Floats]:

@@ -316,7 +316,7 @@ def _follow(model: Model, request: Branches, job: Job) -> BranchesResult:
                 if onset is None:
                     notes.append(
                         f"onset: at amplitude {amplitude:g} no fold was found, so from which one on the response jumps "
-                        "is not known; give a larger --amplitude"
+                        "is not known; give a larger one (`amplitudes`)"
                     )
             progress.next()
     return result()
@@ -363,7 +363,7 @@ def _check(model: Model, request: Branches) -> tuple[str, ...]:
     rates = sampled(model)
     if rates.periods:
         listed = ", ".join(f"{p:g}" for p in rates.periods)
-        raise InputError(f"branches: {model.name} samples every {listed} s; use nfr --method settle")
+        raise InputError(f"branches: {model.name} samples every {listed} s; use nfr with the method settle")
     if not model.states:
         raise InputError(f"branches: {model.name} has no continuous states that could be followed; use nfr")
     return rates.notes

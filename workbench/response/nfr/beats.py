@@ -88,7 +88,7 @@ class Beat:
         beat = max(self.length, self.turn)
         seen = self.seen_in(len(_newest(np.empty(max(BEGIN + 1, count)))))
         cause = "a transient decays slowly" if seen else f"a whole beat takes {beat:.3g} periods or more"
-        return f"{words}; how far off that is, is not known: {cause} (wait longer: --max-periods)"
+        return f"{words}; how far off that is, is not known: {cause} (wait longer: `max_periods`)"
 
     @property
     def slowness(self) -> float:

@@ -40,7 +40,7 @@ _SAME = 1e-6  # of a step: rounding
 # Why a point that settled by itself is not called so.
 _DEPENDS = "half the communication step gives a different result"
 NOT_TIGHTER = "what its own solver gets wrong is not in the error, since the FMU fails at a tighter tolerance"
-SHORTER = "use a smaller --step"  # what helps, where model exchange is not offered and the FMU names no step
+SHORTER = "use a smaller `step`"  # what helps, where model exchange is not offered and the FMU names no step
 
 Run = Callable[[Sequence[PointTask], int], list[NfrPoint]]  # what to measure, and how often its step was halved
 
@@ -167,7 +167,7 @@ def at_own_step(points: Sequence[NfrPoint], tasks: Sequence[PointTask], own: flo
         return list(points)
     others = run([replace(t, rows=max(_FEWEST_ROWS, _rows_in(t.frequency, own)), fixed_step=True) for t in tasks], 0)
     words = f"a communication step as long as the FMU's own, {own:.3g} s,"
-    why = f"the output moves every {own:.3g} s only; unless the model samples, use that as --step"
+    why = f"the output moves every {own:.3g} s only; unless the model samples, use that as `step`"
     result = zip(points, others, strict=True)
     return [_held(p, checked(p, o, by="step", words=words, why=why, times=_LEFT), own, why) for p, o in result]
 
@@ -291,7 +291,7 @@ def other_step(model: Model, step: float | None, frequency: float) -> str:
     declared = model.description.experiment.step if isinstance(model, DescribedModel) else None
     if step is not None or not shows(declared, frequency):
         return SHORTER
-    return f"use --step {declared:.12g}, which the FMU declares: it may be made for that one alone"
+    return f"use `step={declared:.12g}`, which the FMU declares: it may be made for that one alone"
 
 
 def _rows_in(frequency: float, step: float) -> int:

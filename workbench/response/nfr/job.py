@@ -164,7 +164,7 @@ class PointsJob(WorkItem):
             points = list(self._pass(nullcontext(exact), tasks))
             finer = list(self._pass(exact.recipe.tighter(_TIGHTER).open(), tasks))
         words = f"{_TIGHTER:g} of the tolerance"
-        why = f"{words} gives a different result; use a smaller --tolerance"
+        why = f"{words} gives a different result; use a smaller `tolerance`"
         for point, other in zip(points, finer, strict=True):
             yield checked(point, other, by="tolerance", words=words, why=why)
 
@@ -291,7 +291,7 @@ def _with(point: NfrPoint, solved: Sequence[NfrPoint]) -> NfrPoint:
         words += (
             ", which the model does not come to from its operating point"
             if known
-            else "; whether the model comes to it from its operating point is not known: look longer (--max-periods)"
+            else "; whether the model comes to it from its operating point is not known: look longer (`max_periods`)"
         )
     if point.certificate is not None:
         certificate = replace(point.certificate, other_gain=gain, other_phase_deg=math.degrees(phase))

@@ -20,7 +20,7 @@ _LARGE = 0.5
 _AFRESH = "on one side there are probably two stable responses"
 _CARRIED = "the one that the sweep followed ends there; points in between were measured on the way"
 # Interface → what shows the others.
-_OTHERS = {"me": "--branches shows all", "cs": "sweeps with --carry, one rising and one falling, show both"}
+_OTHERS = {"me": "`branches` shows all", "cs": "sweeps with `carry`, one rising and one falling, show both"}
 
 # A linear response does not jump; one this much distorted may.
 _DISTORTED = 0.005
@@ -152,7 +152,7 @@ def stepped_over(row: Sequence[NfrPoint], between: Sequence[NfrPoint]) -> list[s
             where = f"between {low.frequency:.6g} and {high.frequency:.6g} Hz, amplitude {top.amplitude:g}"
             gains = f"{_gain(top)} at {top.frequency:.4g} Hz, {_gain(low)} and {_gain(high)} at the points beside"
             result.append(
-                f"{where}, the gain peaks: {gains}; for the peak itself give a smaller --ratio, or frequencies there"
+                f"{where}, the gain peaks: {gains}; for the peak itself give a smaller `ratio`, or frequencies there"
             )
     return result
 
@@ -213,10 +213,10 @@ def another(points: Mapping[tuple[float, float], NfrPoint], second: Sequence[Nfr
         span = f"{key[1]:.6g}" if len(beside) == 1 else f"{key[1]:.6g} … {max(f for _, f in beside):.6g}"
         gains = f"gain {_gain(other)} besides {_gain(points[key])} of {output}"
         what = f"{span} Hz, amplitude {key[0]:g}: there is another stable response, {gains} at {key[1]:.6g} Hz"
-        result.append(f"{what}; which one is reached depends on the start; --branches shows all")
+        result.append(f"{what}; which one is reached depends on the start; `branches` shows all")
     for (amplitude, frequency), other in sorted(missed.items()):
         where = f"{frequency:.6g} Hz, amplitude {amplitude:g}"
-        result.append(f"{where}: there is a stable response of gain {_gain(other)} of {output}; --branches shows it")
+        result.append(f"{where}: there is a stable response of gain {_gain(other)} of {output}; `branches` shows it")
     return result
 
 

@@ -45,7 +45,7 @@ def hidden(model: Model, task: PointTask) -> str:
         return ""
     return (
         "the error of the FMU's own solver is unknown and not included: neither half of a communication step of "
-        f"{step:.3g} s nor a smaller tolerance changes {task.output}; a --step below its own would show it"
+        f"{step:.3g} s nor a smaller tolerance changes {task.output}; a `step` below its own would show it"
     )
 
 

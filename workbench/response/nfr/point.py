@@ -29,11 +29,11 @@ __all__ = ["ROWS", "ArrivedError", "NfrPoint", "PointTask", "Watch", "change", "
 _REASONS = {
     SettlingOutcome.DIVERGED: (
         "grows from period to period: the model is unstable under this input, or on the way to another motion (look "
-        "longer: --max-periods)"
+        "longer: `max_periods`)"
     ),
     SettlingOutcome.SCATTERED: (
         "does not follow the input: its periods differ by more than their mean. Probably a light or slow mode, or an "
-        "integrator, still moves: wait longer (--max-periods), or begin at rest (--at); or it moves by itself"
+        "integrator, still moves: wait longer (`max_periods`), or begin at rest (`at`); or it moves by itself"
     ),
 }
 

@@ -41,17 +41,17 @@ _RESONANT = (
 )
 _BURIED = (
     "the initial transient is larger than the response and decays slowly: wait longer "
-    "(--max-periods), for some of the model's slowest time constants"
+    "(`max_periods`), for some of the model's slowest time constants"
 )
-_SLOW = "a transient decays slowly; more periods (--max-periods) make it more accurate"
+_SLOW = "a transient decays slowly; more periods (`max_periods`) make it more accurate"
 _RESTLESS = (
     "its periods differ, do not converge and do not repeat every 2 to 8 either: it is still on its way to another "
     "response (a jump), or irregular (sampling beats, noise, a motion of the model's own, chaos); more periods "
-    "(--max-periods) show which"
+    "(`max_periods`) show which"
 )
 _UNCLEAR = (
     "irregular, or a lightly damped mode that decays slowly: its periods alternate and converge only slowly; more "
-    "periods (--max-periods) show which"
+    "periods (`max_periods`) show which"
 )
 NO_EFFECT = "no effect"
 _ELSEWHERE = "the output moves, but not at the frequency of the input: only its harmonics, or its mean, respond"

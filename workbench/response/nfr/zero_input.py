@@ -142,7 +142,7 @@ def doubt(result: ZeroInput, points: Sequence[NfrPoint], *, output: str, way: st
     return (
         f"with zero input {output} moves by itself (drifts by {result.drift:.3g} per s, swings by "
         f"±{result.swing:.3g}), {100.0 * _share(result, worst):.2g} % of the amplitude at {worst.frequency:.6g} Hz, "
-        f"amplitude {worst.amplitude:g}; start at rest (--set, --bias) or measure with a larger amplitude"
+        f"amplitude {worst.amplitude:g}; start at rest (`start_values`, `bias`) or measure with a larger amplitude"
     )
 
 

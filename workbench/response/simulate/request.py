@@ -123,8 +123,8 @@ class Simulate(AtPoint, ModelRequest["SimulationResult"]):
         start = model.start_time if self.start_time is None else self.start_time
         if not (count := (stop - start) / step) > _VERY_MANY:
             return ""
-        other = ", or --interface me, which chooses its steps" if "me" in model.description.interfaces else ""
-        return f"{count:.1g} steps of {step:g} s to stop {stop:g} s may take very long; give --stop{other}"
+        other = ", or `interface=me`, which chooses its steps" if "me" in model.description.interfaces else ""
+        return f"{count:.1g} steps of {step:g} s to stop {stop:g} s may take very long; give `stop`{other}"
 
 
 simulate = function(Simulate)

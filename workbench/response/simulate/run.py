@@ -115,7 +115,7 @@ def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
         return stop, ()
     if model.stop_time is None:
         raise InputError(f"{model.name} has no default stop time; give the end of the run, `stop`")
-    return model.stop_time, (f"stop: {model.stop_time:g} s, from the FMU's default experiment; --stop changes it",)
+    return model.stop_time, (f"stop: {model.stop_time:g} s, from the FMU's default experiment; `stop` changes it",)
 
 
 def _on_grid(start: float, stop: float, step: float | None) -> tuple[float, tuple[str, ...]]:
@@ -174,7 +174,7 @@ def _sampled(model: Model, inputs: Mapping[str, Signal]) -> tuple[str, ...]:
     names = [name for name, s in inputs.items() if isinstance(s, Sine) and not known[name].is_continuous_input]
     if not names or model.interface != "me":
         return ()
-    how = "may change at events only, so the sine is sampled where a value is recorded; --step sets how often"
+    how = "may change at events only, so the sine is sampled where a value is recorded; `step` sets how often"
     return (f"{', '.join(names)}: {how}",)
 
 
@@ -312,7 +312,7 @@ def _names(model: Model, outputs: Sequence[str] | None) -> tuple[list[str], tupl
             return names, ()
         if names:
             return names, (
-                f"no outputs are declared: the {kind} are recorded ({_some(names)}); --output selects others",
+                f"no outputs are declared: the {kind} are recorded ({_some(names)}); `outputs` selects others",
             )
     return [], ("nothing is recorded: no outputs, states or local variables are declared",)
 

@@ -251,7 +251,7 @@ def _master_note(order: str, units: Units, recipe: SystemRecipe) -> str:
     )
     groups = [u.name for u in units.units if u.group is not None and len(u.members) > 1]
     one = f"; one equation with one solver: {', '.join(groups)}" if groups else ""
-    return f"master: {order}; connected values are {held} (workbench check shows --delays what that costs){one}"
+    return f"master: {order}; connected values are {held} (`wb.delays` shows what that costs){one}"
 
 
 def _step_note(step: float | None, described: ModelDescription, *, held: bool) -> str:
@@ -260,8 +260,8 @@ def _step_note(step: float | None, described: ModelDescription, *, held: bool) -
     begin = described.experiment.step
     fixed = "derived from the signals and points" if begin is None else f"{begin:g} s, the shortest default of an FMU"
     if held:
-        return f"communication step: {fixed}; --step sets it"
+        return f"communication step: {fixed}; `step` sets it"
     return (
         "communication step: controlled by step doubling where the state of all components can be saved (probed), "
-        f"else {fixed}; --step sets it"
+        f"else {fixed}; `step` sets it"
     )
