@@ -48,8 +48,8 @@ def spoken(message: str) -> str:
 def in_flags(part: _Part) -> _Part:
     """Return a text, or what is made of texts as a page is, with flags for what stands there as code of Python.
 
-    `max_periods` becomes --max-periods, `step=0.01` --step 0.01, `feedthrough=False` --no-feedthrough, and `wb.delays`
-    the command that does the same. What is no option of the command loses its quotes only.
+    `max_periods` becomes --max-periods, `step=0.01` --step 0.01, `feedthrough=False` --no-feedthrough, and a function
+    of wb the command that does the same. What is not an option of the command loses its quotes only.
 
     Args:
         part: the text, or a dataclass or collection with texts in it.
