@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.record_examples import Maker
 from workbench.cli.app import run
+from workbench.core.records.record import Record
 from workbench.core.values.arrays import Complex, Floats
 from workbench.study.picture import plot_baseline
 from workbench.study.requirements import read_requirement
@@ -118,6 +120,14 @@ def test_only_frequencies_that_both_have_are_compared_and_the_others_are_told(la
     assert "2 of 3 places of the baseline were not measured" in found.where
     with pytest.raises(NotMeasured, match="was measured at no Hz of the baseline"):
         find(measured(frequencies=(2.0 * F,)), lag)
+    lost = {**lag, "gain": [[None, *lag["gain"][0][1:]]], "failed": [failed_at(lag["frequency_hz"][0])]}
+    with pytest.raises(NotMeasured, match="has a value in the baseline, but none now: the pump ran dry"):
+        find(lost, lag)
+    assert find(lag, lost).passed
+
+
+def failed_at(frequency: float) -> dict[str, Any]:
+    return {"frequency_hz": frequency, "amplitude": 1.0, "reason": "the pump ran dry", "kind": None}
 
 
 # -- time histories -----------------------------------------------------------------------------
@@ -190,6 +200,31 @@ def test_a_linear_model_is_compared_by_its_response_whatever_its_states_are() ->
     assert find(other, lin, relative=0.5e-3).value == pytest.approx(2.0, rel=1e-6)
     with pytest.raises(NotMeasured, match=r"the error of y/u at .* Hz is not known: give the requirement a tolerance"):
         find(lin, lin)
+
+
+@pytest.mark.parametrize(
+    ("command", "kind", "path"),
+    [
+        ("trim", wb.TrimResult, ["operating_point", "x", 0]),
+        ("bla", wb.BlaResult, ["response", 0, 1, 0]),
+        ("limit-cycle", wb.LimitCycleResult, ["limit_cycles", 1, "frequency_hz"]),
+        ("loop", wb.LoopResult, ["measured", 0, "points", 1, "value", 1]),
+        ("loop", wb.LoopResult, ["linear", "margins", "disk_margin", "alpha"]),
+    ],
+)
+def test_each_record_is_itself_and_a_number_that_moves_is_found(
+    command: str, kind: type[Record], path: list[str | int]
+) -> None:
+    record = {"command": command, **Maker(empty=False).record(kind).to_dict()}
+    assert find(record, record, tolerance=1e-9).value == 0.0
+    moved = json.loads(json.dumps(record))
+    moved.pop("x", None)  # a trim's file holds its point twice
+    inner = moved
+    for step in path[:-1]:
+        inner = inner[step]
+    last = path[-1] if isinstance(inner, list) or path[-1] in inner else next(iter(inner))
+    inner[last] += 1e3
+    assert not find(moved, record, tolerance=1e-9).passed
 
 
 def test_numbers_at_a_path_of_any_command() -> None:

@@ -144,8 +144,12 @@ def _write(file: Path, record: Mapping[str, Any]) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{file.parent}: cannot be made: {error.strerror or error}") from None
+    # A line for each key: small files, and a difference that a person can find.
+    lines = [
+        f"{json.dumps(key)}: {json.dumps(value, ensure_ascii=False, allow_nan=False)}" for key, value in record.items()
+    ]
     with replacing(file) as part:
-        part.write_text(json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+        part.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 def _named(file: Path) -> str:

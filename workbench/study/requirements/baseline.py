@@ -79,6 +79,8 @@ class Baseline(Requirement):
         mine, theirs = results
         if mine["command"] != theirs.get("command"):
             raise NotMeasured(f"the baseline is a result of {theirs.get('command')}, this one of {mine['command']}")
+        if self.path is not None:  # a path that leads nowhere is a mistake of the study, not of the baseline
+            numbers_at(mine, self.path, self.name)
         before = self._read_baseline(theirs)
         grid = before[0].at if before and before[0].along == "Hz" else None
         now = {q.name: q for q in self._quantities(mine, grid)}
