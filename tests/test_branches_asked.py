@@ -71,7 +71,7 @@ def test_where_no_fold_is_found_the_onset_is_not_known(capsys: pytest.CaptureFix
     assert run(["branches", *DUFFING, "--amplitude", "0.01", "--band", "0.1:0.3", "--seeds", "0", "--onset"]) == 0
     captured = capsys.readouterr()
     assert "no fold was found: the response does not jump up to amplitude 0.01" in captured.out
-    assert "give a larger --amplitude" in captured.out + captured.err
+    assert "give larger --amplitude" in captured.out + captured.err
 
 
 def test_a_sweep_with_branches_says_that_it_jumps_and_numbers_them_as_its_table() -> None:

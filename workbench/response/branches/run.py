@@ -316,7 +316,7 @@ def _follow(model: Model, request: Branches, job: Job) -> BranchesResult:
                 if onset is None:
                     notes.append(
                         f"onset: at amplitude {amplitude:g} no fold was found, so from which one on the response jumps "
-                        "is not known; give a larger one (`amplitudes`)"
+                        "is not known; give larger `amplitudes`"
                     )
             progress.next()
     return result()

@@ -133,7 +133,7 @@ def _summary(result: NfrResult) -> Section:
                 curve = (*curve[:2], gain, f"{one.resonance_hz:.5g}")
         rows.append((f"{amplitude:g}", *curve))
     if any(row[3].startswith("≥") for row in rows):
-        words.append("≥: between these frequencies the gain may be higher; --bandwidth measures there.")
+        words.append("≥: between these frequencies the gain may be higher; `bandwidth` measures there.")
     words += _limit(result)
     return Section("Bandwidth and highest gain", paragraphs=words, tables=[PageTable(headings, rows, right=range(5))])
 
