@@ -223,3 +223,20 @@ def test_how_a_model_is_opened_is_said_in_the_words_of_a_command_with_an_option_
     keep(["modes"], options_of(program("modes")), "workbench")  # its own tolerance is --precision
     assert spoken("`tolerance` changes it") == "--tolerance changes it"
     assert complaint("tolerance: 'x' is not a number") == "--precision: 'x' is not a number"
+
+
+def test_notes_and_pages_of_a_command_have_flags_and_the_record_has_names(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["nfr", "fmu:Duffing", "--input", "u", "--output", "y", "--freq", "0.1,0.17,0.3", "--amplitude", "0.001"]
+    report = tmp_path / "report.html"
+    assert run([*line, "--in-process", "--report", str(report)]) == 0
+    page, notes = capsys.readouterr()
+    assert "--bandwidth measures there" in page
+    assert "give a smaller --ratio" in notes
+    written = report.read_text(encoding="utf-8")
+    assert "--bandwidth measures there" in written
+    assert "give a smaller --ratio" in written
+    with wb.load("fmu:Duffing") as model:
+        found = wb.nfr(model, "u", "y", frequencies=[0.1, 0.17, 0.3], amplitudes=[0.001])
+    assert any("give a smaller `ratio`" in text for text in found.warnings)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from workbench import __version__
-from workbench.cli.command_line import command_line, was_given
+from workbench.cli.command_line import command_line, spoken, was_given
 from workbench.cli.notes import note, said
 from workbench.core.machine.files import file_to_write, replacing
 from workbench.core.records.record import plain
@@ -209,7 +209,7 @@ class Output:
             command=self.command,
             call=command_line(),
             seconds=full["seconds"],
-            notes=said(),
+            notes=tuple(map(spoken, said())),
             data=full,
         )
         write_report(result, str(self.report), known)
