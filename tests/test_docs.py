@@ -12,21 +12,23 @@ from docs.tools.command_pages import command_names, command_page
 from docs.tools.examples import pictures_of
 from docs.tools.python_pages import grouped_names
 from docs.tools.study_pages import requirements_page
+from docs.tools.update import LARGEST
 from tests.doc_pages import DOCS, first_column, pages, text_of
+from workbench.commands import GROUPS
 from workbench.signals import text as signal_text
 from workbench.study import read as study_schema
 from workbench.study.requirements import KINDS
 from workbench.system.files import toml_schema
 
 ROOT = Path(__file__).parents[1]
-LARGEST = 150_000  # bytes of a picture
 
 
 def test_pictures_are_there_and_small() -> None:
     shown = {(owner, name) for page in pages() for owner, name in pictures_of(text_of(page))}
     there = {(p.parent.name, p.name) for p in (DOCS / "pictures").rglob("*") if p.is_file()}
     assert there == shown
-    assert [p for p in (DOCS / "pictures").rglob("*.png") if p.stat().st_size > LARGEST] == []
+    made = [p for p in (DOCS / "pictures").rglob("*.png") if p.parent.name != "browser"]  # which are screenshots
+    assert [p for p in made if p.stat().st_size > LARGEST] == []
 
 
 def test_navigation_names_every_page() -> None:
@@ -35,9 +37,19 @@ def test_navigation_names_every_page() -> None:
     assert set(re.findall(r"[\w/-]+\.md", navigation)) == {*pages(), *generated}
 
 
-def test_the_table_of_commands_names_every_command_once() -> None:
-    named = [name.split()[0] for name in first_column(text_of("reference/commands.md"))]
-    assert sorted(named) == sorted(command_names())
+def test_commands_are_grouped_as_their_help_is() -> None:
+    groups: dict[str, list[str]] = {}
+    for line in text_of("reference/commands.md").splitlines():
+        if found := re.match(r"\| \*\*(.+)\*\* \|", line):
+            groups[found[1]] = []
+        elif found := re.match(r"\| \[`([\w-]+)", line):
+            groups[list(groups)[-1]].append(found[1])
+    assert groups == {title: list(commands) for title, commands in GROUPS.items()}
+    assert re.findall(r"^\| \*\*(.+)\*\* \|", text_of("methods/index.md"), re.MULTILINE) == list(GROUPS)
+    methods = (
+        (ROOT / "properdocs.yml").read_text(encoding="utf-8").partition("- Methods:")[2].partition("- Reference:")[0]
+    )
+    assert re.findall(r"^ {6}- ([\w ]+):$", methods, re.MULTILINE) == list(GROUPS)
 
 
 def test_the_tables_of_models_name_everything_that_is_bundled_once() -> None:

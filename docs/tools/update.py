@@ -1,4 +1,4 @@
-"""Write what the examples show into the pages, and their pictures into `docs/pictures/`.
+"""Write what the examples show into the pages, and their pictures into `docs/pictures/`: those that are named, or all.
 
 python -m docs.tools.update [PAGE.md ..]
 """
@@ -18,10 +18,16 @@ from docs.tools.given import provide
 from workbench.errors import close_names
 
 DOCS = Path(__file__).resolve().parents[1]
+LARGEST = 60_000  # bytes of a picture
+_WIDEST = 1152  # [px], as most pictures are drawn
+_COLOURS = (256, 64, 32)
 
 
 def main(arguments: list[str]) -> int:
     """Update the named pages, or all; 1 if something is left that does not agree, 2 if there is no such page."""
+    if {"-h", "--help"} & set(arguments):
+        sys.stdout.write(f"{__doc__}\n")
+        return 0
     every = sorted(DOCS.rglob("*.md"))
     pages = [Path(a).resolve() for a in arguments] or every
     for page in pages:
@@ -57,14 +63,18 @@ def _update(path: Path) -> int:
 
 
 def _keep(source: Path, target: Path) -> None:
-    """Copy a picture; 256 colours, chosen so that those of small marks and shades stay, halve its size."""
-    if source.suffix == ".png":
-        with Image.open(source) as picture:
-            picture.convert("RGB").quantize(
-                colors=256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
-            ).save(target, optimize=True)
-    else:
+    """Copy a picture, with as many colours as its size allows, so chosen that those of small marks and shades stay."""
+    if source.suffix != ".png":
         shutil.copy(source, target)
+        return
+    with Image.open(source) as picture:
+        whole = picture.convert("RGB")
+    whole.thumbnail((_WIDEST, whole.height), Image.Resampling.LANCZOS)
+    for colours in _COLOURS:
+        few = whole.quantize(colors=colours, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        few.save(target, optimize=True)
+        if target.stat().st_size <= LARGEST:
+            return
 
 
 if __name__ == "__main__":

@@ -84,8 +84,9 @@ def run(
     """Run a study: analyses over a grid of parameters, compared with requirements. Exit code 1: one is not met.
 
     A study file names models, analyses (any command with its options) and requirements; `workbench run --example`
-    prints one, `workbench run study:NAME --example` a bundled one. What an unchanged FMU with unchanged options already
-    gave is not measured again. A study with a table [envelope] has options of its own: `workbench run STUDY --help`.
+    prints one, `workbench run study:NAME --example` a bundled one. Analyses whose FMU and
+    options have not changed are not run again. A study with a table [envelope] has options of its own:
+    `workbench run STUDY --help`.
 
     Example: `workbench run study:rudder_specification --junit junit.xml --report rudder.html`
     """

@@ -17,7 +17,7 @@ __all__ = ["schema"]
 def schema(name: str) -> int:
     """Print the JSON Schema (draft 2020-12) of a study, a system file, or a command's table in a study.
 
-    Editors complete and check a file by it while it is written; `> study.schema.json` behind it makes a file of it.
+    Editors complete and check a file with it. `> study.schema.json` behind the command writes it to a file.
 
     Example: `workbench schema study`
     """

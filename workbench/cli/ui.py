@@ -24,7 +24,7 @@ __all__ = ["ui"]
 @click.option("--port", metavar="N", type=click.IntRange(0, 65535), default=0, help="Port; 0 takes a free one.")
 @click.option("--no-browser", is_flag=True, help="Only print the address.")
 def ui(*, path: str | None, port: int, no_browser: bool) -> int:
-    """Measure, look and ask in the browser: cards, operating points, live frequency responses, loops, studies.
+    """Open the workbench in the browser: cards, operating points, live frequency responses, loops, studies.
 
     The address is the first line of standard output. The server answers on this machine only, to whoever has that
     address; it opens files from its folder and nothing else. Ctrl-C ends it, and what it runs.

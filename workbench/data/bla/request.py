@@ -120,7 +120,7 @@ class BestLinear(Request["Sequence[Experiment]", "BlaResult"]):
 
 
 class Bla(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
-    """Measure the best linear approximation, and what it leaves: noise, odd and even distortion.
+    """Measure the best linear approximation, and what it leaves out: noise, odd and even distortion.
 
     Random-phase multisines of a chosen power, several realisations of the phases and several periods of each. The
     response Y/U averaged over realisations is the linear model with the least mean-square error for signals of this
@@ -171,7 +171,7 @@ class Bla(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
 
 
 class BlaCommand(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
-    """Measure the best linear approximation, and what it leaves: noise, odd and even distortion.
+    """Measure the best linear approximation, and what it leaves out: noise, odd and even distortion.
 
     Of a model, by multisines of the root mean squares and in the band asked for; or of recorded data, whose input
     repeats with a known period.
@@ -181,9 +181,10 @@ class BlaCommand(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
     algorithm = ""
     example = Bla.example
     details = (
-        "With a file of recorded data in place of MODEL, columns --input and --output, --period says with which period "
-        "the multisine repeats; where its phases change, another realisation begins. The first --transient periods of "
-        "each are left out. --step is needed where the file has no times."
+        "In place of MODEL, a file of recorded data with columns --input and --output; --period is that of the "
+        "multisine. Where its phases change, another realisation begins; the first --transient periods of each are "
+        "left out. "
+        "--step is needed where the file has no times."
     )
     subject = replace(
         ModelRequest.subject,

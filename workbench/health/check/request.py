@@ -30,7 +30,7 @@ class _Patient(Workers):
 
 
 class Check(Loading, InWorkers, Request[str | Path | Sequence[str | Path], "HealthCard"]):
-    """Check whether FMUs keep their promises: a health card for each interface of an FMU, or of each FMU in a system.
+    """Check whether FMUs do what they declare: a health card for each interface of an FMU, or of each FMU in a system.
 
     Each line has a verdict (good, watch, broken, not applicable), the evidence, and what follows for the analyses.
     The FMU runs in worker processes; a crash or a hang becomes a line, and the other checks go on in a new worker.

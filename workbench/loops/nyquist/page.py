@@ -17,8 +17,8 @@ STABLE = {True: "stable", False: "unstable", None: "not known"}
 def crossings_section(result: NyquistResult) -> Section:
     """Return the crossings of a Nyquist curve with −1/N(A)."""
     headings = (
-        "", "frequency [Hz]", "L there", "gain −1/L", "amplitude", "unstable poles below", "above", "distortion [%]",
-        "cycle",
+        "", "frequency [Hz]", "L there", "gain −1/L", "amplitude", "unstable poles at less gain", "at more",
+        "distortion [%]", "cycle",
     )  # fmt: skip
     rows = [_crossing(i, c) for i, c in enumerate(result.crossings, 1)]
     table = PageTable(headings, rows, right=range(8))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_absolute", "draw_plane", "plot_nyquist"]
 
 _ROWS = 10  # of the table
-_COLUMNS = ("", "f [Hz]", "real part", "gain", "amplitude", "poles below / above", "stable")
+_COLUMNS = ("", "f [Hz]", "real part", "gain", "amplitude", "poles at less / more gain", "stable")
 _APART = 6.0  # a crossing so much nearer to the origin than the farthest gets a picture of its own
 _BETWEEN = 6  # points drawn between two of the curve
 _FARTHER = 3.0  # times: so far the plane grows to show a bound
