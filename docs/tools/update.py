@@ -20,7 +20,8 @@ from workbench.errors import close_names
 DOCS = Path(__file__).resolve().parents[1]
 LARGEST = 60_000  # bytes of a picture
 _WIDEST = 1152  # [px], as most pictures are drawn
-_COLOURS = (256, 64, 32)
+# Width over the widest, and colours: few of these shift light shades, so they come last.
+_SMALLER = ((1.0, 256), (0.92, 256), (0.83, 256), (0.83, 64), (0.83, 32))
 
 
 def main(arguments: list[str]) -> int:
@@ -63,15 +64,16 @@ def _update(path: Path) -> int:
 
 
 def _keep(source: Path, target: Path) -> None:
-    """Copy a picture, with as many colours as its size allows, so chosen that those of small marks and shades stay."""
+    """Copy a picture, as large as its size on disk allows, its colours so chosen that those of small marks stay."""
     if source.suffix != ".png":
         shutil.copy(source, target)
         return
     with Image.open(source) as picture:
         whole = picture.convert("RGB")
-    whole.thumbnail((_WIDEST, whole.height), Image.Resampling.LANCZOS)
-    for colours in _COLOURS:
-        few = whole.quantize(colors=colours, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    for width, colours in _SMALLER:
+        small = whole.copy()
+        small.thumbnail((round(width * _WIDEST), whole.height), Image.Resampling.LANCZOS)
+        few = small.quantize(colors=colours, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
         few.save(target, optimize=True)
         if target.stat().st_size <= LARGEST:
             return
