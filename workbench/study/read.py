@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -16,12 +16,12 @@ from workbench.core.machine.bundled_files import bundled_files, find_bundled
 from workbench.core.machine.files import close_files, named_path
 from workbench.core.records.record import read_toml_table
 from workbench.errors import InputError, suggest
-from workbench.study.commands import COMMANDS, Command, Reference, meant
+from workbench.study.commands import COMMANDS, Command, Reference, meant, references
 from workbench.study.description import Approval, Change, Study, StudyAnalysis
-from workbench.study.position_in_file import known, place
+from workbench.study.position_in_file import Mistakes, known, place, told
 from workbench.study.requirements import read_requirement
 from workbench.study.requirements.base import Requirement, Scalar
-from workbench.system.files.toml_schema import TomlTable, read_table
+from workbench.system.files.toml_schema import TomlTable, WrongTableError, read_table
 
 __all__ = ["bundled_studies", "has_envelope", "is_bundled_study", "locate_study", "read_study"]
 
@@ -184,36 +184,15 @@ def read_study(name: str | Path) -> Study:
         study = _study(path, data)
         _check_references(study)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        each = error.each if isinstance(error, WrongTableError) else (str(error),)
+        text = path.read_text(encoding="utf-8-sig")
+        raise InputError(f"{path}: {told(each, text, data)}") from None
     return study
 
 
 def _is_archive(path: Path) -> bool:
     with path.open("rb") as file:
         return file.read(4) == b"PK\x03\x04"
-
-
-class _Mistakes:
-    """What is wrong with a study: every part is read, so that all of it is said at once."""
-
-    def __init__(self) -> None:
-        self._found: list[str] = []
-
-    @contextmanager
-    def kept(self) -> Iterator[None]:
-        """Keep what is wrong with a part, and go on."""
-        try:
-            yield
-        except InputError as error:
-            self._found.append(str(error))
-
-    def tell(self) -> None:
-        """Raise an InputError with all that was kept, in one line, if there is anything."""
-        if len(self._found) == 1:
-            raise InputError(self._found[0])
-        if self._found:
-            numbered = (f"({number}) {text}" for number, text in enumerate(self._found, start=1))
-            raise InputError(f"{len(self._found)} mistakes: {'; '.join(numbered)}")
 
 
 def _check_references(study: Study) -> None:
@@ -252,7 +231,7 @@ def _check_circle(name: str, study: Study, before: tuple[str, ...]) -> None:
 
 def _study(path: Path, data: Mapping[str, Any]) -> Study:
     table = read_table(StudyTable, data, "")
-    mistakes = _Mistakes()
+    mistakes = Mistakes()
     models = {name: Change(model=None, options={}) for name in table.models}
     for name, given in table.models.items():
         with mistakes.kept():
@@ -397,16 +376,29 @@ def _analysis(name: str, given: object, models: dict[str, Change], folder: Path)
     known(where, "command", name_of, COMMANDS)
     facts = meant(name_of, given)
     own = {"command", facts.request.chosen_by.lstrip("-")}
-    with place(where):
-        for key in given:
+    options: dict[str, Any] = {}
+    mistakes = Mistakes()
+    for key, value in given.items():
+        with mistakes.kept(), place(where):
             if key in _OURS:
                 raise InputError(f"leave '{key}' out: {_OURS[key]}")
-        options = {facts.key(key): _referring(key, value) for key, value in given.items() if key not in own}
+            if key not in own:
+                options[facts.key(key)] = _option(facts, key, value, folder)
+    mistakes.tell()
     request: list[object] = []
     if facts.on_models and not isinstance(options.get(facts.subject), Reference):
         request = _asked(where, facts, options.pop(facts.subject, None), models)
     names = tuple(_model_of(where, model, models, folder) for model in request)
     return StudyAnalysis(name=name, command=facts, models=names, options=options)
+
+
+def _option(facts: Command, key: str, value: Any, folder: Path) -> Any:  # noqa: ANN401 - what TOML can hold
+    """Return the value of an option with references as such; without any it is read, and refused if it is wrong."""
+    result = _referring(key, value)
+    if not any(references(result)):
+        with chdir(folder):
+            facts.values({facts.key(key): result})
+    return result
 
 
 def _referring(key: str, value: Any) -> Any:  # noqa: ANN401 - what TOML can hold
@@ -459,11 +451,17 @@ def _requirement(
 ) -> Iterator[Requirement]:
     """Yield a requirement, unless it is about an analysis with which something is wrong."""
     where = _where(number, data)
-    requirement = read_requirement(data, where)
+    mistakes, every = Mistakes(), [*analyses, *unread]
+    with mistakes.kept():
+        requirement = read_requirement(data, where)
+    if isinstance(data, Mapping) and isinstance(name := data.get("analysis"), str):
+        with mistakes.kept():
+            known(where, "analysis", name, every)
+    mistakes.tell()
     if any(r.name == requirement.name for r in before):
         raise InputError(f"{where}: the name appears twice; give each requirement its own name")
     for name in requirement.analyses:
-        known(where, "analysis", name, [*analyses, *unread])
+        known(where, "analysis", name, every)
     for name in requirement.configurations or ():
         known(where, "configuration", name, configurations)
     _check_grid(where, requirement, grid)

@@ -23,6 +23,7 @@ __all__ = [
     "TomlTable",
     "TransferTable",
     "UnitsTable",
+    "WrongTableError",
     "json_schema",
     "meaning",
     "read_record",
@@ -173,6 +174,21 @@ class TransferTable(_Dynamic):
     denominator: list[float] = Field(min_length=1)
 
 
+class WrongTableError(InputError):
+    """A table holds what it cannot.
+
+    Args:
+        each: what is wrong, one mistake each.
+
+    Attributes:
+        each: see above.
+    """
+
+    def __init__(self, each: Sequence[str]) -> None:
+        super().__init__("; ".join(each))
+        self.each = tuple(each)
+
+
 _Read = TypeVar("_Read", bound=TomlTable)
 
 
@@ -185,12 +201,13 @@ def read_table(kind: type[_Read], data: object, where: str) -> _Read:
         where: the table, for messages, such as "[experiment]"; empty: the whole file.
 
     Raises:
-        InputError: a key that is unknown (with near names) or missing, a value of the wrong type.
+        WrongTableError: keys that are unknown (with near names) or missing, values of the wrong type; all of them.
     """
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{where}{': ' if where else ''}{_message(kind, error.errors())}") from None
+        before = f"{where}: " if where else ""
+        raise WrongTableError([f"{before}{said}" for said in _messages(kind, error.errors())]) from None
 
 
 def json_schema(kind: type[TomlTable]) -> dict[str, Any]:
@@ -267,13 +284,20 @@ def read_record(
     return kind(**known, **table.model_dump(exclude_unset=True))
 
 
+def _messages(kind: type[TomlTable], errors: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the errors in our words, one for each key; misspelt ones make others miss, which is not told then."""
+    unknown = [str(e["loc"][-1]) for e in errors if e["type"] == "extra_forbidden"]
+    told = [e for e in errors if e["type"] != "extra_forbidden" and not (unknown and e["type"] == "missing")]
+    depth = 2 if kind is SystemTable else 1
+    keys = dict.fromkeys(e["loc"][:depth] for e in told)
+    wrong = [_message(kind, [e for e in told if e["loc"][:depth] == key]) for key in keys]
+    return [*(f"key '{key}' is unknown; {suggest(key, _keys(kind))}" for key in unknown), *wrong]
+
+
 def _message(kind: type[TomlTable], errors: Sequence[Mapping[str, Any]]) -> str:
-    """Return the first error in our words; misspelt keys first, since they make others miss."""
-    ordered = sorted(errors, key=lambda e: e["type"] != "extra_forbidden")
-    first = ordered[0]
+    """Return what is wrong with one key in our words."""
+    first = errors[0]
     path = [str(p) for p in first["loc"]]
-    if first["type"] == "extra_forbidden":
-        return f"key '{path[-1]}' is unknown; {suggest(path[-1], _keys(kind))}"
     if first["type"] == "missing":
         return f"key '{path[-1]}' is missing"
     # The branches of a union come as names after the key.
@@ -285,8 +309,7 @@ def _message(kind: type[TomlTable], errors: Sequence[Mapping[str, Any]]) -> str:
     value = f", not {first['input']!r}" if isinstance(first["input"], str | int | float | bool) else ""
     if first["type"] in _SIZES:
         return f"{table}key '{name}' {_SIZES[first['type']].format(**first['ctx'])}"
-    same = [e["msg"] for e in ordered if e["loc"][:1] == first["loc"][:1]]
-    said = " or ".join(dict.fromkeys(_said(m) for m in same)).replace(" or must be", " or")
+    said = " or ".join(dict.fromkeys(_said(e["msg"]) for e in errors)).replace(" or must be", " or")
     return f"{table}key '{name}' {said}{value}"
 
 
