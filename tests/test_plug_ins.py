@@ -249,3 +249,17 @@ def test_without_plug_ins_nothing_is_imported_for_them() -> None:
         "import sys; from workbench.cli.app import run; run(['--help']); sys.exit('importlib.metadata' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, stdout=subprocess.DEVNULL).returncode == 0
+
+
+@pytest.mark.parametrize("damage", ["METADATA", "entry_points.txt"])
+def test_a_damaged_package_stops_nothing(
+    damage: str, site: Path, tmp_path: Path, path: Callable[[Path], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    installed(tmp_path / "other", "acme", "[fmi_workbench.commands]\nodd = broken:Odd\n")
+    file = tmp_path / "other" / "acme-1.0.dist-info" / damage
+    file.write_text("[fmi_workbench.commands]\nodd\n" if damage == "entry_points.txt" else "", encoding="utf-8")
+    path(tmp_path / "other")
+    assert run(["--help"]) == 0
+    out, err = capsys.readouterr()
+    assert NAME in out
+    assert "acme" in err or "broken:Odd" in err

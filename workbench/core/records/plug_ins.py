@@ -7,10 +7,13 @@ import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from workbench.core.records.named import named
 from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from importlib.metadata import Distribution
 
 __all__ = ["KINDS", "ExtensibleTable", "PlugIn", "faults", "packages", "plug_ins"]
 
@@ -166,16 +169,27 @@ def _declared(path: tuple[str, ...]) -> tuple[PlugIn, ...]:
 
     found: dict[str, list[PlugIn]] = {}
     for one in distributions():
-        of_one = [e for e in one.entry_points if e.group.startswith(_GROUP)]
-        if of_one and one.name not in found:  # else an older one, farther back on the path
-            package = f"{one.name} {one.version}"
-            found[one.name] = [PlugIn(e.group.removeprefix(_GROUP), e.name, e.value, package) for e in of_one]
+        if _GROUP not in (one.read_text("entry_points.txt") or ""):
+            continue
+        try:
+            name, package = str(one.name), f"{one.name} {one.version}"
+            of_one = [e for e in one.entry_points if e.group.startswith(_GROUP)]
+        except Exception as error:  # noqa: BLE001 - whatever comes of a damaged file
+            _faults[f"the entry points of {_where(one)} cannot be read ({error}); install that package anew"] = None
+            continue
+        if name not in found:  # else an older one, farther back on the path
+            found[name] = [PlugIn(e.group.removeprefix(_GROUP), e.name, e.value, package) for e in of_one]
     result = tuple(plug_in for name in sorted(found) for plug_in in found[name])
     for plug_in in result:
         if plug_in.kind not in KINDS:
             known = ", ".join(f"{_GROUP}{kind}" for kind in KINDS)
             _faults[f"{plug_in.words} is not used: its group is none of {known}"] = None
     return result
+
+
+def _where(one: Distribution) -> str:
+    """Return the folder in which a package describes itself; one that is damaged may not have a name."""
+    return str(getattr(one, "_path", "a package"))
 
 
 def _announced(folder: str) -> bool:
