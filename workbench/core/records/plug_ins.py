@@ -172,7 +172,8 @@ def _declared(path: tuple[str, ...]) -> tuple[PlugIn, ...]:
         if _GROUP not in (one.read_text("entry_points.txt") or ""):
             continue
         try:
-            name, package = str(one.name), f"{one.name} {one.version}"
+            name = str(one.name or _where(one))
+            package = f"{name} {one.version or ''}".strip()
             of_one = [e for e in one.entry_points if e.group.startswith(_GROUP)]
         except Exception as error:  # noqa: BLE001 - whatever comes of a damaged file
             _faults[f"the entry points of {_where(one)} cannot be read ({error}); install that package anew"] = None
