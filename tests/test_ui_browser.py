@@ -199,13 +199,20 @@ def test_a_loop_is_closed_and_its_gain_dragged(page: Page, ui: Ui) -> None:
     page.click("text=Run loop")
     knob = page.locator("[aria-label='loop gain, slider in dB']")
     api.expect(knob).to_be_visible()
-    words = page.locator("p", has_text="Gain margin").last
-    before = words.inner_text()
+    row = page.locator("tr", has=page.locator("th", has_text=re.compile("^gain margin$"))).locator("td").first
+    before = row.inner_text()
     knob.fill("6")
-    api.expect(words).not_to_have_text(before)
-    margin = [float(re.findall(r"Gain margin ([-\d.]+) dB", text)[0]) for text in (before, words.inner_text())]
+    api.expect(row).not_to_have_text(before)
+    margin = [float(text.split(" dB")[0]) for text in (before, row.inner_text())]
     assert abs(margin[0] - margin[1] - 6.0) < 0.02
     picture(page, "loop")
+    knob.fill("40")
+    api.expect(page.locator("main")).to_contain_text("the margins are then meaningless")
+    api.expect(page.locator("main")).to_contain_text("more than 10 away from the step after")
+    if PICTURES:
+        page.get_by_label("Root locus: poles of the closed loop").scroll_into_view_if_needed()
+        page.wait_for_timeout(300)
+    picture(page, "loop-unstable")
 
 
 def test_curves_are_pinned_and_compared(page: Page, ui: Ui) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from workbench.commands import request_of
 from workbench.requests.request import asked_options, command_line_of
-from workbench.ui.curves import _with_unit
+from workbench.ui.curves import with_unit
 from workbench.ui.forms import MEASURED, FormError, form_of, request_of_form
 from workbench.ui.root import ServedFolder
 
@@ -82,7 +82,7 @@ def test_a_message_without_a_field_names_fields_too() -> None:
 
 
 def test_the_unit_1_is_not_shown() -> None:
-    assert [_with_unit(0.02, unit) for unit in ("1", "", None, "deg")] == ["0.02", "0.02", "0.02", "0.02 deg"]
+    assert [with_unit(0.02, unit) for unit in ("1", "", None, "deg")] == ["0.02", "0.02", "0.02", "0.02 deg"]
 
 
 @pytest.mark.skipif(which("node") is None, reason="node is not installed; it runs the browser's numbers")

@@ -382,10 +382,29 @@ def test_a_loop_at_another_gain(ui: Ui) -> None:
     less = margins["gain_margin_db"] - 20.0 * math.log10(1.5)
     assert more["margins"]["gain_margin_db"] == pytest.approx(less, abs=1e-3)
     critical = 10 ** (margins["gain_margin_db"] / 20)
-    assert ui.get(f"/api/works/{full['number']}/loop?gain={0.99 * critical}")["stable"]
-    assert not ui.get(f"/api/works/{full['number']}/loop?gain={1.01 * critical}")["stable"]
-    assert ui.ask("GET", f"/api/works/{full['number']}/loop?gain=x").status == 422
+    for share, verdict in ((0.99, "stable"), (1.01, "unstable")):
+        beside = ui.get(f"/api/works/{full['number']}/loop?gain={share * critical}")
+        assert beside["margins"]["closed_loop"] == beside["verdict"]["word"] == verdict
+    for gain in ("x", "0", "-1", "inf", "nan"):
+        assert ui.ask("GET", f"/api/works/{full['number']}/loop?gain={gain}").status == 422
     assert "locus" not in more
+
+
+def test_an_unstable_loop_has_no_margins_and_a_step_that_is_cut(ui: Ui) -> None:
+    full = ui.ended(ui.begin("loop", "system:rudder_loop", open="plant.del"))
+    margin = full["record"]["linear"]["margins"]["gain_margin_db"]
+    found = ui.get(f"/api/works/{full['number']}/loop?gain=4")
+    assert "unstable" in found["verdict"]["text"]
+    assert "meaningless" in found["verdict"]["text"]
+    assert found["margins"]["phase_margin_deg"] is None
+    (crossing,) = found["margins"]["phase_crossovers"]  # so far may the gain fall before it is stable
+    assert crossing["db"] == pytest.approx(margin - 20.0 * math.log10(4.0), abs=1e-9)
+    # It leaves when the growing motion, exp(σ t) in envelope, is about ten times the step; until then it is shown.
+    step, growth = found["step"], max(found["poles"]["re"])
+    assert step["left_s"] == step["time"][-1]
+    assert 10.0 < abs(step["value"][-1] - 1.0) < 12.0
+    assert max(abs(v - 1.0) for v in step["value"][:-2]) <= 10.0
+    assert 0.2 < step["left_s"] * growth < 4.0
 
 
 def test_a_root_locus_begins_at_the_poles_of_the_open_loop_and_passes_those_of_the_closed_one(ui: Ui) -> None:

@@ -1,7 +1,7 @@
 // Numbers of the browser's pictures against closed forms: node --test tests/js
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { between, bode, decibels, difference, extent, nearest, shown, ticks, unitShown, unwrapped, wrapped } from "../../workbench/ui/static/numbers.js";
+import { between, bode, decibels, difference, extent, locusRanges, nearest, shown, ticks, unitShown, unwrapped, wrapped } from "../../workbench/ui/static/numbers.js";
 import { sourcesInLoops } from "../../workbench/ui/static/form.js";
 
 const lag = (f, order = 1) => { // (1 / (1 + j f)) ^ order
@@ -122,4 +122,10 @@ test("where a loop can be opened", () => {
   const wires = [["error.y", "gain.u"], ["plant.del", "error.u2"], ["gain.y", "plant.delC"], ["plant.load", "scope.u"], ["source.y", "error.u1"]];
   assert.deepEqual(sourcesInLoops(wires.map(([source, destination]) => ({ source, destination }))), ["plant.del", "error.y", "gain.y"]);
   assert.deepEqual(sourcesInLoops([]), []);
+});
+
+test("a root locus shows every unstable pole", () => {
+  const [[left, right], [low, high]] = locusRanges({ re: [-500, -1, 11.9, 11.9], im: [0, 700, 89, -89] }, 20);
+  assert.ok(left === -20 && right > 11.9 && low < -89 && high > 89 && high < 700);
+  assert.deepEqual(locusRanges({ re: [-1], im: [3] }, 20), [[-20, 5], [-20, 20]]);
 });

@@ -24,10 +24,11 @@ from workbench.core.machine.scratch import scratch
 from workbench.core.records.record import plain
 from workbench.errors import InputError, WorkbenchError
 from workbench.show.result import picture_of, write_report
-from workbench.ui.curves import curves_of, loop_at, signals_of, stored_curves
+from workbench.ui.curves import curves_of, signals_of, stored_curves
 from workbench.ui.diagram import PALETTE, drawn, edited
 from workbench.ui.forms import MEASURED, FormError, form_of
 from workbench.ui.jobs import Desk, Work
+from workbench.ui.loop import loop_at
 from workbench.ui.root import NotHereError
 from workbench.ui.study import study_of
 

@@ -15,7 +15,7 @@ from workbench.jobs.store import contents
 
 # The server names what a record is, and imports no analysis for it: the page is there before python-control is.
 if TYPE_CHECKING:
-    from workbench.core.values.linear import Linear, LinearPart
+    from workbench.core.values.linear import Linear
     from workbench.limit_cycles.feedback.result import FeedbackResult
     from workbench.loops.loop.result import LoopResult
     from workbench.point.lin.grid import LinGrid
@@ -23,12 +23,11 @@ if TYPE_CHECKING:
     from workbench.response.branches.result import BranchesResult, ResponseBranch
     from workbench.response.nfr.result import NfrResult
 
-__all__ = ["curves_of", "loop_at", "signals_of", "stored_curves"]
+__all__ = ["curves_of", "of_response", "signals_of", "stored_curves", "with_unit"]
 
 _MANY = 400  # frequencies of a linear model's curve
-_GAINS = 240  # of a root locus
 _CURVES = 24  # of a linear model: inputs times outputs
-_DECADES = 3.0  # around what is to be seen
+_DECADES = 3.0  # below the highest frequency that is shown, at least
 
 
 def curves_of(record: object) -> list[dict[str, Any]]:
@@ -44,12 +43,13 @@ def curves_of(record: object) -> list[dict[str, Any]]:
     return [] if curves is None else [plain(curve) for curve in curves(record)]
 
 
-def _with_unit(value: float, unit: str | None) -> str:
+def with_unit(value: float, unit: str | None) -> str:
     """Return a number with its unit as a label shows it; the unit 1 is left out."""
     return f"{value:g} {unit}" if unit and unit != "1" else f"{value:g}"
 
 
-def _of_response(curve: Response, label: str, kind: str, **more: Any) -> dict[str, Any]:  # noqa: ANN401
+def of_response(curve: Response, label: str, kind: str, **more: Any) -> dict[str, Any]:  # noqa: ANN401
+    """Return a frequency response as `curves_of` does, with further keys."""
     return {
         "label": label,
         "kind": kind,
@@ -67,8 +67,8 @@ def _of_response(curve: Response, label: str, kind: str, **more: Any) -> dict[st
 
 def _nfr(record: NfrResult) -> Iterator[dict[str, Any]]:
     for i, amplitude in enumerate(record.amplitude.tolist()):
-        yield _of_response(
-            record.curve(amplitude), _with_unit(amplitude, record.input_unit), "measured",
+        yield of_response(
+            record.curve(amplitude), with_unit(amplitude, record.input_unit), "measured",
             amplitude=amplitude, status=record.status[i], stable=record.stable[i],
         )  # fmt: skip
     yield from (_branch(b, i, record) for i, b in enumerate(record.branches))
@@ -81,21 +81,19 @@ def _branches(record: BranchesResult) -> Iterator[dict[str, Any]]:
 
 def _branch(branch: ResponseBranch, number: int, record: NfrResult | BranchesResult) -> dict[str, Any]:
     value = np.asarray(branch.gain * np.exp(1j * np.radians(branch.phase_deg)), dtype=np.complex128)
-    at = "" if branch.amplitude is None else f", {_with_unit(branch.amplitude, record.input_unit)}"
+    at = "" if branch.amplitude is None else f", {with_unit(branch.amplitude, record.input_unit)}"
     response = Response(
         branch.frequency_hz, value, input=record.input, output=record.output,
         input_unit=record.input_unit, output_unit=record.output_unit, amplitude=branch.amplitude,
     )  # fmt: skip
-    return _of_response(
-        response, f"branch {number + 1}{at}", "branch", stable=branch.stable, amplitude=branch.amplitude
-    )
+    return of_response(response, f"branch {number + 1}{at}", "branch", stable=branch.stable, amplitude=branch.amplitude)
 
 
 def _lin(record: LinResult, label: str = "") -> Iterator[dict[str, Any]]:
     pairs = [(u, y) for u in record.input_names for y in record.output_names][:_CURVES]
     for u, y in pairs:
         curve = record.curve(u, y, _band(record))
-        yield _of_response(curve, ", ".join(filter(None, [f"lin: {y} by {u}", label])), "linear")
+        yield of_response(curve, ", ".join(filter(None, [f"lin: {y} by {u}", label])), "linear")
 
 
 def _grid(record: LinGrid) -> Iterator[dict[str, Any]]:
@@ -117,17 +115,17 @@ def _loop(record: LoopResult) -> Iterator[dict[str, Any]]:
     if record.linear is not None:
         transfer = record.linear.transfer
         band = record.frequencies(_MANY)
-        yield _of_response(Response(band, transfer.response(band)), "loop, linear", "linear")
+        yield of_response(Response(band, transfer.response(band)), "loop, linear", "linear")
     for curve in record.curves:
         status = [p.status for p in curve.points]
         response = Response(curve.frequency_hz, curve.value, amplitude=curve.amplitude)
-        label = f"loop, {curve.how} {_with_unit(curve.amplitude, record.place.unit)}"
-        yield _of_response(response, label, "measured", status=status)
+        label = f"loop, {curve.how} {with_unit(curve.amplitude, record.place.unit)}"
+        yield of_response(response, label, "measured", status=status)
 
 
 def _feedback(record: FeedbackResult) -> Iterator[dict[str, Any]]:
     response = Response(record.frequency_hz, record.response, input=record.target, output=record.source)
-    yield _of_response(response, f"plant: {record.source} by {record.target}", "linear")
+    yield of_response(response, f"plant: {record.source} by {record.target}", "linear")
 
 
 _CURVES_OF: Mapping[str, Callable[[Any], Iterator[dict[str, Any]]]] = {
@@ -162,7 +160,7 @@ def stored_curves(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
             )
             label = f"set {number}: {names['output']} by {names['input']}, amplitude {amplitude:g}"
             more = {"amplitude": amplitude, "status": [p.status for p in own], "stable": [p.stable for p in own]}
-            curve = _of_response(response, label, "measured", points=[p.to_dict() for p in own], **more)
+            curve = of_response(response, label, "measured", points=[p.to_dict() for p in own], **more)
             result.append({**curve, "settings": {**stored.subject, **stored.effort}})
     return [plain(curve) for curve in result], remarks
 
@@ -175,62 +173,3 @@ def signals_of(record: object) -> dict[str, Any] | None:
         return None
     result: dict[str, Any] = plain({"time": record.time, "signals": record.signals, "units": record.units})
     return result
-
-
-def loop_at(record: object, gain: float, *, locus: bool = False) -> dict[str, Any] | None:
-    """Return what becomes of a linear loop when its gain is multiplied, ready for JSON; None: the record has no loop.
-
-    Args:
-        record: any.
-        gain: by which the loop transfer is multiplied.
-        locus: whether to add the poles of the closed loop at many gains.
-    """
-    from workbench.loops.loop.result import LoopResult  # noqa: PLC0415 - as above
-
-    if not isinstance(record, LoopResult) or record.linear is None:
-        return None
-    transfer = record.linear.transfer.scaled(gain)
-    band = record.frequencies(_MANY)
-    open_loop = Response(band, transfer.response(band))
-    closed = transfer.complementary()
-    time, step = _step(closed)
-    result: dict[str, Any] = plain(
-        {
-            "gain": gain,
-            "margins": open_loop.margins().to_dict(),
-            "stable": closed.is_stable,
-            "poles": _poles(closed),
-            "open_poles": _poles(transfer),
-            **({"locus": _locus(record.linear.transfer)} if locus else {}),
-            "open": _of_response(open_loop, f"loop × {gain:.4g}", "linear"),
-            "closed": _of_response(Response(band, closed.response(band)), f"closed loop × {gain:.4g}", "linear"),
-            "step": {"time": time, "value": step},
-        }
-    )
-    return result
-
-
-def _poles(model: Linear) -> dict[str, Any]:
-    """Return poles [1/s], of a discrete model those of the continuous motion that its samples show."""
-    poles = model.continuous_poles
-    return {"re": poles.real, "im": poles.imag}
-
-
-def _locus(transfer: LinearPart) -> dict[str, Any]:
-    """Return the poles of the closed loop at gains around one."""
-    gains = np.geomspace(10.0**-_DECADES, 10.0**_DECADES, _GAINS).tolist()
-    loops = [_poles(transfer.scaled(gain).complementary()) for gain in gains if transfer.solvable(-gain)]
-    return {part: np.concatenate([poles[part] for poles in loops]) for part in ("re", "im")}
-
-
-def _step(closed: Linear) -> tuple[Any, Any]:
-    """Return the step response of a closed loop over about five of its slowest time constants."""
-    rates = np.abs(closed.continuous_poles.real)
-    slow = rates[rates > 1e-9]
-    longest = 5.0 / slow.min() if slow.size else 1.0
-    import control  # noqa: PLC0415 - takes a second
-
-    system = closed.to_state_space()
-    points = np.linspace(0.0, longest, 400) if closed.dt == 0.0 else np.arange(0.0, longest, closed.dt)[:2000]
-    result = control.step_response(system, points)
-    return result.time, np.squeeze(result.outputs)

@@ -13,7 +13,7 @@ from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, number, pole_table
 from workbench.show.verdicts import Verdict
 
-__all__ = ["loop_page"]
+__all__ = ["loop_page", "margin_tables", "margin_verdict"]
 
 
 def loop_page(result: LoopResult) -> Page:
@@ -44,10 +44,10 @@ def loop_page(result: LoopResult) -> Page:
 
 
 def _verdicts(result: LoopResult, unit: str) -> list[Verdict]:
-    linear = [] if result.linear is None else [_verdict("linear loop", result.linear.margins)]
+    linear = [] if result.linear is None else [margin_verdict("linear loop", result.linear.margins)]
     verdicts = [
         *linear,
-        *(_verdict(f"{c.how}, amplitude {c.amplitude:g}{unit}", c.margins) for c in result.curves),
+        *(margin_verdict(f"{c.how}, amplitude {c.amplitude:g}{unit}", c.margins) for c in result.curves),
     ]
     failed = [(c, p) for c in result.curves for p in c.failed]
     return verdicts + [
@@ -55,7 +55,13 @@ def _verdicts(result: LoopResult, unit: str) -> list[Verdict]:
     ]
 
 
-def _verdict(where: str, margins: Margins) -> Verdict:
+def margin_verdict(where: str, margins: Margins) -> Verdict:
+    """Return in one line whether the closed loop is stable, and its smallest margins.
+
+    Args:
+        where: which loop it is.
+        margins: of it.
+    """
     words = {"stable": "stable", "unstable": "unstable"}
     result = [
         f"gain margin {margins.gain_margin_db:.3g} dB" if 0.0 < margins.gain_margin < math.inf else "",
@@ -76,7 +82,7 @@ def _linear(result: LoopResult) -> list[Section]:
         Section(
             "Linear loop",
             paragraphs=[f"Linearised by {result.linear.lin.method}{sampled}."],
-            tables=[*_margins(result.linear.margins), *_sectors(result.linear.absolute)],
+            tables=[*margin_tables(result.linear.margins), *_sectors(result.linear.absolute)],
             parts=[Section("Closed loop", tables=[poles], folded=True)],
         )
     ]
@@ -109,12 +115,17 @@ def _curve(curve: LoopCurve, unit: str | None) -> Section:
     return Section(
         f"Measured ({curve.how}), amplitude {curve.amplitude:g}{behind(unit)}",
         items=curve.notes,
-        tables=_margins(curve.margins),
+        tables=margin_tables(curve.margins),
         parts=[Section("Points", tables=[points], folded=True)],
     )
 
 
-def _margins(m: Margins) -> list[PageTable]:
+def margin_tables(m: Margins) -> list[PageTable]:
+    """Return the margins with where they are, and the crossovers; of a loop that is not stable the crossovers alone.
+
+    Args:
+        m: margins; peaks that are NaN are left out.
+    """
     rows = [
         ("gain margin", _db(m.gain_margin), _hz(m.phase_crossover_hz)),
         ("gain may fall to", _db(m.gain_reduction), ""),
@@ -126,9 +137,11 @@ def _margins(m: Margins) -> list[PageTable]:
         d = m.disk
         text = f"{d.alpha:.4g}: gain × {d.low:.4g} to {d.high:.4g}, phase ± {d.phase_deg:.4g}°"
         rows.append(("disk margin", text, _hz(d.frequency_hz)))
-    rows.append(("largest |S|", f"{m.peak_sensitivity:.5g}", _hz(m.peak_sensitivity_hz)))
-    rows.append(("largest |T|", f"{m.peak_complementary:.5g}", _hz(m.peak_complementary_hz)))
-    known = m.meaningful and not math.isnan(m.peak_sensitivity)
+    seen = not math.isnan(m.peak_sensitivity)
+    if seen:
+        rows.append(("largest |S|", f"{m.peak_sensitivity:.5g}", _hz(m.peak_sensitivity_hz)))
+        rows.append(("largest |T|", f"{m.peak_complementary:.5g}", _hz(m.peak_complementary_hz)))
+    known = m.meaningful and (seen or m.everywhere)
     single = [PageTable(("margin", "value", "at [Hz]"), rows, right=(2,))] if known else []
     return [*single, *_crossovers(m)]
 

@@ -29,6 +29,11 @@ export function table(headings, rows, { caption = "" } = {}) {
         i === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: headings[i] !== "unit" && /^[-+−–\d.,e∞]+$/.test(String(cell)) ? "number" : "" }, cell)))))));
 }
 
+/** A verdict in its tone: its word, and what it is about. */
+export function told({ word, tone, text }) {
+  return h("p", {}, h("strong", { class: { poor: "bad" }[tone] ?? tone }, word), ` ${text}`);
+}
+
 /** Say something to those who see and to those who hear; it goes by itself, or when the next thing is said. */
 export function say(text, bad = false) {
   const line = h("p", { class: bad ? "bad" : "" }, text);

@@ -2,8 +2,8 @@
 
 import { get } from "./api.js";
 import { DEPTH } from "./bode.js";
-import { fill, h } from "./dom.js";
-import { bode, shown } from "./numbers.js";
+import { fill, h, table, told } from "./dom.js";
+import { bode, locusRanges, shown } from "./numbers.js";
 import { Plot, colour, legend } from "./plot.js";
 
 const NEAR = 4; // times the crossover are the poles away that the root locus shows
@@ -19,11 +19,12 @@ export function gainKnob(full, bodes) {
   const step = new Plot({ x: { label: "time [s]", log: false }, y: { label: "step response of T", log: false }, label: "Step response of the closed loop", height: 260 });
   const measured = full.curves.filter((c) => c.kind === "measured").map((c) => ({ ...c, label: `${c.label}, × 1` }));
   const locusNames = h("div");
+  const stepSays = h("p", { class: "bad", role: "status" });
+  let size = null; // of the root locus at first: the poles that matter for the crossover
   let locusOf = { re: [], im: [] };
   let asked = 0;
   const update = async () => {
     const gain = Number(number.value);
-    if (!Number.isFinite(gain)) return;
     const mine = (asked += 1);
     let found;
     try {
@@ -34,23 +35,21 @@ export function gainKnob(full, bodes) {
     }
     if (mine !== asked) return;
     locusOf = found.locus ?? locusOf;
-    const m = found.margins;
-    fill(facts, h("p", { class: found.stable ? "good" : "bad" }, found.stable ? "The closed loop is stable." : "The closed loop is unstable."),
-      h("p", {}, `Gain margin ${margin(m.gain_margin_db, "dB")}, phase margin ${margin(m.phase_margin_deg, "deg")}, delay margin ${margin(m.delay_margin_s === null ? null : 1e3 * m.delay_margin_s, "ms")}; ${m.gain_crossover_hz === null ? "no crossover of 0 dB" : `crossover at ${shown(m.gain_crossover_hz, 4)} Hz`}.`));
+    fill(facts, told(found.verdict), h("div", { class: "cards" }, found.tables.map((t) => table(t.headings, t.rows, { caption: t.title }))));
     const open = bode(found.open);
     const at = (hz) => `at ${shown(hz, 4)} Hz`;
     unit.set([{ label: "L", colour: colour(0), x: found.open.re, y: found.open.im, says: found.open.frequency_hz.map(at) }, { label: "−1", colour: colour(1), x: [-1], y: [0], marks: ["cross"], line: false }, circle()]);
     const top = Math.max(...open.gain.filter((g) => g !== null));
     const seen = open.gain.map((g, i) => [g, open.phase[i], at(open.x[i])]).filter(([g]) => g !== null && g >= top + 20 * Math.log10(DEPTH));
     nichols.set([{ label: "L", colour: colour(0), x: seen.map(([, p]) => p), y: seen.map(([g]) => g), says: seen.map(([, , where]) => where) }, { label: "−1", colour: colour(1), x: [-180], y: [0], marks: ["cross"], line: false }]);
-    const crossing = m.gain_crossover_hz ?? m.phase_crossover_hz;
-    if (!locus.x.range) { // the poles that matter for the crossover
-      const size = crossing ? NEAR * 2 * Math.PI * crossing : 1.5 * Math.max(1e-6, ...found.poles.re.map((re, i) => Math.hypot(re, found.poles.im[i])));
-      [locus.x.range, locus.y.range] = [[-size, size / 4], [-size, size]];
-    }
+    const crossing = found.margins.gain_crossovers.at(-1) ?? found.margins.phase_crossovers.at(-1);
+    size ??= crossing?.frequency_hz ? NEAR * 2 * Math.PI * crossing.frequency_hz : 1.5 * Math.max(1e-6, ...found.poles.re.map((re, i) => Math.hypot(re, found.poles.im[i])));
+    [locus.x.range, locus.y.range] = locusRanges(found.poles, size);
     const poles = (label, { re, im }, number, mark) => ({ label, colour: colour(number), x: re, y: im, line: false, marks: re.map(() => mark) });
     locus.set([poles("at other gains", locusOf, 2, "dot"), poles("open loop (×)", found.open_poles, 0, "cross"), poles("closed loop (□)", found.poles, 1, "square")], { lines: [{ axis: "x", value: 0 }] });
     fill(locusNames, legend(locus.curves));
+    const { left_s: left } = found.step;
+    fill(stepSays, left === null ? (found.margins.closed_loop === "unstable" ? "Unstable, by a motion that the step does not excite: T does not show it." : "") : `Unstable: the response is more than 10 away from the step after ${shown(left, 3)} s; shown until then.`);
     step.set([{ label: "T", colour: colour(0), x: found.step.time, y: found.step.value }], { lines: [{ axis: "y", value: 1 }] });
     bodes.show([found.open, found.closed, ...measured], full);
   };
@@ -65,12 +64,7 @@ export function gainKnob(full, bodes) {
   };
   update();
   return h("section", {}, h("h2", {}, "Margins at another gain"), h("div", { class: "knob" }, h("span", {}, "Loop gain ×"), slider, number, h("span", { class: "dim" }, "")),
-    facts, bodes.element, h("h3", {}, "Nyquist"), unit.element, h("h3", {}, "Nichols"), nichols.element, h("h3", {}, "Root locus"), locusNames, locus.element, h("h3", {}, "Step"), step.element);
-}
-
-/** A margin in words; null: nothing brings the loop to its limit. */
-function margin(value, unit) {
-  return value === null ? "infinite" : `${shown(value, 4)} ${unit}`;
+    facts, bodes.element, h("h3", {}, "Nyquist"), unit.element, h("h3", {}, "Nichols"), nichols.element, h("h3", {}, "Root locus"), locusNames, locus.element, h("h3", {}, "Step"), stepSays, step.element);
 }
 
 function circle() {

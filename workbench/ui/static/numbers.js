@@ -148,6 +148,15 @@ export function shown(value, digits = 5) {
   return String(Number(value.toPrecision(digits)));
 }
 
+const EDGE = 1.2; // times the farthest unstable pole reaches a root locus
+
+/** Ranges [of Re, of Im] of a root locus: poles {re, im} of a size, and whatever is unstable. */
+export function locusRanges({ re, im }, size) {
+  const unstable = re.map((_, i) => i).filter((i) => re[i] > 0);
+  const tall = Math.max(size, ...unstable.map((i) => EDGE * Math.abs(im[i])));
+  return [[-size, Math.max(size / 4, ...unstable.map((i) => EDGE * re[i]))], [-tall, tall]];
+}
+
 /** Smallest and largest of the numbers in lists; null where there is none. */
 export function extent(lists) {
   let low = Infinity;
