@@ -10,9 +10,11 @@ from workbench.health.check.dependencies import dependencies
 from workbench.health.check.directional import directional
 from workbench.health.check.inputs import inputs
 from workbench.health.check.jumps import jumps
+from workbench.health.check.largest_step import largest_step
 from workbench.health.check.memory import memory
 from workbench.health.check.nominals import nominals
 from workbench.health.check.promise import promise
+from workbench.health.check.real_time import real_time
 from workbench.health.check.references import references
 from workbench.health.check.repeatability import determinism, instances, reset, snapshots
 from workbench.health.check.result import Answer
@@ -49,6 +51,8 @@ CHECKS: Mapping[str, CheckEntry] = {
     VALIDATION: CheckEntry("Does the description conform to the FMI standard?", None, (FILE,)),
     "runs": CheckEntry("Does it instantiate, initialise and run?", runs),
     "step": CheckEntry("Does it converge with the communication step?", step, _CS),
+    "largest-step": CheckEntry("How long may its communication step be?", largest_step, _CS),
+    "real-time": CheckEntry("Does a step take less time than it covers?", real_time, _CS),
     "reset": CheckEntry("Does a reset restore the initial state?", reset),
     "determinism": CheckEntry("Does the same run give the same numbers?", determinism),
     PROCESSES: CheckEntry("Does another process give the same numbers?", None),

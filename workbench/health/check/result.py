@@ -16,6 +16,7 @@ __all__ = ["AND", "VERDICTS", "Answer", "HealthCard", "HealthLine"]
 # From harmless to serious.
 VERDICTS = ("not applicable", "good", "watch", "broken")
 AND = ", "  # between several sources
+_ADVICE = ("largest-step", "real-time")
 
 
 @dataclass(frozen=True)
@@ -169,11 +170,25 @@ class HealthCard(Result, Judged):
                 step [s], worst (largest difference over the range of the variable), variable, time [s], explained
                 (part of worst that the reference's own integration may be), passed (null: it cannot be told), problem
                 (why not, or what is wrong with the reference).
+            step_advice: of each co-simulation component, what the checks largest-step and real-time have measured:
+                one_percent (longest step with an error of 1 %), stable and unstable (longest step with which the motion
+                dies away, shortest with which not), tried (longest step tried) [s], order that is seen; step that is
+                timed, steps of them, mean, median, p999 (99.9 %) and worst time of one [s], real_time_factor, late
+                (part of the steps that took longer than they cover). null: not known.
         """
         replayed = [
             {"component": c.component, **one} for c in self.checks for one in c.numbers.get("reference_results", ())
         ]
-        return {"verdict": self.worst, "passed": self.passed, "reference_results": replayed}
+        advice: dict[str, dict[str, Any]] = {}
+        for c in self.checks:
+            if c.name in _ADVICE and c.numbers:
+                advice.setdefault(c.component, {"component": c.component}).update(c.numbers)
+        return {
+            "verdict": self.worst,
+            "passed": self.passed,
+            "reference_results": replayed,
+            "step_advice": list(advice.values()),
+        }
 
     def rows(self) -> Iterator[Sequence[Any]]:
         """Yield one row for each check."""

@@ -1,0 +1,109 @@
+"""How long does one communication step take, beside the time that it covers?"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable
+from ctypes import byref
+from time import perf_counter
+
+import numpy as np
+
+from workbench.core.values.arrays import Floats
+from workbench.errors import SimulationError
+from workbench.fmi.access import is_good
+from workbench.fmi.instance import Instance
+from workbench.health.check.result import Answer
+from workbench.health.check.subject import CheckedFmu
+from workbench.session.fmu import FmuSession
+
+__all__ = ["real_time"]
+
+_STEPS = 10_000  # that are timed, so that ten of them are the slowest 0.1 %
+_PATIENCE = 2.0  # [s] after which no further run begins, and none goes on
+_RARE = 0.999
+
+
+def real_time(subject: CheckedFmu) -> Answer:
+    """Time single calls of doStep at the natural step, inputs at rest after a jump, in runs as long as a test run.
+
+    Up to 10,000 calls in 2 s; the time of the call alone, as a master in C would see it, on this computer now: the
+    slowest ones show what else it had to do. Watch: on average a step takes longer than the time that it covers.
+    """
+    seconds = np.empty(0)
+    begin = perf_counter()
+    while len(seconds) < _STEPS and perf_counter() - begin < _PATIENCE:
+        made = _timed(subject, perf_counter() - begin)
+        if not made.size:
+            break
+        seconds = np.append(seconds, made)
+    if not seconds.size:
+        return Answer("not applicable", "no step could be timed: the FMU ends its run, or fails, at the first one")
+    mean, median, worst = float(seconds.mean()), float(np.median(seconds)), float(seconds.max())
+    rare = float(np.quantile(seconds, _RARE, method="higher"))
+    numbers = {
+        "step": subject.step, "steps": len(seconds), "mean": mean, "median": median, "p999": rare, "worst": worst,
+        "real_time_factor": subject.step / mean, "late": float((seconds > subject.step).mean()),
+    }  # fmt: skip
+    text = (
+        f"{subject.step / mean:.3g} times real time at {subject.step:.4g} s: a step takes {_time(median)}, "
+        f"99.9 % of {len(seconds)} at most {_time(rare)}, the slowest {_time(worst)}"
+    )
+    if mean > subject.step:
+        return Answer("watch", text, "slower than real time at this step: not for hardware in the loop", numbers)
+    return Answer("good", text, numbers=numbers)
+
+
+def _timed(subject: CheckedFmu, spent: float) -> Floats:
+    """Return the time of each step of one run [s]."""
+    h, result = subject.step, list[float]()
+    with subject.open() as session:
+        try:
+            session.advance(subject.start + h, signals=subject.constants())
+            step, now, until = _stepper(session), session.time, perf_counter() + _PATIENCE - spent
+            for k in range(subject.steps - 1):
+                begin = perf_counter()
+                good = step(now + k * h, h)
+                end = perf_counter()
+                if not good:
+                    break
+                result.append(end - begin)
+                if end > until:
+                    break
+        except SimulationError:
+            pass
+    return np.array(result)
+
+
+def _stepper(session: FmuSession) -> Callable[[float, float], bool]:
+    """Return what makes a step from a time [s], so long [s]; it tells whether the run may go on."""
+    instance = session.instance
+    function, clock = instance.library[instance.CALLS["do_step"]], instance.clock
+    if instance.version < 3:
+        final = b"\1" if instance.version == 1 else 1
+        return lambda time, h: is_good(function(instance.component, time + clock, h, final))
+    event, terminate, early, reached = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()
+    told = byref(event), byref(terminate), byref(early), byref(reached)
+
+    def step(time: float, h: float) -> bool:
+        status = function(instance.component, time + clock, h, True, *told)
+        if event.value and instance.event_mode:
+            return is_good(status) and _handled(instance)
+        return is_good(status) and not terminate.value and not early.value
+
+    return step
+
+
+def _handled(instance: Instance) -> bool:
+    instance.enter_event_mode()
+    if instance.iterate_events().terminate:
+        return False
+    instance.enter_step_mode()
+    return True
+
+
+def _time(seconds: float) -> str:
+    """Return a time in a unit that suits it."""
+    power = min(max(-math.floor(math.log10(max(seconds, 1e-12)) / 3.0), 0), 3)
+    return f"{seconds * 1e3**power:.3g} {('s', 'ms', 'µs', 'ns')[power]}"
