@@ -107,8 +107,8 @@ def test_steps_are_timed(tmp_path: Path) -> None:
     """One that sleeps 15 ms in each step of 5 ms is slower than real time, on any machine."""
     slow = line(build(tmp_path, "slow"), "real-time")
     assert (slow.verdict, slow.numbers["late"]) == ("watch", 1.0)
-    assert slow.numbers["real_time_factor"] < NATURAL / 0.015
-    assert 0.015 <= slow.numbers["median"] <= slow.numbers["p999"] <= slow.numbers["worst"]
+    assert slow.numbers["real_time_factor"] < NATURAL / 0.0149
+    assert 0.0149 < slow.numbers["median"] <= slow.numbers["p999"] <= slow.numbers["worst"]
     for version in ("fmu:FirstOrderLag", "fmu:FirstOrderLag@3"):
         card = check(version, only=["real-time"], workers=HERE)
         found = card.line("real-time", "cs").numbers
