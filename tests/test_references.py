@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import platform
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,9 +16,12 @@ from zipfile import ZipFile
 
 import numpy as np
 import pytest
+from control import ss
 
 from tests.lying_fmus import build_lying, reference_files
 from tests.reference_fmus import build_reference
+from workbench.build.request import export
+from workbench.errors import BuildError
 from workbench.health.check.request import check
 from workbench.health.check.result import HealthCard, HealthLine
 from workbench.health.info.request import info
@@ -294,3 +298,22 @@ def test_parameters_are_set(tmp_path: Path) -> None:
         more = {"fmi-ls-manifest.xml": manifest, "p.ssv": given.format(name)}
         assert words in line(fmu(tmp_path, rows, more=more)).evidence
     assert np.ptp([float(r[1]) for r in rows[1:]]) > 0.15
+
+
+def test_built_fmus_carry_results_with_their_error(tmp_path: Path) -> None:
+    """dx/dt = −2 x + u after a step of u: the stated error holds the truth, and the co-simulation reproduces it."""
+    foreign = "aarch64-linux" if platform.machine() == "x86_64" else "x86_64-linux"
+    file = tmp_path / "lag.fmu"
+    export(ss([[-2.0]], [[1.0]], [[1.0]], [[0.0]]), file, platforms=["host"], reference_results=True)
+    assert [c.verdict for c in card(file).checks] == ["good", "good"]
+    with ZipFile(file) as archive:
+        experiment = archive.read(f"{FOLDER}reference.exp").decode()
+        rows = [r.split(",") for r in archive.read(f"{FOLDER}response.csv").decode().split()]
+        level = float(archive.read(f"{FOLDER}inputs.csv").decode().split(",")[-1])
+    stated = re.search(r'tolerance="(.+?)"', experiment)
+    assert stated is not None
+    time, y = (np.array([float(r[k]) for r in rows[1:]]) for k in (0, 1))  # the output, then the state
+    truth = 0.5 * level * (1.0 - np.exp(-2.0 * time))
+    assert np.abs(y - truth).max() / np.ptp(truth) < float(stated[1]) < 1e-6
+    with pytest.raises(BuildError, match="its reference results cannot be computed"):
+        export(ss([[-2.0]], [[1.0]], [[1.0]], [[0.0]]), file, platforms=[foreign], reference_results=True)

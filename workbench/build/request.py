@@ -71,6 +71,11 @@ class Build(Request[Sequence[str | Path], "BuiltModels"]):
         default=None,
         python=True,
     )
+    reference_results: bool = option(
+        "Run what was built and pack the results into it (FMI-LS-REF), for whoever gets it to compare with. The last "
+        "digits then depend on this machine, so that the same source no longer gives the same bytes.",
+        default=False,
+    )
 
 
 class Compile(Request[str | Path, "CompiledFmu"]):
@@ -218,6 +223,11 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
         "from the eigenvalues of A.",
         default=None,
         python=True,
+    )
+    reference_results: bool = option(
+        "Run what was built and pack the results into it (FMI-LS-REF), for whoever gets it to compare with. The last "
+        "digits then depend on this machine, so that the same source no longer gives the same bytes.",
+        default=False,
     )
 
     @classmethod

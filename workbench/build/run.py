@@ -10,6 +10,7 @@ from workbench.build.compile_fmu import CompiledFmu, add_binaries
 from workbench.build.container import ContainerResult, export_container
 from workbench.build.export import ExportResult, export_linear
 from workbench.build.fmu import FMI_VERSIONS, BuiltModels, build_all, build_fmu
+from workbench.build.references import add_references
 from workbench.build.request import Build, Compile, Export
 from workbench.build.result import SystemFile
 from workbench.build.toolchain import require
@@ -50,14 +51,19 @@ def run_export(model: object, request: Export, job: Job) -> ExportResult | Conta
     if not _is_system(model):
         if request.step is not None:
             raise InputError("step is for systems; a linear model has its own")
-        return export_linear(
+        made = export_linear(
             model, request.out, fmi=request.fmi, name=request.name, platforms=request.platforms, stiff=request.stiff,
             job=job,
         )  # fmt: skip
+        if request.reference_results:
+            add_references(made.file)
+        return made
     if request.step is None:
         raise InputError("step is needed for a system: the communication step between its parts, in seconds")
     if request.platforms is not None or request.stiff is not None:
         raise InputError("platforms and stiff are for linear models; a container has the binaries of its parts")
+    if request.reference_results:
+        raise InputError("reference_results is for models; what a container computes depends on its step")
     return export_container(model, request.out, step=request.step, fmi=request.fmi, name=request.name)
 
 
@@ -84,7 +90,7 @@ def _system_file(blocks: StructureResult, request: Export) -> SystemFile:
             f"out: the model is a {blocks.structure} model, whose static blocks an FMU of a linear model cannot hold; "
             f"write it as a system: {target.with_suffix('.toml')} or {target.with_suffix('.ssp').name}"
         )
-    for name in ("fmi", "step", "platforms", "stiff"):
+    for name in ("fmi", "step", "platforms", "stiff", "reference_results"):
         if getattr(request, name) != getattr(Export(target), name):
             raise InputError(f"{name} is for FMUs; leave it out for a system")
     system = blocks.to_system(request.name or target.stem)
@@ -114,6 +120,9 @@ def run_build(sources: Sequence[str | Path], request: Build, job: Job) -> BuiltM
         models = build_all(paths, fmi=FMI_VERSIONS if request.fmi is None else (request.fmi,), job=job, **how)
     else:
         models = [build_fmu(paths, model=request.model, fmi=request.fmi or 2, job=job, **how)]
+    if request.reference_results:
+        for file in BuiltModels(tuple(models)).files:
+            add_references(file)
     read = (file for path in paths for file in (path.rglob("*.mo") if path.is_dir() else [path]))
     built = BuiltModels(tuple(models))
     remember(built, Origin(files=files_of(sorted(read))))
