@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from time import monotonic
+from time import monotonic, process_time
 
 import numpy as np
 
@@ -18,6 +18,7 @@ __all__ = ["largest_step"]
 
 _WANTED = 0.01  # error, over the range of the variable
 _TINY = 1e-300
+_CLOCK = 1e-4  # [s], shorter times are not told apart everywhere
 _FLOOR = 1e-9  # of the range: changes below it are rounding
 _FEWEST = 8  # steps in a test run
 _LEAST_ORDER, _ALIKE = 0.5, 0.3  # orders that differ by less are the order
@@ -32,7 +33,9 @@ _DIES = 0.98  # of the movement in the third quarter is left at most in the last
 _STILL = 1e-4  # of the range: what error control leaves does not move
 _LESS = 5  # halvings of the natural step
 _UNSETTLED = "which steps are stable is not known: the motion does not die away, whatever the step"
-_PATIENCE = 15.0  # [s] for either of the two steps
+_PATIENCE = 5.0  # [s] of the processor for either of the two steps, so that a busy machine tells the same ...
+_LONGEST = 25.0  # ... and of time, where an FMU waits
+_CHUNK = 200  # points, after which the clock is looked at
 
 
 def largest_step(subject: CheckedFmu) -> Answer:
@@ -53,7 +56,8 @@ def largest_step(subject: CheckedFmu) -> Answer:
     if not search.moves:
         return Answer("not applicable", "nothing moves when its inputs jump, so that steps cannot be judged")
     with np.errstate(over="ignore", invalid="ignore"):  # of what diverges
-        accurate, stable = search.accurate(), search.stable()
+        accurate = search.within(search.accurate, "which step has an error of 1 % is not known")
+        stable = search.within(search.stable, "which steps are stable is not known")
     numbers = {
         "order": search.order,
         "one_percent": accurate.longest,
@@ -73,6 +77,10 @@ class _Found:
     told: str
 
 
+class _LateError(Exception):
+    """There is no more time."""
+
+
 class _Search:
     """What has been tried.
 
@@ -86,25 +94,46 @@ class _Search:
         self.subject, self.tried = subject, 0.0
         self.order: float | None = None
         self._failed: set[float] = set()
-        self._until, self._errors = math.inf, dict[float, tuple[float, float]]()
-        begin = monotonic()
+        self._until, self._end, self._errors = math.inf, math.inf, dict[float, tuple[float, float]]()
+        begin = process_time()
         first = self._run(subject.step, subject.steps)
-        self._cost = (monotonic() - begin) / subject.steps  # [s] of a step
+        self._cost = max(process_time() - begin, _CLOCK) / subject.steps  # [s] of a step
         self.moves = first is None or bool(
             (np.ptp(first, axis=0) > _FLOOR * np.abs(first).max(axis=0, initial=0.0)).any()
         )
 
     def _run(self, h: float, count: int, parts: int = 1) -> Floats | None:
-        """Return the values after so many times h, in steps of a part of it, shape (count, k); None: it fails."""
+        """Return the values after so many times h, in steps of a part of it, shape (count, k); None: it fails.
+
+        Raises:
+            _LateError: it takes too long.
+        """
         points: Floats = self.subject.start + h * np.arange(1.0, count + 1.0)
+        signals, result = self.subject.constants(), list[Floats]()
         try:
-            return self.subject.run(self.subject.constants(), step=h / parts, points=points).values
+            with self.subject.open(step=h / parts) as session:
+                for some in np.array_split(points, math.ceil(count / _CHUNK)):
+                    if self._is_late():
+                        raise _LateError
+                    result.append(self.subject.observe(session, signals, some).values)
         except SimulationError:
             return None
+        return np.concatenate(result)
+
+    def _is_late(self) -> bool:
+        return process_time() > self._until or monotonic() > self._end
+
+    def within(self, find: Callable[[], _Found], unknown: str) -> _Found:
+        """Return what is found while there is time."""
+        self._until, self._end = process_time() + _PATIENCE, monotonic() + _LONGEST
+        try:
+            return find()
+        except _LateError:
+            return _Found(None, None, f"{unknown}: its runs take too long")
 
     def _affordable(self, h: float, steps: int) -> bool:
         """Return whether there is time for so many more steps, which take longer where the FMU makes its own inside."""
-        return monotonic() + self._cost * steps * max(1.0, h / self.subject.step) <= self._until
+        return process_time() + self._cost * steps * max(1.0, h / self.subject.step) <= self._until
 
     # -- accuracy -----------------------------------------------------------------------------
 
@@ -122,7 +151,6 @@ class _Search:
 
     def accurate(self) -> _Found:
         """Return the longest step with one percent of error, tried from long ones on."""
-        self._until = monotonic() + _PATIENCE
         h = longest = self.subject.step * 2.0 ** math.floor(math.log2(self.subject.span / _FEWEST / self.subject.step))
         for _ in range(_DOWN):
             if self._is_accurate(h):
@@ -163,7 +191,6 @@ class _Search:
 
         A step is blamed only where a shorter one does better over the same time.
         """
-        self._until = monotonic() + _PATIENCE
         h = self.subject.step
         span = self._steps * h
         if self._dies_away(h, span):
@@ -212,7 +239,7 @@ class _Search:
 
     def _bisected(self, good: Callable[[float], bool], low: float, high: float) -> tuple[float, float]:
         for _ in range(_BISECTIONS):
-            if monotonic() > self._until:
+            if self._is_late():
                 break
             middle = math.sqrt(low * high)
             low, high = (middle, high) if good(middle) else (low, middle)
