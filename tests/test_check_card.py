@@ -27,7 +27,7 @@ from workbench.jobs.options import Workers
 ROOT = Path(__file__).parent.parent
 BUNDLED = sorted(p.stem for p in (ROOT / "fmus" / "fmi2").glob("*.fmu"))
 HERE = Workers(in_process=True)
-NO_MEMORY = ["memory"]  # takes longest, and is the same code in each bundled FMU
+NO_MEMORY = ["memory", "largest-step"]  # take longest, and are the same code in each bundled FMU
 
 
 def concerns(card: wb.HealthCard) -> list[str]:
