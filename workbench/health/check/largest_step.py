@@ -52,7 +52,7 @@ def largest_step(subject: CheckedFmu) -> Answer:
 
     Source: L. F. Richardson (see `step`); E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, IV.2.
     """
-    search = _Search(subject)
+    search = _StepSearch(subject)
     if not search.moves:
         return Answer("not applicable", "nothing moves when its inputs jump, so that steps cannot be judged")
     with np.errstate(over="ignore", invalid="ignore"):  # of what diverges
@@ -69,7 +69,7 @@ def largest_step(subject: CheckedFmu) -> Answer:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _LongestStep:
     """The longest step with a property [s], the shortest that was seen without it, None: not known; in words."""
 
     longest: float | None
@@ -77,11 +77,11 @@ class _Found:
     told: str
 
 
-class _LateError(Exception):
+class _NoTimeError(Exception):
     """There is no more time."""
 
 
-class _Search:
+class _StepSearch:
     """What has been tried.
 
     Attributes:
@@ -106,7 +106,7 @@ class _Search:
         """Return the values after so many times h, in steps of a part of it, shape (count, k); None: it fails.
 
         Raises:
-            _LateError: it takes too long.
+            _NoTimeError: it takes too long.
         """
         points: Floats = self.subject.start + h * np.arange(1.0, count + 1.0)
         signals, result = self.subject.constants(), list[Floats]()
@@ -114,7 +114,7 @@ class _Search:
             with self.subject.open(step=h / parts) as session:
                 for some in np.array_split(points, math.ceil(count / _CHUNK)):
                     if self._is_late():
-                        raise _LateError
+                        raise _NoTimeError
                     result.append(self.subject.observe(session, signals, some).values)
         except SimulationError:
             return None
@@ -123,13 +123,13 @@ class _Search:
     def _is_late(self) -> bool:
         return process_time() > self._until or monotonic() > self._end
 
-    def within(self, find: Callable[[], _Found], unknown: str) -> _Found:
+    def within(self, find: Callable[[], _LongestStep], unknown: str) -> _LongestStep:
         """Return what is found while there is time."""
         self._until, self._end = process_time() + _PATIENCE, monotonic() + _LONGEST
         try:
             return find()
-        except _LateError:
-            return _Found(None, None, f"{unknown}: its runs take too long")
+        except _NoTimeError:
+            return _LongestStep(None, None, f"{unknown}: its runs take too long")
 
     def _affordable(self, h: float, steps: int) -> bool:
         """Return whether there is time for so many more steps, which take longer where the FMU makes its own inside."""
@@ -149,7 +149,7 @@ class _Search:
         self.tried = max(self.tried, h)
         return self._judged(h)[0] <= _WANTED
 
-    def accurate(self) -> _Found:
+    def accurate(self) -> _LongestStep:
         """Return the longest step with one percent of error, tried from long ones on."""
         h = longest = self.subject.step * 2.0 ** math.floor(math.log2(self.subject.span / _FEWEST / self.subject.step))
         for _ in range(_DOWN):
@@ -157,19 +157,23 @@ class _Search:
                 break
             h *= 0.5
             if not self._affordable(h, 2 ** (_HALVINGS + 1) * round(self.subject.span / h)):
-                return _Found(None, 2.0 * h, f"more than 1 % of error down to {_step(2.0 * h)}, the shortest tried")
+                return _LongestStep(
+                    None, 2.0 * h, f"more than 1 % of error down to {_step(2.0 * h)}, the shortest tried"
+                )
         else:
-            return _Found(None, 2.0 * h, f"more than 1 % of error down to {_step(2.0 * h)}, the shortest tried")
+            return _LongestStep(None, 2.0 * h, f"more than 1 % of error down to {_step(2.0 * h)}, the shortest tried")
         error = self._judged(h)[0]
         self.order = self._seen_order(h)
         words = "no order is seen" if self.order is None else f"order {self.order:.2f}"
         if h == longest:
             alone = "the step has no effect" if error <= _FLOOR else f"less than 1 % of error ({words})"
-            return _Found(None, None, f"{alone} up to {_step(h)}, the longest tried")
+            return _LongestStep(None, None, f"{alone} up to {_step(h)}, the longest tried")
         if self.order is None:
-            return _Found(None, 2.0 * h, "which step has an error of 1 % is not known: the error follows no order")
+            return _LongestStep(
+                None, 2.0 * h, "which step has an error of 1 % is not known: the error follows no order"
+            )
         low, high = self._bisected(self._is_accurate, h, 2.0 * h)
-        return _Found(low, high, f"1 % of error at {_step(low)} ({words})")
+        return _LongestStep(low, high, f"1 % of error at {_step(low)} ({words})")
 
     def _seen_order(self, h: float) -> float | None:
         """Return the order on which three steps agree, from h down; None: none do before rounding or time ends it."""
@@ -186,7 +190,7 @@ class _Search:
 
     # -- stability ------------------------------------------------------------------------------
 
-    def stable(self) -> _Found:
+    def stable(self) -> _LongestStep:
         """Return the longest step with which the motion dies away, tried from the natural one on.
 
         A step is blamed only where a shorter one does better over the same time.
@@ -200,21 +204,21 @@ class _Search:
                 if not self._dies_away(2.0 * h, 2.0 * span):
                     return self._between(h, 2.0 * span)
                 h, span = 2.0 * h, 2.0 * span
-            return _Found(None, None, f"stable up to {_step(h)}, the longest tried")
+            return _LongestStep(None, None, f"stable up to {_step(h)}, the longest tried")
         for _ in range(_LESS):
             h *= 0.5
             if not self._affordable(h, round(span / h)):
                 break
             if self._dies_away(h, span):
                 return self._between(h, span)
-        return _Found(None, None, _UNSETTLED)
+        return _LongestStep(None, None, _UNSETTLED)
 
-    def _between(self, low: float, span: float) -> _Found:
+    def _between(self, low: float, span: float) -> _LongestStep:
         if not self._dies_away(low, span):
-            return _Found(None, None, _UNSETTLED)
+            return _LongestStep(None, None, _UNSETTLED)
         low, high = self._bisected(lambda h: self._dies_away(h, span), low, 2.0 * low)
         how = "the run fails" if high in self._failed else "not"
-        return _Found(low, high, f"stable up to {_step(low)}, {how} at {_step(high)}")
+        return _LongestStep(low, high, f"stable up to {_step(low)}, {how} at {_step(high)}")
 
     @property
     def _steps(self) -> int:
