@@ -18,7 +18,7 @@ import pytest
 from workbench.core.values import matrices
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear, LinearPart
-from workbench.core.values.matrices import held, resolvent, symmetric_form, unheld
+from workbench.core.values.matrices import held, resolvent, symmetric_form, symmetric_modes, unheld
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import growth_rates, sides
 from workbench.errors import InputError
@@ -345,3 +345,19 @@ def test_networks_of_storages_and_resistances_have_a_symmetric_form(seed: int) -
 )
 def test_other_matrices_have_no_symmetric_form_that_is_harmless(A: Floats) -> None:
     assert symmetric_form(A) is None
+
+
+@pytest.mark.parametrize("corner", [0.0, 1.0])  # a chain, and one that is closed to a ring
+@pytest.mark.parametrize("n", [1, 2, 3, 200])
+def test_symmetric_modes_are_those_of_chains_and_rings(n: int, corner: float) -> None:
+    """Of x(i+1) + x(i−1) − 2 x(i): −4 sin²(kπ/(2n + 2)) for held ends; of a ring −4 sin²(kπ/n)."""
+    S = np.diag(np.full(n, -2.0)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)
+    k = np.arange(1, n + 1)
+    wanted = -4.0 * np.sin(k * np.pi / (2 * n + 2)) ** 2
+    if corner and n > 2:
+        S[0, -1] = S[-1, 0] = corner
+        wanted = -4.0 * np.sin(k * np.pi / n) ** 2
+    poles, vectors = symmetric_modes(S)
+    np.testing.assert_allclose(poles, np.sort(wanted), rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(vectors.T @ vectors, np.eye(n), rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(S @ vectors, vectors * poles, rtol=0.0, atol=1e-13)

@@ -171,7 +171,21 @@ def test_the_correction_closes_a_period_but_for_what_stands(stands: bool) -> Non
     x0, r = sizes * rng.normal(size=n), sizes * rng.normal(size=n)
     r[-1] = drift if stands else r[-1]
     lap = Lap(x0, Phi @ x0 + r, Period(np.zeros(9), 1.0 + 0.0j, 1.0), 0, sizes)
-    e, left = correction(lap, Phi)
+    e, left = correction(lap, VariationalEquation(Phi, np.zeros((3, n)), np.zeros(n)))
     after = (Phi @ (x0 + e) + r - x0 - e) / sizes
     np.testing.assert_allclose(after, np.append(np.zeros(n - 1), drift / sizes[-1]), rtol=1e-12, atol=1e-9)
     assert left == pytest.approx(0.5 / np.linalg.norm(lap.defect / sizes) if stands else 0.0, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("slowest", [0.9, 1.0])
+def test_the_correction_is_the_same_by_factors(slowest: float) -> None:
+    """Φ of two modes out of five, the slower of which may stand."""
+    rng = np.random.default_rng(4)
+    V, sizes = rng.normal(size=(5, 5)), 10.0 ** rng.uniform(-4.0, 4.0, 5)
+    U, W = (sizes[:, None] * V)[:, :2] * [slowest, -0.4], (np.linalg.inv(V) / sizes)[:2]
+    lap = Lap(np.zeros(5), sizes * rng.normal(size=5), Period(np.zeros(9), 1.0 + 0.0j, 1.0), 0, sizes)
+    whole = VariationalEquation(U @ W, np.zeros((3, 5)), np.zeros(5))
+    (e, left), (wanted, over) = correction(lap, replace(whole, factors=(U, W))), correction(lap, whole)
+    np.testing.assert_allclose(e / sizes, wanted / sizes, rtol=1e-10, atol=1e-10)
+    assert left == pytest.approx(over, abs=1e-10)
+    assert (over > 0.01) == (slowest == 1.0)

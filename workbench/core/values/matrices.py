@@ -22,6 +22,7 @@ __all__ = [
     "product",
     "resolvent",
     "symmetric_form",
+    "symmetric_modes",
     "unheld",
 ]
 
@@ -89,23 +90,62 @@ def symmetric_form(A: Floats) -> tuple[Floats, Floats] | None:
 
     Source: J. Z. Hearon, The kinetics of linear systems, Bull. Math. Biophys. 15 (1953) (detailed balance).
     """
-    if not len(A) or not np.isfinite(A).all() or (np.sign(A) != np.sign(A.T)).any():
+    rows, columns = np.nonzero(A)
+    there, back = A[rows, columns], A[columns, rows]
+    if not len(A) or not np.isfinite(there).all() or (np.sign(there) != np.sign(back)).any():
         return None
-    d = np.zeros(len(A))
-    for first in range(len(A)):
+    with np.errstate(over="ignore", under="ignore"):
+        ratios = np.sqrt(back / there).tolist()
+    d = _scales(len(A), np.searchsorted(rows, np.arange(len(A) + 1)).tolist(), columns.tolist(), ratios)
+    if d is None:
+        return None
+    there, back = there * d[columns] / d[rows], back * d[rows] / d[columns]
+    if not np.allclose(there, back, rtol=_SYMMETRIC, atol=0.0):
+        return None
+    result = np.zeros_like(A)
+    result[rows, columns] = (there + back) / 2.0
+    return d, result
+
+
+def _scales(n: int, begins: list[int], columns: list[int], ratios: list[float]) -> Floats | None:
+    """Return d for `symmetric_form`, from row to row by the ratios of pairs of entries; None: some are not harmless.
+
+    Args:
+        n: number of rows.
+        begins: of each row among the entries, and their number.
+        columns: of the entries.
+        ratios: of d in the column to d in the row.
+    """
+    d = [0.0] * n
+    for first in range(n):
         reached = [] if d[first] else [first]
         d[first] = d[first] or 1.0
         for i in reached:  # and what is appended meanwhile
-            beyond = np.flatnonzero((A[i] != 0.0) & (d == 0.0))
-            with np.errstate(over="ignore", under="ignore"):
-                d[beyond] = d[i] * np.sqrt(A[beyond, i] / A[i, beyond])
-            if ((d[beyond] < 1.0 / _HARMLESS) | (d[beyond] > _HARMLESS)).any():  # a 0 would be begun anew for ever
-                return None
-            reached.extend(beyond.tolist())
-    if d.max() > _HARMLESS * d.min():
-        return None
-    scaled = A * d / d[:, None]
-    return (d, (scaled + scaled.T) / 2.0) if np.allclose(scaled, scaled.T, rtol=_SYMMETRIC, atol=0.0) else None
+            for k in range(begins[i], begins[i + 1]):
+                if not d[j := columns[k]]:
+                    d[j] = d[i] * ratios[k]
+                    if not 1.0 / _HARMLESS <= d[j] <= _HARMLESS:  # a 0 would be begun anew for ever
+                        return None
+                    reached.append(j)
+    return np.array(d) if max(d) <= _HARMLESS * min(d) else None
+
+
+def symmetric_modes(S: Floats) -> tuple[Floats, Floats]:
+    """Return the eigenvalues of a symmetric matrix, rising, shape (n,), and its orthonormal eigenvectors, in columns.
+
+    A tridiagonal matrix, as that of a chain, takes a fifth of the time; the numbers are as exact.
+
+    Args:
+        S: shape (n, n).
+    """
+    if len(S) > 1 and np.count_nonzero(S) == sum(np.count_nonzero(np.diag(S, k)) for k in (-1, 0, 1)):
+        from scipy.linalg.lapack import dstevd  # noqa: PLC0415  slow to import
+
+        values, vectors, failed = dstevd(np.diag(S), np.diag(S, 1))
+        if not failed:
+            return np.asarray(values), np.asarray(vectors)
+    values, vectors = np.linalg.eigh(S)
+    return values, vectors
 
 
 def as_sparse(A: Floats, form: str) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types

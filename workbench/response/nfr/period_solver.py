@@ -247,7 +247,7 @@ class Search:
         lap = self._checked(lap)
         at = self._derivative(lap)
         with one_thread():
-            e, left = correction(lap, at.Phi)
+            e, left = correction(lap, at)
         distance = float(np.max(np.abs(e / lap.unit), initial=0.0))
         if not math.isfinite(distance):
             raise NotSolvedError("the period map has no finite derivative")
@@ -301,7 +301,8 @@ class Search:
         if twin is None:
             return None
         forced = twin.forced
-        return VariationalEquation(forced.phi, forced.rows, np.zeros(len(forced.phi)), others=forced.multipliers)
+        still = np.zeros(len(forced.phi))
+        return VariationalEquation(forced.phi, forced.rows, still, others=forced.multipliers, factors=forced.factors)
 
     def _start(self) -> Floats | None:
         """Return the periodic motion of the linear model; None: begin where the session stands."""

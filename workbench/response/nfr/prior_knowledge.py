@@ -15,23 +15,24 @@ from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.calendar import PeriodsError
 from workbench.core.values.linear import NO_RESPONSE, LinearPart
-from workbench.core.values.matrices import held, resolvent, symmetric_form
+from workbench.core.values.matrices import held, resolvent, symmetric_form, symmetric_modes
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.model import Model
 from workbench.model.sample_rates import sampled
 from workbench.point.lin.linearise import plain
 from workbench.point.lin.request import Lin
 from workbench.point.lin.task import make_task
+from workbench.response.periodic.monodromy import Factors
 from workbench.session.point import ModelPoint
 
-__all__ = ["LinearSineResponse", "LinearStart", "Surroundings", "Twin", "surroundings"]
+__all__ = ["GONE", "LinearSineResponse", "LinearStart", "Surroundings", "Twin", "surroundings"]
 
 # With more states the matrix exponentials of each point would cost more than its periods do; those by eigenvectors,
 # found once a sweep, cost a few products of matrices.
 _MANY_STATES, _MOST_STATES = 200, 1000
 
 # What is left of a mode after a period counts from here on; eigenvectors are worth some 1e-9.
-_GONE = 1e-30
+GONE = 1e-30
 
 # Eigenvectors that give the matrix back to this relative accuracy are used.
 _EXACT = 1e-9
@@ -62,20 +63,16 @@ class LinearStart:
         None where they do not give A back: poles coincide.
         """
         A, form = self.part.A, symmetric_form(self.part.A)
-        poles: NDArray[Any]
-        vectors: NDArray[Any]
-        inverse: NDArray[Any]
         with one_thread():
-            if form is not None:
+            if form is not None:  # whose eigenvectors always give it back
                 d, symmetric = form
-                poles, q = np.linalg.eigh(symmetric)
-                vectors, inverse = q * d[:, None], q.T / d
-            else:
-                poles, vectors = np.linalg.eig(A)
-                try:
-                    inverse = np.linalg.inv(vectors)
-                except np.linalg.LinAlgError:
-                    return None
+                rates, q = symmetric_modes(symmetric)
+                return rates.astype(np.complex128), q * d[:, None], q.T / d
+            poles, vectors = np.linalg.eig(A)
+            try:
+                inverse = np.linalg.inv(vectors)
+            except np.linalg.LinAlgError:
+                return None
             again = (vectors * poles) @ inverse
         good = np.linalg.norm(again - A) <= _EXACT * np.linalg.norm(A)
         return (poles.astype(np.complex128), vectors, inverse) if good else None
@@ -93,20 +90,21 @@ class LinearStart:
         """The same about an equilibrium: what the input does, whatever the model does by itself."""
         return LinearStart(self.part, np.zeros_like(self.dx0), self.smallest)
 
-    def transition(self, period: float) -> tuple[Floats, Floats, Complex | None]:
-        """Return e^(AT), what C makes of its integral over T [s], and its eigenvalues; None: they are not known."""
+    def transition(self, period: float) -> tuple[Floats, Floats, Factors | None, Complex | None]:
+        """Return e^(AT), what C makes of its integral over T [s], its factors and eigenvalues; None: not known."""
         if self.modes is None:
             phi, integral = held(self.part.A, np.eye(len(self.dx0)), period)
-            return phi, self.part.c @ integral, None
+            return phi, self.part.c @ integral, None, None
         poles, vectors, inverse = self.modes
         rates = poles if poles.imag.any() else poles.real
         still = np.abs(rates) * period < 1e-12
         integral = np.where(still, period, np.expm1(rates * period) / np.where(still, 1.0, rates))
         multipliers = np.exp(rates * period)
-        left = np.abs(multipliers) > _GONE
+        left = np.abs(multipliers) > GONE
+        factors = vectors[:, left] * multipliers[left], inverse[left]
         with one_thread():
-            phi = ((vectors[:, left] * multipliers[left]) @ inverse[left]).real
-        return phi, ((self.part.c @ vectors * integral) @ inverse).real, multipliers.astype(np.complex128)
+            phi, row = (factors[0] @ factors[1]).real, ((self.part.c @ vectors * integral) @ inverse).real
+        return phi, row, None if left.all() else factors, multipliers.astype(np.complex128)
 
     def forced(self, frequency: float) -> LinearSineResponse | None:
         """Return the linear model under a sine of 1; None where it has a pole at that very frequency.
@@ -155,7 +153,8 @@ class LinearSineResponse:
         terms: what the response is the sum of, Σ|C(i)|·|X(i)| + |D|: much larger than it where they cancel.
         states: complex amplitudes X of the states, shape (n,).
         phi: e^(AT), shape (n, n).
-        multipliers: its eigenvalues, shape (n,); None: they are not known.
+        factors: see `VariationalEquation`.
+        multipliers: eigenvalues of e^(AT), shape (n,); None: they are not known.
         rows: mean, in-phase and quadrature part that free states put into a period, shape (3, n).
         rest: distance of the operating point from where the linear model rests, shape (n,).
         smallest: what defects of the size of `LinearStart.smallest` in each period do to the output's fundamental.
@@ -167,6 +166,7 @@ class LinearSineResponse:
     terms: float
     states: Complex
     phi: Floats
+    factors: Factors | None
     multipliers: Complex | None
     rows: Floats
     rest: Floats
@@ -178,12 +178,12 @@ class LinearSineResponse:
         part, period = start.part, 1.0 / frequency
         n, at = len(part.A), part.at_frequency(frequency)
         if n == 0:
-            none, flat = np.zeros(0), (np.zeros((0, 0)), None, np.zeros((3, 0)))
+            none, flat = np.zeros(0), (np.zeros((0, 0)), None, None, np.zeros((3, 0)))
             return cls(complex(part.d), 0.0, part.d == 0.0, abs(part.d), none.astype(np.complex128), *flat, none, 0.0)
         states, outputs = resolvent(part.A, part.B, at), resolvent(part.A.T, part.C.T, at)
         forced, reach = states[0, :, 0], outputs[0, :, 0]
         response = complex(part.c @ forced) + part.d
-        phi, integral, multipliers = start.transition(period)
+        phi, integral, factors, multipliers = start.transition(period)
         # 2/T ∫ C e^(At) e^(−jωt) dt; in-phase + j·quadrature is j times that.
         first = -2j / period * (reach.real @ phi + 1j * (reach.imag @ phi) - reach)
         rows = np.array([integral / period, first.real, first.imag])
@@ -191,7 +191,9 @@ class LinearSineResponse:
         terms = float(np.abs(part.c) @ np.abs(forced)) + abs(part.d)
         smallest = 2.0 / period * float(np.abs(reach) @ start.smallest)
         vanishes = abs(response) <= NO_RESPONSE * float(part.rounding_with(at, states, outputs)[0, 0, 0])
-        return cls(response, sensitivity, vanishes, terms, forced, phi, multipliers, rows, start.rest, smallest)
+        return cls(
+            response, sensitivity, vanishes, terms, forced, phi, factors, multipliers, rows, start.rest, smallest
+        )
 
 
 @dataclass(eq=False)

@@ -12,7 +12,7 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import WorkbenchError
 from workbench.response.nfr.period_solver import REACHED, Solved
 from workbench.response.nfr.point import NfrPoint, PointTask
-from workbench.response.nfr.prior_knowledge import LinearSineResponse, LinearStart
+from workbench.response.nfr.prior_knowledge import GONE, LinearSineResponse, LinearStart
 from workbench.response.periodic.fourier import Period, fundamental
 from workbench.response.periodic.stability import NEUTRAL
 from workbench.session.compiled import CompiledMeSession
@@ -78,10 +78,12 @@ def _linear_run(task: PointTask, linear: LinearStart, forced: LinearSineResponse
     poles, vectors, inverse = linear.modes or (np.zeros(0),) * 3
     last, omega = task.max_periods / task.frequency, 2.0 * np.pi * task.frequency
     times = np.linspace(0.0, min(last, _DECAYED / max(-poles.real.max(), _DECAYED / last)), _GRID)
-    begin = inverse @ (forced.rest - task.amplitude * forced.states.imag)
-    rates = poles if poles.imag.any() else poles.real
+    start = forced.rest - task.amplitude * forced.states.imag
+    left = poles.real * times[1] > np.log(GONE)  # quicker modes are seen at the first instant only
+    rates = (poles if poles.imag.any() else poles.real)[left]
     with one_thread():
-        free = (vectors @ (begin[:, None] * np.exp(np.outer(rates, times)))).real
+        free = (vectors[:, left] @ ((inverse[left] @ start)[:, None] * np.exp(np.outer(rates, times)))).real
+    free[:, 0] = start
     steady = task.amplitude * np.imag(np.outer(forced.states, np.exp(1j * omega * times)))
     return times, free + steady - forced.rest[:, None]
 

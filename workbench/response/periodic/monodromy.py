@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.matrices import exponentials
 from workbench.kernel.native_slopes import NativeSlopes
 
-__all__ = ["VariationalEquation", "instants", "tangent"]
+__all__ = ["Factors", "VariationalEquation", "instants", "tangent"]
 
 # Abscissae of Gauss's rule with two points in an interval of length 1.
 _FIRST, _SECOND = 0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0
@@ -21,6 +23,9 @@ _NODES = np.array([_FIRST, _SECOND])
 # In an interval over which slopes change by more than this, times its length, the flow is that of held slopes.
 _CHANGED = 1.0
 _ALPHA, _BETA = 0.25 + math.sqrt(3.0) / 6.0, 0.25 - math.sqrt(3.0) / 6.0
+
+
+Factors = tuple[NDArray[Any], NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +40,7 @@ class VariationalEquation:
         others: multipliers that count, where they are known besides or are not all of its eigenvalues; None: they are.
         coarse: Φ by a rule of lower order; None: there is none.
         off: error of the multipliers, where `others` hold them.
+        factors: U, shape (n, r), and W, shape (r, n), with Φ = U·W and r < n; None: there are none.
     """
 
     Phi: Floats
@@ -44,6 +50,7 @@ class VariationalEquation:
     others: Complex | None = None
     coarse: Floats | None = None
     off: float = 0.0
+    factors: Factors | None = None
 
     @cached_property
     def doubt(self) -> float:

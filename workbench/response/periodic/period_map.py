@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, SimulationError
@@ -251,7 +252,7 @@ def differences(lap: Lap, run: Callable[[Floats], Lap], part: float = NUDGE) -> 
     return VariationalEquation(Phi, rows, stretch, through)
 
 
-def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
+def correction(lap: Lap, at: VariationalEquation) -> tuple[Floats, float]:
     """Return what takes the begin of a lap to the periodic motion, to first order, and what of the defect is left.
 
     (I − Φ)·e = x1 − x0, in units of each state's motion. A direction that a period leaves as it is, as an integrator
@@ -259,19 +260,37 @@ def correction(lap: Lap, Phi: Floats) -> tuple[Floats, float]:
 
     Args:
         lap: one period.
-        Phi: derivative of its map.
+        at: derivative of its map.
 
     Returns:
         e, shape (n,), and the part of the defect that no e removes, relative to it.
     """
     unit = lap.unit
-    matrix = np.eye(len(unit)) - Phi * unit / unit[:, None]
     aim = lap.defect / unit
+    if at.factors is not None:
+        closing = _by_factors(at.factors[0] / unit[:, None], at.factors[1] * unit, aim)
+        if closing is not None:
+            return closing * unit, 0.0
+    matrix = np.eye(len(unit)) - at.Phi * unit / unit[:, None]
     regular = _regular_solution(matrix, aim)
     result = np.linalg.lstsq(matrix, aim, rcond=_STANDS)[0] if regular is None else regular
     size = float(np.linalg.norm(aim))
     left = float(np.linalg.norm(matrix @ result - aim)) / size if size > 0.0 else 0.0
     return result * unit, left
+
+
+def _by_factors(U: NDArray[Any], W: NDArray[Any], aim: Floats) -> Floats | None:
+    """Return the solution of (I − U·W)·x = b; None: the matrix may turn directions by less than `_STANDS`.
+
+    Its inverse is I + U·(I − W·U)⁻¹·W. Source: G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed., 2.1.4.
+    """
+    try:
+        inner = np.linalg.solve(np.eye(len(W)) - W @ U, np.column_stack([W @ aim, W]))
+    except np.linalg.LinAlgError:
+        return None
+    one, size = math.sqrt(len(aim)), np.linalg.norm(U)
+    condition = (one + size * np.linalg.norm(W)) * (one + size * np.linalg.norm(inner[:, 1:]))  # or less
+    return aim + (U @ inner[:, 0]).real if condition * _STANDS < 1.0 else None
 
 
 def _regular_solution(matrix: Floats, aim: Floats) -> Floats | None:
