@@ -456,3 +456,55 @@ def test_a_port_that_is_taken_is_one_line(capsys: pytest.CaptureFixture[str]) ->
 def test_what_is_not_there_is_not_served(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["ui", "no such folder", "--no-browser"]) == 2
     assert capsys.readouterr().err == "workbench: no such folder: no such file or folder\n"
+
+
+# -- what is kept -----------------------------------------------------------------------------
+
+
+def test_what_is_finished_outlives_a_server_that_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folder = tmp_path / "root"
+    folder.mkdir()
+    sweep = {"band": "0.5:10", "ratio": "1.05", "method": "settle", "errcrit": "1e-6", "max_periods": "60"}
+    with browser_workbench(folder) as server:
+        done = server.ended(server.begin("nfr", "fmu:Rudder", **POINTS))
+        report = server.ask("GET", f"/api/works/{done['number']}/report.html").body
+        cut = server.begin("nfr", "fmu:Rudder", input="delC", output="del", amplitudes="1,4", **sweep)
+        for event in server.events():
+            if event["work"] == cut and event["event"] == "progress" and event["done"] >= 4:
+                break
+        server.process.kill()
+    with browser_workbench(folder) as server:
+        again = server.get(f"/api/works/{done['number']}")
+        (before,), (after,) = done["curves"], again["curves"]
+        for part in ("re", "im", "error"):
+            assert after[part] == pytest.approx(before[part], rel=1e-12, abs=1e-15)
+        for name in ("state", "points", "line", "call", "seconds", "lead", "verdicts"):
+            assert again[name] == done[name], name
+        assert server.ask("GET", f"/api/works/{done['number']}/report.html").body == report
+        listed = {work["number"]: work for work in server.get("/api/start")["works"]}
+        assert (listed[cut]["state"], listed[cut]["goes_on"]) == ("stopped", True)
+        number = server.ask("POST", f"/api/works/{cut}/go-on", {}).json["number"]
+        first = next(e for e in server.events() if e["work"] == number and e["event"] == "progress")
+        assert first["done"] > 4  # those of before are not measured again
+        assert server.ended(number)["state"] == "done"
+        assert server.ask("POST", f"/api/works/{cut}/go-on", {}).status == 422
+
+
+def test_a_report_says_when_it_ran_for_how_long_and_by_which_call(ui: Ui) -> None:
+    full = ui.ended(ui.begin("nfr", "Rudder.fmu", **POINTS))
+    first = ui.ask("GET", f"/api/works/{full['number']}/report.html").body
+    text = first.decode()
+    seconds = float(text.partition("<dt>run</dt><dd>")[2].partition(" s,")[0])
+    assert 0.3 * full["seconds"] < seconds <= full["seconds"] + 0.01
+    assert ui.ask("GET", f"/api/works/{full['number']}/report.html").body == first  # written once
+
+
+def test_what_is_doubtful_is_said_beside_the_result(ui: Ui) -> None:
+    full = ui.ended(ui.begin("lin", "fmu:LimitedActuator"))
+    doubts = full["record"]["doubts"]
+    assert doubts
+    for doubt in doubts:
+        assert any(v["tone"] == "watch" and doubt["reason"] in v["text"] for v in full["verdicts"])
+    assert full["chosen"]
+    assert not any("chosen by auto" in text for text in full["remarks"])

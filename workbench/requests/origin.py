@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any
 
 __all__ = ["FmuOrigin", "ModelFacts", "Origin"]
@@ -76,6 +77,7 @@ class Origin:
         models: what it was made on.
         files: name → SHA-256 of other files that were read.
         seconds: that it took; None: not known.
+        when: it was done.
         notes: remarks made on the way.
         data: the result in full, as the command line writes it to JSON; None: the result's own `to_dict`.
     """
@@ -86,5 +88,6 @@ class Origin:
     models: tuple[ModelFacts, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict)
     seconds: float | None = None
+    when: datetime = field(default_factory=lambda: datetime.now(UTC), compare=False)
     notes: tuple[str, ...] = ()
     data: Mapping[str, Any] | None = None

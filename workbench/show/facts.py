@@ -5,7 +5,6 @@ from __future__ import annotations
 import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -122,7 +121,7 @@ def _choices(notes: Iterable[str]) -> dict[str, str]:
 
 def _run(origin: Origin) -> dict[str, str]:
     """Return the versions, when, and how long it took."""
-    when = f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
+    when = f"{origin.when:%Y-%m-%d %H:%M} UTC"
     lasted = "" if origin.seconds is None else f"{origin.seconds:.3g} s, "
     return {"versions": versions(), "run": f"{lasted}{when}, {platform.system()} {platform.machine()}"}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from workbench.core.machine.files import replacing
 from workbench.core.machine.scratch import scratch
 from workbench.core.records.record import plain
 from workbench.errors import InputError, WorkbenchError
-from workbench.show.result import picture_of, write_report
+from workbench.show.result import picture_of
 from workbench.ui.curves import curves_of, signals_of, stored_curves
 from workbench.ui.diagram import PALETTE, drawn, edited
 from workbench.ui.forms import MEASURED, FormError, form_of
@@ -50,7 +49,6 @@ class _Server:
 
     def __init__(self, desk: Desk) -> None:
         self.desk = desk
-        self._drawing = threading.Lock()  # Matplotlib draws one picture at a time
 
     # -- what there is ------------------------------------------------------------------------
 
@@ -108,6 +106,10 @@ class _Server:
         self._work(request).stop()
         return JSONResponse({})
 
+    def go_on(self, request: Request) -> Response:
+        """Begin a stopped work again, after what it has finished."""
+        return JSONResponse(self.desk.go_on(self._work(request)).to_dict(), 201)
+
     async def events(self, request: Request) -> Response:
         """Answer with what happens, as server-sent events; a browser that comes back is told what it missed."""
         given = request.headers.get("last-event-id") or request.query_params.get("last") or "0"
@@ -144,19 +146,22 @@ class _Server:
     # -- what records give ------------------------------------------------------------------------
 
     def report(self, request: Request) -> Response:
-        work, record = self._with_record(request)
-        with self._drawing, scratch("ui") as folder:
-            write_report(record, folder / "report.html", work.origin)
-            return Response((folder / "report.html").read_bytes(), media_type="text/html", headers=_REPORT)
+        work, _ = self._with_record(request)
+        page = work.report(self.desk.drawings).result()
+        return Response(page, media_type="text/html", headers=_REPORT)
 
     def picture(self, request: Request) -> Response:
         _, record = self._with_record(request)
         suffix = "." + request.path_params["kind"]
         if suffix not in _PICTURES:
             raise HTTPException(404, f"no picture ends in {suffix}")
-        with self._drawing, scratch("ui") as folder:
-            picture_of(record, folder / f"picture{suffix}")
-            return Response((folder / f"picture{suffix}").read_bytes(), media_type=_PICTURES[suffix])
+
+        def draw() -> bytes:
+            with scratch("ui") as folder:
+                picture_of(record, folder / f"picture{suffix}")
+                return (folder / f"picture{suffix}").read_bytes()
+
+        return Response(self.desk.drawings.ask(draw).result(), media_type=_PICTURES[suffix])
 
     def data(self, request: Request) -> Response:
         _, record = self._with_record(request)
@@ -227,7 +232,7 @@ class _Server:
         return JSONResponse({"name": self.desk.root.name_of(path)})
 
     def study(self, request: Request) -> Response:
-        works = [w for w in list(self.desk.works.values()) if w.record is not None and not w.aside]
+        works = [w for w in list(self.desk.works.values()) if w.headline and not w.aside]
         return PlainTextResponse(study_of(works))
 
     # -- parts --------------------------------------------------------------------------------------
@@ -299,6 +304,7 @@ def app_of(desk: Desk) -> Starlette:
         Route("/api/works", server.begin, methods=["POST"]),
         Route("/api/works/{number}", server.work),
         Route("/api/works/{number}/stop", server.stop, methods=["POST"]),
+        Route("/api/works/{number}/go-on", server.go_on, methods=["POST"]),
         Route("/api/works/{number}/keep", server.keep_record, methods=["POST"]),
         Route("/api/works/{number}/loop", server.loop),
         Route("/api/works/{number}/report.html", server.report),

@@ -6,11 +6,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from workbench.commands import request_of
+from workbench.core.machine.scratch import scratch
 from workbench.core.records.option import asked_in_json, options_of, values_of
 from workbench.core.records.record import plain
 from workbench.errors import InputError, WorkbenchError, suggest
@@ -18,63 +21,99 @@ from workbench.jobs.job import Job
 from workbench.model.loading import Loading
 from workbench.requests.origin import Origin
 from workbench.requests.request import Request, command_line_of, function
+from workbench.show.facts import is_choice
+from workbench.show.result import write_report
 from workbench.ui.forms import OFFERED, in_the_form, request_of_form, without_flags
+from workbench.ui.kept import Drawer, Shelf, origin_from_json, origin_to_json
+from workbench.ui.page import headline_of
+from workbench.ui.reports import Drawings
 from workbench.ui.root import ServedFolder
 
-__all__ = ["Desk", "Work"]
+__all__ = ["Desk", "Task", "Work"]
 
 _ELSEWHERE = {"workers", "progress"}  # where it runs, and who is told: not what is asked for
 _AT_ONCE = 3  # so many run; others wait
 _KEPT = 20_000  # events that a browser which comes back is told
 _PATIENCE = 2.0  # so long is waited for those that are told to stop [s]
 
+# Facts of a work that are kept as they are.
+_KEPT_FACTS = (
+    "given", "asked", "line", "call", "state", "done", "total", "notes", "failure", "headline", "well", "seconds",
+)  # fmt: skip
+
 WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped", "failed"
 
 
 class Work:
-    """One request, from when it is asked for until its record is there.
+    """One request, from when it is asked for until its record is there; also one that an earlier server has run.
 
     Attributes:
         number: by which the browser knows it.
-        asked: the request.
+        kind: class of the request.
         subject: what it is run on, as the browser names it.
+        given: what was filled in.
         aside: whether a page asked it beside what a person measures: no list shows it, and no study has it.
+        asked: option → text, as a record's file tells it.
         line: the command that does the same.
+        call: the same in Python; empty: not known yet.
         state: "waiting", "running", "done", "stopped" or "failed".
         done, total: how far it is.
         points: that were told, ready for JSON.
         notes: remarks.
         failure: what went wrong, `kind`, `message`, and the `field` that it is about, if any; empty: nothing.
-        record: what it gave; also what there was when it ended early.
+        headline: what the page of its record says first, see `headline_of`; empty: there is no record.
         origin: how the record was made; None: there is none.
         well: whether the record is what was asked for.
         seconds: that it took.
+        drawer: where it is kept; None: nowhere.
     """
 
-    def __init__(
-        self, number: int, asked: Request[Any, Any], loading: Loading, subject: Sequence[str], paths: Sequence[str], *,
-        aside: bool = False,
-    ) -> None:  # fmt: skip
-        self.number, self.asked, self.subject = number, asked, tuple(subject)
-        self.aside = aside
+    def __init__(self, number: int, kind: type[Request[Any, Any]], subject: Sequence[str]) -> None:
+        self.number, self.kind, self.subject = number, kind, tuple(subject)
+        self.given: Mapping[str, Any] = {}
+        self.aside = False
+        self.asked: Mapping[str, Any] = {}
+        self.line, self.call = "", ""
         self.state, self.done, self.total = WAITING, 0, 0
-        self.points: list[dict[str, Any]] = []
         self.notes: list[str] = []
         self.failure: dict[str, str] = {}
-        self.record: Any = None
+        self.headline: dict[str, Any] = {}
         self.origin: Origin | None = None
         self.well = True
         self.seconds = 0.0
-        self.line = command_line_of(asked, " ".join(subject), loading) if len(subject) == 1 else ""
-        self._loading, self._paths = loading, paths
-        self._job = Job(self._told)
-        self._job.say = lambda text: self._tell("note", text=text)
+        self.drawer: Drawer | None = None
+        self._record: Any = None
+        self._points: list[dict[str, Any]] | None = None
+        self._report: Future[bytes] | None = None
         self._tell: Callable[..., None] = lambda *_, **__: None
+
+    @classmethod
+    def kept(cls, drawer: Drawer) -> Work | None:
+        """Return what an earlier server has run; None: nothing can be read of it.
+
+        Args:
+            drawer: where it is kept.
+        """
+        facts = drawer.facts()
+        try:
+            if facts is None:
+                return None
+            work = cls(drawer.number, request_of(facts["command"]), facts["subject"])
+            for name in _KEPT_FACTS:
+                setattr(work, name, facts[name])
+            work.origin = origin_from_json(facts["origin"]) if facts["origin"] else None
+        except (WorkbenchError, KeyError, TypeError, ValueError):  # another version's
+            return None
+        work.drawer = drawer
+        if work.open:  # the server ended before
+            work.state = STOPPED
+            work.notes = [*work.notes, "the server ended while this ran"]
+        return work
 
     @property
     def command(self) -> str:
         """Name of the command."""
-        return self.asked.command
+        return self.kind.command
 
     @property
     def open(self) -> bool:
@@ -82,10 +121,32 @@ class Work:
         return self.state in {WAITING, RUNNING}
 
     @property
+    def record(self) -> Any:  # noqa: ANN401 - any record
+        """What it gave; also what there was when it ended early; None: nothing."""
+        if self._record is None and self.drawer is not None and not self.open:
+            self._record = self.drawer.record()
+        return self._record
+
+    @property
+    def points(self) -> list[dict[str, Any]]:
+        """Points that were told, ready for JSON."""
+        if self._points is None:
+            self._points = [] if self.drawer is None else self.drawer.points()
+        return self._points
+
+    @property
     def remarks(self) -> list[str]:
         """What is to be said beside the record, in the words of the form."""
-        said = [*(getattr(self.record, "warnings", None) or ()), *self.notes]
-        return [without_flags(type(self.asked), text) for text in dict.fromkeys(map(str, said))]
+        return [without_flags(self.kind, text) for text in self._said() if not is_choice(text)]
+
+    def _said(self) -> list[str]:
+        said = [*self.headline.get("notes", ()), *(getattr(self._record, "warnings", None) or ()), *self.notes]
+        return list(dict.fromkeys(map(str, said)))
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether its finished points were kept, so that the rest of it can be measured."""
+        return self.state in {STOPPED, FAILED} and self.drawer is not None and self.drawer.store.is_dir()
 
     def listen(self, tell: Callable[..., None]) -> None:
         """Let a function hear what happens: a kind of event, and its facts by name."""
@@ -98,9 +159,96 @@ class Work:
 
     def stop(self) -> None:
         """Let it end soon, with what there is."""
+
+    def report(self, drawings: Drawings) -> Future[bytes]:
+        """Return what will hold its report; it is made once.
+
+        Args:
+            drawings: makes it.
+        """
+        if self._report is None:
+            self._report = drawings.ask(self._written)
+        return self._report
+
+    def _written(self) -> bytes:
+        kept = None if self.drawer is None else self.drawer.report()
+        if kept is not None:
+            return kept
+        with scratch("ui") as folder:
+            write_report(self.record, folder / "report.html", self.origin)
+            page = (folder / "report.html").read_bytes()
+        if self.drawer is not None:
+            self.drawer.write_report(page)
+        return page
+
+    def _change(self, state: str) -> None:
+        self.state = state
+        self._tell("state", **self.to_dict())
+
+    def facts(self) -> dict[str, Any]:
+        """Return what is kept of it beside its record, ready for JSON."""
+        origin = None if self.origin is None else plain(origin_to_json(self.origin))
+        return {
+            "command": self.command,
+            "subject": list(self.subject),
+            **{name: getattr(self, name) for name in _KEPT_FACTS},
+            "origin": origin,
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a list shows of it, ready for JSON."""
+        return {
+            "number": self.number,
+            "command": self.command,
+            "subject": list(self.subject),
+            "aside": self.aside,
+            "asked": self.asked,
+            "line": self.line,
+            "call": self.call,
+            "state": self.state,
+            "done": self.done,
+            "total": self.total,
+            "counts": self.kind.counts,
+            "lead": self.headline.get("lead", ""),
+            "verdicts": self.headline.get("verdicts", []),
+            "remarks": self.remarks,
+            "chosen": [text for text in self._said() if is_choice(text)],
+            "failure": self.failure,
+            "well": self.well,
+            "has_record": bool(self.headline),
+            "goes_on": self.goes_on,
+            "seconds": self.seconds,
+        }
+
+
+class Task(Work):
+    """Work that this server runs.
+
+    Args:
+        number: by which the browser knows it.
+        asked: the request.
+        loading: how its model is opened.
+        subject: what it is run on, as the browser names it.
+        paths: the same as a command in the folder would be given.
+        store: folder of finished measurements, where the request has none of its own; None: none.
+    """
+
+    def __init__(
+        self, number: int, asked: Request[Any, Any], loading: Loading, subject: Sequence[str], paths: Sequence[str], *,
+        store: Path | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(number, type(asked), subject)
+        self.asked = asked_in_json(asked)
+        self.line = command_line_of(asked, " ".join(subject), loading) if len(subject) == 1 else ""
+        self._points = []
+        self._request, self._loading, self._paths, self._store = asked, loading, paths, store
+        self._job = Job(self._told)
+        self._job.say = lambda text: self._tell("note", text=text)
+
+    def stop(self) -> None:
+        """Let it end soon, with what there is."""
         if self.state == WAITING:
-            self.state = STOPPED
-            self._tell("state", state=self.state)
+            self._change(STOPPED)
             return
         self._job.stopped = True  # where nothing else ends it, the next thing that it tells does
         with suppress(KeyboardInterrupt):
@@ -110,45 +258,62 @@ class Work:
         """Do it, and tell how it ended."""
         if self.state != WAITING:
             return
-        from workbench.requests.call import origin_of_call  # noqa: PLC0415 - opens FMUs, which the first page does not
-
         begin = time.monotonic()
         self._change(RUNNING)
-        kind = type(self.asked)
         try:
-            given = list(self._paths) if kind.subject.several else self._paths[0]
-            with kind.opened(given, self._loading) as (subject, notes):
-                self.notes += notes
-                self.record = self.asked.run(subject, self._job)
-                self.origin = origin_of_call(
-                    function(kind), (subject,), self._chosen(), seconds=0.0, result=self.record
-                )
-            self.well = self.asked.went_well(self.record)
+            self._record = self._made(begin)
+            self.well = self._request.went_well(self._record)
             state = DONE
         except KeyboardInterrupt:
             state = STOPPED
         except WorkbenchError as error:
-            field, words = in_the_form(kind, str(error))
+            field, words = in_the_form(self.kind, str(error))
             self.failure, state = {"kind": error.kind, "message": words, "field": field}, FAILED
         except Exception as error:  # noqa: BLE001 - a bug of the workbench is told, and ends nothing else
             words = f"{type(error).__name__}: {error}; this is a bug of the workbench"
             self.failure, state = {"kind": "failed", "message": words}, FAILED
-        if self.record is None:
+        if self._record is None:
             with suppress(WorkbenchError):
-                self.record = self._job.partial()
+                self._record = self._job.partial()
         self.notes += self._job.notes
         self.seconds = round(time.monotonic() - begin, 3)
+        if self._record is not None:
+            self.headline = headline_of(self._record)
+        self._put_away(state)
         self._change(state)
+
+    def _made(self, begin: float) -> Any:  # noqa: ANN401 - any record
+        """Return the record, and remember how it was made."""
+        from workbench.requests.call import origin_of_call  # noqa: PLC0415 - opens FMUs, which the first page does not
+
+        given = list(self._paths) if self.kind.subject.several else self._paths[0]
+        request = self._request if self._store is None else replace(self._request, store=self._store)  # type: ignore[call-arg]
+        with self.kind.opened(given, self._loading) as (subject, notes):
+            self.notes += notes
+            record = request.run(subject, self._job)
+            seconds = time.monotonic() - begin
+            self.origin = origin_of_call(
+                function(self.kind), (subject,), self._chosen(), seconds=seconds, result=record
+            )
+        self.call = self.origin.call
+        return record
+
+    def _put_away(self, state: str) -> None:
+        """Keep what it gave; that it cannot be kept is a remark."""
+        if self.drawer is None:
+            return
+        try:
+            if self._record is not None:
+                self.drawer.write_result(plain(self._record.to_dict()), type(self._record).__name__, self.points)
+            self.drawer.write({**self.facts(), "state": state})
+        except InputError as error:
+            self.notes.append(f"this ends with the server: {error}")
 
     def _chosen(self) -> dict[str, Any]:
         """Return the options that are not as they are by default."""
-        usual = {d.name: d.default for d in options_of(type(self.asked))}
-        chosen = {n: v for n, v in values_of(self.asked).items() if not _same(v, usual[n])}
+        usual = {d.name: d.default for d in options_of(self.kind)}
+        chosen = {n: v for n, v in values_of(self._request).items() if not _same(v, usual[n])}
         return {n: v for n, v in chosen.items() if n not in _ELSEWHERE}
-
-    def _change(self, state: str) -> None:
-        self.state = state
-        self._tell("state", **self.to_dict())
 
     def _told(self, what: object, done: int, total: int) -> None:
         self.done, self.total = done, total
@@ -160,27 +325,6 @@ class Work:
         self._tell("progress", done=done, total=total, words=words, point=point, index=index)
         if self._job.stopped and done < total:  # else the answer comes at once
             raise KeyboardInterrupt
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what a list shows of it, ready for JSON."""
-        return {
-            "number": self.number,
-            "command": self.command,
-            "subject": list(self.subject),
-            "aside": self.aside,
-            "asked": asked_in_json(self.asked),
-            "line": self.line,
-            "call": "" if self.origin is None else self.origin.call,
-            "state": self.state,
-            "done": self.done,
-            "total": self.total,
-            "counts": self.asked.counts,
-            "remarks": self.remarks,
-            "failure": self.failure,
-            "well": self.well,
-            "has_record": self.record is not None,
-            "seconds": self.seconds,
-        }
 
 
 def _same(value: object, default: object) -> bool:
@@ -198,7 +342,10 @@ class Desk:
 
     def __init__(self, root: ServedFolder) -> None:
         self.root = root
-        self.works: dict[int, Work] = {}
+        self.drawings = Drawings()
+        self._shelf = Shelf(root.folder)
+        earlier = (Work.kept(drawer) for drawer in self._shelf.drawers())
+        self.works: dict[int, Work] = {work.number: work for work in earlier if work is not None}
         # What a page asks does not wait for what a person measures.
         self._threads = {a: ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="work") for a in (False, True)}
         self._lock = threading.Lock()
@@ -227,13 +374,55 @@ class Desk:
             raise InputError(f"{command} takes {'some' if kind.several else 'one'} {kind.metavar}")
         paths = [self.root.find(name) for name in subject]
         request, loading = request_of_form(command, given, self.root)
+        return self._begun(request, loading, subject, paths, given, aside=aside)
+
+    def go_on(self, earlier: Work) -> Work:
+        """Begin a work that was stopped again: what it has finished is not measured again.
+
+        Args:
+            earlier: see `Work.goes_on`.
+
+        Raises:
+            InputError: nothing of it was kept, or as `begin`.
+        """
+        if not earlier.goes_on or earlier.drawer is None:
+            raise InputError(f"{earlier.command} {earlier.number} cannot go on: nothing of it was kept")
+        paths = [self.root.find(name) for name in earlier.subject]
+        request, loading = request_of_form(earlier.command, earlier.given, self.root)
+        return self._begun(request, loading, earlier.subject, paths, earlier.given, after=earlier)
+
+    def _begun(
+        self, request: Request[Any, Any], loading: Loading, subject: Sequence[str], paths: Sequence[str],
+        given: Mapping[str, Any], *, aside: bool = False, after: Work | None = None,
+    ) -> Work:  # fmt: skip
         with self._lock:
-            number = len(self.works) + 1
-            work = self.works[number] = Work(number, request, loading, subject, paths, aside=aside)
+            number = max(self.works, default=0) + 1
+            drawer, why = (None, "") if aside else self._drawer(number)
+            number = number if drawer is None else drawer.number
+            store = drawer.store if drawer is not None and getattr(request, "store", "") is None else None
+            if store is not None and after is not None and after.drawer is not None:
+                after.drawer.store.rename(store)
+            work = self.works[number] = Task(number, request, loading, subject, paths, store=store)
+        work.aside, work.given, work.drawer = aside, dict(given), drawer
+        work.notes += [why] if why else []
+        work.points.extend([] if after is None else after.points)
+        if drawer is not None:
+            drawer.write(work.facts())
         work.listen(lambda event, **facts: self._tell(number, event, facts))
         self._tell(number, "state", work.to_dict())
-        self._threads[aside].submit(work.run)
+        self._threads[aside].submit(self._run, work)
         return work
+
+    def _run(self, work: Task) -> None:
+        work.run()
+        if work.headline and not work.aside:
+            work.report(self.drawings)
+
+    def _drawer(self, number: int) -> tuple[Drawer | None, str]:
+        try:
+            return self._shelf.new(number), ""
+        except InputError as error:
+            return None, f"this ends with the server: {error}"
 
     def _tell(self, number: int, event: str, facts: Mapping[str, Any]) -> None:
         with self._lock:

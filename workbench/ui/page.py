@@ -6,9 +6,24 @@ from collections.abc import Sequence
 from typing import Any
 
 from workbench.show.page import PageTable
+from workbench.show.result import page_of
 from workbench.show.verdicts import Verdict, tone, worst_first
 
-__all__ = ["tables_told", "verdicts_told"]
+__all__ = ["headline_of", "tables_told", "verdicts_told"]
+
+
+def headline_of(record: object) -> dict[str, Any]:
+    """Return what the page of a record says first: its `lead`, its `verdicts`, and its `notes`.
+
+    Args:
+        record: that has a page; what an early end has left may be too incomplete for one.
+    """
+    try:
+        page = page_of(record)
+    except Exception as error:  # noqa: BLE001 - the record is shown without it
+        words = f"this result has no headline: {type(error).__name__}: {error}"
+        return {"lead": "", "verdicts": verdicts_told([Verdict("unknown", words)]), "notes": []}
+    return {"lead": page.lead, "verdicts": verdicts_told(page.summary), "notes": list(map(str, page.notes))}
 
 
 def verdicts_told(verdicts: Sequence[Verdict]) -> list[dict[str, str]]:

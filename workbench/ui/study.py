@@ -23,11 +23,11 @@ def study_of(works: Iterable[Work]) -> str:
     models: dict[str, str] = {}
     analyses: list[str] = []
     for work in works:
-        if len(work.subject) != 1 or not type(work.asked).subject.opened:
+        if len(work.subject) != 1 or not work.kind.subject.opened:
             continue
         subject = work.subject[0]
         model = models.setdefault(subject, _name(subject, models.values()))
-        options = work.to_dict()["asked"]
+        options = work.asked
         lines = [
             f"[analyses.{work.command.replace('-', '_')}_{work.number}]",
             f'command = "{work.command}"',
@@ -55,6 +55,6 @@ def _name(subject: str, taken: Iterable[str]) -> str:
 def _key(work: Work, name: str) -> str:
     from workbench.requests.request import asked_options  # noqa: PLC0415
 
-    declared, _ = asked_options(type(work.asked))[name]
+    declared, _ = asked_options(work.kind)[name]
     key = declared.flag.removeprefix("--")
     return toml_key(key)

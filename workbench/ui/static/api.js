@@ -42,6 +42,13 @@ export async function stop(number) {
   await post(`/api/works/${number}/stop`);
 }
 
+/** Let a stopped work go on as another one, with what it has finished; return that. */
+export async function goOn(number) {
+  const work = known(await post(`/api/works/${number}/go-on`));
+  await whole(work.number);
+  return work;
+}
+
 /** Everything about one work; when it ended, with its record and curves, which are kept. */
 export async function whole(number) {
   const work = server.works.get(number);

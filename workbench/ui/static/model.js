@@ -1,6 +1,6 @@
 // A model: its card, its operating point, its measurements.
 
-import { begin, done, factsOf, get, lookAgain, onChange, post, server, whole } from "./api.js";
+import { begin, done, factsOf, get, goOn, lookAgain, onChange, post, server, whole } from "./api.js";
 import { code, fill, h, say, table, wrongs } from "./dom.js";
 import { Form } from "./form.js";
 import { shown, unitShown } from "./numbers.js";
@@ -36,7 +36,7 @@ async function card(name, known, content) {
     h("div", { class: "cards" },
       h("section", {}, h("h2", {}, "What it is"), h("dl", {}, rows.filter(([, v]) => v).flatMap(([k, v]) => [h("dt", {}, k), h("dd", {}, v)]))),
       h("section", {}, h("h2", {}, "Health"), health)),
-    known.notes?.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, known.notes.map((n) => h("li", {}, n)))) : null,
+    known.call.remarks.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, known.call.remarks.map((n) => h("li", {}, n)))) : null,
     h("h2", {}, `${variables.length} variables`), variableTable(variables),
     code(known.call.line, "The same in a terminal"));
   if (known.runnable && !known.components) {
@@ -261,7 +261,13 @@ async function measure(name, known, content, [command = "nfr"]) {
     end = onChange((work, event) => { // what turns out to be wrong when the model is open
       if (work.number === number && event.event === "state" && work.failure?.field) fields.wrong({ [work.failure.field]: work.failure.message });
     });
-    shownWork = live(number, { onband: (lo, hi) => (fields.set("band", `${shown(lo, 4)}:${shown(hi, 4)}`), say(`Band ${shown(lo, 4)} … ${shown(hi, 4)} Hz; run to measure it.`)), onagain: again });
+    shownWork = live(number, { onband: (lo, hi) => (fields.set("band", `${shown(lo, 4)}:${shown(hi, 4)}`), say(`Band ${shown(lo, 4)} … ${shown(hi, 4)} Hz; run to measure it.`)), onagain: again, ongoing: async (stopped) => {
+      try {
+        watch((await goOn(stopped)).number);
+      } catch (error) {
+        say(wrongs(error), true);
+      }
+    } });
     fill(place, shownWork.element);
   };
   function again(values, now = true) {

@@ -1,15 +1,15 @@
 // One work: its picture while it runs, and what it gives when it has ended.
 
-import { factsOf, onChange, server, stop, whole } from "./api.js";
+import { factsOf, goOn, onChange, server, stop, whole } from "./api.js";
 import { Bode } from "./bode.js";
-import { code, fill, h } from "./dom.js";
+import { code, fill, h, told } from "./dom.js";
 import { gainKnob } from "./loop.js";
 import { shown, unitShown } from "./numbers.js";
 import { histories } from "./point.js";
 
 export async function workPage([number]) {
   const work = server.works.get(Number(number)) ?? (await whole(Number(number)));
-  const shownWork = live(Number(number), {});
+  const shownWork = live(Number(number), { ongoing: async (stopped) => { location.hash = `#/run/${(await goOn(stopped)).number}`; } });
   return {
     title: `${work.command} ${number}`,
     leave: shownWork.leave,
@@ -18,8 +18,11 @@ export async function workPage([number]) {
   };
 }
 
-/** What a work shows, kept up to date; {element, leave}. `onband` is told a band drawn with the mouse. */
-export function live(number, { onband = null, onagain = null }) {
+/**
+ * What a work shows, kept up to date; {element, leave}. `onband` is told a band drawn with the mouse, `onagain` values
+ * to run with, `ongoing` the number of a stopped work that is to go on.
+ */
+export function live(number, { onband = null, onagain = null, ongoing = null }) {
   const said = h("div", { class: "row", role: "status" });
   const halt = h("button", { type: "button", class: "quiet", onclick: () => stop(number) }, "Stop"); // one: a click needs it to stay
   const below = h("div", { role: "status" });
@@ -43,10 +46,12 @@ export function live(number, { onband = null, onagain = null }) {
     fill(said,
       h("strong", { class: { failed: "bad", stopped: "watch" }[work.state] ?? "" }, work.state === "done" && !work.well ? "done, not all well" : work.state),
       h("span", {}, running ? [work.total ? `${work.done} of ${work.total}` : "", work.words ?? ""].join(" ") : work.seconds ? `${shown(work.seconds, 3)} s` : ""),
-      work.state === "stopped" && onagain ? h("button", { type: "button", class: "quiet", onclick: () => onagain({}) }, "Go on") : null);
+      work.goes_on && ongoing ? h("button", { type: "button", class: "quiet", title: "Measure what is missing; what is finished stays", onclick: () => ongoing(number) }, "Go on") : null,
+      work.state === "stopped" && !work.goes_on && onagain ? h("button", { type: "button", class: "quiet", onclick: () => onagain({}) }, "Run again") : null);
     fill(below,
       running ? h("progress", { max: work.total || 1, value: work.total ? work.done : null, "aria-label": work.command }) : null,
-      work.failure?.message ? h("p", { class: "bad" }, `${work.failure.kind}: ${work.failure.message}`) : null);
+      work.failure?.message ? h("p", { class: "bad" }, `${work.failure.kind}: ${work.failure.message}`) : null,
+      running ? null : headline(work));
     if (work.points.length && work.points.some((p) => p && "response" in p)) {
       picture ??= new Bode({ onband, number, onagain });
       if (!picture.element.isConnected) fill(body, picture.element);
@@ -96,6 +101,15 @@ function ofPoints(points, units) {
   return [...curves.values()].sort((a, b) => a.amplitude - b.amplitude);
 }
 
+const FIRST = 12; // verdicts and remarks that stand open
+
+/** What the record says first, as its report does: in a sentence, verdicts, warnings and remarks. */
+function headline({ lead, verdicts, remarks }) {
+  const lines = [...(verdicts ?? []).map(told), ...(remarks ?? []).map((text) => h("p", {}, text))];
+  return h("section", { class: "headline", "aria-label": "What was found" }, lead ? h("p", {}, lead) : null, lines.slice(0, FIRST),
+    lines.length > FIRST ? h("details", {}, h("summary", {}, `${lines.length - FIRST} more`), lines.slice(FIRST)) : null);
+}
+
 const PICTURED = new Set(["nfr", "branches", "loop", "simulate"]); // whose pictures say it; of others the report does
 
 /** What a work that has ended gives: remarks, files, report, the command and the Python. */
@@ -107,13 +121,13 @@ function afterwards(full) {
   };
   const report = h("div", {}, full.has_record && !PICTURED.has(full.command) ? reported() : null);
   return [
-    full.remarks.length ? h("section", {}, h("h2", {}, "Remarks"), h("ul", {}, full.remarks.map((n) => h("li", {}, n)))) : null,
     full.has_record ? h("div", { class: "row" },
       h("button", { type: "button", onclick: () => fill(report, reported()) }, "Report"),
       h("a", { class: "button", href: `${at}/report.html`, download: `${full.command}-${full.number}.html` }, "Save the report"),
       h("a", { class: "button", href: `${at}/picture.svg`, download: `${full.command}-${full.number}.svg` }, "Picture"),
       h("a", { class: "button", href: `${at}/data.csv`, download: `${full.command}-${full.number}.csv` }, "CSV"),
       h("a", { class: "button", href: `${at}/data.json`, download: `${full.command}-${full.number}.json` }, "JSON")) : null,
-    code(full.line, "The same in a terminal"), full.call ? code(full.call, "in Python") : null, report,
+    code(full.line, "The same in a terminal"), full.call ? code(full.call, "in Python") : null,
+    full.chosen.length ? h("p", { class: "dim" }, full.chosen.join("; ")) : null, report,
   ];
 }

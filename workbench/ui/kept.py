@@ -1,0 +1,169 @@
+"""Works that have ended, on disk in this user's cache: a restart, also after `kill -9`, shows them again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from datetime import datetime
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from workbench.core.machine.files import cache_folder, replacing
+from workbench.core.records.lazy import homes_in
+from workbench.core.records.named import named
+from workbench.errors import InputError
+from workbench.requests.origin import FmuOrigin, ModelFacts, Origin
+
+__all__ = ["Drawer", "Shelf", "origin_from_json", "origin_to_json"]
+
+_MOST = 200  # works that are kept; the oldest go first
+_FACTS, _RECORD, _POINTS, _REPORT, _STORE = "work.json", "record.json", "points.json", "report.html", "store"
+_STUB = Path(__file__).resolve().parents[1] / "__init__.pyi"
+
+
+class Drawer:
+    """What is kept of one work: its facts, its record, its points, its report, its finished measurements.
+
+    Args:
+        folder: of its own.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @property
+    def number(self) -> int:
+        """Number of the work."""
+        return int(self._folder.name)
+
+    @property
+    def store(self) -> Path:
+        """Folder for the finished measurements of a sweep."""
+        return self._folder / _STORE
+
+    def facts(self) -> dict[str, Any] | None:
+        """Return the facts of the work; None: they were never written, or cannot be read."""
+        facts = _read(self._folder / _FACTS)
+        return facts if isinstance(facts, dict) else None
+
+    def write(self, facts: Mapping[str, Any]) -> None:
+        """Keep the facts.
+
+        Raises:
+            InputError: they cannot be written.
+        """
+        _write(self._folder / _FACTS, facts)
+
+    def write_result(self, record: Mapping[str, Any], kind: str, points: list[Any]) -> None:
+        """Keep a record, and the points that were told; what says that the work has ended is written after them.
+
+        Args:
+            record: as JSON has it.
+            kind: name of its class.
+            points: ready for JSON.
+
+        Raises:
+            InputError: they cannot be written.
+        """
+        _write(self._folder / _POINTS, points)
+        _write(self._folder / _RECORD, {"kind": kind, "record": record})
+
+    def record(self) -> Any:  # noqa: ANN401 - any record
+        """Return the record; None: there is none, or this version cannot read it."""
+        kept = _read(self._folder / _RECORD)
+        home = homes_in(str(_STUB)).get(kept["kind"]) if isinstance(kept, dict) else None
+        if home is None:
+            return None
+        try:
+            return named(f"{home}:{kept['kind']}").from_dict(kept["record"])
+        except InputError:
+            return None
+
+    def points(self) -> list[dict[str, Any]]:
+        """Return the points that were told."""
+        return _read(self._folder / _POINTS) or []
+
+    def report(self) -> bytes | None:
+        """Return the report; None: it was not made yet."""
+        with suppress(OSError):
+            return (self._folder / _REPORT).read_bytes()
+        return None
+
+    def write_report(self, page: bytes) -> None:
+        """Keep the report; where that cannot be, it is made again when it is asked for."""
+        with suppress(InputError), replacing(self._folder / _REPORT) as part:
+            part.write_bytes(page)
+
+
+class Shelf:
+    """The works of one served folder.
+
+    Args:
+        served: the folder.
+    """
+
+    def __init__(self, served: Path) -> None:
+        name = hashlib.sha256(str(served).encode("utf-8", "surrogateescape")).hexdigest()[:16]
+        self._folder = cache_folder("ui") / name
+
+    def drawers(self) -> Iterator[Drawer]:
+        """Yield what was kept, in order of number; what is too old is thrown away."""
+        try:
+            found = sorted((f for f in self._folder.iterdir() if f.name.isdigit()), key=lambda f: int(f.name))
+        except OSError:
+            return
+        for old in found[:-_MOST]:
+            shutil.rmtree(old, ignore_errors=True)
+        for folder in found[-_MOST:]:
+            yield Drawer(folder)
+
+    def new(self, least: int) -> Drawer:
+        """Return a place for a work, with a number that no other server has taken.
+
+        Args:
+            least: the lowest number that it may have.
+
+        Raises:
+            InputError: nothing can be kept.
+        """
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            for number in count(least):
+                with suppress(FileExistsError):
+                    (self._folder / str(number)).mkdir()
+                    break
+        except OSError as error:
+            raise InputError(f"{self._folder}: cannot be made: {error.strerror or error}") from None
+        return Drawer(self._folder / str(number))
+
+
+def origin_to_json(origin: Origin) -> dict[str, Any]:
+    """Return how a record was made, ready for JSON."""
+    return {**asdict(origin), "when": origin.when.isoformat()}
+
+
+def origin_from_json(data: Mapping[str, Any]) -> Origin:
+    """Return what `origin_to_json` wrote."""
+    models = tuple(
+        ModelFacts(**{**m, "fmus": tuple(FmuOrigin(**f) for f in m["fmus"]), "notes": tuple(m["notes"])})
+        for m in data["models"]
+    )
+    when = datetime.fromisoformat(data["when"])
+    return Origin(**{**data, "models": models, "notes": tuple(data["notes"]), "when": when})
+
+
+def _read(file: Path) -> Any:  # noqa: ANN401 - whatever JSON holds
+    try:
+        return json.loads(file.read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def _write(file: Path, content: object) -> None:
+    with replacing(file) as part:
+        part.write_text(json.dumps(content), encoding="utf-8")
