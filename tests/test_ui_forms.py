@@ -11,7 +11,7 @@ import pytest
 from workbench.commands import request_of
 from workbench.requests.request import asked_options, command_line_of
 from workbench.ui.curves import with_unit
-from workbench.ui.forms import MEASURED, FormError, form_of, request_of_form
+from workbench.ui.forms import MEASURED, FormError, form_of, in_the_form, request_of_form
 from workbench.ui.root import ServedFolder
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -79,6 +79,13 @@ def test_a_message_without_a_field_names_fields_too() -> None:
     assert fields == {
         "amplitude": "Amplitude belongs to the measurement that Compare makes; add Compare, or leave it out"
     }
+
+
+def test_the_only_option_that_a_message_names_is_its_field() -> None:
+    excite = request_of("excite")
+    assert in_the_form(excite, "Rudder: has no period; give the sampling interval, --dt")[0] == "dt"
+    assert in_the_form(excite, "give --prbs or --multisine")[0] == ""
+    assert in_the_form(request_of("branches"), "interface: Rudder runs as co-simulation")[0] == "interface"
 
 
 def test_the_unit_1_is_not_shown() -> None:

@@ -197,12 +197,16 @@ def test_what_there_is_is_listed(ui: Ui) -> None:
 
 
 def test_a_text_is_not_replaced_unasked(ui: Ui) -> None:
-    first = {"name": "own.toml", "text": "name = 'a'"}
+    first = {"name": "own.toml", "text": "[components]\nname = 'a'"}
     assert ui.ask("POST", "/api/text", first).status == 200
-    assert ui.ask("POST", "/api/text", {**first, "text": "name = 'b'"}).status == 409
-    assert ui.get("/api/text?name=own.toml")["text"] == "name = 'a'"
-    assert ui.ask("POST", "/api/text", {**first, "text": "name = 'b'", "replace": True}).status == 200
-    assert ui.get("/api/text?name=own.toml")["text"] == "name = 'b'"
+    assert ui.ask("POST", "/api/text", {**first, "text": "[components]\nname = 'b'"}).status == 409
+    assert ui.get("/api/text?name=own.toml")["text"] == first["text"]
+    assert ui.ask("POST", "/api/text", {**first, "text": "[components]\nname = 'b'", "replace": True}).status == 200
+    assert ui.get("/api/text?name=own.toml")["text"] == "[components]\nname = 'b'"
+    # What is neither a system nor a study was not written here, and is not replaced at all.
+    (ui.folder / "foreign.toml").write_text("[project]\n")
+    answer = ui.ask("POST", "/api/text", {**first, "name": "foreign.toml", "replace": True})
+    assert (answer.status, (ui.folder / "foreign.toml").read_text()) == (422, "[project]\n")
 
 
 # -- work ---------------------------------------------------------------------------------------------
@@ -501,7 +505,7 @@ def test_a_report_says_when_it_ran_for_how_long_and_by_which_call(ui: Ui) -> Non
 
 
 def test_what_is_doubtful_is_said_beside_the_result(ui: Ui) -> None:
-    full = ui.ended(ui.begin("lin", "fmu:LimitedActuator"))
+    full = ui.ended(ui.begin("lin", "fmu:AileronDamper"))
     doubts = full["record"]["doubts"]
     assert doubts
     for doubt in doubts:

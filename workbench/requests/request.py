@@ -138,6 +138,7 @@ class Request(Options, Generic[_Subject, _Record]):
         unwritten: files that its record has not: "csv", "mat", "plot".
         in_shell: whether a command of this name asks for the same.
         written: class of what can be asked of its record, "module:class"; empty: the files that all have.
+        of_system: whether it needs several models connected, and makes no sense for one.
         isolated: whether it runs as a whole in a worker process; else it runs no FMU here, or sees to that itself.
         undivided: whether `--timeout` limits the whole run; else it limits the time from one `job.done` to the next.
             Set it where `done` tells only how far one result is, as the percent of a simulation.
@@ -159,6 +160,7 @@ class Request(Options, Generic[_Subject, _Record]):
     unwritten: ClassVar[tuple[str, ...]] = ()
     in_shell: ClassVar[bool] = True
     written: ClassVar[str] = ""
+    of_system: ClassVar[bool] = False
     isolated: ClassVar[bool] = False
     undivided: ClassVar[bool] = False
 

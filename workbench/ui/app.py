@@ -28,7 +28,7 @@ from workbench.ui.diagram import PALETTE, drawn, edited
 from workbench.ui.forms import MEASURED, FormError, form_of
 from workbench.ui.jobs import Desk, Work
 from workbench.ui.loop import loop_at
-from workbench.ui.root import NotHereError
+from workbench.ui.root import NotHereError, kind_of
 from workbench.ui.study import study_of
 
 __all__ = ["app_of"]
@@ -211,8 +211,12 @@ class _Server:
         if not name.endswith(".toml"):
             raise InputError(f"{name}: the name of a system or study ends in .toml")
         path = self.desk.root.path(name, new=True)
-        if path.exists() and not sent.get("replace"):
-            return JSONResponse({"exists": True}, 409)
+        if path.exists():
+            kind = kind_of(path)
+            if kind not in {"system", "study"}:
+                return JSONResponse({"message": f"{name} is there and is no system or study; choose another name"}, 422)
+            if not sent.get("replace"):
+                return JSONResponse({"message": f"{name} is there: a {kind}", "kind": kind}, 409)
         with replacing(path) as new:
             new.write_text(text, encoding="utf-8")
         return JSONResponse({"name": self.desk.root.name_of(path)})
@@ -227,7 +231,9 @@ class _Server:
         if path.exists():
             return JSONResponse({"message": f"{name} exists already; choose another name"}, 409)
         with replacing(path) as new:
-            new.write_text(json.dumps({"command": work.command, **plain(record.to_dict())}, indent=2), encoding="utf-8")
+            new.write_text(
+                json.dumps({"command": work.kind.command, **plain(record.to_dict())}, indent=2), encoding="utf-8"
+            )
         work.keep()
         return JSONResponse({"name": self.desk.root.name_of(path)})
 

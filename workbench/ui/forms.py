@@ -17,10 +17,9 @@ from workbench.ui.root import NotHereError, ServedFolder
 
 __all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "request_of_form", "without_flags"]
 
-# Commands that a model's page offers, in their order; the others take files of data, or write FMUs.
-MEASURED = tuple(
-    name for name in REQUESTS if name not in {"info", "identify", "build", "compile", "export", "compare", "envelope"}
-)
+# Commands that a model's page offers, in their order; the others take blocks or files of data, or write FMUs.
+_OTHERS = {"info", "blocks", "identify", "fit", "build", "compile", "export", "compare", "envelope"}
+MEASURED = tuple(name for name in REQUESTS if name not in _OTHERS)
 
 OFFERED = (*MEASURED, "info")  # what is begun for a browser
 
@@ -55,6 +54,7 @@ def form_of(command: str) -> dict[str, Any]:
         "command": command,
         "help": " ".join(first.split()),
         "counts": request.counts,
+        "of_system": request.of_system,
         "fields": [
             _field(name, d, without_flags(request, group), needed=name in request.needs)
             for name, (d, group) in _options(request).items()
@@ -209,7 +209,7 @@ def _spoken(declared: DeclaredOption) -> set[str]:
     """Return by which names messages speak of an option."""
     words = declared.spoken
     one = re.sub("ies$", "y", words) if words.endswith("ies") else words.removesuffix("s")
-    return {declared.flag, declared.flag.removeprefix("--"), words, one}
+    return {declared.flag, declared.flag.removeprefix("--"), declared.name, words, one}
 
 
 def _given(declared: DeclaredOption, value: Any) -> Any:  # noqa: ANN401 - of a form
@@ -223,11 +223,12 @@ def _given(declared: DeclaredOption, value: Any) -> Any:  # noqa: ANN401 - of a 
 
 
 def _named(message: str, options: Mapping[str, tuple[DeclaredOption, str]]) -> str:
-    """Return the option that a message begins with; empty: none."""
+    """Return the option that a message begins with, or the only one whose flag it has; empty: none."""
     begun = [
         (len(word), name)
         for name, (declared, _) in options.items()
         for word in _spoken(declared)
         if re.match(rf"{re.escape(word)}(:| )", message)
     ]
-    return max(begun, default=(0, ""))[1]
+    flags = [name for name, (d, _) in options.items() if re.search(rf"(?<!\w){re.escape(d.flag)}(?![\w-])", message)]
+    return max(begun, default=(0, flags[0] if len(flags) == 1 else ""))[1]

@@ -49,6 +49,7 @@ class Work:
 
     Attributes:
         number: by which the browser knows it.
+        command: its name, as of `REQUESTS`.
         kind: class of the request.
         subject: what it is run on, as the browser names it.
         given: what was filled in.
@@ -68,8 +69,9 @@ class Work:
         drawer: where it is kept; None: nowhere.
     """
 
-    def __init__(self, number: int, kind: type[Request[Any, Any]], subject: Sequence[str]) -> None:
-        self.number, self.kind, self.subject = number, kind, tuple(subject)
+    def __init__(self, number: int, command: str, subject: Sequence[str]) -> None:
+        self.number, self.command, self.subject = number, command, tuple(subject)
+        self.kind = request_of(command)
         self.given: Mapping[str, Any] = {}
         self.aside = False
         self.asked: Mapping[str, Any] = {}
@@ -98,7 +100,7 @@ class Work:
         try:
             if facts is None:
                 return None
-            work = cls(drawer.number, request_of(facts["command"]), facts["subject"])
+            work = cls(drawer.number, facts["command"], facts["subject"])
             for name in _KEPT_FACTS:
                 setattr(work, name, facts[name])
             work.origin = origin_from_json(facts["origin"]) if facts["origin"] else None
@@ -109,11 +111,6 @@ class Work:
             work.state = STOPPED
             work.notes = [*work.notes, "the server ended while this ran"]
         return work
-
-    @property
-    def command(self) -> str:
-        """Name of the command."""
-        return self.kind.command
 
     @property
     def open(self) -> bool:
@@ -226,22 +223,24 @@ class Task(Work):
 
     Args:
         number: by which the browser knows it.
-        asked: the request.
-        loading: how its model is opened.
+        command: its name.
+        asked: the request, and how its model is opened.
         subject: what it is run on, as the browser names it.
         paths: the same as a command in the folder would be given.
         store: folder of finished measurements, where the request has none of its own; None: none.
     """
 
     def __init__(
-        self, number: int, asked: Request[Any, Any], loading: Loading, subject: Sequence[str], paths: Sequence[str], *,
-        store: Path | None = None,
+        self, number: int, command: str, asked: tuple[Request[Any, Any], Loading], subject: Sequence[str], *,
+        paths: Sequence[str], store: Path | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(number, type(asked), subject)
-        self.asked = asked_in_json(asked)
-        self.line = command_line_of(asked, " ".join(subject), loading) if len(subject) == 1 else ""
+        super().__init__(number, command, subject)
+        self._request, self._loading = asked
+        self.asked = asked_in_json(self._request)
+        if len(subject) == 1:
+            self.line = command_line_of(self._request, subject[0], self._loading)
         self._points = []
-        self._request, self._loading, self._paths, self._store = asked, loading, paths, store
+        self._paths, self._store = paths, store
         self._job = Job(self._told)
         self._job.say = lambda text: self._tell("note", text=text)
 
@@ -373,8 +372,8 @@ class Desk:
         if (not subject and not kind.optional) or (len(subject) > 1 and not kind.several):
             raise InputError(f"{command} takes {'some' if kind.several else 'one'} {kind.metavar}")
         paths = [self.root.find(name) for name in subject]
-        request, loading = request_of_form(command, given, self.root)
-        return self._begun(request, loading, subject, paths, given, aside=aside)
+        asked = request_of_form(command, given, self.root)
+        return self._begun(command, asked, subject, paths, given, aside=aside)
 
     def go_on(self, earlier: Work) -> Work:
         """Begin a work that was stopped again: what it has finished is not measured again.
@@ -388,21 +387,21 @@ class Desk:
         if not earlier.goes_on or earlier.drawer is None:
             raise InputError(f"{earlier.command} {earlier.number} cannot go on: nothing of it was kept")
         paths = [self.root.find(name) for name in earlier.subject]
-        request, loading = request_of_form(earlier.command, earlier.given, self.root)
-        return self._begun(request, loading, earlier.subject, paths, earlier.given, after=earlier)
+        asked = request_of_form(earlier.command, earlier.given, self.root)
+        return self._begun(earlier.command, asked, earlier.subject, paths, earlier.given, after=earlier)
 
     def _begun(
-        self, request: Request[Any, Any], loading: Loading, subject: Sequence[str], paths: Sequence[str],
+        self, command: str, asked: tuple[Request[Any, Any], Loading], subject: Sequence[str], paths: Sequence[str],
         given: Mapping[str, Any], *, aside: bool = False, after: Work | None = None,
     ) -> Work:  # fmt: skip
         with self._lock:
             number = max(self.works, default=0) + 1
             drawer, why = (None, "") if aside else self._drawer(number)
             number = number if drawer is None else drawer.number
-            store = drawer.store if drawer is not None and getattr(request, "store", "") is None else None
+            store = drawer.store if drawer is not None and getattr(asked[0], "store", "") is None else None
             if store is not None and after is not None and after.drawer is not None:
                 after.drawer.store.rename(store)
-            work = self.works[number] = Task(number, request, loading, subject, paths, store=store)
+            work = self.works[number] = Task(number, command, asked, subject, paths=paths, store=store)
         work.aside, work.given, work.drawer = aside, dict(given), drawer
         work.notes += [why] if why else []
         work.points.extend([] if after is None else after.points)

@@ -14,7 +14,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.bundled import is_bundled
 from workbench.jobs.store import FILE_NAME
 
-__all__ = ["NotHereError", "ServedFolder"]
+__all__ = ["NotHereError", "ServedFolder", "kind_of"]
 
 _MOST = 2000  # entries that are listed
 _DEEPEST = 6  # folders below folders
@@ -142,7 +142,7 @@ class ServedFolder:
                 continue
             for file in sorted(files):
                 # Opening a pipe would wait for who writes.
-                if (here / file).is_file() and (kind := _kind(here / file)):
+                if (here / file).is_file() and (kind := kind_of(here / file)):
                     count += 1
                     yield (here / file if kind != "store" else here).relative_to(self.folder).as_posix(), kind
             if count > _MOST:
@@ -160,7 +160,7 @@ def _model_of_point(file: Path) -> str:
     return str(json.loads(match[1])) if match and _TRIM.search(begin) else ""
 
 
-def _kind(file: Path) -> str:
+def kind_of(file: Path) -> str:
     """Return what a file is to the workbench; empty: nothing."""
     if file.name == FILE_NAME:
         return "store"

@@ -30,7 +30,7 @@ def study_of(works: Iterable[Work]) -> str:
         options = work.asked
         lines = [
             f"[analyses.{work.command.replace('-', '_')}_{work.number}]",
-            f'command = "{work.command}"',
+            f'command = "{work.kind.command}"',
             f'model = "{model}"',
         ]
         lines += [

@@ -44,6 +44,7 @@ class Delays(AtPoint, ModelRequest["DelayReport | NoDelays"]):
     case = "delays of a system"
     chosen_by = "--delays"
     algorithm = "workbench.health.delays.run:run"
+    of_system = True
     example = "workbench check system:rudder_loop --stop 2 --input reference=1 --step 0.01 --delays"
     withheld = ("step",)
     unwritten = ("csv", "mat", "plot")

@@ -20,7 +20,7 @@ class VariableFacts:
     """A variable.
 
     Attributes:
-        name, type, unit, start, description: as declared; None where nothing is.
+        name, type, unit, start, description, min, max, nominal: as declared; None where nothing is.
     """
 
     name: str
@@ -28,6 +28,9 @@ class VariableFacts:
     unit: str | None
     start: float | int | bool | str | None
     description: str | None
+    min: float | None = None
+    max: float | None = None
+    nominal: float | None = None
 
     @classmethod
     def of(cls, variables: Iterable[Variable]) -> tuple[VariableFacts, ...]:
@@ -36,7 +39,9 @@ class VariableFacts:
         Args:
             variables: of a model.
         """
-        return tuple(cls(v.name, v.type, v.unit, v.start, v.description) for v in variables)
+        return tuple(
+            cls(v.name, v.type, v.unit, v.start, v.description, v.minimum, v.maximum, v.nominal) for v in variables
+        )
 
 
 @dataclass(frozen=True)

@@ -96,6 +96,7 @@ class FeedForward(AtPoint, ModelRequest["FeedForwardResult"]):
     command = "feed-forward"
     written = "workbench.limit_cycles.feed_forward.written:FeedForwardFiles"
     algorithm = "workbench.limit_cycles.feed_forward.run:run"
+    of_system = True
     example = (
         "workbench feed-forward system:failed_aileron --block damper --to aircraft.inner_aileron --feedback "
         "aircraft.outer_aileron_position:-1 --orders 36,29 --cancel 3e-3 --input pulse=pulse:value=0.8,duration=0.1 "

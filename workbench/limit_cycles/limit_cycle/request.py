@@ -63,6 +63,7 @@ class LimitCycles(AtPoint, InWorkers, ModelRequest["LimitCycleResult"]):
 
     command = "limit-cycle"
     algorithm = "workbench.limit_cycles.limit_cycle.run:run"
+    of_system = True
     example = "workbench limit-cycle system:failed_aileron --block damper --output z_wing_tip --plot cycle.png"
     details = (
         "Several blocks, one with states, in connections that close at 140 s: `workbench limit-cycle "

@@ -80,6 +80,7 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
 
     command = "loop"
     algorithm = "workbench.loops.loop.run:run"
+    of_system = True
     example = "workbench loop system:rudder_loop --open plant.del --amplitude 1,4 --band 4:15 --plot loop.png"
     subject = replace(
         ModelRequest.subject, name="system", argument="model", help="What `connect` or `load` gave; it stays open."

@@ -73,6 +73,7 @@ class RateOnset(AtPoint, ModelRequest["OnsetResult"]):
 
     command = "onset"
     algorithm = "workbench.loops.onset.run:run"
+    of_system = True
     example = "workbench onset system:pitch_rate_limit --input stick --limiter limiter --amplitude 0.5,1.1 --plot o.png"
     subject = replace(
         ModelRequest.subject, name="system", argument="model", type="DescribedModel",

@@ -357,7 +357,7 @@ def _check(model: Model, request: Branches) -> tuple[str, ...]:
     )
     if model.interface != "me":
         raise InputError(
-            f"branches: {model.name} runs as co-simulation, whose states cannot be set while it runs; "
+            f"interface: {model.name} runs as co-simulation, whose states cannot be set while it runs; "
             f"{model.way_out('use nfr, which follows stable responses alone')}"
         )
     rates = sampled(model)

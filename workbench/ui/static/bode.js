@@ -3,7 +3,7 @@
 import { done, server } from "./api.js";
 import { fill, h, save, say, wrongs } from "./dom.js";
 import { bode, decibels, extent, wrapped } from "./numbers.js";
-import { pin, pinned, unpin } from "./pins.js";
+import { pin, pinned, pinsShown, showPins, unpin } from "./pins.js";
 import { Plot, colour, legend } from "./plot.js";
 import { pointOf } from "./point.js";
 
@@ -40,12 +40,15 @@ export class Bode {
     unwrap.setAttribute("aria-pressed", "true");
     const asked = number === null ? null : server.works.get(number);
     this.extras = [];
+    this.band = null; // drawn last [Hz]
+    this.drawBand = onband ? h("button", { type: "button", class: "quiet", "aria-pressed": "false", title: "Drag over the picture to choose the band that is measured next", onclick: () => this.banding(!this.gain.banding) }, "Draw a band") : null;
+    this.withPins = onpinned ? null : h("button", { type: "button", class: "quiet", hidden: true, title: "Show the pinned curves, also those of other models, or leave them out", onclick: () => { showPins(!pinsShown()); this.redraw(); } }, "Pinned curves");
     this.tools = h("div", { class: "row", role: "toolbar", "aria-label": "Picture" },
       unwrap, toggle("Linear gain", "linear", "Show the gain as a ratio in place of decibels"), toggle("rad/s", "radians", "Show rad/s in place of Hz"),
-      onband ? h("button", { type: "button", class: "quiet", "aria-pressed": "false", title: "Drag over the picture to choose the band that is measured next", onclick: (event) => this.banding(event.currentTarget) }, "Draw a band") : null,
+      this.drawBand,
       asked?.command === "nfr" || asked?.command === "branches" ? h("button", { type: "button", class: "quiet", title: "Lay the linearisation at the same operating point over the picture", onclick: (event) => this.linear(asked, event.currentTarget) }, "Linear model") : null,
       h("button", { type: "button", class: "quiet", title: "Show all of the curves again, after moving or zooming", onclick: () => [this.gain, this.phase].forEach((p) => p.whole()) }, "Whole"),
-      onpinned ? null : h("button", { type: "button", class: "quiet", title: "Keep these curves in every picture, and under Compare", onclick: () => this.keep() }, "Pin"),
+      onpinned ? null : h("button", { type: "button", class: "quiet", title: "Keep these curves in every picture, and under Compare", onclick: () => { showPins(true); this.keep(); } }, "Pin"), this.withPins,
       h("button", { type: "button", class: "quiet", title: "Save gain and phase as a drawing", onclick: () => save(this.svg(), "bode.svg", "image/svg+xml") }, "SVG"),
       h("button", { type: "button", class: "quiet", title: "Save gain and phase as an image", onclick: async () => save(await this.png(), "bode.png") }, "PNG"),
       h("button", { type: "button", class: "quiet", title: "Save the points as a table", onclick: () => save(csv(this.own), "curves.csv", "text/csv") }, "CSV"));
@@ -59,7 +62,8 @@ export class Bode {
   }
 
   all() {
-    return [...this.own, ...this.extras, ...pinned().map((c) => ({ ...c, removable: true }))];
+    const pins = this.onpinned || pinsShown() ? pinned() : [];
+    return [...this.own, ...this.extras, ...pins.map((c) => ({ ...c, removable: true }))];
   }
 
   redraw() {
@@ -87,6 +91,12 @@ export class Bode {
     });
     this.gain.set(gains);
     this.phase.set(phases, { lines: [{ axis: "y", value: -180 }] });
+    const by = radians ? 2 * Math.PI : 1;
+    this.gain.chosen = this.phase.chosen = this.band?.map((f) => f * by) ?? null;
+    if (this.withPins) {
+      this.withPins.hidden = !pinned().length;
+      this.withPins.setAttribute("aria-pressed", String(pinsShown()));
+    }
     fill(this.names, legend(gains, { onremove: (c) => { unpin(c.label); this.redraw(); this.onpinned?.(); } }));
   }
 
@@ -112,15 +122,18 @@ export class Bode {
     plot.later();
   }
 
-  banding(button) {
-    const on = button.getAttribute("aria-pressed") !== "true";
-    button.setAttribute("aria-pressed", String(on));
+  banding(on) {
+    this.drawBand.setAttribute("aria-pressed", String(on));
     this.gain.banding = this.phase.banding = on;
   }
 
   banded(lo, hi) {
+    if (!this.onband) return;
     const by = this.settings.radians ? 2 * Math.PI : 1;
-    this.onband?.(lo / by, hi / by);
+    this.band = [lo / by, hi / by];
+    this.banding(false);
+    this.redraw();
+    this.onband(...this.band);
   }
 
   keep() {

@@ -17,7 +17,7 @@ export class Form {
   constructor(form, facts, { values = {}, files = [] } = {}) {
     this.inputs = new Map();
     this.facts = facts;
-    this.names = { files, loops: sourcesInLoops(facts?.connections ?? []), inputs: (facts?.inputs ?? []).map((v) => v.name), components: (facts?.components ?? []).map((c) => c.name), measured: [...(facts?.outputs ?? []), ...(facts?.states ?? [])].map((v) => v.name) };
+    this.names = { files, loops: sourcesInLoops(facts?.connections ?? []), inputs: (facts?.inputs ?? []).map((v) => v.name), components: (facts?.components ?? []).map((c) => c.name), measured: [...new Set([...(facts?.outputs ?? []), ...(facts?.states ?? [])].map((v) => v.name))] };
     const lists = Object.entries(this.names).map(([kind, names]) => h("datalist", { id: `names-${kind}` }, names.map((n) => h("option", { value: n }))));
     const groups = new Map();
     const first = form.fields.filter((f) => !f.group && f.kind !== "switch").slice(0, FIRST);

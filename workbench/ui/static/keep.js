@@ -41,8 +41,13 @@ export async function write(name, text) {
       say(error.message, true);
       return false;
     }
-    if (!confirm(`${name} exists. Replace it?`)) return false;
-    await post("/api/text", { name, text, replace: true });
+    if (!confirm(`${error.message}. Replace it?`)) return false;
+    try {
+      await post("/api/text", { name, text, replace: true });
+    } catch (later) {
+      say(later.message, true);
+      return false;
+    }
   }
   await lookAgain();
   say(`Wrote ${name}.`);

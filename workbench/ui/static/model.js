@@ -152,21 +152,27 @@ function point(name, known, content) {
 }
 
 const MOST = 40; // knobs at once
+const WIDE = 10; // times what the start value spans: a declared range beyond it is too coarse for a slider
 
 function knob(variable, chosen, onvalue) {
   const id = `knob-${variable.name}`;
   const own = typeof variable.start === "number" ? variable.start : 0;
   const start = chosen ?? own;
-  const span = Math.max(Math.abs(own) || 10, Math.abs(start - own));
+  const span = Math.max(Math.abs(own) || Math.abs(variable.nominal ?? 0) || 10, Math.abs(start - own));
+  const [least, most] = [variable.min ?? -Infinity, variable.max ?? Infinity];
+  const ends = [Math.max(least, own - span), Math.min(most, own + span)];
+  if (most > least && most - least <= WIDE * span) [ends[0], ends[1]] = [least, most];
+  const range = Number.isFinite(least) || Number.isFinite(most) ? `from ${shown(least)} to ${shown(most)}` : "";
   const number = h("input", { id, type: "text", inputMode: "decimal", value: shown(start, 10), "aria-describedby": `${id}-help` });
-  const slider = h("input", { type: "range", min: own - span, max: own + span, step: span / 100, value: start, "aria-label": `${variable.name}, slider` });
+  const slider = h("input", { type: "range", min: ends[0], max: ends[1], step: (ends[1] - ends[0]) / 200 || "any", value: start, "aria-label": `${variable.name}, slider` });
   number.onchange = () => {
     const x = Number(number.value);
     const good = number.value.trim() !== "" && Number.isFinite(x);
     number.setAttribute("aria-invalid", String(!good));
     if (!good) return;
-    if (x < Number(slider.min)) slider.min = x;
-    if (x > Number(slider.max)) slider.max = x;
+    if (x < least || x > most) say(`${variable.name}: the model declares values ${range}`, true);
+    if (x < Number(slider.min)) slider.min = Math.max(x, least);
+    if (x > Number(slider.max)) slider.max = Math.min(x, most);
     slider.value = x;
     onvalue(x);
   };
@@ -174,7 +180,7 @@ function knob(variable, chosen, onvalue) {
     number.value = shown(Number(slider.value), 6);
     onvalue(Number(slider.value));
   };
-  return h("div", { class: "knob" }, h("label", { for: id, title: variable.description ?? variable.name }, variable.name), slider, number, h("span", { class: "dim", id: `${id}-help` }, unitShown(variable.unit)));
+  return h("div", { class: "knob" }, h("label", { for: id, title: [variable.description ?? variable.name, range].filter(Boolean).join(", ") }, variable.name), slider, number, h("span", { class: "dim", id: `${id}-help` }, unitShown(variable.unit)));
 }
 
 function showPoint(work, place, known) {
@@ -246,14 +252,29 @@ function keptList(known) {
 
 const asking = new Map(); // model and command → what was filled in
 
-async function measure(name, known, content, [command = "nfr"]) {
+/** Why a model cannot have an analysis, in words; empty: it can. */
+function whyNot(form, known) {
+  const needs = (kind, ...names) => form.fields.some((f) => f.required && names.includes(f.name)) && !known[kind].length;
+  if (!known.components && !known.runnable) return form.command === "check" ? "" : "it has no binary that runs on this machine";
+  if (form.of_system && !known.components) return "it needs a system; close a loop around this model first";
+  if (needs("inputs", "input", "inputs", "target")) return "it needs an input, and this model has none";
+  if (needs("outputs", "output", "outputs", "source") && !known.states.length) return "it needs an output or a state, and this model has none";
+  if (form.command === "branches" && known.interfaces && !known.interfaces.includes("me")) return "it sets the states, which co-simulation does not let it do";
+  return "";
+}
+
+async function measure(name, known, content, [chosen]) {
+  const can = Object.keys(server.forms).filter((c) => !whyNot(server.forms[c], known));
+  const command = chosen ?? (can.includes("nfr") ? "nfr" : can[0] ?? "check");
   const form = server.forms[command];
+  const why = whyNot(form, known);
+  const offered = can.includes(command) ? can : [command, ...can];
   const key = `${name} ${command}`;
   const place = h("section", { "aria-label": "Result" });
   const last = [...server.works.values()].filter((w) => w.command === command && w.subject[0] === name && !w.aside).pop();
   const fields = new Form(form, known, { values: asking.get(key) ?? last?.asked ?? {}, files: keptPoints(known) });
   let shownWork = null;
-  const run = h("button", { type: "submit" }, `Run ${command}`);
+  const run = h("button", { type: "submit", disabled: Boolean(why) }, `Run ${command}`);
   let end = null;
   const watch = (number) => {
     shownWork?.leave();
@@ -261,7 +282,8 @@ async function measure(name, known, content, [command = "nfr"]) {
     end = onChange((work, event) => { // what turns out to be wrong when the model is open
       if (work.number === number && event.event === "state" && work.failure?.field) fields.wrong({ [work.failure.field]: work.failure.message });
     });
-    shownWork = live(number, { onband: (lo, hi) => (fields.set("band", `${shown(lo, 4)}:${shown(hi, 4)}`), say(`Band ${shown(lo, 4)} … ${shown(hi, 4)} Hz; run to measure it.`)), onagain: again, ongoing: async (stopped) => {
+    const hasBand = form.fields.some((f) => f.name === "band");
+    shownWork = live(number, { onband: hasBand && ((lo, hi) => (fields.set("band", `${shown(lo, 4)}:${shown(hi, 4)}`), say(`Band ${shown(lo, 4)} … ${shown(hi, 4)} Hz; run to measure it.`))), onagain: again, ongoing: async (stopped) => {
       try {
         watch((await goOn(stopped)).number);
       } catch (error) {
@@ -297,11 +319,14 @@ async function measure(name, known, content, [command = "nfr"]) {
     }
   }
   const choose = h("select", { id: "command", onchange: () => { location.hash = `#/open/${encodeURIComponent(name)}/measure/${choose.value}`; } },
-    Object.keys(server.forms).map((c) => h("option", { value: c, selected: c === command }, c)));
+    offered.map((c) => h("option", { value: c, selected: c === command }, c)));
+  const others = Object.keys(server.forms).filter((c) => !offered.includes(c));
   fill(content, h("div", { class: "columns" },
     h("form", { onsubmit: (event) => { event.preventDefault(); submit(); }, oninput: () => asking.set(key, fields.values()), noValidate: true },
       h("div", { class: "field" }, h("label", { for: "command" }, "Analysis"), choose, h("p", { class: "help" }, form.help)),
-      fields.element, h("div", { class: "row" }, run)),
+      why ? h("p", { class: "watch" }, `Not for this model: ${why}.`) : null,
+      fields.element, h("div", { class: "row" }, run),
+      others.length ? h("details", {}, h("summary", {}, `${others.length} analyses that this model cannot have`), h("dl", {}, others.flatMap((c) => [h("dt", {}, c), h("dd", {}, whyNot(server.forms[c], known))]))) : null),
     place));
   if (last) watch(last.number);
   else fill(place, h("p", { class: "dim" }, form.counts === "points" ? "Points appear here while they are measured." : "The result appears here.", " Fields with * are needed."));

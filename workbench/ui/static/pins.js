@@ -1,6 +1,17 @@
 // Curves that stay for all pictures.
 
 const kept = [];
+let shown = true;
+
+/** Whether pictures show the pinned curves. */
+export function pinsShown() {
+  return shown;
+}
+
+/** Let pictures show the pinned curves, or leave them out. */
+export function showPins(on) {
+  shown = on;
+}
 
 /** The pinned curves. */
 export function pinned() {

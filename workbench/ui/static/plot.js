@@ -106,11 +106,13 @@ class SvgPen {
  * "triangle", "cross", "" none), line (false: marks alone), points (what a click on each gives)}. null in y: a gap.
  */
 export class Plot {
+  /** `chosen`: a band that was drawn, which stays in sight; null: none. */
   constructor({ x, y, label, height = 260, equal = false, onpick = null, onband = null, onmove = null }) {
     Object.assign(this, { x, y, height, equal, onpick, onband, onmove, curves: [], lines: [] });
     this.view = null;
     this.cursor = null;
     this.banding = false;
+    this.chosen = null;
     this.canvas = h("canvas", { tabIndex: 0, role: "img", "aria-label": label, class: "plot" });
     this.readout = h("p", { class: "readout", role: "status", "aria-live": "polite" });
     this.element = h("div", { class: "plotted" }, this.canvas, this.readout);
@@ -239,8 +241,9 @@ export class Plot {
       for (const under of [true, false]) { // pinned curves do not hide the others
         for (const curve of this.curves) if (Boolean(curve.removable) === under) this.curve(pen, curve, scale);
       }
-      if (live && this.band) {
-        const [a, b] = this.band;
+      const band = this.band ?? this.chosen?.map(scale.x.at);
+      if (live && band) {
+        const [a, b] = band;
         pen.path([["M", a, TOP], ["L", b, TOP], ["L", b, bottom], ["L", a, bottom], ["Z"]], { fill: this.ink("--band") });
       }
     });
@@ -394,6 +397,10 @@ export class Plot {
         const { x } = this.scales();
         this.onband?.(x.of(band[0]), x.of(band[1]));
       } else if (!moved) this.pick(this.near(event.offsetX, event.offsetY, TOUCH));
+      this.later();
+    });
+    canvas.addEventListener("pointercancel", () => {
+      [held, this.band] = [null, null];
       this.later();
     });
     canvas.addEventListener("pointerleave", () => !held && this.show(this.there(this.picked) ? this.picked : null));
