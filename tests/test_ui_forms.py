@@ -83,8 +83,9 @@ def test_a_message_without_a_field_names_fields_too() -> None:
 
 def test_the_only_option_that_a_message_names_is_its_field() -> None:
     excite = request_of("excite")
-    assert in_the_form(excite, "Rudder: has no period; give the sampling interval, --dt")[0] == "dt"
-    assert in_the_form(excite, "give --prbs or --multisine")[0] == ""
+    assert in_the_form(excite, "Rudder: has no period; give the sampling interval, `dt`")[0] == "dt"
+    assert in_the_form(excite, "Rudder: has no period; give --step")[0] == "dt"
+    assert in_the_form(excite, "give `prbs` or `multisine`")[0] == ""
     assert in_the_form(request_of("branches"), "interface: Rudder runs as co-simulation")[0] == "interface"
 
 

@@ -506,7 +506,7 @@ def test_a_report_says_when_it_ran_for_how_long_and_by_which_call(ui: Ui) -> Non
 
 def test_what_is_doubtful_is_said_beside_the_result(ui: Ui) -> None:
     full = ui.ended(ui.begin("lin", "fmu:AileronDamper"))
-    doubts = full["record"]["doubts"]
+    doubts = full["record"]["doubtful"]
     assert doubts
     for doubt in doubts:
         assert any(v["tone"] == "watch" and doubt["reason"] in v["text"] for v in full["verdicts"])

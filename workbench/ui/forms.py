@@ -223,12 +223,13 @@ def _given(declared: DeclaredOption, value: Any) -> Any:  # noqa: ANN401 - of a 
 
 
 def _named(message: str, options: Mapping[str, tuple[DeclaredOption, str]]) -> str:
-    """Return the option that a message begins with, or the only one whose flag it has; empty: none."""
+    """Return the option that a message begins with, or the only one that it names; empty: none."""
     begun = [
         (len(word), name)
         for name, (declared, _) in options.items()
         for word in _spoken(declared)
         if re.match(rf"{re.escape(word)}(:| )", message)
     ]
-    flags = [name for name, (d, _) in options.items() if re.search(rf"(?<!\w){re.escape(d.flag)}(?![\w-])", message)]
+    named = {name: rf"(?<!\w){re.escape(d.flag)}(?![\w-])|`{re.escape(name)}`" for name, (d, _) in options.items()}
+    flags = [name for name, pattern in named.items() if re.search(pattern, message)]
     return max(begun, default=(0, flags[0] if len(flags) == 1 else ""))[1]
