@@ -265,7 +265,7 @@ function whyNot(form, known) {
 
 async function measure(name, known, content, [chosen]) {
   const can = Object.keys(server.forms).filter((c) => !whyNot(server.forms[c], known));
-  const command = chosen ?? (can.includes("nfr") ? "nfr" : can[0] ?? "check");
+  const command = chosen ?? ["nfr", "simulate", ...can].find((c) => can.includes(c)) ?? "check";
   const form = server.forms[command];
   const why = whyNot(form, known);
   const offered = can.includes(command) ? can : [command, ...can];
