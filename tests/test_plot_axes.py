@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -110,6 +111,17 @@ def test_a_picture_is_drawn_on_the_axes_of_the_caller(kind: type[Result]) -> Non
     result.plot(axes=given)
     assert [len(ax.lines) for ax in figure.axes] == [2 * n for n in once]
     assert len(result.plot().axes[0].lines) == once[0]  # a figure of its own again
+
+
+@pytest.mark.parametrize("share", ["none", "col"])
+def test_on_axes_of_the_caller_frequencies_are_logarithmic_and_curves_have_names(
+    share: Literal["none", "col"],
+) -> None:
+    axes = Figure().subplots(2, 1, sharex=share)
+    nfr(lag(0.1), "u", "y", [0.1, 1.0], [1.0, 2.0]).plot(axes=axes)
+    assert [ax.get_xscale() for ax in axes] == ["log", "log"]
+    assert axes[0].get_xlim() == axes[1].get_xlim()
+    assert axes[0].get_legend_handles_labels()[1] == ["1", "2"]
 
 
 def test_other_axes_than_the_panels_are_refused() -> None:

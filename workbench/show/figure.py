@@ -142,20 +142,27 @@ def rows(count: int, *, title: str, height: float = 2.4, shared: int | None = No
         shared: so many have the common axis, those below one of their own; None: all.
     """
     if given := _taken(count):
+        _share(given[:shared])
         return given[0].get_figure(root=True), given  # type: ignore[return-value]
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(_WIDTH, 1.0 + height * count), layout="constrained")
         FigureCanvasAgg(figure)
         axes = list(figure.subplots(count, 1, squeeze=False)[:, 0])
         axes[0].set_title(title, loc="left", fontweight="bold")
-    for ax in axes[1:shared]:
-        ax.sharex(axes[0])
+    _share(axes[:shared])
     for ax in axes[: -1 if shared is None else shared - 1]:
         ax.tick_params(which="both", labelbottom=False)
     for ax in axes:
         _open_frame(ax, color="#cccccc", linewidth=0.7)
         ax.grid(visible=True, which="minor", color="#ececec", linewidth=0.5)
     return figure, axes
+
+
+def _share(axes: Sequence[Axes]) -> None:
+    """Let axes have the first one's horizontal axis; the caller's may have it already."""
+    for ax in axes[1:]:
+        if not ax.get_shared_x_axes().joined(ax, axes[0]):
+            ax.sharex(axes[0])
 
 
 def caption(figure: Figure, text: str) -> None:
@@ -214,6 +221,8 @@ def panels(
     """
     if given := _taken(down * across):
         grid = [given[across * i : across * (i + 1)] for i in range(down)]
+        for together in {"none": [], "col": [given[k::across] for k in range(across)], "all": [given]}[sharex]:
+            _share(together)
         return given[0].get_figure(root=True), grid  # type: ignore[return-value]
     sizes = None if ratios is None else {"height_ratios": list(ratios)}
     with mpl.rc_context({**_STYLE, "axes.titlesize": 10.0}):

@@ -48,10 +48,11 @@ def plot_lin(result: LinResult) -> Figure:
     for j, source in enumerate(result.input_names):
         for i, target in enumerate(result.output_names):
             style = _style(i, j)
-            draw_response(axes[0], axes[1], result.curve(j, i, frequency), **style)
+            label = _name(source, target, nothing)
+            draw_response(axes[0], axes[1], result.curve(j, i, frequency), label=label, **style)
             draw: Any = step.step if result.dt > 0.0 else step.plot
             extra = {"where": "post"} if result.dt > 0.0 else {}
-            draw(time, outputs[:, i, j], label=_name(source, target, nothing), **style, **extra)
+            draw(time, outputs[:, i, j], label=label, **style, **extra)
     _finish(axes, frequency)
     axes[1].tick_params(labelbottom=True)
     step.set_xlabel("time [s]")

@@ -73,7 +73,8 @@ def _curves(ax: Axes, result: NfrResult, values: Floats) -> None:
         finite = np.where(np.isfinite(row), row, np.nan)
         colour = COLOURS[i % len(COLOURS)]
         if not result.branches:  # they are the curves then
-            ax.plot(result.frequency_hz, finite, "-", color=colour, linewidth=1.3 + widths[i])
+            label = f"{result.amplitude[i]:g}{_unit(result)}"  # for a legend of the caller's
+            ax.plot(result.frequency_hz, finite, "-", color=colour, linewidth=1.3 + widths[i], label=label)
         for marker, chosen in (("o", ~result.averaged[i]), ("^", result.averaged[i])):
             style: dict[str, Any] = {"color": colour, "markerfacecolor": "white", "markeredgewidth": 1.1}
             ax.plot(
