@@ -121,7 +121,7 @@ def test_on_axes_of_the_caller_frequencies_are_logarithmic_and_curves_have_names
     nfr(lag(0.1), "u", "y", [0.1, 1.0], [1.0, 2.0]).plot(axes=axes)
     assert [ax.get_xscale() for ax in axes] == ["log", "log"]
     assert axes[0].get_xlim() == axes[1].get_xlim()
-    assert axes[0].get_legend_handles_labels()[1] == ["1", "2"]
+    assert axes[0].get_legend_handles_labels()[1] == ["1 deg", "2 deg"]
 
 
 def test_other_axes_than_the_panels_are_refused() -> None:
