@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+import workbench as wb
 from tests.fakes import DeadTimeSession, FakeModel, Rows, StaticSession, lag, linear, oscillator
 from workbench.core.values.arrays import Floats
 from workbench.response.nfr.request import nfr
@@ -114,3 +115,18 @@ def test_noise_of_the_solver_does_not_keep_a_point_from_settling() -> None:
     assert not result.averaged.any()
     assert gain < 2e-3
     assert phase < 0.2
+
+
+@pytest.mark.parametrize("errcrit", [0.1, 0.01])
+def test_a_small_motion_beside_a_large_mean_is_measured_again_until_its_error_is_what_was_asked_for(
+    errcrit: float,
+) -> None:
+    """A rudder at 2 deg moved by 0.01 deg; at so small an amplitude it is its linear model."""
+    with wb.load("fmu:Rudder") as rudder:
+        point = wb.trim(rudder, u0={"delC": 2.0})
+        result = wb.nfr(rudder, "delC", "del", [16.0, 20.0], [0.1], at=point, errcrit=errcrit)
+        linear_model = wb.lin(rudder, inputs=["delC"], outputs=["del"], at=point)
+    assert result.status == (("settled", "settled"),)
+    assert np.all(result.error <= errcrit / 10.0)
+    truth = linear_model.result.response(np.array([16.0, 20.0]))[:, 0, 0]
+    assert np.all(np.abs(result.response[0] / truth - 1.0) < 2e-3)
