@@ -184,7 +184,7 @@ def test_margins_of_a_curve_are_those_of_its_transfer_function() -> None:
         ({"amplitudes": -1.0}, "amplitude"),
         ({"band": (0.1, 1.0)}, "band: is for measuring"),
         ({"amplitudes": 1.0, "refine": 99}, "refine: 99 is too large; it must be below 11"),
-        ({"amplitudes": 1.0, "max_periods": 1}, "max periods: 1 is too small; take at least 2"),
+        ({"amplitudes": 1.0, "max_periods": 1}, "max_periods: 1 is too small; take at least 2"),
         ({"method": "exat"}, "method 'exat' is unknown"),
     ],
 )

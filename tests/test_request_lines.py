@@ -5,8 +5,9 @@ from __future__ import annotations
 import random
 import shlex
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from workbench.cli.derive import command, meant
@@ -18,8 +19,10 @@ from workbench.data.excite.signals import MultisineDesign, PrbsDesign
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.model.loading import Loading
+from workbench.point.lin.request import Lin
 from workbench.requests.request import Request, Subject, asked_options, command_line_of, request_from
 from workbench.response.nfr.request import Nfr
+from workbench.response.simulate.request import Simulate
 from workbench.signals.gusts import gust
 from workbench.signals.kinds import Constant, Prbs, Signal, Sine, Step, Table, pulse
 from workbench.signals.text import parse_signal, signal_text
@@ -173,7 +176,7 @@ def test_a_request_on_several_files_gets_them_in_order(files: list[str]) -> None
 @pytest.mark.parametrize(
     ("option", "words"),
     [
-        ({"max_periods": 2.5}, "max periods: 2.5 is not a whole number"),
+        ({"max_periods": 2.5}, "max_periods: 2.5 is not a whole number"),
         ({"carry": "false"}, "carry: 'false' is not True or False"),
         ({"errcrit": True}, "errcrit: True is not a number"),
     ],
@@ -181,6 +184,21 @@ def test_a_request_on_several_files_gets_them_in_order(files: list[str]) -> None
 def test_python_refuses_what_a_command_line_cannot_say(option: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         Nfr("u", "y", frequencies=1.0, amplitudes=1.0, **option)
+
+
+def test_python_refuses_a_list_of_names_for_one_name() -> None:
+    with pytest.raises(InputError, match=r"output: \['y'\] is not a text; give one, in quotes"):
+        Nfr("u", cast("str", ["y"]), frequencies=1.0, amplitudes=1.0)
+
+
+@pytest.mark.parametrize("one", [np.float64(1), np.float32(1), np.int64(1), np.array(1.0)])
+def test_an_option_takes_numpy_scalars_as_the_numbers_that_they_are(one: float) -> None:
+    for make in (
+        lambda x: Simulate(stop=x, inputs={"u": x}),
+        lambda x: Lin(dx=x, du={"u": x}, u0={"u": x}),
+        lambda x: Nfr("u", "y", frequencies=x, amplitudes=x, errcrit=0.5 * x, carry=cast("bool", np.bool_(x))),
+    ):
+        assert asked_of(make(one)) == asked_of(make(1.0))
 
 
 def test_another_request_takes_no_option_that_it_has_not() -> None:

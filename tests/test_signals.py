@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
@@ -110,7 +111,13 @@ def test_parse_refuses_in_one_line(text: str, words: str) -> None:
 
 @pytest.mark.parametrize(
     ("times", "values", "words"),
-    [([], [], "equally many"), ([0.0, 1.0], [1.0], "equally"), ([1.0, 0.0], [1.0, 2.0], "falls")],
+    [
+        ([], [], "is empty"),
+        ([0.0, 1.0], [1.0], "equally"),
+        ([1.0, 0.0], [1.0, 2.0], "falls"),
+        (["0", "1"], [1.0, 2.0], "times must be numbers, not '0'"),
+        ([0.0, 1.0], np.zeros((2, 2)), r"values has the shape \(2, 2\)"),
+    ],
 )
 def test_table_refuses(times: list[float], values: list[float], words: str) -> None:
     with pytest.raises(InputError, match=words):
@@ -137,3 +144,27 @@ def test_a_whole_number_beyond_all_floats_is_one_line() -> None:
         pytest.raises(wb.InputError, match="a whole number beyond 1e308 is too large"),
     ):
         wb.simulate(model, stop=10**400)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("one", [np.float64(1), np.float32(1), np.int64(1), np.bool_(1), np.array(1.0)])
+def test_a_signal_of_numpy_scalars_is_that_of_their_values(one: float) -> None:
+    assert signals_of({"u": one, "v": [one, 2.0]}) == signals_of({"u": 1, "v": [1, 2.0]})
+    assert type(Step(time=0.5, value=one).value) in (float, int, bool)
+    assert repr(Table([0.0, one], [one, 2])) == repr(Table([0.0, 1.0], [1.0, 2.0]))
+    assert repr(wb.gust(duration=one, value=one)) == repr(wb.gust(duration=1.0, value=1.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Step(time=cast("float", "1"), value=2.0), "step: time must be a number, not '1'"),
+        (lambda: Sine(frequency=cast("float", "2")), "sine: frequency must be a number, not '2'"),
+        (lambda: Prbs(hold=1.0, order=cast("int", "3")), "prbs: order must be a whole number, not '3'"),
+        (lambda: wb.pulse(duration=cast("float", None)), "pulse: duration must be a number, not None"),
+        (lambda: signals_of({"u": math.nan}), "input u: value must be a finite number, not nan"),
+    ],
+)
+def test_a_signal_says_which_value_is_not_a_number(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make()

@@ -210,12 +210,12 @@ def in_own_units(model: Model, names: str | Iterable[str], value: Any, declared:
     if not isinstance(value, Quantity):
         return value
     by_name = declared.option.of == EACH
-    check_variables(model, [names], "variable", what=declared.flag if by_name else declared.option.of)
+    check_variables(model, [names], "variable", what=declared.name if by_name else declared.option.of)
     variable = variables_of(model)[names]
     try:
         return in_its_unit(variable, str(value), _units(model), "change" if declared.option.change else "level")
     except InputError as error:
-        raise InputError(f"{declared.flag}: {names}: {error}") from None
+        raise InputError(f"{declared.name}: {names}: {error}") from None
 
 
 def _units(model: Model) -> Mapping[str, UnitDefinition]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from workbench.core.records.quantity import plain
 from workbench.errors import InputError
-from workbench.signals.kinds import Table, check_finite, check_positive
+from workbench.signals.kinds import Table, check_finite, check_positive, check_whole
 
 __all__ = ["gust", "turbulence"]
 
@@ -45,6 +46,7 @@ def gust(
         >>> print(wb.gust(gradient=107.0, speed=250.0).times[-1])
         0.856
     """
+    time, value, duration, gradient, speed = map(plain, (time, value, duration, gradient, speed))
     if gradient is not None and speed is not None and duration is None:
         check_positive("gust", gradient=gradient, speed=speed)
         duration = 2.0 * gradient / speed
@@ -91,6 +93,8 @@ def turbulence(
     """
     import numpy as np  # noqa: PLC0415  slow to import
 
+    intensity, speed, duration, length, step = map(plain, (intensity, speed, duration, length, step))
+    check_whole("turbulence", seed=seed)
     check_positive("turbulence", intensity=intensity, speed=speed, duration=duration, length=length, step=step)
     n = round(duration / step)
     if not 2 <= n <= _MOST_POINTS:

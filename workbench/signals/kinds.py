@@ -10,14 +10,15 @@ import math
 import sys
 from abc import ABC, abstractmethod
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, wraps
 from inspect import signature
 from itertools import pairwise
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any, ClassVar, Literal, TypeVar
 
+from workbench.core.records.quantity import plain
 from workbench.errors import InputError, shortened
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "Table",
     "check_finite",
     "check_positive",
+    "check_whole",
     "exactly",
     "levels_of",
     "pulse",
@@ -54,6 +56,11 @@ class Signal(ABC):
     """
 
     repr_is_code: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        """Take Python's numbers in place of NumPy's."""
+        for name, value in list(vars(self).items()):
+            object.__setattr__(self, name, plain(value))
 
     @abstractmethod
     def __call__(self, t: float) -> float:
@@ -108,8 +115,10 @@ def levels_of(signal: Signal) -> tuple[float, ...]:
 
 
 def check_finite(owner: str, **values: float) -> None:
-    """Refuse numbers that are not finite, in the words of the signal that they are for."""
+    """Refuse what is not a finite number, in the words of the signal that it is for."""
     for name, value in values.items():
+        if not isinstance(plain(value), Real):
+            raise InputError(f"{owner}: {name} must be a number, not {shortened(repr(value))}")
         if (
             not -math.inf < value < math.inf or abs(value) > sys.float_info.max
         ):  # a whole number may be beyond all floats
@@ -122,6 +131,13 @@ def check_positive(owner: str, **values: float) -> None:
     for name, value in values.items():
         if value <= 0.0:
             raise InputError(f"{owner}: {name} must be positive, not {value:g}")
+
+
+def check_whole(owner: str, **values: object) -> None:
+    """Refuse what is not a whole number, in the words of the signal that it is for."""
+    for name, value in values.items():
+        if not isinstance(value, Integral):
+            raise InputError(f"{owner}: {name} must be a whole number, not {shortened(repr(value))}")
 
 
 @dataclass(frozen=True)
@@ -139,6 +155,7 @@ class Constant(Signal):
     value: float
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_finite("constant", value=self.value)
 
     def __call__(self, t: float) -> float:
@@ -174,6 +191,7 @@ class Sine(Signal):
     _phi: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_positive("sine", frequency=self.frequency)
         check_finite("sine", amplitude=self.amplitude, phase=self.phase)
         check_finite("sine", offset=self.offset, start=self.start)
@@ -212,6 +230,7 @@ class Step(Signal):
     initial: float = 0.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_finite("step", time=self.time, value=self.value, initial=self.initial)
 
     def __call__(self, t: float) -> float:
@@ -263,10 +282,12 @@ class Prbs(Signal):
     start: float = 0.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_positive("prbs", hold=self.hold)
         check_finite("prbs", amplitude=self.amplitude, offset=self.offset, start=self.start)
         from workbench.signals.shift_register import TAPS  # noqa: PLC0415  numpy is slow
 
+        check_whole("prbs", order=self.order, seed=self.seed)
         if not min(TAPS) <= self.order <= _LONGEST_ORDER:
             raise InputError(f"prbs: order must be {min(TAPS)} … {_LONGEST_ORDER}, not {self.order}")
         if self.seed & ((1 << self.order) - 1) == 0:
@@ -306,6 +327,23 @@ class Prbs(Signal):
         return self.hold
 
 
+def _column(name: str, given: Any) -> tuple[float, ...]:  # noqa: ANN401 - what Python holds
+    """Return the numbers of a table's column; a text, or a column of a matrix, is refused."""
+    shape = getattr(given, "shape", None)
+    if shape is not None and len(shape) != 1:
+        raise InputError(f"table: {name} has the shape {tuple(shape)}; give one number for each time, as in [0, 1]")
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise InputError(f"table: {name} must be a list of numbers, not {shortened(repr(given))}")
+    items = tuple(map(plain, given))
+    for x in items:
+        if not isinstance(x, Real):
+            raise InputError(f"table: {name} must be numbers, not {shortened(repr(x))}")
+    try:
+        return tuple(map(exactly, items))
+    except OverflowError:
+        raise InputError("table: every time and value must be finite") from None
+
+
 @dataclass(frozen=True)
 class Table(Signal):
     """Values over time, held before the first and after the last point.
@@ -327,11 +365,12 @@ class Table(Signal):
     unit: str | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        times = tuple(float(t) for t in self.times)
-        values = tuple(map(exactly, self.values))
+        times, values = tuple(map(float, _column("times", self.times))), _column("values", self.values)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "values", values)
-        if not times or len(times) != len(values):
+        if not times and not values:
+            raise InputError("table: is empty; give at least one time and its value")
+        if len(times) != len(values):
             raise InputError(f"table: {len(times)} times and {len(values)} values; need equally many")
         if not all(map(math.isfinite, times + values)):
             raise InputError("table: every time and value must be finite")
@@ -371,6 +410,7 @@ def pulse(*, time: float = 0.0, value: float = 1.0, duration: float) -> Table:
         >>> wb.pulse(value=2.0, duration=0.1)
         Table(times=(0.0, 0.0, 0.1, 0.1), values=(0.0, 2.0, 2.0, 0.0), interpolate='linear')
     """
+    time, value, duration = map(plain, (time, value, duration))
     check_positive("pulse", duration=duration)
     check_finite("pulse", time=time, value=value)
     end = time + duration

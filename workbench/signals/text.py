@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 from workbench.core.records.csv_file import is_number
 from workbench.core.records.forms import ONE, Form, by_name, table
 from workbench.core.records.names_in_text import split_names
+from workbench.core.records.quantity import plain
 from workbench.errors import InputError, suggest
 from workbench.signals.file import is_file, named_columns, read_table
 from workbench.signals.gusts import gust, turbulence
-from workbench.signals.kinds import Constant, Prbs, Signal, Sine, Step, Table, exactly, pulse
+from workbench.signals.kinds import Constant, Prbs, Signal, Sine, Step, Table, check_finite, exactly, pulse
 from workbench.signals.numbers import ANYTHING, PLAIN, Meaning, Numbers
 
 if TYPE_CHECKING:
@@ -305,6 +306,7 @@ def _merge(result: dict[str, _T], more: Mapping[str, _T]) -> None:
 
 
 def _signals(name: str, value: _Given, numbers: _Reading, leaf: Callable[[str, object], _T]) -> Mapping[str, _T]:
+    value = plain(value)
     if isinstance(value, str):
         text = value.strip()
         if text.startswith("[") and text.endswith("]"):
@@ -354,7 +356,8 @@ def _signal(name: str, value: object, numbers: Numbers) -> Signal:
             raise InputError(f"input {name}: {error}") from None
     if isinstance(value, Real):
         exact: Any = value
-        return Constant(exactly(Constant(exact).value))  # a constant says what is not a float
+        check_finite(f"input {name}", value=exact)
+        return Constant(exactly(exact))
     if not isinstance(value, Signal):
         raise InputError(
             f"input {name}: a {type(value).__name__} is not a signal; give a number, a text such as "

@@ -243,7 +243,7 @@ def _value(key: str, declared: DeclaredOption, value: Any) -> Any:  # noqa: ANN4
     try:
         return declared.checked(form.parts(value))
     except InputError as error:
-        text = str(error).removeprefix(f"{declared.spoken}: ").removeprefix(f"{declared.spoken} ")
+        text = str(error).removeprefix(f"{declared.name}: ").removeprefix(f"{declared.name} ")
         raise InputError(f"key '{key}': {text}") from None
     except ValueError as error:
         raise InputError(f"key '{key}': {error}") from None

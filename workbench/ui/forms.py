@@ -207,7 +207,7 @@ def without_flags(request: type[Request[Any, Any]], message: str) -> str:
 
 def _spoken(declared: DeclaredOption) -> set[str]:
     """Return by which names messages speak of an option."""
-    words = declared.spoken
+    words = declared.name.replace("_", " ")
     one = re.sub("ies$", "y", words) if words.endswith("ies") else words.removesuffix("s")
     return {declared.flag, declared.flag.removeprefix("--"), declared.name, words, one}
 

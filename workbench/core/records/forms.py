@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from workbench.core.records.names_in_text import split_names
-from workbench.core.records.quantity import alike, amount, number, quantity, shortest
+from workbench.core.records.quantity import alike, amount, number, plain, quantity, shortest
 
 if TYPE_CHECKING:
     import numpy as np
@@ -170,7 +170,7 @@ def table(value: Any) -> dict[str, Any]:  # noqa: ANN401 - what Python or a TOML
     """
     if not isinstance(value, Mapping | None):
         raise ValueError(f"'{value}' is not of the form NAME = VALUE")
-    return {str(name): x for name, x in (value or {}).items()}
+    return {str(name): plain(x) for name, x in (value or {}).items()}
 
 
 def pairs(texts: Iterable[str], sample: str = "NAME=VALUE") -> dict[str, str]:

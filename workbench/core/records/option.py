@@ -28,7 +28,7 @@ from typing import (
 
 from workbench.core.machine.interrupts import insisting
 from workbench.core.records.forms import Form, of_type
-from workbench.core.records.quantity import quantities_in
+from workbench.core.records.quantity import plain, quantities_in
 from workbench.errors import InputError, suggest
 
 __all__ = [
@@ -143,11 +143,6 @@ class DeclaredOption:
         """On the command line."""
         return self.option.flag or f"--{self.name.replace('_', '-')}"
 
-    @property
-    def spoken(self) -> str:
-        """In messages."""
-        return self.name.replace("_", " ")
-
     @cached_property
     def choices(self) -> tuple[str, ...]:
         """Values that it can have; empty: any of its type."""
@@ -178,7 +173,7 @@ class DeclaredOption:
         Raises:
             InputError: it is outside its range, or is nothing of the kind.
         """
-        spoken = spoken or self.spoken
+        spoken, value = spoken or self.name, plain(value)
         if value is None and self.option.needed:
             raise InputError(f"{spoken}: none given; {self.option.needed}")
         if value is None or value is self.default:
@@ -227,10 +222,15 @@ class DeclaredOption:
             return [self.flag if value else f"--no-{self.flag.removeprefix('--')}"]
         return [f"{self.flag}={text}" for text in self.form.layout.join(value)]
 
-    def _check_range(self, value: Any) -> None:  # noqa: ANN401
-        ranged = self.option.positive or self.option.finite or {self.option.below, self.option.least} != {None}
+    def _check_kind(self, value: Any) -> None:  # noqa: ANN401
         if self.type is bool and value not in (True, False):
             raise ValueError(f"{value!r} is not True or False")
+        if self.type is str and not isinstance(value, str):
+            raise ValueError(f"{value!r} is not a text; give one, in quotes")
+
+    def _check_range(self, value: Any) -> None:  # noqa: ANN401
+        ranged = self.option.positive or self.option.finite or {self.option.below, self.option.least} != {None}
+        self._check_kind(value)
         for x in _extremes(value) if isinstance(value, tuple) else (value,):
             if (ranged or self.type in (int, float)) and (isinstance(x, bool) or not isinstance(x, Real)):
                 raise ValueError(f"{x!r} is not a number")

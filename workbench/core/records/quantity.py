@@ -7,7 +7,22 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Self
 
-__all__ = ["DecimalCommaError", "Quantity", "alike", "amount", "number", "quantities_in", "quantity", "shortest"]
+__all__ = [
+    "DecimalCommaError",
+    "Quantity",
+    "alike",
+    "amount",
+    "number",
+    "plain",
+    "quantities_in",
+    "quantity",
+    "shortest",
+]
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - what Python or a TOML file holds
+    """Return Python's own value in place of a NumPy scalar or an array without dimensions; others as they are."""
+    return value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
 
 
 def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOML file holds

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.records.names_in_text import unit_of_ratio
+from workbench.core.records.quantity import number, shortest
 from workbench.core.records.record import entry, numbers
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels, follow_phase
@@ -276,9 +277,13 @@ class NfrResult(Result):
             if self.amplitude.size != 1:
                 raise InputError(f"amplitude: several were measured ({known}); say which")
             return 0
+        try:
+            amplitude = number(amplitude)
+        except ValueError as error:
+            raise InputError(f"amplitude: {error}; known: {known}") from None
         hits = np.flatnonzero(np.isclose(self.amplitude, amplitude, rtol=1e-9, atol=0.0))
         if hits.size == 0:
-            raise InputError(f"amplitude {amplitude:g} was not measured; known: {known}")
+            raise InputError(f"amplitude {shortest(amplitude)} was not measured; known: {known}")
         return int(hits[0])
 
     def plot(
