@@ -11,7 +11,7 @@ from workbench.cli.app import BAD_INPUT, run
 from workbench.cli.program import COMMANDS, program
 
 COLUMNS, SCREEN = 80, 40
-MANY = 13  # options that a page describes in full
+MANY = 14  # options that a page describes in full
 
 
 @pytest.fixture(autouse=True)

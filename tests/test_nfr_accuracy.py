@@ -130,3 +130,24 @@ def test_a_small_motion_beside_a_large_mean_is_measured_again_until_its_error_is
     assert np.all(result.error <= errcrit / 10.0)
     truth = linear_model.result.response(np.array([16.0, 20.0]))[:, 0, 0]
     assert np.all(np.abs(result.response[0] / truth - 1.0) < 2e-3)
+
+
+def test_the_sine_moves_about_the_start_value_of_its_input() -> None:
+    """The supply pressure of a rudder, 206 bar: moved by a bar it does what the linear model there does."""
+    with wb.load("fmu:Rudder") as rudder:
+        result = wb.nfr(rudder, "pS", "p1", [1.0], [1e5])
+        linear_model = wb.lin(rudder, inputs=["pS"], outputs=["p1"])
+    truth = linear_model.result.response(np.array([1.0]))[0, 0, 0]
+    assert abs(result.response[0, 0] / truth - 1.0) <= result.error[0, 0] < 0.01
+    assert result.operating_point is not None
+    assert result.operating_point.u["pS"] == 20.6e6
+
+
+def test_branches_move_about_the_start_value_of_the_input_too() -> None:
+    """About a constant force the hardening spring is stiffer than at rest."""
+    with wb.load("fmu:Duffing", start_values={"u": 1.0}) as model:
+        measured = wb.nfr(model, "u", "y", [0.2], [0.01], max_periods=60)
+        followed = wb.branches(model, "u", "y", amplitudes=[0.01], band=(0.19, 0.21), frequencies=[0.2])
+    (there,) = followed.at(0.2)
+    assert measured.status == (("settled",),)
+    assert there.gain == pytest.approx(measured.gain[0, 0], rel=1e-3)

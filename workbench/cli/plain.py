@@ -11,7 +11,7 @@ import click
 __all__ = ["GroupedOption", "PlainCommand", "unquoted", "write_text"]
 
 
-_MANY = 13  # options; a command with more describes the first of them, and names the rest
+_MANY = 14  # options; a command with more describes the first of them, and names the rest
 _IN_FULL = "workbench.help_all"  # in the context's `meta`: all options are described
 
 

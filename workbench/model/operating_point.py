@@ -17,7 +17,7 @@ from workbench.model.base import Model
 if TYPE_CHECKING:
     from workbench.session.base import Session
 
-__all__ = ["bias_of", "find_point", "named", "standing", "start_at"]
+__all__ = ["bias_of", "centre_of", "find_point", "named", "standing", "start_at"]
 
 _Model = TypeVar("_Model", bound="Model")
 
@@ -102,6 +102,20 @@ def bias_of(model: Model, name: str, at: OperatingPoint | None = None) -> float:
     """
     point = at or model.at
     return 0.0 if point is not None and name in point.u else float(model.bias.get(name, 0.0))
+
+
+def centre_of(model: Model, name: str) -> float:
+    """Return the value about which the signal of a forced input moves, without the bias that a session adds.
+
+    Args:
+        model: at the operating point, where there is one; else the input's start value counts.
+        name: of the input.
+    """
+    if model.at is not None and name in model.at.u:
+        return float(model.at.u[name])
+    declared = next((v.start for v in model.inputs if v.name == name), None)
+    start = model.start_values.get(name, declared)
+    return float(start) if isinstance(start, int | float) else 0.0
 
 
 def _held(model: Model) -> list[Variable]:

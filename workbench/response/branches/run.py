@@ -17,7 +17,7 @@ from workbench.model import Model
 from workbench.model.described_model import LoadRecipe
 from workbench.model.loading import DEFAULT_TOLERANCE
 from workbench.model.names import check_variables
-from workbench.model.operating_point import standing, start_at
+from workbench.model.operating_point import centre_of, standing, start_at
 from workbench.model.sample_rates import sampled
 from workbench.response.branches.family import ForcedPeriodMaps, near
 from workbench.response.branches.request import Branches
@@ -264,7 +264,7 @@ def _follow(model: Model, request: Branches, job: Job) -> BranchesResult:
     model, remarks = start_at(model, request.at)
     about = _check(model, request)
     vary, (low, high) = next(iter(request.vary.items()), ("frequency", request.band or (0.0, 0.0)))
-    centre = 0.0 if model.at is None else model.at.u.get(request.input, 0.0)
+    centre = centre_of(model, request.input)
     with model.open_session() as session:
         point = standing(model, session)
     solution: list[tuple[float | None, ForcedPeriodMaps, ContinuedBranch]] = []

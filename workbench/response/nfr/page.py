@@ -116,7 +116,7 @@ def _summary(result: NfrResult) -> Section:
     drop = result.features[0].drop_db if measured else DROP_DB
     headings = (
         bracketed("amplitude", result.input_unit),
-        f"−{drop:g} dB [Hz]",
+        f"−{drop:g} dB from {result.frequency_hz[0]:.4g} Hz [Hz]",
         "−90° [Hz]",
         "highest gain [dB]",
         "at [Hz]",
@@ -171,9 +171,10 @@ def _limit(result: NfrResult) -> list[str]:
     limit = result.amplitude_limit
     if limit is None:
         return []
-    what = f"the bandwidth ({limit.drop_db:g} dB) falls below {limit.bandwidth_hz:g} Hz"
+    level = f"−{limit.drop_db:g} dB from the gain at {result.frequency_hz[0]:.4g} Hz"
+    what = f"the bandwidth ({level}) falls below {limit.bandwidth_hz:g} Hz"
     if limit.amplitude is None:
-        return [sentence(f"at which amplitude {what}: {limit.remark}")]
+        return [sentence(f"no amplitude is known at which {what}: {limit.remark}")]
     value = _with_error(limit.amplitude, limit.error)
     return [
         sentence(f"at amplitude {value}{behind(result.input_unit)} {what}{f': {limit.remark}' if limit.remark else ''}")

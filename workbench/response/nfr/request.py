@@ -24,12 +24,11 @@ __all__ = ["Nfr", "nfr"]
 class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
     """Measure gain, phase and offset over frequency and amplitude (nonlinear frequency response).
 
-    At each amplitude m and frequency f the input is m·sin(2πft) and the model is run one period at
-    a time, each resumed from the last. With P = ∫ y sin dt and Q = ∫ y cos dt over a period the
-    gain is 2·f·√(P² + Q²)/m and the phase atan2(Q, P); the offset is the mean of y. Periods
-    are run until the response has settled, or up to `max_periods`, after which the mean of
-    P, Q and offset over the last half of them is taken and the point is marked averaged. The
-    phase is followed along the frequency.
+    At each amplitude m and frequency f the input moves by m·sin(2πft) about its value at the operating point, or its
+    start value, and the model is run one period at a time, each resumed from the last. With P = ∫ y sin dt and
+    Q = ∫ y cos dt over a period the gain is 2·f·√(P² + Q²)/m and the phase atan2(Q, P); the offset is the mean of y.
+    Periods are run until the response has settled, or up to `max_periods`, after which the mean of P, Q and offset
+    over the last half of them is taken and the point is marked averaged. The phase is followed along the frequency.
 
     Where it departs from the source report, and why:
       - 200 rows per period, events as double rows, in place of 30: P and Q of a settled linear
@@ -98,7 +97,7 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
     _: KW_ONLY
     band: Band | None = option("Lowest and highest frequency.", unit="Hz", default=None, first=True)
     bandwidth: float | None = option(
-        "Also measure where the gain has fallen by so much from that at the lowest frequency, and its resonance.",
+        "Also measure where the gain has fallen by so much from that at the band's lowest frequency, and resonance.",
         unit="dB",
         metavar="DB",
         default=None,
@@ -106,7 +105,10 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
         first=True,
     )
     least_bandwidth: float | None = option(
-        "Also measure the amplitude at which the bandwidth falls below this.", unit="Hz", default=None, positive=True
+        "Also measure the amplitude at which the bandwidth (of 3 dB, if no other is asked for) falls below this.",
+        unit="Hz",
+        default=None,
+        positive=True,
     )
     ratio: float = option("Ratio of each frequency in the band to the one below it.", default=1.2)
     errcrit: float = option(

@@ -26,7 +26,7 @@ from workbench.jobs.runner import InProcess, Lost, Remark, Reply, Runner, WorkIt
 from workbench.jobs.runner_choice import choose
 from workbench.model import DescribedModel, Model
 from workbench.model.names import check_variables
-from workbench.model.operating_point import start_at
+from workbench.model.operating_point import centre_of, start_at
 from workbench.requests.decorator import with_origin
 from workbench.response.branches.request import Branches
 from workbench.response.branches.result import BranchesResult, Fold
@@ -85,7 +85,7 @@ class Sweep:
             raise InputError(f"verify: the tolerance of {model.name}, which is not a file, cannot be changed")
         placed, remarks = start_at(model, asked.at)
         self._model, self._asked = placed, asked
-        self._centre = 0.0 if placed.at is None else placed.at.u.get(asked.input, 0.0)
+        self._centre = centre_of(placed, asked.input)
         self._frequencies = frequency_grid(asked.frequencies, asked.band, asked.ratio, falling=asked.carry)
         self._amplitudes = tuple(sorted(several(asked.amplitudes or ())))
         if asked.step is not None and model.interface == "cs":
