@@ -121,6 +121,17 @@ def test_what_is_not_met_fails_the_job_and_stands_at_its_line(repository: Path) 
 
 
 @posix_shell
+def test_no_report_overwrites_another(repository: Path) -> None:
+    studies = ["p/study.toml", "q/study.toml", "./study.toml", "p-study.toml", "fmus.toml", "study:study"]
+    called = 'workbench() { echo "$4" | tee "$4"; }; '
+    variables = {"FMUS": "a.fmu", "STUDIES": " ".join(studies), "REPORTS": "reports"}
+    done = step(called + SCRIPT, repository, variables)
+    written = done.stdout.split()
+    assert written[:3] == ["reports/fmus.xml", "reports/p-study.xml", "reports/q-study.xml"], done.stderr
+    assert len(list((repository / "reports").glob("[!.]*.xml"))) == len(written) == len(studies) + 1
+
+
+@posix_shell
 def test_nothing_to_do_is_no_failure(repository: Path) -> None:
     done = step(SCRIPT, repository, {"FMUS": "", "STUDIES": "", "REPORTS": "reports"})
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
@@ -130,9 +141,8 @@ def test_gitlab_runs_the_same_lines_and_finds_their_files() -> None:
     (script,) = GITLAB["script"]
     assert script == SCRIPT
     assert set(re.findall(r"\$\{?([A-Z]+)", script)) == GITLAB["variables"].keys()
-    reports = GITLAB["variables"]["REPORTS"]
-    assert GITLAB["artifacts"]["paths"] == [reports]
-    assert GITLAB["artifacts"]["reports"]["junit"] == f"{reports}/*.xml"
+    assert GITLAB["artifacts"]["paths"] == ["$REPORTS"]
+    assert GITLAB["artifacts"]["reports"]["junit"] == "$REPORTS/*.xml"
 
 
 @pytest.mark.parametrize("name", ["github.yml", "pre-commit-config.yaml"])
