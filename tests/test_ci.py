@@ -18,7 +18,7 @@ import yaml  # type: ignore[import-untyped]
 
 import workbench as wb
 from tests.doc_pages import first_column, text_of
-from tests.hostile_fmus import build_hostile
+from tests.hostile_fmus import build_broken, build_hostile
 from tests.platforms import posix_shell
 from workbench.cli.app import run
 from workbench.cli.github import tell_error
@@ -231,8 +231,16 @@ def test_what_was_cut_off_is_an_error_and_what_does_not_apply_is_skipped() -> No
         for finished in (True, False)
     ]
     assert [c.outcome for c in lines] == [
-        "skipped", "error", "passed", "error", "passed", "error", "failure", "failure"
+        "skipped", "skipped", "passed", "error", "passed", "error", "failure", "failure"
     ]  # fmt: skip
+
+
+def test_a_binary_that_cannot_be_loaded_is_told_once(github: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build_broken(github, "broken-binary")
+    words = ["check", "broken-binary.fmu", "--interface", "me", "--only", "runs,reset,determinism,processes"]
+    assert run([*words, "--junit", "junit.xml"]) == 1
+    assert sorted(cases_in(Path("junit.xml")).values()) == ["failure", "skipped", "skipped", "skipped"]
+    assert capsys.readouterr().err.count("::error") == 1
 
 
 def test_an_envelope_has_a_case_for_each_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,10 +64,12 @@ class HealthLine(RecordPart):
 
     @property
     def outcome(self) -> str:
-        """How a CI counts it: what is broken is a failure, a check that was cut off an error."""
+        """How a CI counts it: what is broken is a failure, not applicable skipped, a check cut off is an error."""
         if self.verdict == "broken":
             return FAILURE
-        return ERROR if not self.finished else SKIPPED if self.verdict == "not applicable" else PASSED
+        if self.verdict == "not applicable":  # where an unloaded binary or a crash is why, another line tells
+            return SKIPPED
+        return PASSED if self.finished else ERROR
 
     def __str__(self) -> str:
         where = ", ".join(filter(None, (self.component, self.interface)))
