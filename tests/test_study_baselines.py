@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.hostile_fmus import build_hostile
 from tests.record_examples import Maker
 from workbench.cli.app import run
 from workbench.core.records.record import Record
@@ -272,6 +273,28 @@ def test_the_bundled_records_hold(tmp_path: Path) -> None:
     found = json.loads(out.read_text(encoding="utf-8"))["requirements"]
     assert {r["kind"] for r in found} == {"baseline"}
     assert len(found) == 4
+
+
+def test_what_crashed_is_no_baseline_and_is_measured_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build_hostile(tmp_path, "segfault")
+    study = tmp_path / "s.toml"
+    study.write_text(
+        """
+        models.bad = "segfault.fmu"
+        analyses.response = {command = "nfr", model = "bad", input = "u", output = "y", freq = [1], amplitude = [1]}
+        requirements = [{name = "as before", analysis = "response", kind = "baseline"}]
+        """,
+        encoding="utf-8",
+    )
+    crash = "response failed: y/u, amplitude 1 at 1 Hz: the FMU crashed: segmentation fault"
+    for words in ((), ("--update-baselines",), ()):
+        assert run(["run", str(study), "--json", str(tmp_path / "out.json"), *words]) == 1
+        out, said = capsys.readouterr()
+        assert f"as before: {crash}" in out
+        assert (f"baseline s.baselines/response.json: not written, {crash}" in said) == bool(words)
+        assert "1 analysis measured, 0 taken from the store" in out
+        assert "measured before" not in (tmp_path / "out.json").read_text(encoding="utf-8")  # by the points' own store
+    assert not (tmp_path / "s.baselines").exists()
 
 
 STUDY = """

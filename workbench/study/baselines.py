@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.study.description import Study
 from workbench.study.plan import OUTPUTS, PlannedRun, RunResult, with_label
-from workbench.study.requirements.base import Compliance, NotMeasured, Requirement, Result
+from workbench.study.requirements.base import NotMeasured, Requirement, Result
 from workbench.study.result import RequirementResult
 
 __all__ = ["baseline_file", "made_otherwise", "read_baseline", "renew"]
@@ -118,23 +118,25 @@ def renew(answered: Sequence[RequirementResult], outcomes: Mapping[PlannedRun, R
             names = " and ".join(dict.fromkeys(f'"{q.name}"' for q in several))
             raise InputError(f"[[requirements]] {names}: have one baseline, {_named(file)}, but not one result")
         [(run,)] = runs
-        notes.append(f"baseline {_named(file)}: {_renewed(file, run, outcomes.get(run), [q.finding for q in several])}")
+        notes.append(f"baseline {_named(file)}: {_renewed(file, run, outcomes.get(run), several)}")
     return notes
 
 
-def _renewed(file: Path, run: PlannedRun, outcome: RunResult | None, findings: Sequence[Compliance]) -> str:
+def _renewed(file: Path, run: PlannedRun, outcome: RunResult | None, asked: Sequence[RequirementResult]) -> str:
     if outcome is None or outcome.result is None:
         return f"not written, {run.label} {'was not run' if outcome is None else f'failed: {outcome.reason}'}"
-    there = file.is_file()
+    there, findings = file.is_file(), [q.finding for q in asked]
     if there and all(f.passed for f in findings):
         return "same, left as it is"
+    for why in filter(None, (q.requirement.no_baseline(outcome.result) for q in asked)):
+        return f"not written, {run.label} failed: {why}"
     _write(file, {**_record(outcome.result), _MADE: {"command_line": run.command_line, "files": run.subject["files"]}})
     return f"changed: {'; '.join(f.words for f in findings if not f.passed)}" if there else "new"
 
 
 def _record(result: Result) -> dict[str, Any]:
     """Return a record without what is another each time, and where it was computed."""
-    where = {d.name for d in options_of(Workers)} | {"store"}
+    where = {d.name for d in options_of(Workers)} | {"store", "redo"}
     asked = {name: value for name, value in result.get("asked", {}).items() if name not in where}
     return {k: v for k, v in {**result, "asked": asked}.items() if k not in _PASSING}
 

@@ -182,11 +182,13 @@ class Execution:
         )
 
     def _own(self, run: PlannedRun, workplace: Path) -> dict[str, Any]:
-        """Return what the study adds: a store for the points of an analysis, and one job where there are many."""
+        """Return what the study adds: a store for the points of an analysis but those that failed, and few jobs."""
         known, given = run.analysis.command.options, run.options
         own: dict[str, Any] = {}
         if "store" in known:
             own["store"] = str(workplace / "points")
+        if "redo" in known and "redo" not in given:
+            own["redo"] = ["failed"]
         if "jobs" in known and "jobs" not in given and not given.get("in-process"):
             own["jobs"] = max(1, self._jobs // max(1, len(self.missing)))
         return own

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from workbench import __version__
-from workbench.errors import InputError
+from workbench.errors import InputError, LostError
 from workbench.study.commands import Command, Reference
 from workbench.study.description import Change, GridPoint, Study, StudyAnalysis
 from workbench.study.fingerprint import Hashes, code_hash
@@ -23,6 +23,7 @@ __all__ = ["OUTPUTS", "Plan", "PlannedRun", "RunResult", "make_plan", "with_labe
 
 # Options by which commands write files; their paths are kept apart for each point.
 OUTPUTS = ("plot", "csv", "report", "bode", "out")
+_LOST = tuple(error.kind for error in LostError.__subclasses__())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,8 +91,10 @@ class RunResult:
 
     @property
     def lasting(self) -> bool:
-        """Whether it may be kept: what crashed or was interrupted is measured again."""
-        return self.result is not None and self.code in (0, 1)
+        """Whether it may be kept: what was interrupted, or lost a point by a crash or limit, is measured again."""
+        if self.result is None or self.code not in (0, 1):
+            return False
+        return self.code == 0 or not _lost(self.result)
 
     def to_store(self) -> dict[str, Any]:
         """Return it ready for JSON."""
@@ -102,6 +105,13 @@ class RunResult:
         """Return what `to_store` describes."""
         result: RunResult = TypeAdapter(cls).validate_python({**data, "reused": True})
         return result
+
+
+def _lost(part: object) -> bool:
+    """Return whether a part of a record says that a point of it was lost with its process."""
+    if isinstance(part, Mapping):
+        return part.get("kind") in _LOST or any(_lost(value) for value in part.values())
+    return isinstance(part, list | tuple) and any(_lost(value) for value in part)
 
 
 def _words(command: Command, models: Sequence[Change], options: Mapping[str, Any]) -> list[str]:

@@ -125,7 +125,8 @@ class Requirement(TomlTable):
       1. `commands` names the commands whose results it reads; empty: any.
       2. `find` returns the worst of what applies, and raises `NotMeasured` where the result does not hold it.
       3. `check` refuses what can be seen in the file alone.
-      4. `baseline` names a file whose record `find` takes as a last result, or none.
+      4. `baseline` names a file whose record `find` takes as a last result, or none; `no_baseline` says which record
+         must not become one.
 
     Attributes:
         name: one of a kind in the study.
@@ -162,6 +163,17 @@ class Requirement(TomlTable):
             usual: its place where the study names none.
         """
         return None
+
+    def no_baseline(self, result: Result) -> str:
+        """Return why a record must not become the baseline: nothing was measured, or a point failed; empty: it may.
+
+        Args:
+            result: of the analysis.
+
+        Raises:
+            InputError: the requirement asks for what cannot be in such a result.
+        """
+        return ""
 
     def check(self, where: str, commands: Sequence[str]) -> None:
         """Check what the file alone shows.

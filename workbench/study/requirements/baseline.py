@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from pydantic import Field
 
 from workbench.core.values.arrays import Floats
@@ -61,6 +62,19 @@ class Baseline(Requirement):
                 raise InputError(f"{where}: only and path: one of them")
             with place(where):
                 check_path(self.path)
+
+    def no_baseline(self, result: Result) -> str:
+        try:
+            every = self._quantities(result, None)
+        except NotMeasured as error:
+            return str(error)
+        names = [q.name for q in every]
+        self._check_names(names, names)
+        chosen = [q for q in every if self.only is None or q.name in self.only]
+        lost = ((q, at, why) for q in chosen if q.along for at, why in q.failed.items())
+        for quantity, at, why in lost:
+            return f"{quantity.name} at {at:.6g} {quantity.along}: {why}"
+        return "" if any(np.any(~np.isnan(q.value)) for q in chosen) else "there is nothing to compare"
 
     def find(self, results: Sequence[Result]) -> Compliance:
         found = max(self.compared(results), key=lambda a: float(a.ratio[a.worst]))
