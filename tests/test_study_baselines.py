@@ -199,8 +199,24 @@ def test_a_linear_model_is_compared_by_its_response_whatever_its_states_are() ->
     assert find(scaled, lin, relative=1e-12).passed
     other = {**lin, "C": [[1.001 * lin["C"][0][0]]]}
     assert find(other, lin, relative=0.5e-3).value == pytest.approx(2.0, rel=1e-6)
-    with pytest.raises(NotMeasured, match=r"the error of y/u at .* Hz is not known: give the requirement a tolerance"):
+    with pytest.raises(NotMeasured, match=r"y/u at .* Hz is not known, its record states none: .* tolerance \(without"):
         find(lin, lin)
+
+
+def test_rounding_is_no_change_of_a_linear_model_and_the_worst_place_is_where_there_is_a_response() -> None:
+    """By symmetry the rudder does not move with supply pressure and bypass: what is there is rounding."""
+    with wb.load("fmu:Rudder") as rudder:
+        lin = {"command": "lin", **wb.lin(rudder, in_process=True).to_dict()}
+    random = np.random.default_rng(6)
+    for _ in range(20):
+        rounded = {n: np.array(lin[n]) for n in "ABC"}
+        rounded = {n: m * (1.0 + np.finfo(float).eps * random.integers(-1, 2, m.shape)) for n, m in rounded.items()}
+        found = find({**lin, **{n: m.tolist() for n, m in rounded.items()}}, lin, relative=1e-12)
+        assert found.passed, found.words
+    slower = {**lin, "A": [[0.95 * a if k == 2 else a for a in row] for k, row in enumerate(lin["A"])]}
+    (worst,) = (d for d in baseline(only=["del/delC"], relative=1e-6).compared([slower, lin]))
+    assert not find(slower, lin, relative=1e-6).passed
+    assert abs(worst.theirs.value[worst.worst]) > 1e-12 * np.abs(worst.theirs.value).max(), worst.where
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,8 @@ class Baseline(Requirement):
     A difference is judged by the error bar: the sum of the errors that both records state, of `tolerance`, and of
     `relative` times the baseline. The value is the difference in error bars at the worst place, and must not exceed 1.
     Records of `nfr` and `bla` state errors. A number whose error is not stated needs a tolerance; without one the
-    requirement fails.
+    requirement fails. To that of a linear model's response is added what rounding may do: the bound at that frequency,
+    and ε = 2.2e-16 of the largest value, so that `relative` finds no difference where the response is next to nothing.
 
     Compared are the signals of `simulate`, complex responses of `nfr`, `bla`, `lin`, `identify` and `loop`, margins of
     `loop`, variables of `trim`, frequencies and amplitudes of `limit-cycle`; of other commands the numbers at `path`.

@@ -13,6 +13,7 @@ from workbench.core.records.names_in_text import unit_of_ratio
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.margins import Margins
 from workbench.data.bla.result import BlaResult
+from workbench.identification.identified.model import IdentifiedModel
 from workbench.limit_cycles.limit_cycle.result import LimitCycleResult
 from workbench.loops.loop.measured import LoopCurve
 from workbench.loops.loop.result import LinearLoop, LoopResult
@@ -38,6 +39,7 @@ class Comparable:
         at: shape (n,), places; of time histories never falling.
         value: shape (n,), real or complex; NaN: not known.
         error: shape (n,), that the record states [unit]; NaN: it states none.
+        rounding: shape (n,), or the same for all: how far off a value without a stated error may be by rounding [unit].
         failed: place → why there is no value.
     """
 
@@ -47,6 +49,7 @@ class Comparable:
     at: Floats = field(default_factory=lambda: np.zeros(1))
     value: Floats | Complex
     error: Floats
+    rounding: Floats | float = 0.0
     failed: Mapping[float, str] = field(default_factory=dict)
 
 
@@ -110,12 +113,29 @@ def _model(result: Result, at: Floats | None) -> Iterator[Comparable]:
     dt = float(result["dt"])
     if dt > 0.0 and f.max(initial=0.0) >= 0.5 / dt:
         raise NotMeasured(f"the model samples every {dt:g} s now; the baseline's response reaches up to {f.max():g} Hz")
-    units = LinResult.from_dict(result).units if result["command"] == "lin" else {}
-    for output in result["output_names"]:
-        for input in result["input_names"]:
+    model = (LinResult if result["command"] == "lin" else IdentifiedModel).from_dict(result)
+    units, bound = (model.units if isinstance(model, LinResult) else {}), model.rounding(f)
+    for i, output in enumerate(result["output_names"]):
+        for j, input in enumerate(result["input_names"]):
             value = sines(result, "continuous", input, output)(f)
             unit = unit_of_ratio(units.get(output), units.get(input))
-            yield Comparable(name=f"{output}/{input}", unit=unit, along="Hz", at=f, value=value, error=_unstated(value))
+            yield Comparable(
+                name=f"{output}/{input}", unit=unit, along="Hz", at=f,
+                value=value, error=_unstated(value), rounding=_rounding(value, bound[:, i, j]),
+            )  # fmt: skip
+
+
+def _rounding(value: Complex, bound: Floats) -> Floats:
+    """Return how far off a response may be by rounding: its bound at each frequency, and an ε of its largest value.
+
+    That of a pole on the imaginary axis does not count as the largest: rounding leaves less than half of its digits.
+
+    Args:
+        value: of the response, shape (k,).
+        bound: see `Linear.rounding`, shape (k,).
+    """
+    size, eps = np.abs(value), float(np.finfo(np.float64).eps)
+    return bound + eps * float(size[bound < math.sqrt(eps) * size].max(initial=0.0))
 
 
 def _loop(result: Result, at: Floats | None) -> Iterator[Comparable]:
@@ -132,7 +152,8 @@ def _loop(result: Result, at: Floats | None) -> Iterator[Comparable]:
 def _loop_transfer(loop: LinearLoop, at: Floats | None) -> Comparable:
     f = loop.frequencies() if at is None else at
     value = loop.response(f)
-    return Comparable(name="L", along="Hz", at=f, value=value, error=_unstated(value))
+    rounding = _rounding(value, loop.transfer.rounding(f)[:, 0, 0])
+    return Comparable(name="L", along="Hz", at=f, value=value, error=_unstated(value), rounding=rounding)
 
 
 def _measured(curve: LoopCurve, label: str) -> Comparable:

@@ -140,15 +140,16 @@ def _why(quantity: Comparable, k: int) -> str:
 
 
 def _errors(quantity: Comparable, index: NDArray[np.intp], allowed: Leeway) -> Floats:
-    """Return the errors stated at some places; 0 where none is, as a tolerance is given for it."""
+    """Return the errors stated at some places; where none is, what rounding may do: a tolerance is given for it."""
     error: Floats = quantity.error[index]
     unknown = index[np.isnan(error)]
     if len(unknown) and not allowed.given:
+        why = ", its record states none" if np.isnan(quantity.error).all() else ""
         raise NotMeasured(
-            f"the error of {quantity.name}{_place(quantity, unknown[0])} is not known: give the requirement a "
-            f"tolerance{f' [{quantity.unit}]' if quantity.unit else ''}, or relative as a fraction"
+            f"the error of {quantity.name}{_place(quantity, unknown[0])} is not known{why}: give the requirement a "
+            f"tolerance ({quantity.unit or 'without unit'}), or relative as a fraction"
         )
-    return np.where(np.isnan(error), 0.0, error)
+    return np.where(np.isnan(error), np.broadcast_to(quantity.rounding, quantity.at.shape)[index], error)
 
 
 # -- time histories ----------------------------------------------------------------------------
