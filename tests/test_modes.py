@@ -22,6 +22,8 @@ from workbench.core.values.modal import Poles, poles_of
 from workbench.errors import InputError
 from workbench.model.described_model import DescribedModel
 from workbench.point.modes.match import Match, ModeCluster, closeness, coincide, match, turning
+from workbench.point.modes.page import modes_page
+from workbench.point.modes.ranges import unstable_ranges
 from workbench.point.modes.request import modes
 from workbench.point.modes.result import Critical, Mode
 from workbench.point.modes.run import critical_values, find_root, sign_of
@@ -56,11 +58,21 @@ class Family(ModelSource):
         return self._family(value)
 
 
-def criticals(family: Callable[[float], Poles], values: list[float]) -> list[Critical]:
+Ranges = tuple[tuple[float, float], ...]
+
+
+def stability(family: Callable[[float], Poles], values: list[float]) -> tuple[list[Critical], Ranges]:
+    """Critical values mode by mode, and where any mode is unstable."""
     found = track(family, values)
     poles, uncertain = found.table()
     lines = [Mode(number=b + 1, pole=poles[:, b], uncertain=uncertain[:, b], states=()) for b in range(found.count)]
-    return [c for line in lines for c in critical_values(Family(family), found, line, 1e-8)]
+    critical = [c for line in lines for c in critical_values(Family(family), found, line, 1e-8)]
+    rising = sorted(critical, key=lambda c: c.value)
+    return critical, unstable_ranges(found.values, lines, rising, tolerance=1e-8)
+
+
+def criticals(family: Callable[[float], Poles], values: list[float]) -> list[Critical]:
+    return stability(family, values)[0]
 
 
 # -- crossings and veering -------------------------------------------------------------------
@@ -254,6 +266,35 @@ def test_the_gain_of_a_system_is_varied_like_a_parameter() -> None:
     assert [c.value for c in (low, high)] == pytest.approx([-1.0, 8.0], abs=2e-5)
     assert (low.kind, low.becomes, high.kind, high.becomes) == ("divergence", "stable", "flutter", "unstable")
     assert high.frequency_hz == pytest.approx(math.sqrt(3.0) / (2.0 * math.pi), rel=1e-5)
+    page = modes_page(result)
+    assert np.ravel(result.sets[0].unstable_ranges) == pytest.approx([-2.0, -1.0, 8.0, 12.0], abs=2e-5)
+    assert np.ravel(result.sets[0].stable_ranges) == pytest.approx([-1.0, 8.0], abs=2e-5)
+    assert page.lead.startswith("With the model as it is: unstable at k.gain = -2 … ")
+    assert [v.word for v in page.summary] == ["unstable"]  # of the whole, whatever single modes become
+
+
+@pytest.mark.parametrize("points", [2, 3, 12])
+@pytest.mark.parametrize(
+    ("below", "above", "expected"),
+    [
+        (0.7, 0.4, [0.0, 1.0]),  # one becomes stable where the other is unstable already
+        (0.5, 0.5, [0.0, 1.0]),  # no gap within the tolerance
+        (0.6, 0.63, [0.0, 0.6, 0.63, 1.0]),
+        (-1.0, 0.4, [0.4, 1.0]),
+        (0.7, 2.0, [0.0, 0.7]),
+        (-1.0, 2.0, []),
+    ],
+)
+def test_the_whole_is_unstable_where_any_mode_is(
+    below: float, above: float, expected: list[float], points: int
+) -> None:
+    """One oscillator is unstable below a value, another one above another value, also between two values asked for."""
+
+    def family(v: float) -> Poles:
+        return second_order(np.diag([1.0, 30.0]), np.diag([v - below, above - v]))
+
+    ranges = stability(family, np.linspace(0.0, 1.0, points).tolist())[1]
+    assert np.ravel(ranges) == pytest.approx(expected, abs=1e-8)
 
 
 def test_divergence_is_a_real_pole() -> None:
@@ -320,9 +361,13 @@ def test_every_change_of_the_number_of_unstable_poles_is_a_critical_value() -> N
         companions = np.block([[zero, one], [-np.diag(w**2) - v * v * coupling, -still - v * moving]])
         counts = np.sum(np.linalg.eigvals(companions).real > 0.0, axis=1)
         truth = fine[np.flatnonzero(np.diff(counts))]
-        found = np.sort([c.value for c in criticals(family, np.linspace(0.0, 2.0, 41).tolist())])
+        critical, ranges = stability(family, np.linspace(0.0, 2.0, 41).tolist())
+        found = np.sort([c.value for c in critical])
         assert len(found) == len(truth)
         assert np.all(np.abs(found - truth - 0.001) < 0.0011)
+        inside = np.any([(low < fine) & (fine < high) for low, high in ranges] or [fine < 0.0], axis=0)
+        clear = np.all(np.abs(fine - found[:, None]) > 1e-6, axis=0) & (fine > 0.0) & (fine < 2.0)
+        assert np.array_equal(inside[clear], (counts > 0)[clear])
 
 
 @pytest.mark.parametrize(("sign", "flat"), [(1.0, 0.0), (1.0, 0.2), (-1.0, 0.0), (-1.0, 0.2)])
@@ -462,7 +507,7 @@ def test_command_writes_table_json_csv_and_picture(tmp_path: Path, capsys: pytes
     assert data["sets"][0]["real"][0] == pytest.approx([-2.0, -1.0 / 2.25, -0.25])
     assert (tmp_path / "modes.csv").read_text(encoding="utf-8").count("\n") == 7
     assert (tmp_path / "modes.png").stat().st_size > 1000
-    assert "no mode becomes unstable" in capsys.readouterr().out
+    assert "no mode is unstable at tau = 0.5 … 4 s; least damped: mode 1, 100 % at" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from workbench.point.modes.result import Critical, Mode, ModeSet, ModesResult
+from workbench.point.modes.result import Mode, ModeSet, ModesResult
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number, sentence
 from workbench.show.verdicts import Verdict
@@ -48,38 +49,63 @@ def _range(modes: ModeSet) -> str:
 
 
 def _lead(result: ModesResult) -> str:
-    first = [(s, s.first_unstable) for s in result.sets]
-    return " ".join(f"With {_name(s)}: {_critical_words(result, c) if c else _none(result)}." for s, c in first)
+    return " ".join(f"With {_name(s)}: {_stability(result, s)}." for s in result.sets)
 
 
-def _none(result: ModesResult) -> str:
-    return f"no mode{'' if result.followed is None else ' that was followed'} becomes unstable in the range"
+def _stability(result: ModesResult, modes: ModeSet) -> str:
+    """Return where the whole is unstable and where it is not; the least damping where it never is."""
+    none = f"no mode{'' if result.followed is None else ' that was followed'} is unstable"
+    stable, unit = modes.stable_ranges, behind(result.unit)
+    if not modes.unstable_ranges:
+        words = f"{none} at {result.parameter} = {_ranges(stable)}{unit}{_least(modes, unit)}"
+    elif not stable:
+        words = f"unstable everywhere, at {result.parameter} = {_ranges(modes.unstable_ranges)}{unit}"
+    else:
+        words = f"unstable at {result.parameter} = {_ranges(modes.unstable_ranges)}{unit}; {none} "
+        words += f"at {_ranges(stable)}{unit}"
+    unknown = f"; unknown at {counted(len(modes.failed), 'value')} without a linear model" if modes.failed else ""
+    return f"{words}{unknown}"
 
 
-def _critical_words(result: ModesResult, c: Critical) -> str:
-    where = f"{result.parameter} = {c.value:.6g}{behind(result.unit)}"
-    at = f" at {c.frequency_hz:.4g} Hz" if c.frequency_hz > 0.0 else ""
-    return f"mode {c.mode} becomes {c.becomes} at {where} ({c.kind}{at})"
+def _ranges(ranges: Sequence[tuple[float, float]]) -> str:
+    *most, last = (f"{low:.6g} … {high:.6g}" for low, high in ranges)
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def _least(modes: ModeSet, unit: str) -> str:
+    if modes.least_damped is None:
+        return ""
+    mode, ratio, value = modes.least_damped
+    return f"; least damped: mode {mode.number}, {100.0 * ratio:.3g} % at {value:.6g}{unit}"
 
 
 def _verdicts(result: ModesResult, modes: ModeSet) -> list[Verdict]:
+    """Return one verdict on the whole of a configuration; what single modes do stands in its table."""
     name = _name(modes)
-    verdicts = [Verdict(c.becomes, f"{name}: {_critical_words(result, c)}") for c in modes.critical]
-    verdicts += [Verdict("unstable", f"{name}: mode {n}, at every value") for n in modes.unstable_throughout]
-    if any(modes.unstable_count[:1]):
-        begin = f"{result.parameter} = {modes.value[0]:g}"
-        verdicts.append(
-            Verdict("unstable", f"{name}: {modes.unstable_count[0]} of the modes at the first value, {begin}")
-        )
-    verdicts += [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
+    verdicts = [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
+    if modes.unstable_ranges:
+        ranges = "; ".join(_begun(result, modes, *pair) for pair in modes.unstable_ranges)
+        return [Verdict("unstable", f"{name}: {result.parameter} = {ranges}"), *verdicts]
     which = "every mode" if result.followed is None else "every mode that was followed"
     return verdicts or [Verdict("stable", f"{name}: {which}, at every value")]
+
+
+def _begun(result: ModesResult, modes: ModeSet, low: float, high: float) -> str:
+    """Return a range in which the whole is unstable, and with which mode it begins."""
+    where = f"{low:.6g} … {high:.6g}{behind(result.unit)}"
+    if low == modes.value[0]:
+        return f"{where} (at the first value {counted(modes.unstable_count[0], 'mode')})"
+    for c in modes.critical:
+        if c.value == low and c.becomes == "unstable":
+            at = f" at {c.frequency_hz:.4g} Hz" if c.frequency_hz > 0.0 else ""
+            return f"{where} (begins with mode {c.mode}, {c.kind}{at})"
+    return where
 
 
 def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Section:
     rows = [(str(c.mode), f"{c.value:.8g}", number(c.frequency_hz), c.kind, c.becomes) for c in modes.critical]
     headings = ("mode", f"critical {parameter}", "frequency [Hz]", "kind", "becomes")
-    tables = [PageTable(headings, rows, verdict=4)] if rows else []
+    tables = [PageTable(headings, rows)] if rows else []
     meetings = [
         f"modes {' and '.join(map(str, m.modes))} {_KINDS.get(m.kind, m.kind)} near {result.parameter} = {m.value:.6g}"
         for m in modes.meetings

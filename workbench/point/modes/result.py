@@ -125,6 +125,8 @@ class ModeSet(RecordPart):
         value: value of the parameter, with those put in between; rising, shape (k,).
         modes: modes by number.
         critical: critical values, rising.
+        unstable_ranges: lowest and highest value of each range in which at least one mode is unstable, rising; borders
+            are critical values or the ends of `value`.
         meetings: meetings of modes, rising.
         failed: value → why there is no linear model.
     """
@@ -134,8 +136,29 @@ class ModeSet(RecordPart):
     value: Floats
     modes: tuple[Mode, ...] = field(metadata=entry(kept=False))
     critical: tuple[Critical, ...]
+    unstable_ranges: tuple[tuple[float, float], ...]
     meetings: tuple[ModesMeeting, ...] = ()
     failed: Mapping[float, str] = field(metadata=entry(kept=False))
+
+    @property
+    def stable_ranges(self) -> tuple[tuple[float, float], ...]:
+        """The ranges between the first and the last value in which no mode is unstable."""
+        ends = [float(self.value[0]), *(v for pair in self.unstable_ranges for v in pair), float(self.value[-1])]
+        return tuple((a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if a < b)
+
+    @property
+    def least_damped(self) -> tuple[Mode, float, float] | None:
+        """Mode with the smallest damping ratio, the ratio, and the value of the parameter; None: there is no ratio."""
+        known = [
+            (float(d), m.number, float(v))
+            for m in self.modes
+            for d, v in zip(m.damping, self.value, strict=True)
+            if not math.isnan(d)
+        ]
+        if not known:
+            return None
+        ratio, number, value = min(known)
+        return self.mode(number), ratio, value
 
     @property
     def first_unstable(self) -> Critical | None:

@@ -21,6 +21,7 @@ from workbench.model.varied import with_parameters
 from workbench.point.lin.request import Lin
 from workbench.point.lin.task import NOT_AT_REST, point_in_full
 from workbench.point.modes.match import match
+from workbench.point.modes.ranges import unstable_ranges
 from workbench.point.modes.request import Modes
 from workbench.point.modes.result import Critical, Mode, ModeSet, ModesResult
 from workbench.point.modes.source import ModelSource
@@ -135,13 +136,15 @@ def _one_set(
         Mode(number=b + 1, pole=poles[:, b], uncertain=uncertain[:, b], states=_states(result, b, names))
         for b in range(result.count)
     ]
-    critical = [c for line in lines for c in critical_values(source, result, line, width)]
+    found = (c for line in lines for c in critical_values(source, result, line, width))
+    critical = tuple(sorted(found, key=lambda c: c.value))
     return ModeSet(
         label=label,
         settings=settings,
         value=result.values,
         modes=tuple(lines),
-        critical=tuple(sorted(critical, key=lambda c: c.value)),
+        critical=critical,
+        unstable_ranges=unstable_ranges(result.values, lines, critical, tolerance=width),
         meetings=result.meetings,
         failed=dict(source.failed),
     )
